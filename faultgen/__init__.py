@@ -1,0 +1,1 @@
+"""Labelled condition-monitoring data from industrial robots that wear in MuJoCo."""

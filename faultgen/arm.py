@@ -1,0 +1,123 @@
+"""The rigid arm of a robot, without its drivetrain: kinematics and inverse dynamics."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from faultgen.errors import InputError
+from faultgen.robot import Robot
+
+
+class Arm:
+    """Forward and inverse kinematics, and inverse dynamics, of a robot's rigid arm.
+
+    Positions, velocities and torques are joint side, shape (samples, n_axes), in [rad], [rad/s],
+    [N m]; tool poses are of the site ``tool`` in the base frame.
+    """
+
+    def __init__(self, robot: Robot, *, payload: bool = True) -> None:
+        """Build the arm.
+
+        Args:
+            robot: The robot.
+            payload: Keep the body ``payload``; False takes it off the flange.
+        """
+        spec = robot.spec()
+        for actuator in list(spec.actuators):
+            spec.delete(actuator)
+        rotors = [spec.joint(f"motor{i + 1}").parent for i in range(robot.n_axes)]
+        for i in range(robot.n_axes):
+            spec.delete(spec.tendon(f"gearbox{i + 1}"))
+        for rotor in rotors:
+            spec.delete(rotor)
+        if not payload:
+            spec.delete(spec.body("payload"))
+        self.robot = robot
+        self.model = spec.compile()
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+        self._data = mujoco.MjData(self.model)
+        self._tool = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, "tool")
+
+    def inverse_dynamics(
+        self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
+    ) -> np.ndarray:
+        """Joint torque of a motion, by recursive Newton-Euler (``mj_inverse``).
+
+        Args:
+            position: Shape (samples, n_axes), in [rad].
+            velocity: Shape (samples, n_axes), in [rad/s].
+            acceleration: Shape (samples, n_axes), in [rad/s^2].
+
+        Returns:
+            Torque, shape (samples, n_axes), in [N m]; rotor inertia and friction not included.
+        """
+        model, data = self.model, self._data
+        torque = np.empty_like(position)
+        for k in range(len(position)):
+            data.qpos[:] = position[k]
+            data.qvel[:] = velocity[k]
+            data.qacc[:] = acceleration[k]
+            mujoco.mj_inverse(model, data)
+            torque[k] = data.qfrc_inverse
+        return torque
+
+    def inertia(self, position: np.ndarray) -> np.ndarray:
+        """Inertia matrix at one pose, shape (n_axes, n_axes), in [kg m^2]."""
+        self._data.qpos[:] = position
+        mujoco.mj_forward(self.model, self._data)
+        matrix = np.zeros((self.model.nv, self.model.nv))
+        mujoco.mj_fullM(self.model, self._data, matrix)
+        return matrix
+
+    def tool_pose(self, position: np.ndarray) -> tuple[np.ndarray, Rotation]:
+        """Tool position [m] and orientation at one pose of the joints, shape (n_axes,)."""
+        self._data.qpos[:] = position
+        mujoco.mj_kinematics(self.model, self._data)
+        point = self._data.site_xpos[self._tool].copy()
+        return point, Rotation.from_matrix(self._data.site_xmat[self._tool].reshape(3, 3))
+
+    def inverse_kinematics(
+        self, point: np.ndarray, orientation: Rotation, near: np.ndarray
+    ) -> np.ndarray:
+        """Joint angles that bring the tool to a pose, starting from a configuration nearby.
+
+        Args:
+            point: Tool position, shape (3,), in [m].
+            orientation: Tool orientation.
+            near: Configuration to start from, shape (n_axes,), in [rad].
+
+        Returns:
+            Joint angles within the joint ranges, shape (n_axes,), in [rad].
+
+        Raises:
+            InputError: The pose cannot be reached to 1e-6 m and 1e-6 rad from there.
+        """
+        low, high = self.robot.joint_range.T
+
+        def residual(q: np.ndarray) -> np.ndarray:
+            at, turned = self.tool_pose(q)
+            return np.concatenate([at - point, (orientation * turned.inv()).as_rotvec()])
+
+        def jacobian(q: np.ndarray) -> np.ndarray:
+            self.tool_pose(q)
+            mujoco.mj_comPos(self.model, self._data)
+            linear = np.zeros((3, self.model.nv))
+            angular = np.zeros((3, self.model.nv))
+            mujoco.mj_jacSite(self.model, self._data, linear, angular, self._tool)
+            return np.vstack([linear, -angular])
+
+        start = np.clip(near, low + 1e-9, high - 1e-9)
+        tight = 1e-15
+        solution = least_squares(
+            residual, start, jac=jacobian, bounds=(low, high), xtol=tight, ftol=tight, gtol=tight
+        )
+        if np.abs(solution.fun).max() > 1e-6:
+            where = ", ".join(f"{v:.3f}" for v in point)
+            raise InputError(
+                f"robot {self.robot.name}: tool pose ({where}) m cannot be reached "
+                f"(nearest is {np.abs(solution.fun[:3]).max() * 1000:.1f} mm away)"
+            )
+        return solution.x

@@ -1,0 +1,1 @@
+"""Robot models: a folder each, with the MJCF, its tasks and the source of every number."""
