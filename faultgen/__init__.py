@@ -1,1 +1,26 @@
-"""Labelled condition-monitoring data from industrial robots that wear in MuJoCo."""
+"""Labelled condition-monitoring data from industrial robots that wear in MuJoCo.
+
+import faultgen
+faultgen.generate("experiment.toml", "out")
+dataset = faultgen.open_dataset("out")
+"""
+
+from typing import Any
+
+from faultgen.dataset import open_dataset
+from faultgen.errors import InputError, SimulationFailed
+
+__all__ = ["InputError", "SimulationFailed", "generate", "load_robot", "open_dataset"]
+
+
+def __getattr__(name: str) -> Any:
+    """Load what needs MuJoCo on first use: a dataset can be read without it."""
+    if name == "generate":
+        from faultgen.sweep import generate
+
+        return generate
+    if name == "load_robot":
+        from faultgen.robot import load_robot
+
+        return load_robot
+    raise AttributeError(f"module 'faultgen' has no attribute '{name}'")

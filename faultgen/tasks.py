@@ -26,11 +26,9 @@ from scipy.spatial.transform import Rotation, RotationSpline
 
 from faultgen.arm import Arm
 from faultgen.errors import InputError
+from faultgen.monitoring import SPEED_WINDOW
 from faultgen.robot import Robot
 from faultgen.servo import motor_torque
-
-SPEED_WINDOW = (50.0, 120.0)
-"""Motor speeds [rad/s] in which thesis 6.3.2 samples the torque."""
 
 _TICK = 0.02  # a cycle lasts a whole number of these [s], so that samples fall alike in each
 _TORQUE_SHARE = 0.85  # of the motor torque limit that plans use; the rest is for the servo

@@ -1,0 +1,257 @@
+"""Transfer entropy between series that are coded by their own quantiles.
+
+Arguments are in the order (source, target), entry [i, j] of a matrix is about i -> j. Estimates are
+plug-in: probabilities are relative frequencies. Symbols depend on ranks only, so a strictly
+increasing transform of a series changes nothing, not even by rounding.
+
+    net_transfer_entropy(x, bins=10)  # x of shape (samples, axes): (axes, axes), in bits
+    isolate_axis(x, bins=10)  # index of the axis that drives the others
+    effective_net_transfer_entropy(x, rng=np.random.default_rng(0)).p_value
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.symbols import Bins, Floats, coded, finite
+
+_TIE = 1e-12  # bits; smaller differences are rounding
+_CHUNK = 1 << 16  # codes sorted at a time, so that they stay in the cache
+
+
+@dataclass(frozen=True, kw_only=True)
+class EffectiveTransferEntropy:
+    """Transfer entropy with the bias of short series taken off."""
+
+    value: float
+    """`raw` minus `shuffle_mean`, in [bit]. Not clipped: may be below 0."""
+    raw: float
+    """Plug-in transfer entropy, in [bit]."""
+    shuffle_mean: float
+    """Mean transfer entropy from shuffled sources, in [bit]."""
+    p_value: float
+    """(1 + number of shuffles that reach `raw`) / (1 + number of shuffles)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EffectiveNetTransferEntropy:
+    """Net effective transfer entropy between all axes."""
+
+    net: Floats
+    """Unclipped effective transfer i -> j minus that of j -> i. Shape (axes, axes), in [bit]."""
+    p_value: Floats
+    """P-value of the transfer i -> j, 1 on the diagonal. Shape (axes, axes)."""
+
+
+def transfer_entropy(
+    source: ArrayLike,
+    target: ArrayLike,
+    bins: Bins = 10,
+    *,
+    source_history: int = 1,
+    target_history: int = 1,
+) -> float:
+    """Transfer entropy source -> target, TE = sum p(y+, y, x) log2(p(y+ | y, x) / p(y+ | y)).
+
+    y+ is the next symbol of the target, y and x are the last symbols of target and source. With
+    `source_history` above `target_history`, p(y+ | y) comes from all windows that `target_history`
+    allows, a few more than the mean runs over. RTransferEntropy counts so; it is then not quite a
+    conditional mutual information and could fall below 0, where it is clipped.
+
+    Source: Schreiber (2000), Measuring information transfer; thesis eq. 6.4. Equals `calc_te` of
+    RTransferEntropy 0.2.21 (Behrendt et al. 2019) to 12 digits.
+
+    Args:
+        source: Series that may drive. Shape (samples,), in any unit.
+        target: Series that may be driven. Shape (samples,), in any unit.
+        bins: Number of bins or levels of their edges, see `quantile_symbols`.
+        source_history: Length of x, in samples.
+        target_history: Length of y, in samples.
+
+    Returns:
+        Transfer entropy in [bit], at least 0.
+
+    Raises:
+        ValueError: If series are not finite, unequal or too short, or bins or histories invalid.
+    """
+    if source_history < 1 or target_history < 1:
+        raise ValueError(f"histories must be at least 1, got {source_history} and {target_history}")
+    (x, y), size = _pair(source, target, bins, source_history, target_history)
+    first = max(source_history, target_history)
+    past = _past(y, target_history, target_history, size)
+    alone = len(past) * _entropy_left(past, y[target_history:], size)
+    # The windows before `first` were counted, but are not part of the mean.
+    joint = past * size + y[target_history:]
+    for k in range(first - target_history):
+        alone += np.log2(np.sum(joint == joint[k]) / np.sum(past == past[k]))
+    past = past[first - target_history :] * size**source_history
+    informed = _entropy_left(past + _past(x, source_history, first, size), y[first:], size)
+    return max(0.0, float(alone / len(past) - informed))
+
+
+def transfer_entropy_matrix(x: ArrayLike, bins: Bins = 10) -> Floats:
+    """Transfer entropy between all pairs of axes, see `transfer_entropy`, with histories of 1.
+
+    Args:
+        x: Series of all axes, or a batch of such. Shape (..., samples, axes), in any unit.
+        bins: Number of bins or levels of their edges, see `quantile_symbols`.
+
+    Returns:
+        Entry [..., i, j] is the transfer i -> j, diagonal 0. Shape (..., axes, axes), in [bit].
+
+    Raises:
+        ValueError: If x is not finite, has fewer than 3 samples or 2 axes, or bins are invalid.
+    """
+    series = finite(x, "x", "(..., samples, axes > 1)", max(2, np.ndim(x)))
+    symbols, size = coded(series, bins, exponent=3)
+    *batch, axes, n = symbols.shape
+    symbols = symbols.reshape(-1, axes, n)
+    left = np.empty((len(symbols), axes, axes))
+    step = max(1, _CHUNK // (axes * axes * n))
+    for start in range(0, len(symbols), step):
+        part = symbols[start : start + step]
+        # Axis 1 is the source, axis 2 the target. A target as its own source adds no knowledge.
+        past = part[:, None, :, :-1] * size + part[:, :, None, :-1]
+        left[start : start + step] = _entropy_left(past, part[:, None, :, 1:], size)
+    alone = np.diagonal(left, axis1=1, axis2=2)[:, None, :]
+    return np.maximum(alone - left, 0.0).reshape(*batch, axes, axes)
+
+
+def net_transfer_entropy(x: ArrayLike, bins: Bins = 10) -> Floats:
+    """Net transfer entropy TE(i -> j) - TE(j -> i) between all pairs of axes, thesis eq. 6.5.
+
+    Args:
+        x: Series of all axes, or a batch of such. Shape (..., samples, axes), in any unit.
+        bins: Number of bins or levels of their edges, see `quantile_symbols`.
+
+    Returns:
+        Antisymmetric; positive where axis i drives axis j. Shape (..., axes, axes), in [bit].
+
+    Raises:
+        ValueError: As `transfer_entropy_matrix`.
+    """
+    matrix = transfer_entropy_matrix(x, bins)
+    return matrix - np.swapaxes(matrix, -1, -2)
+
+
+def isolate_axis(x: ArrayLike, bins: Bins = 10) -> int:
+    """Name the axis with the largest sum of net transfer entropies to the others.
+
+    Source: thesis 6.4, which always names one. Here a shared largest sum names none.
+
+    Args:
+        x: Series of all axes. Shape (samples, axes), in any unit.
+        bins: Number of bins or levels of their edges, see `quantile_symbols`.
+
+    Returns:
+        Index of the axis from 0, or -1 (none named) if sums tie for the largest within 1e-12 bit.
+
+    Raises:
+        ValueError: As `transfer_entropy_matrix`, or if x is a batch.
+    """
+    total = net_transfer_entropy(finite(x, "x", "(samples, axes > 1)", 2), bins).sum(axis=1)
+    largest = np.flatnonzero(total >= total.max() - _TIE)
+    return int(largest[0]) if len(largest) == 1 else -1
+
+
+def effective_transfer_entropy(
+    source: ArrayLike, target: ArrayLike, bins: Bins = 10, *, shuffles: int = 100, rng: Generator
+) -> EffectiveTransferEntropy:
+    """Transfer entropy source -> target minus its mean over permutations of the source.
+
+    RTransferEntropy differs: it draws the source's symbols with replacement and clips at 0.
+
+    Source: Marschinski and Kantz (2002), Analysing the information flow between financial time
+    series; p-value of Phipson and Smyth (2010), Permutation p-values should never be zero.
+
+    Args:
+        source: Series that may drive. Shape (samples,), in any unit.
+        target: Series that may be driven. Shape (samples,), in any unit.
+        bins: Number of bins or levels of their edges, see `quantile_symbols`.
+        shuffles: Number of permutations, at least 1.
+        rng: Source of the permutations.
+
+    Returns:
+        Effective and raw transfer entropy, and the p-value of "no transfer".
+
+    Raises:
+        ValueError: As `transfer_entropy`, or if there are no shuffles.
+    """
+    if shuffles < 1:
+        raise ValueError(f"shuffles must be at least 1, got {shuffles}")
+    (x, y), size = _pair(source, target, bins, 1, 1)
+    shuffled = rng.permuted(np.broadcast_to(x, (shuffles, len(x))), axis=1)
+    past = y[:-1] * size + np.concatenate([x[None], shuffled])[:, :-1]
+    left = _entropy_left(past, y[1:], size)
+    raw, *by_chance = np.maximum(_entropy_left(y[:-1], y[1:], size) - left, 0.0).tolist()
+    mean, reached = float(np.mean(by_chance)), sum(te >= raw - _TIE for te in by_chance)
+    return EffectiveTransferEntropy(
+        value=raw - mean, raw=raw, shuffle_mean=mean, p_value=(1 + reached) / (1 + shuffles)
+    )
+
+
+def effective_net_transfer_entropy(
+    x: ArrayLike, bins: Bins = 10, *, shuffles: int = 100, rng: Generator
+) -> EffectiveNetTransferEntropy:
+    """Net effective transfer entropy between all pairs of axes, see `effective_transfer_entropy`.
+
+    Each ordered pair has a random stream of its own, whatever the order in which they are computed.
+
+    Args:
+        x: Series of all axes. Shape (samples, axes), in any unit.
+        bins: Number of bins or levels of their edges, see `quantile_symbols`.
+        shuffles: Number of permutations a pair, at least 1.
+        rng: Parent, of which the streams are spawned.
+
+    Returns:
+        Net effective transfer entropies and p-values.
+
+    Raises:
+        ValueError: As `transfer_entropy_matrix`, or if x is a batch or there are no shuffles.
+    """
+    rows = finite(x, "x", "(samples, axes > 1)", 2).T
+    value, p_value = np.zeros((len(rows), len(rows))), np.ones((len(rows), len(rows)))
+    for (i, j), stream in zip(np.ndindex(value.shape), rng.spawn(value.size), strict=True):
+        if i != j:
+            te = effective_transfer_entropy(rows[i], rows[j], bins, shuffles=shuffles, rng=stream)
+            value[i, j], p_value[i, j] = te.value, te.p_value
+    return EffectiveNetTransferEntropy(net=value - value.T, p_value=p_value)
+
+
+def _entropy_left(past: NDArray, following: NDArray, size: int) -> Floats:
+    """Entropy in [bit] of `following` given `past`, of each row. Shape (..., windows) to (...)."""
+    codes = np.sort(past * size + following, axis=-1)
+    return (_sum_c_log_c(codes // size) - _sum_c_log_c(codes)) / codes.shape[-1]
+
+
+def _sum_c_log_c(codes: NDArray) -> Floats:
+    """Sum of c log2(c) over the counts c of equal codes, of each sorted row."""
+    rows = codes.reshape(-1, codes.shape[-1])
+    is_first = np.ones(rows.shape, dtype=bool)
+    np.not_equal(rows[:, 1:], rows[:, :-1], out=is_first[:, 1:])
+    first = np.flatnonzero(is_first)
+    c_log_c = np.arange(rows.shape[1] + 1.0)
+    c_log_c[1:] *= np.log2(c_log_c[1:])
+    counts = np.empty_like(first)
+    np.subtract(first[1:], first[:-1], out=counts[:-1])
+    counts[-1] = rows.size - first[-1]
+    row_starts = np.searchsorted(first, np.arange(0, rows.size, rows.shape[1]))
+    return np.add.reduceat(c_log_c[counts], row_starts).reshape(codes.shape[:-1])
+
+
+def _past(symbols: NDArray, length: int, first: int, size: int) -> NDArray:
+    """One code for the `length` symbols before each sample from `first` on."""
+    code, n = symbols[first - 1 : -1], len(symbols)
+    for k in range(2, length + 1):
+        code = code * size + symbols[first - k : n - k]
+    return code
+
+
+def _pair(source: ArrayLike, target: ArrayLike, bins: Bins, *histories: int) -> tuple[NDArray, int]:
+    """Symbols of both series, shape (2, samples), and how many symbols there may be."""
+    x, y = finite(source, "source", "(samples,)", 1), finite(target, "target", "(samples,)", 1)
+    if len(x) != len(y):
+        raise ValueError(f"source has {len(x)} samples, target has {len(y)}")
+    return coded(np.stack([x, y], -1), bins, 1 + sum(histories), max(histories) + 2)

@@ -1,0 +1,275 @@
+"""An experiment: which runs a dataset consists of.
+
+An experiment is a TOML file; every entry that is swept takes one value or a list.
+
+    experiment = load_experiment("experiment.toml")
+    runs = plan_runs(experiment)
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from faultgen.effects import HEALTHY, get_effect
+from faultgen.errors import InputError
+from faultgen.robot import Robot, load_robot
+from faultgen.sensors import get_sensors
+from faultgen.simulate import decimation
+from faultgen.tasks import load_task
+from faultgen.wear import severities
+
+SCHEMA_VERSION = 1
+"""Version of the layout of run files."""
+
+SIGNALS = (
+    "signals/motor_position",
+    "signals/motor_velocity",
+    "signals/motor_torque",
+    "truth/motor_velocity",
+    "truth/motor_torque",
+    "truth/friction_torque",
+    "truth/gear_torque",
+    "truth/joint_position",
+    "truth/joint_velocity",
+)
+"""Sampled signals that a run file can hold; `signals` as measured, `truth` as simulated."""
+
+
+def _listed(value: Any) -> Any:
+    return value if isinstance(value, list) else [value]
+
+
+def _axes(value: Any) -> Any:
+    """[1, [2, 3]] to [[1], [2, 3]]."""
+    return [_listed(item) for item in _listed(value)]
+
+
+Names = Annotated[list[str], BeforeValidator(_listed), Field(min_length=1)]
+Fraction = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class Experiment(BaseModel):
+    """What a dataset is made of: every combination of robot, task, effect, axis and severity."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    robot: Names
+    """Names of robots, or paths of MJCF files."""
+    task: Names
+    """Names of tasks, or paths of task files; each must exist for each robot."""
+    effect: Names = ["friction_wear"]
+    """Names from the catalogue; 'healthy' is the robot without a fault."""
+    axis: Annotated[list[list[int]], BeforeValidator(_axes), Field(min_length=1)] = [
+        [1],
+        [2],
+        [3],
+        [4],
+        [5],
+        [6],
+    ]
+    """Axes that wear, one run each, from 1; a list within the list wears at once."""
+    severity: Annotated[list[Fraction], BeforeValidator(_listed), Field(min_length=1)] = [0.2]
+    """Final severities."""
+    schedule: str | list[Fraction] = "exponential"
+    """Name of a wear schedule, or the severity of each cycle."""
+    cycles: Annotated[int, Field(ge=1)] = 100
+    """Cycles a run."""
+    healthy: bool = True
+    """Also run the healthy robot, once for each robot, task and seed."""
+    sensors: str = "none"
+    """Preset of noise and disturbance."""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of the first repetition; the next ones count up."""
+    repetitions: Annotated[int, Field(ge=1)] = 1
+    """How often everything is repeated with another seed."""
+    paired: bool = True
+    """Give a faulty run the seed of the healthy one, so that wear is all that tells them apart;
+    false draws a seed for each run."""
+    sample_period: Annotated[float, Field(gt=0)] = 0.004
+    """Time between samples [s]."""
+    signals: Literal["all", "none"] | list[str] = "all"
+    """Which sampled signals are kept in the files."""
+    thin: Annotated[int, Field(ge=1)] = 1
+    """Keep every so many-th sample in the files; reductions use all."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Experiment:
+        if not isinstance(self.schedule, str):
+            self.severity = [self.schedule[-1]] if self.schedule else []
+        get_sensors(self.sensors)
+        for effect in self.effect:
+            if effect != HEALTHY:
+                get_effect(effect)
+        severities(self.schedule, 0.0, self.cycles)
+        for name in self.kept_signals:
+            if name not in SIGNALS:
+                raise InputError(f"signals: unknown '{name}': choose {', '.join(SIGNALS)}")
+        return self
+
+    @property
+    def kept_signals(self) -> tuple[str, ...]:
+        """Names of the signals kept."""
+        if self.signals == "all":
+            return SIGNALS
+        return () if self.signals == "none" else tuple(self.signals)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """The parameters of one run; with the model and the task they decide every byte of its file."""
+
+    robot: str
+    task: str
+    effect: str
+    axes: tuple[int, ...]
+    severity: float
+    schedule: str | tuple[float, ...]
+    cycles: int
+    sensors: str
+    seed: int
+    sample_period: float
+    signals: tuple[str, ...]
+    thin: int
+    model_sha256: str
+    task_sha256: str
+    schema_version: int = SCHEMA_VERSION
+
+    @property
+    def id(self) -> str:
+        """Hash of the parameters, 16 hex digits."""
+        text = json.dumps(asdict(self), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    @property
+    def label(self) -> str:
+        """The run in a few words."""
+        fault = HEALTHY
+        if self.axes:
+            axes = "+".join(map(str, self.axes))
+            fault = f"{self.effect} {self.severity:g} on axis {axes}"
+        return f"{Path(self.robot).stem} {Path(self.task).stem} {fault} seed {self.seed}"
+
+
+def load_experiment(path: str | Path) -> Experiment:
+    """Read an experiment file.
+
+    Raises:
+        InputError: The file cannot be read, or says something wrong.
+    """
+    path = Path(path)
+    try:
+        content = tomllib.loads(path.read_text())
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"experiment file {path}: cannot be read ({error})") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"experiment file {path}: not valid TOML: {error}") from None
+    return make_experiment(content, where=f"experiment file {path}: ")
+
+
+def make_experiment(content: dict[str, Any], *, where: str = "") -> Experiment:
+    """Validate the content of an experiment.
+
+    Args:
+        content: Entries by name.
+        where: Start of the error message.
+
+    Raises:
+        InputError: An entry is unknown, missing or wrong.
+    """
+    try:
+        return Experiment(**content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = ".".join(str(part) for part in first["loc"][:1]) or "experiment"
+        if first["type"] == "extra_forbidden":
+            known = ", ".join(Experiment.model_fields)
+            raise InputError(f"{where}unknown entry '{name}': choose {known}") from None
+        given = "" if first["type"] == "missing" else f", not {first['input']!r}"
+        said = first["msg"].removeprefix("Value error, ")
+        if first["type"] == "value_error":
+            raise InputError(f"{where}{said}") from None
+        raise InputError(f"{where}{name}: {said[0].lower()}{said[1:]}{given}") from None
+
+
+def to_toml(experiment: Experiment) -> str:
+    """The experiment as TOML, every entry written out."""
+    lines = [f"{name} = {json.dumps(value)}" for name, value in experiment.model_dump().items()]
+    return "\n".join(lines) + "\n"
+
+
+def plan_runs(experiment: Experiment) -> list[Run]:
+    """All runs of an experiment, without repetition, in a fixed order.
+
+    Raises:
+        InputError: A robot, task or axis does not exist, or the sample period does not fit.
+    """
+    runs: dict[str, Run] = {}
+    for robot_name in experiment.robot:
+        robot = load_robot(robot_name)
+        decimation(robot.model.opt.timestep, experiment.sample_period)
+        _check_axes(experiment, robot)
+        for task_name in experiment.task:
+            task = load_task(robot.name, task_name)
+            digest = hashlib.sha256(task.model_dump_json().encode()).hexdigest()
+            for repetition in range(experiment.repetitions):
+                for effect, axes, severity in _faults(experiment):
+                    seed = experiment.seed + repetition
+                    if axes and not experiment.paired:
+                        seed = _own_seed(seed, robot.name, task.name, effect, axes, severity)
+                    schedule = experiment.schedule
+                    run = Run(
+                        robot=robot_name,
+                        task=task_name,
+                        effect=effect,
+                        axes=axes,
+                        severity=severity,
+                        schedule=schedule if isinstance(schedule, str) else tuple(schedule),
+                        cycles=experiment.cycles,
+                        sensors=experiment.sensors,
+                        seed=seed,
+                        sample_period=experiment.sample_period,
+                        signals=experiment.kept_signals,
+                        thin=experiment.thin,
+                        model_sha256=robot.sha256,
+                        task_sha256=digest,
+                    )
+                    runs.setdefault(run.id, run)
+    return list(runs.values())
+
+
+def _faults(experiment: Experiment) -> list[tuple[str, tuple[int, ...], float]]:
+    """(effect, axes, severity) of every run; severity 0 is the healthy robot."""
+    healthy = (HEALTHY, (), 0.0)
+    faults: list[tuple[str, tuple[int, ...], float]] = [healthy] if experiment.healthy else []
+    for effect in experiment.effect:
+        for axes in experiment.axis:
+            for severity in experiment.severity:
+                worn = effect != HEALTHY and (
+                    severity > 0 or not isinstance(experiment.schedule, str)
+                )
+                fault = (effect, tuple(sorted(axes)), float(severity)) if worn else healthy
+                if fault not in faults:
+                    faults.append(fault)
+    return faults
+
+
+def _check_axes(experiment: Experiment, robot: Robot) -> None:
+    for axes in experiment.axis:
+        for axis in axes:
+            if not 1 <= axis <= robot.n_axes:
+                raise InputError(f"axis {axis}: robot {robot.name} has axes 1 to {robot.n_axes}")
+        if len(set(axes)) != len(axes):
+            raise InputError(f"axis {axes}: the same axis twice")
+
+
+def _own_seed(*parts: Any) -> int:
+    digest = hashlib.sha256(json.dumps(parts).encode()).digest()
+    return int(np.frombuffer(digest[:4], np.uint32)[0])

@@ -1,0 +1,209 @@
+"""What the monitoring sees of a simulated cycle, and what disturbs the robot from cycle to cycle.
+
+Two kinds of randomness: `Surroundings` (temperature, payload) change the motion itself and need a
+simulation of their own; `measure` adds noise to a simulated cycle and may be drawn anew at will.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from faultgen.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensors:
+    """Noise and disturbance. Zero switches each off."""
+
+    description: str
+    """In one line."""
+    torque_noise: float = 0.0
+    """Standard deviation of the torque noise, as a fraction of the mean |torque| of the axis."""
+    torque_correlation: float = 0.0
+    """Time in which the torque noise forgets [s]; 0 is white."""
+    position_noise: float = 0.0
+    """Standard deviation of the measured joint angle, joint side [rad]."""
+    velocity_noise: float = 0.0
+    """Standard deviation of the measured joint velocity, joint side [rad/s]."""
+    quantised: bool = False
+    """Motor position in encoder counts, motor velocity as their difference."""
+    temperature_wander: float = 0.0
+    """Standard deviation of the gearbox temperature from cycle to cycle [K]."""
+    temperature_memory: float = 30.0
+    """Cycles in which the temperature forgets."""
+    temperature_error: float = 0.0
+    """Standard deviation of the temperature sensor's error [K]."""
+    payload_scatter: float = 0.0
+    """Standard deviation of the payload's mass from cycle to cycle, as a fraction."""
+
+    @property
+    def changes_motion(self) -> bool:
+        """Whether another seed needs another simulation."""
+        return self.temperature_wander > 0 or self.payload_scatter > 0
+
+
+SENSORS = {
+    "none": Sensors(description="what the simulation holds, sampled"),
+    "thesis": Sensors(
+        description="thesis 3.3.2: white torque disturbance of 1 % of the mean torque, "
+        "encoder noise of 1e-4 rad at the joint",
+        torque_noise=0.01,
+        position_noise=1e-4,
+        velocity_noise=1e-4 / 0.5,
+    ),
+    "realistic": Sensors(
+        description="encoder counts, coloured torque noise, gearbox temperature and payload "
+        "that change from cycle to cycle",
+        torque_noise=0.01,
+        torque_correlation=0.02,
+        quantised=True,
+        temperature_wander=4.0,
+        temperature_error=0.5,
+        payload_scatter=0.01,
+    ),
+}
+"""The presets. Figures of `realistic` but for the payload's 1 % are assumed."""
+
+
+def get_sensors(name: str) -> Sensors:
+    """Look a preset up.
+
+    Raises:
+        InputError: There is no preset of that name.
+    """
+    if name not in SENSORS:
+        raise InputError(f"unknown sensors '{name}': choose {', '.join(SENSORS)}")
+    return SENSORS[name]
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What changes from cycle to cycle beside wear. Arrays have shape (cycles,)."""
+
+    temperature: np.ndarray
+    """True gearbox temperature, the same in all gearboxes [deg C]."""
+    measured_temperature: np.ndarray
+    """What the sensor says [deg C]."""
+    payload_factor: np.ndarray
+    """Mass of the payload over its nominal mass."""
+
+
+def surroundings(
+    sensors: Sensors, cycles: int, reference: float, rng: np.random.Generator
+) -> Surroundings:
+    """Draw temperature and payload for every cycle.
+
+    The temperature is a first-order autoregression about the reference.
+
+    Args:
+        sensors: The preset.
+        cycles: Number of cycles.
+        reference: Mean temperature [deg C].
+        rng: Source of randomness.
+
+    Returns:
+        The surroundings; the same draws are taken whatever the preset.
+    """
+    kicks, errors, loads = rng.standard_normal((3, cycles))
+    memory = np.exp(-1 / sensors.temperature_memory)
+    kicks[1:] *= np.sqrt(1 - memory**2)
+    wander = lfilter([1.0], [1.0, -memory], kicks)
+    temperature = reference + sensors.temperature_wander * wander
+    return Surroundings(
+        temperature=temperature,
+        measured_temperature=temperature + sensors.temperature_error * errors,
+        payload_factor=1 + sensors.payload_scatter * loads,
+    )
+
+
+def torque_noise(
+    sensors: Sensors,
+    shape: tuple[int, int],
+    mean_torque: np.ndarray,
+    sample_period: float,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Noise on the logged torque of one cycle.
+
+    Args:
+        sensors: The preset.
+        shape: (samples, n_axes).
+        mean_torque: Mean |torque| of each axis in the nominal cycle, shape (n_axes,), in [N m].
+        sample_period: Time between samples [s].
+        rng: Source of randomness.
+
+    Returns:
+        Shape (samples, n_axes), in [N m].
+    """
+    noise = rng.standard_normal(shape)
+    if sensors.torque_correlation > 0:
+        memory = np.exp(-sample_period / sensors.torque_correlation)
+        noise[1:] *= np.sqrt(1 - memory**2)
+        noise = lfilter([1.0], [1.0, -memory], noise, axis=0)
+    return sensors.torque_noise * mean_torque * noise
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What the controller logs in one cycle. Arrays have shape (samples, n_axes), motor side."""
+
+    motor_position: np.ndarray
+    """[rad]."""
+    motor_velocity: np.ndarray
+    """[rad/s]."""
+    motor_torque: np.ndarray
+    """[N m]."""
+
+
+def measure(
+    sensors: Sensors,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    torque: np.ndarray,
+    *,
+    gear_ratio: np.ndarray,
+    encoder_counts: np.ndarray,
+    mean_torque: np.ndarray,
+    sample_period: float,
+    rng: np.random.Generator,
+) -> Measured:
+    """Measure a simulated cycle.
+
+    Args:
+        sensors: The preset.
+        position: Motor position, shape (samples, n_axes), in [rad].
+        velocity: Motor velocity, same shape, in [rad/s].
+        torque: Motor torque, same shape, in [N m].
+        gear_ratio: Shape (n_axes,).
+        encoder_counts: Counts a motor turn, shape (n_axes,); 0 is not quantised.
+        mean_torque: Mean |torque| of each axis in the nominal cycle, shape (n_axes,), in [N m].
+        sample_period: Time between samples [s].
+        rng: Source of randomness.
+
+    Returns:
+        The measured cycle; the arrays given, where the preset adds nothing.
+    """
+    ratio = np.abs(gear_ratio)
+    if sensors.torque_noise > 0:
+        torque = torque + torque_noise(sensors, torque.shape, mean_torque, sample_period, rng)
+    if sensors.velocity_noise > 0:
+        noise = rng.standard_normal(velocity.shape)
+        velocity = velocity + sensors.velocity_noise * ratio * noise
+    if sensors.position_noise > 0:
+        position = position + sensors.position_noise * ratio * rng.standard_normal(position.shape)
+    if sensors.quantised:
+        # the sample before the first one is where the motor came from at its speed then
+        before = position[:1] - velocity[:1] * sample_period
+        count = 2 * np.pi / np.where(encoder_counts > 0, encoder_counts, np.inf)
+        with_before = np.concatenate([before, position])
+        counted = np.where(
+            encoder_counts > 0,
+            np.round(with_before / np.where(count > 0, count, 1.0)) * count,
+            with_before,
+        )
+        position = counted[1:]
+        velocity = np.diff(counted, axis=0) / sample_period
+    return Measured(position, velocity, torque)

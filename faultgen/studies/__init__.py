@@ -1,0 +1,1 @@
+"""Studies: where generated data meets the methods of `analysis`."""

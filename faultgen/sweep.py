@@ -1,0 +1,327 @@
+"""Generating a dataset: every run of an experiment, in parallel, resumable.
+
+summary = generate(experiment, "out", workers=2)
+summary.done, summary.failed
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from joblib import Parallel, delayed
+from tqdm import tqdm
+
+from faultgen.dataset import Dataset, RunWriter, merge, open_dataset, write_text
+from faultgen.effects import get_effect, set_temperature
+from faultgen.errors import InputError, SimulationFailed
+from faultgen.experiment import Experiment, Run, load_experiment, plan_runs, to_toml
+from faultgen.monitoring import BINS, Limits, monitor
+from faultgen.robot import Robot, load_robot
+from faultgen.sensors import Surroundings, get_sensors, measure, surroundings
+from faultgen.servo import control_signal
+from faultgen.simulate import simulate
+from faultgen.tasks import load_task, plan
+from faultgen.wear import severities
+
+
+@dataclass
+class Summary:
+    """What a sweep did."""
+
+    folder: str
+    """Folder of the dataset."""
+    planned: int = 0
+    """Runs that the experiment has."""
+    done: int = 0
+    """Runs made now."""
+    kept: int = 0
+    """Runs that were there before."""
+    failed: dict[str, str] = field(default_factory=dict)
+    """Reason by run id."""
+
+
+def generate(
+    experiment: Experiment | str | Path,
+    out: str | Path,
+    *,
+    workers: int = 1,
+    progress: bool = True,
+) -> Summary:
+    """Make a dataset, or finish one that was begun.
+
+    Runs that are there stay; the same experiment gives the same files, bit for bit, whatever the
+    number of workers.
+
+    Args:
+        experiment: The experiment, or the path of its file.
+        out: Folder for the dataset; made if it is not there.
+        workers: Processes that simulate.
+        progress: Show a progress bar on stderr.
+
+    Returns:
+        What was done; failed runs are in it, they do not stop the sweep.
+
+    Raises:
+        InputError: The experiment is wrong, the folder cannot be written or holds another dataset.
+    """
+    if not isinstance(experiment, Experiment):
+        experiment = load_experiment(experiment)
+    if workers < 1:
+        raise InputError(f"workers: must be at least 1, not {workers}")
+    runs = plan_runs(experiment)
+    folder = Path(out)
+    with _locked(folder):
+        dataset = _prepare(folder, experiment, runs)
+        summary = Summary(str(folder), planned=len(runs))
+        waiting = set(dataset.missing)
+        damaged = {Path(name).stem for name in dataset.damaged()}
+        todo = [run for run in runs if run.id in waiting or run.id in damaged]
+        summary.kept = len(runs) - len(todo)
+        for run, reason in _make_all(todo, folder / "runs", workers, progress):
+            note = folder / "runs" / f"{run.id}.failed.json"
+            if reason is None:
+                summary.done += 1
+                note.unlink(missing_ok=True)
+            else:
+                summary.failed[run.id] = f"{run.label}: {reason}"
+                write_text(note, json.dumps({"run": asdict(run), "reason": reason}, indent=1))
+        merge(open_dataset(folder))
+    return summary
+
+
+def _make_all(
+    runs: list[Run], folder: Path, workers: int, progress: bool
+) -> Iterator[tuple[Run, str | None]]:
+    """Make runs in parallel; yield each with None, or the reason for which it failed."""
+    bar = tqdm(total=len(runs), unit="run", disable=not progress or not runs, desc="simulating")
+    jobs = Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)
+    results = jobs(delayed(make_run)(run, folder) for run in runs)
+    with bar:
+        for run, reason in results:
+            bar.update()
+            yield run, reason
+
+
+def make_run(run: Run, folder: Path) -> tuple[Run, str | None]:
+    """Simulate one run and write its file.
+
+    Args:
+        run: What to simulate.
+        folder: The folder ``runs`` of the dataset.
+
+    Returns:
+        The run, and None or the reason for which it failed.
+    """
+    try:
+        _simulate_and_write(run, folder)
+    except (SimulationFailed, InputError, OSError, ValueError, ArithmeticError) as error:
+        return run, " ".join(str(error).split()) or type(error).__name__
+    return run, None
+
+
+@dataclass(frozen=True)
+class _Nominal:
+    """What all runs of a robot and task share."""
+
+    robot: Robot
+    control: np.ndarray
+    mean_torque: np.ndarray
+    samples: int
+
+
+@lru_cache(maxsize=4)
+def _nominal(robot_name: str, task_name: str, sample_period: float) -> _Nominal:
+    robot = load_robot(robot_name)
+    motion = plan(load_task(robot.name, task_name), robot)
+    timestep = robot.model.opt.timestep
+    control = control_signal(motion, timestep)
+    feed_forward = robot.model.actuator_ctrladr[robot.ids("actuator", "drive")] + 2
+    every = round(sample_period / timestep)
+    return _Nominal(
+        robot=robot,
+        control=control,
+        mean_torque=np.abs(control[:, feed_forward]).mean(axis=0),
+        samples=-(-len(control) // every),
+    )
+
+
+def _simulate_and_write(run: Run, folder: Path) -> None:
+    nominal = _nominal(run.robot, run.task, run.sample_period)
+    robot, sensors = nominal.robot, get_sensors(run.sensors)
+    rng_surroundings, rng_sensors = np.random.default_rng(run.seed).spawn(2)
+    around = surroundings(sensors, run.cycles, robot.friction_temperature, rng_surroundings)
+    growth = _growth(run)
+    limits = Limits(
+        robot.motor_torque_limit, robot.motor_velocity_limit, robot.joint_range, robot.gear_ratio
+    )
+    writer = RunWriter(folder, run.id, _attributes(run, nominal), robot.xml)
+    try:
+        _create_arrays(writer, run, nominal, around, growth)
+        models = _models(run, robot, around, growth)
+        cycles = simulate(robot, nominal.control, models, sample_period=run.sample_period)
+        for index, cycle in enumerate(cycles):
+            seen = measure(
+                sensors,
+                cycle.motor_position,
+                cycle.motor_velocity,
+                cycle.motor_torque,
+                gear_ratio=robot.gear_ratio,
+                encoder_counts=robot.encoder_counts,
+                mean_torque=nominal.mean_torque,
+                sample_period=run.sample_period,
+                rng=rng_sensors,
+            )
+            reduced = monitor(seen.motor_position, seen.motor_velocity, seen.motor_torque, limits)
+            for name, values in reduced.items():
+                writer.put(f"monitoring/{name}", index, values)
+            for name in run.signals:
+                group, channel = name.split("/")
+                values = getattr(seen if group == "signals" else cycle, channel)
+                writer.put(name, index, values[:: run.thin])
+        writer.close()
+    except BaseException:
+        writer.discard()
+        raise
+
+
+def _growth(run: Run) -> np.ndarray:
+    """Severity in each cycle, shape (cycles,)."""
+    if not run.axes:
+        return np.zeros(run.cycles)
+    return severities(run.schedule, run.severity, run.cycles)
+
+
+def _models(
+    run: Run, robot: Robot, around: Surroundings, growth: np.ndarray
+) -> Iterator[mujoco.MjModel]:
+    """The robot as it is in each cycle; compiled anew only where something changed."""
+    nominal = robot.spec()
+    has_payload = nominal.body("payload") is not None
+    reference = robot.friction_temperature
+    before: tuple[float, float, float] | None = None
+    model = robot.model
+    for severity, temperature, load in zip(
+        growth, around.temperature, around.payload_factor, strict=True
+    ):
+        now = (float(severity), float(temperature), float(load))
+        if now != before:
+            spec = nominal.copy()
+            if temperature != reference:
+                for axis in range(1, robot.n_axes + 1):
+                    set_temperature(spec, axis, temperature, reference)
+            if has_payload and load != 1:
+                payload = spec.body("payload")
+                payload.mass *= load
+                payload.inertia *= load
+            for axis in run.axes:
+                get_effect(run.effect).apply(spec, axis, float(severity))
+            model = spec.compile()
+            before = now
+        yield model
+
+
+def _attributes(run: Run, nominal: _Nominal) -> dict[str, Any]:
+    robot = nominal.robot
+    schedule = run.schedule if isinstance(run.schedule, str) else list(run.schedule)
+    return {
+        "schema_version": run.schema_version,
+        "run_id": run.id,
+        "robot": robot.name,
+        "task": Path(run.task).stem,
+        "effect": run.effect,
+        "axis": run.axes[0] if run.axes else 0,
+        "axes": np.array(run.axes, dtype=np.int64),
+        "severity": run.severity,
+        "schedule": schedule,
+        "cycles": run.cycles,
+        "sensors": run.sensors,
+        "seed": run.seed,
+        "sample_period": run.sample_period,
+        "thin": run.thin,
+        "gear_ratio": robot.gear_ratio,
+        "encoder_counts": robot.encoder_counts,
+        "nominal_mean_torque": nominal.mean_torque,
+        "faultgen_version": version("faultgen"),
+        "mujoco_version": mujoco.__version__,
+        "model_sha256": run.model_sha256,
+        "task_sha256": run.task_sha256,
+    }
+
+
+def _create_arrays(
+    writer: RunWriter, run: Run, nominal: _Nominal, around: Surroundings, growth: np.ndarray
+) -> None:
+    robot = nominal.robot
+    kept = -(-nominal.samples // run.thin)
+    n_axes = robot.n_axes
+    axis = np.arange(1, n_axes + 1)
+    writer.scale("cycle", np.arange(1, run.cycles + 1))
+    writer.scale("sample", np.arange(kept) * run.thin * run.sample_period)
+    writer.scale("axis", axis)
+    writer.scale("bin", np.arange(1, BINS + 1))
+    writer.add("cycle/index", np.arange(1, run.cycles + 1), ("cycle",))
+    writer.add("cycle/severity", growth, ("cycle",))
+    worn = np.isin(axis, run.axes)
+    writer.add("cycle/axis_severity", growth[:, None] * worn, ("cycle", "axis"))
+    writer.add("cycle/temperature", around.measured_temperature, ("cycle",))
+    writer.add("truth/gearbox_temperature", around.temperature, ("cycle",))
+    body = mujoco.mj_name2id(robot.model, mujoco.mjtObj.mjOBJ_BODY, "payload")
+    if body >= 0:
+        mass = robot.model.body_mass[body] * around.payload_factor
+        writer.add("truth/payload_mass", mass, ("cycle",))
+    for name in ("mean_abs_torque", "torque_indicator", "speed_indicator"):
+        writer.create(f"monitoring/{name}", (run.cycles, n_axes), "f8", ("cycle", "axis"))
+    for name in ("torque_histogram", "speed_histogram", "angle_histogram"):
+        shape = (run.cycles, n_axes, BINS)
+        writer.create(f"monitoring/{name}", shape, "f8", ("cycle", "axis", "bin"))
+    for name in run.signals:
+        writer.create(name, (run.cycles, kept, n_axes), "f4", ("cycle", "sample", "axis"))
+
+
+def _prepare(folder: Path, experiment: Experiment, runs: list[Run]) -> Dataset:
+    """Make the folder, or check that it holds this very experiment."""
+    text = to_toml(experiment)
+    manifest = {"runs": {run.id: asdict(run) for run in runs}}
+    written = folder / "experiment.toml"
+    if (folder / "runs.json").is_file():
+        if open_dataset(folder).planned.keys() != manifest["runs"].keys():
+            raise InputError(
+                f"{folder}: holds another dataset (see its experiment.toml); give another folder"
+            )
+    else:
+        write_text(written, text)
+        write_text(folder / "runs.json", json.dumps(manifest, indent=1))
+    (folder / "runs").mkdir(exist_ok=True)
+    for leftover in [*folder.glob(".*.tmp"), *(folder / "runs").glob(".*.tmp")]:
+        leftover.unlink()
+    return open_dataset(folder)
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Hold the folder for this process alone."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handle = os.open(folder / ".lock", os.O_CREAT | os.O_RDWR)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(handle)
+        raise InputError(f"{folder}: another process is writing there") from None
+    try:
+        yield
+    finally:
+        os.close(handle)
