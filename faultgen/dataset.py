@@ -2,7 +2,8 @@
 
 A dataset is a folder: ``experiment.toml``, ``runs.json`` (the runs it should hold),
 ``runs/<id>.h5`` with a checksum beside each, and ``dataset.h5`` with all runs merged. A file is
-written under another name, synced and renamed: one that exists is whole. Reading needs no simulator.
+written under another name, synced and renamed: one that exists is whole. Reading needs no
+simulator.
 
     dataset = open_dataset("out")
     for run in dataset.runs:
@@ -316,10 +317,7 @@ def merge(dataset: Dataset) -> Path:
             for run in dataset.runs:
                 with h5py.File(run.path, "r") as file:
                     group = merged.create_group(f"runs/{run.id}")
-                    for name, value in file.attrs.items():
-                        group.attrs[name] = value
-                    # all members at once, so that arrays keep their dimension scales
-                    _copy_members(file, group)
+                    _copy_run(file, group)
         _verify(dataset, temporary)
         publish(temporary, path)
     finally:
@@ -332,11 +330,39 @@ def _checksum(path: Path) -> str:
     return note.read_text().strip() if note.is_file() else file_sha256(path)
 
 
-def _copy_members(file: h5py.File, group: h5py.Group) -> None:
-    file.copy(file, group, name="content")
-    for name in list(group["content"]):
-        group.move(f"content/{name}", name)
-    del group["content"]
+# attributes in which HDF5 keeps dimension scales; their references do not survive a copy
+_SCALE_ATTRIBUTES = ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST")
+
+
+def _copy_run(file: h5py.File, group: h5py.Group) -> None:
+    """Copy a run file into a group, compressed as it is, and attach the scales anew."""
+    group.attrs.update(file.attrs)
+    names = _array_names(file)
+    for name in names:
+        folder, _, last = name.rpartition("/")
+        parent = group.require_group(folder) if folder else group
+        file.copy(file[name], parent, name=last, without_attrs=True)
+        for key, value in file[name].attrs.items():
+            if key not in _SCALE_ATTRIBUTES:
+                group[name].attrs[key] = value
+    scales = group["dimensions"]
+    for name in scales:
+        scales[name].make_scale(name)
+    for name in names:
+        for dimension in group[name].dims:
+            if dimension.label:
+                dimension.attach_scale(scales[dimension.label])
+
+
+def _array_names(file: h5py.File) -> list[str]:
+    names: list[str] = []
+
+    def note(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset):
+            names.append(name)
+
+    file.visititems(note)
+    return names
 
 
 def _verify(dataset: Dataset, merged_path: Path) -> None:
@@ -344,21 +370,21 @@ def _verify(dataset: Dataset, merged_path: Path) -> None:
         for run in dataset.runs:
             group = merged[f"runs/{run.id}"]
             with h5py.File(run.path, "r") as file:
-                names: list[str] = []
-                file.visititems(
-                    lambda name, item, names=names: (
-                        names.append(name) if isinstance(item, h5py.Dataset) else None
-                    )
-                )
-                for name in names:
+                for name in _array_names(file):
                     if not _same(file[name], group[name]):
                         raise OSError(f"dataset.h5: '{name}' of run {run.id} was not merged intact")
 
 
 def _same(one: h5py.Dataset, other: h5py.Dataset) -> bool:
-    """Equality of two arrays, chunk by chunk in the first dimension so that memory stays small."""
+    """Equality of two arrays, stored chunk by stored chunk, without unpacking them."""
     if one.shape != other.shape or one.dtype != other.dtype:
         return False
-    if not one.shape:
-        return one[()] == other[()]
-    return all(one[i].tobytes() == other[i].tobytes() for i in range(one.shape[0]))
+    if one.chunks is None:
+        return np.array_equal(one[()], other[()])
+    if one.id.get_num_chunks() != other.id.get_num_chunks():
+        return False
+    for number in range(one.id.get_num_chunks()):
+        offset = one.id.get_chunk_info(number).chunk_offset
+        if one.id.read_direct_chunk(offset) != other.id.read_direct_chunk(offset):
+            return False
+    return True

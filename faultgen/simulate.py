@@ -11,6 +11,7 @@ memory does not grow with the number of cycles. Python does nothing within a chu
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import mujoco
@@ -124,7 +125,8 @@ class _Recorder:
             part = control[None, start : start + self.chunk]
             steps = part.shape[1]
             try:
-                out = batch.rollout(steps, part, record=RECORD, out=self.out.get(steps))
+                with _quiet():
+                    out = batch.rollout(steps, part, record=RECORD, out=self.out.get(steps))
             except SimulationError as error:
                 raise SimulationFailed(f"cycle {cycle}: {error}") from None
             self.out[steps] = out
@@ -169,6 +171,17 @@ class _Recorder:
             joint_position=position / self.robot.gear_ratio - twist,
             joint_velocity=velocity / self.robot.gear_ratio - twist_rate,
         )
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep MuJoCo's warnings from stderr and from a log file; they are read from its counters."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda message: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def gearbox_torque(

@@ -1,0 +1,39 @@
+# Everything runs in a virtual environment that is made on first use. PYTHON: 3.11 or newer.
+PYTHON ?= python3
+VENV ?= .venv
+BIN = $(VENV)/bin
+
+.PHONY: install demo test test-slow lint benchmark pictures clean
+
+install: $(VENV)/installed
+
+$(VENV)/installed: pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit("faultgen needs Python 3.11 or newer") if sys.version_info < (3, 11) else 0'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	touch $@
+
+demo: install
+	$(BIN)/faultgen demo --out demo-out
+
+test: install lint
+	$(BIN)/python -m pytest -n auto -m 'not slow'
+
+test-slow: install
+	$(BIN)/python -m pytest -n auto -m slow
+
+lint: install
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+benchmark: install
+	$(BIN)/python benchmarks/speed.py --save benchmarks/results/speed.json
+	$(BIN)/python benchmarks/bench_transfer_entropy.py
+
+pictures: install
+	$(BIN)/python benchmarks/pictures.py
+
+clean:
+	rm -rf $(VENV) demo-out build *.egg-info

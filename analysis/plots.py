@@ -1,0 +1,111 @@
+"""Figures of analysis results: one style, readable in print and by colour-blind people.
+
+with style():
+    figure, axes = plt.subplots()
+    plot_net_transfer_entropy(axes, net_transfer_entropy(x))
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from cycler import cycler
+from matplotlib.axes import Axes
+from numpy.typing import ArrayLike
+
+# Okabe and Ito (2008), a palette that colour-blind people can tell apart
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+_MARKERS = ("o", "s", "^", "D", "v", "P")
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Settings of every figure, for a `with` block."""
+    settings: Any = {
+        "axes.prop_cycle": cycler(color=COLOURS),
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.grid": True,
+        "grid.alpha": 0.3,
+        "font.size": 9,
+        "figure.dpi": 110,
+        "legend.frameon": False,
+        "figure.constrained_layout.use": True,
+    }
+    with plt.rc_context(settings):
+        yield
+
+
+def plot_net_transfer_entropy(axes: Axes, net: ArrayLike, title: str = "") -> None:
+    """Heat map of net transfer entropy; row i, column j is i -> j.
+
+    Args:
+        axes: Where to draw.
+        net: Shape (n_axes, n_axes), in [bit].
+        title: Title of the map.
+    """
+    net = np.asarray(net)
+    largest = max(float(np.abs(net).max()), 1e-12)
+    axes.imshow(net, cmap="PuOr_r", vmin=-largest, vmax=largest)
+    for (i, j), value in np.ndenumerate(net):
+        if i != j:
+            dark = abs(value) > 0.6 * largest
+            axes.text(j, i, f"{value:.2f}", ha="center", va="center", color="w" if dark else "k")
+    numbers = np.arange(1, len(net) + 1)
+    axes.set_xticks(numbers - 1, [str(n) for n in numbers])
+    axes.set_yticks(numbers - 1, [str(n) for n in numbers])
+    axes.grid(False)
+    axes.set(xlabel="to axis", ylabel="from axis", title=title)
+
+
+def plot_series(
+    axes: Axes, cycles: ArrayLike, values: ArrayLike, labels: Sequence[str], unit: str
+) -> None:
+    """Lines over cycles, one a column.
+
+    Args:
+        axes: Where to draw.
+        cycles: Shape (cycles,).
+        values: Shape (cycles, lines), in `unit`.
+        labels: Name of each line.
+        unit: Label of the ordinate.
+    """
+    for line, label, colour in zip(np.asarray(values).T, labels, COLOURS, strict=False):
+        axes.plot(np.asarray(cycles), line, color=colour, label=label, lw=1.3)
+    axes.set(xlabel="cycle", ylabel=unit)
+
+
+def plot_accuracy(
+    axes: Axes,
+    levels: ArrayLike,
+    shares: ArrayLike,
+    intervals: ArrayLike,
+    label: str,
+    number: int,
+) -> None:
+    """Accuracy over wear, with its intervals.
+
+    Args:
+        axes: Where to draw.
+        levels: Wear, shape (levels,), as a fraction.
+        shares: Accuracy, shape (levels,), as a fraction.
+        intervals: Lower and upper bound, shape (levels, 2).
+        label: Name of the method.
+        number: Which colour and marker.
+    """
+    wear, share = 100 * np.asarray(levels), 100 * np.asarray(shares)
+    bounds = 100 * np.asarray(intervals).T
+    errors = np.abs(bounds - share)
+    axes.errorbar(
+        wear + 0.12 * (number - 1),
+        share,
+        yerr=errors,
+        label=label,
+        color=COLOURS[number % len(COLOURS)],
+        marker=_MARKERS[number % len(_MARKERS)],
+        capsize=2,
+        lw=1.2,
+    )
+    axes.set(xlabel="wear [%]", ylabel="right axis named [%]", ylim=(-3, 103))

@@ -1,0 +1,150 @@
+"""The report of a dataset: what is in it, how wear shows, what isolators answer."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")  # no display needed
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+from analysis.plots import plot_accuracy, plot_net_transfer_entropy, plot_series, style
+from analysis.transfer_entropy import net_transfer_entropy
+from faultgen.dataset import Dataset, StoredRun, open_dataset, write_text
+from faultgen.studies.isolation import METHODS, Isolation, isolate, table
+
+_PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
+body {{ font: 15px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto }}
+table {{ border-collapse: collapse; font-size: 13px; margin: 1rem 0 }}
+th, td {{ border: 1px solid #ccc; padding: .2rem .5rem; text-align: left }}
+th {{ background: #f2f2f2 }} img {{ max-width: 100% }} pre {{ background: #f6f6f6; padding: 1rem }}
+</style></head><body>
+{body}
+</body></html>
+"""
+
+
+def write_report(folder: str | Path, result: Isolation | None = None) -> Path:
+    """Write ``report.html`` into a dataset's folder.
+
+    Args:
+        folder: The dataset.
+        result: What the isolators answered; by default they are run.
+
+    Returns:
+        Path of the page.
+    """
+    dataset = open_dataset(folder)
+    result = result or isolate(dataset, progress=False)
+    parts = [f"<h1>Dataset {html.escape(dataset.path.resolve().name)}</h1>", _content(dataset)]
+    for robot, task in _places(dataset):
+        parts.append(f"<h2>{html.escape(robot)}, {html.escape(task)}</h2>")
+        parts.append(_image(_wear_figure(_runs_at(dataset, robot, task))))
+        shown = _image(_isolation_figure(_runs_at(dataset, robot, task), result, robot, task))
+        parts.append(shown)
+    parts.append("<h2>Which axis is worn?</h2>" + _markdown_table(table(result)))
+    toml = (dataset.path / "experiment.toml").read_text()
+    parts.append(f"<h2>What made it</h2><pre>{html.escape(toml)}</pre>")
+    path = dataset.path / "report.html"
+    title = html.escape(f"faultgen: {dataset.path.name}")
+    write_text(path, _PAGE.format(title=title, body="\n".join(parts)))
+    return path
+
+
+def _content(dataset: Dataset) -> str:
+    cycles = sum(int(run["cycles"]) for run in dataset.runs)
+    lines = [f"{len(dataset.runs)} of {len(dataset.planned)} runs, {cycles} cycles in all."]
+    lines += [f"Failed: {html.escape(reason)}" for reason in dataset.failed.values()]
+    return "<p>" + "<br>".join(lines) + "</p>"
+
+
+def _places(dataset: Dataset) -> list[tuple[str, str]]:
+    return list(dict.fromkeys((run["robot"], run["task"]) for run in dataset.runs))
+
+
+def _runs_at(dataset: Dataset, robot: str, task: str) -> list[StoredRun]:
+    return [run for run in dataset.runs if (run["robot"], run["task"]) == (robot, task)]
+
+
+def _wear_figure(runs: list[StoredRun]) -> Figure:
+    """Mean |torque| of each axis, in the healthy run and in the one in which that axis wears."""
+    n_axes = runs[0].read("monitoring/mean_abs_torque").shape[1]
+    with style():
+        columns = min(3, n_axes)
+        rows = -(-n_axes // columns)
+        figure, grid = plt.subplots(rows, columns, figsize=(9, 2.4 * rows), squeeze=False)
+        for axis, axes in enumerate(grid.flat[:n_axes], start=1):
+            chosen = [run for run in runs if run["axis"] in (0, axis)][:4]
+            series = [run.read("monitoring/mean_abs_torque")[:, axis - 1] for run in chosen]
+            labels = [
+                "healthy" if run["axis"] == 0 else f"worn, {100 * run['severity']:g} %"
+                for run in chosen
+            ]
+            shortest = min(map(len, series), default=0)
+            values = np.array([line[:shortest] for line in series]).T
+            plot_series(axes, np.arange(1, shortest + 1), values, labels, "mean |torque| [N m]")
+            axes.set_title(f"axis {axis}")
+        grid.flat[0].legend()
+    return figure
+
+
+def _isolation_figure(runs: list[StoredRun], result: Isolation, robot: str, task: str) -> Figure:
+    """Net transfer entropy of a healthy and a worn run, and accuracy over wear."""
+    healthy = next((run for run in runs if run["axis"] == 0), None)
+    worn = next((run for run in runs if run["axis"] > 0), None)
+    with style():
+        figure, grid = plt.subplots(1, 3, figsize=(9, 3))
+        for axes, run, name in ((grid[0], healthy, "healthy"), (grid[1], worn, "")):
+            if run is None:
+                axes.axis("off")
+                continue
+            x = np.nan_to_num(run.read("monitoring/mean_abs_torque"))
+            title = name or f"axis {run['axis']} worn {100 * run['severity']:g} %"
+            if len(x) >= 3:
+                plot_net_transfer_entropy(axes, net_transfer_entropy(x), f"net TE [bit], {title}")
+        for number, method in enumerate(METHODS):
+            cells = [
+                t
+                for t in result.tallies
+                if (t.robot, t.task, t.method) == (robot, task, method) and t.level > 0
+            ]
+            if cells:
+                plot_accuracy(
+                    grid[2],
+                    [t.level for t in cells],
+                    [t.accuracy for t in cells],
+                    [t.interval for t in cells],
+                    method,
+                    number,
+                )
+        grid[2].legend()
+    return figure
+
+
+def _image(figure: Figure) -> str:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png")
+    plt.close(figure)
+    return (
+        f'<img alt="" src="data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}">'
+    )
+
+
+def _markdown_table(text: str) -> str:
+    """Lines of Markdown, one of which blocks is a table, as HTML."""
+    out: list[str] = []
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    for number, line in enumerate(row for row in rows if not row.startswith("| ---")):
+        cell = "th" if number == 0 else "td"
+        cells = [part.strip() for part in line.strip("|").split("|")]
+        out.append("<tr>" + "".join(f"<{cell}>{html.escape(c)}</{cell}>" for c in cells) + "</tr>")
+    said = [html.escape(line) for line in text.splitlines() if line and not line.startswith("|")]
+    return "<p>" + "<br>".join(said) + "</p><table>" + "\n".join(out) + "</table>"

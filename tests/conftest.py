@@ -1,0 +1,87 @@
+import pytest
+
+from faultgen.robot import Robot, load_robot
+
+TWO_AXES = """
+<mujoco model="tiny">
+  <compiler angle="radian"/>
+  <option timestep="0.001" integrator="Euler"><flag contact="disable"/></option>
+  <custom>
+    <numeric name="motor_velocity_limit" data="300 300"/>
+    <numeric name="joint_acceleration_limit" data="10 10"/>
+    <numeric name="encoder_counts" data="1000 1000"/>
+  </custom>
+  <worldbody>
+    <body name="link1">
+      <joint name="joint1" axis="0 0 1" range="-3 3"/>
+      <inertial pos="0.2 0 0" mass="3" diaginertia="0.1 0.1 0.1"/>
+      <body name="link2" pos="0.4 0 0">
+        <joint name="joint2" axis="0 1 0" range="-3 3"/>
+        <inertial pos="0.1 0 0" mass="1" diaginertia="0.02 0.02 0.02"/>
+        <body name="payload" pos="0.2 0 0">
+          <inertial pos="0 0 0" mass="0.5" diaginertia="0.001 0.001 0.001"/>
+          <site name="tool"/>
+        </body>
+      </body>
+    </body>
+    <body name="rotor1"><joint name="motor1"/>
+      <inertial pos="0 0 0" mass="1" diaginertia="1e-3 1e-3 1e-3"/></body>
+    <body name="rotor2"><joint name="motor2"/>
+      <inertial pos="0 0 0" mass="1" diaginertia="5e-4 5e-4 5e-4"/></body>
+  </worldbody>
+  <tendon>
+    <fixed name="gearbox1" stiffness="20000" damping="20">
+      <joint joint="motor1" coef="0.01"/><joint joint="joint1" coef="-1"/></fixed>
+    <fixed name="gearbox2" stiffness="5000" damping="5">
+      <joint joint="motor2" coef="-0.02"/><joint joint="joint2" coef="-1"/></fixed>
+  </tendon>
+  <actuator>
+    <dcmotor name="drive1" joint="motor1" input="pos vel ff" motorconst="1" resistance="1"
+      controller="5 0 0.2 0 0 0" saturation="3 0 0"/>
+    <dcmotor name="drive2" joint="motor2" input="pos vel ff" motorconst="1" resistance="1"
+      controller="2 0 0.1 0 0 0" saturation="2 0 0"/>
+    <dcmotor name="friction1" joint="motor1" input="none" motorconst="0" resistance="1"
+      lugre="20 0.1 0.2 0.3 5" damping="1e-3"/>
+    <dcmotor name="friction2" joint="motor2" input="none" motorconst="0" resistance="1"
+      lugre="10 0.07 0.1 0.15 5" damping="1e-3"/>
+  </actuator>
+</mujoco>
+"""
+
+SWING = """
+description = "swings both axes"
+[start]
+joints = [-40, -30]
+[[move]]
+joints = [40, 20]
+dwell = 0.1
+[[move]]
+joints = [-40, -30]
+"""
+
+
+@pytest.fixture(scope="session")
+def tiny_robot_path(tmp_path_factory) -> str:
+    """Path of a robot with two axes, cheap to simulate."""
+    path = tmp_path_factory.mktemp("robot") / "tiny.xml"
+    path.write_text(TWO_AXES)
+    return str(path)
+
+
+@pytest.fixture(scope="session")
+def tiny_task_path(tmp_path_factory) -> str:
+    """Path of a task for it."""
+    path = tmp_path_factory.mktemp("task") / "swing.toml"
+    path.write_text(SWING)
+    return str(path)
+
+
+@pytest.fixture(scope="session")
+def tiny_robot(tiny_robot_path) -> Robot:
+    return load_robot(tiny_robot_path)
+
+
+@pytest.fixture(params=["puma560", "irb6700"], scope="session")
+def robot(request) -> Robot:
+    """Each robot that comes with the package."""
+    return load_robot(request.param)

@@ -1,0 +1,171 @@
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+COMMANDS = ["demo", "robots", "tasks", "effects", "generate", "info", "isolate", "report"]
+
+
+def faultgen(*arguments, cwd=None):
+    command = [sys.executable, "-m", "faultgen.cli", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=300)
+
+
+def flags(tiny_robot_path, tiny_task_path, out, **changes):
+    """Flags of a cheap dataset."""
+    chosen = {"robot": tiny_robot_path, "task": tiny_task_path, "axis": "1,2", "cycles": 12}
+    parts = [
+        str(part) for name, value in (chosen | changes).items() for part in (f"--{name}", value)
+    ]
+    return ["generate", *parts, "--workers", "1", "-o", str(out)]
+
+
+@pytest.fixture(scope="module")
+def dataset(tiny_robot_path, tiny_task_path, tmp_path_factory):
+    out = tmp_path_factory.mktemp("cli") / "out"
+    done = faultgen(*flags(tiny_robot_path, tiny_task_path, out, severity=0.2), "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["done"] == 3
+    return out
+
+
+def test_every_command_teaches():
+    """--help lists the commands, and that of each says what it does and takes."""
+    overview = faultgen("--help").stdout
+    for command in COMMANDS:
+        assert re.search(rf"^  {command} ", overview, re.MULTILINE), command
+        text = faultgen(command, "--help").stdout
+        assert "--json" in text
+        assert len(text.splitlines()) > 5
+
+
+def test_lists_are_json_too():
+    """robots, tasks and effects print the same as a table and as JSON."""
+    robots = json.loads(faultgen("robots", "--json").stdout)
+    assert {row["robot"] for row in robots} == {"puma560", "irb6700"}
+    assert len(robots) == 12
+    effects = json.loads(faultgen("effects", "--json").stdout)
+    assert {"friction_wear", "viscous_friction"} <= {row["effect"] for row in effects}
+    assert "friction_wear" in faultgen("effects").stdout
+    tasks = json.loads(faultgen("tasks", "--json").stdout)
+    assert len(tasks) == 9
+    assert "chapter3_task1" in faultgen("tasks").stdout
+
+
+def test_generate_again_keeps_what_is_there(tiny_robot_path, tiny_task_path, dataset):
+    """The same command resumes: it makes nothing twice."""
+    again = faultgen(*flags(tiny_robot_path, tiny_task_path, dataset, severity=0.2))
+    assert again.returncode == 0
+    assert "3 runs, 0 made now, 3 there before, 0 failed" in again.stdout
+
+
+def test_info_tells_what_is_there(dataset):
+    """A whole dataset is complete and intact, in words and in JSON."""
+    said = json.loads(faultgen("info", dataset, "--json").stdout)
+    assert said["complete"]
+    assert said["intact"]
+    assert [row["axes"] for row in said["runs"]] == ["-", "1", "2"]
+    told = faultgen("info", dataset)
+    assert told.returncode == 0
+    assert "complete and intact" in told.stdout
+
+
+def test_info_tells_of_damage(tiny_robot_path, tiny_task_path, tmp_path):
+    """A truncated and a missing run are named, and the exit status is 1."""
+    faultgen(*flags(tiny_robot_path, tiny_task_path, tmp_path, cycles=2))
+    lost, cut, _ = sorted((tmp_path / "runs").glob("*.h5"))
+    lost.unlink()
+    cut.write_bytes(cut.read_bytes()[:-7])
+    told = faultgen("info", tmp_path)
+    assert told.returncode == 1
+    assert f"damaged: runs/{cut.name}: differs from its checksum" in told.stdout
+    assert re.search(rf"{lost.stem}.*missing", told.stdout)
+    isolated = faultgen("isolate", tmp_path)
+    assert isolated.returncode == 2
+    assert re.fullmatch(r"faultgen: .*damaged or not an HDF5 file.*\n", isolated.stderr)
+
+
+def test_isolate_prints_the_form_of_table_6_2(dataset):
+    """Robot and task x wear x method, with intervals, and what is named on the healthy robot."""
+    text = faultgen("isolate", dataset, "--seeds", "3").stdout
+    assert "| robot | task | wear % |" in text
+    for wear in ("1", "5", "10", "15", "healthy"):
+        assert f"| tiny | swing | {wear} |" in text
+    rows = json.loads(faultgen("isolate", dataset, "--seeds", "3", "--json").stdout)["results"]
+    row = next(r for r in rows if r["level"] == 0.15 and r["method"] == "TE 5 bins")
+    assert row["total"] == 6  # two worn axes, three draws
+    assert 0 <= row["low"] <= row["accuracy"] <= row["high"] <= 1
+
+
+def test_report_is_one_page(dataset):
+    """report.html needs no other file."""
+    done = faultgen("report", dataset)
+    assert done.returncode == 0, done.stderr
+    page = Path(done.stdout.strip()).read_text()
+    assert page.count("data:image/png;base64,") == 2
+    assert "http" not in page.replace("http-equiv", "")
+    assert "<th>TE 10 bins</th>" in page
+
+
+BAD = {
+    "an unknown robot": ({"robot": "r2d2"}, r"unknown robot 'r2d2': choose irb6700, puma560"),
+    "axis 7": ({"robot": "puma560", "task": "pick_and_place", "axis": 7}, r"axis 7: .* 1 to 6"),
+    "no number": ({"axis": "one"}, r"axis 'one': give numbers"),
+    "severity -5": ({"severity": -5}, r"severity: .*greater than or equal to 0, not -5"),
+    "severity x": ({"severity": "x"}, r"severity 'x': give numbers"),
+    "cycles 0": ({"cycles": 0}, r"cycles: .*greater than or equal to 1, not 0"),
+    "cycles x": ({"cycles": "many"}, r".*'--cycles'.* valid integer"),
+    "an unknown schedule": ({"schedule": "sudden"}, r"unknown schedule 'sudden'"),
+    "an unknown option": ({"colour": "red"}, r"No such option: --colour"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_flags_get_one_line(tiny_robot_path, tiny_task_path, tmp_path, case):
+    """One clear line on stderr, exit status 2, nothing written."""
+    changes, message = BAD[case]
+    done = faultgen(*flags(tiny_robot_path, tiny_task_path, tmp_path / "out", **changes))
+    assert done.returncode == 2, done.stderr
+    assert re.fullmatch(rf"faultgen: .*{message}.*\n", done.stderr), done.stderr
+    assert done.stdout == ""
+    assert not (tmp_path / "out").exists()
+
+
+def test_bad_files_and_folders_get_one_line(tmp_path):
+    """A broken TOML, a missing file, no dataset, an unwritable folder, flags beside a file."""
+    broken = tmp_path / "broken.toml"
+    broken.write_text("robot = [")
+    good = tmp_path / "good.toml"
+    good.write_text('robot = "puma560"\ntask = "pick_and_place"\n')
+    blocked = tmp_path / "blocked"
+    blocked.write_text("a file where a folder should be")
+    out = tmp_path / "out"
+    for arguments, message in (
+        (["generate", broken, "-o", out], "broken.toml: not valid TOML"),
+        (["generate", tmp_path / "no.toml", "-o", out], "no.toml: cannot be read"),
+        (["generate", good, "-o", blocked], "blocked: cannot be written"),
+        (["generate", good, "--cycles", "3", "-o", out], "file or flags, not both: --cycles"),
+        (["generate", "--robot", "puma560", "-o", out], "no --task"),
+        (["generate", good, "--workers", "0", "-o", out], "workers: must be at least 1, not 0"),
+        (["info", tmp_path], "no dataset there"),
+        (["isolate", tmp_path / "nowhere"], "no dataset there"),
+        (["report", tmp_path], "no dataset there"),
+        (["fly"], "No such command 'fly'"),
+        (["info"], "Missing argument 'folder'"),
+    ):
+        done = faultgen(*arguments)
+        assert done.returncode == 2, (arguments, done.stderr)
+        assert re.fullmatch(rf"faultgen: .*{re.escape(message)}.*\n", done.stderr), done.stderr
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_read_only_folders_are_refused(tmp_path):
+    """A folder without write permission is named."""
+    tmp_path.chmod(0o500)
+    done = faultgen("generate", "--robot", "puma560", "--task", "pick_and_place", "-o", tmp_path)
+    assert done.returncode == 2
+    assert "cannot be written" in done.stderr

@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+
+from faultgen.errors import InputError
+from faultgen.robot import load_robot
+
+
+def test_numbers_come_from_the_file():
+    """Gear ratios keep their sign; limits are those of thesis table 3.1 over the gear ratio."""
+    puma = load_robot("puma560")
+    np.testing.assert_allclose(
+        puma.gear_ratio, [-62.6111, 107.815, -53.7063, 76.0364, 71.923, 76.686], rtol=1e-6
+    )
+    np.testing.assert_allclose(
+        puma.motor_torque_limit * np.abs(puma.gear_ratio), [120, 200, 100, 22, 22, 21], rtol=1e-4
+    )
+    irb = load_robot("irb6700")
+    speeds = np.degrees(irb.motor_velocity_limit / irb.gear_ratio)
+    np.testing.assert_allclose(speeds, [110, 110, 110, 190, 150, 210], rtol=1e-3)
+    assert irb.n_axes == puma.n_axes == 6
+
+
+def test_a_path_loads_like_a_name(tiny_robot):
+    """A robot of one's own has its file's name and as many axes as it has joints."""
+    assert tiny_robot.name == "tiny"
+    assert tiny_robot.n_axes == 2
+    np.testing.assert_allclose(tiny_robot.gear_ratio, [100, -50])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('name="joint1"', 'name="elbow"', "MuJoCo cannot read the model"),
+        ('"motor2" coef="-0.02"', '"motor1" coef="-0.02"', "'gearbox2' must have coef 1/n on mot"),
+        ('name="drive2"', 'name="driver"', "no actuator named 'drive2'"),
+        ('data="300 300"', 'data="300"', "numeric 'motor_velocity_limit' has 1 values, not 2"),
+        ("</mujoco>", "", "MuJoCo cannot read the model"),
+    ],
+)
+def test_wrong_files_are_refused_in_one_line(tiny_robot, tmp_path, old, new, message):
+    """The message names the robot and the element."""
+    path = tmp_path / "broken.xml"
+    path.write_text(tiny_robot.xml.replace(old, new))
+    with pytest.raises(InputError, match=message) as error:
+        load_robot(path)
+    assert str(error.value).startswith("robot broken: ")
+    assert "\n" not in str(error.value)
+
+
+def test_unknown_robots_are_refused_with_the_choices():
+    """The message names the robots that there are."""
+    with pytest.raises(InputError, match="unknown robot 'r2d2': choose irb6700, puma560"):
+        load_robot("r2d2")

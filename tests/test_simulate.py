@@ -1,0 +1,127 @@
+import os
+
+import mujoco
+import mujoco.batch
+import numpy as np
+import pytest
+
+from faultgen import simulate as module
+from faultgen.errors import InputError, SimulationFailed
+from faultgen.robot import load_robot, robot_names
+from faultgen.servo import control_signal
+from faultgen.simulate import simulate
+from faultgen.tasks import load_task, plan
+
+
+@pytest.fixture(scope="module")
+def swing(tiny_robot, tiny_task_path):
+    """Motion and control of the small robot."""
+    motion = plan(load_task("tiny", tiny_task_path), tiny_robot)
+    return motion, control_signal(motion, tiny_robot.model.opt.timestep)
+
+
+def channels(cycle):
+    return np.concatenate([getattr(cycle, name) for name in cycle.__dataclass_fields__], axis=1)
+
+
+def test_samples_are_those_of_plain_stepping(tiny_robot, swing):
+    """Every channel equals what one MjData stepped by mj_step gives at the sample's time."""
+    _, control = swing
+    model, step = tiny_robot.model, tiny_robot.model.opt.timestep
+    (cycle,) = simulate(tiny_robot, control, [model], sample_period=0.004)
+    batch = mujoco.batch.Batch(model, 1, 1)
+    lead = min(len(control), round(module.LEAD_IN / step))
+    module._start(tiny_robot, batch, control[len(control) - lead])
+    data = batch.get_data(0)
+    for row in control[len(control) - lead :]:
+        data.ctrl[:] = row
+        mujoco.mj_step(model, data)
+    for k, row in enumerate(control):
+        data.ctrl[:] = row
+        if k % 4 == 0:
+            mujoco.mj_forward(model, data)
+            speed = data.qvel[list(tiny_robot.motors)]
+            np.testing.assert_array_equal(
+                cycle.motor_position[k // 4], data.qpos[list(tiny_robot.motors)]
+            )
+            np.testing.assert_array_equal(cycle.motor_velocity[k // 4], speed)
+            np.testing.assert_array_equal(cycle.motor_torque[k // 4], data.actuator_force[:2])
+            np.testing.assert_allclose(
+                cycle.joint_position[k // 4], data.qpos[list(tiny_robot.joints)], atol=1e-13
+            )
+            friction = data.actuator_force[2:] - model.actuator_damping[2:] * speed
+            np.testing.assert_allclose(cycle.friction_torque[k // 4], friction, atol=1e-13)
+        mujoco.mj_step(model, data)
+
+
+def test_chunks_do_not_matter(tiny_robot, swing, monkeypatch):
+    """However many steps are recorded at once, the result is the same, bit for bit."""
+    models = [tiny_robot.model] * 2
+    whole = [channels(c) for c in simulate(tiny_robot, swing[1], models, sample_period=0.004)]
+    monkeypatch.setattr(module, "_CHUNK", 84)
+    parts = [channels(c) for c in simulate(tiny_robot, swing[1], models, sample_period=0.004)]
+    np.testing.assert_array_equal(whole, parts)
+
+
+def test_cycles_repeat(robot):
+    """A healthy robot without noise does the same in each cycle, to 0.1 % of the RMS torque."""
+    motion = plan(load_task(robot.name, "pick_and_place"), robot)
+    control = control_signal(motion, robot.model.opt.timestep)
+    first, second = simulate(robot, control, [robot.model] * 2, sample_period=0.004)
+    error = np.sqrt(((first.motor_torque - second.motor_torque) ** 2).mean(axis=0))
+    assert (error < 1e-3 * np.sqrt((second.motor_torque**2).mean(axis=0))).all()
+
+
+def test_the_arm_follows(robot):
+    """The motors stay within 3 mrad (joint side) of the reference in every task."""
+    for task in ("pick_and_place", "spot_weld", "arc_weld"):
+        motion = plan(load_task(robot.name, task), robot)
+        control = control_signal(motion, robot.model.opt.timestep)
+        (cycle,) = simulate(robot, control, [robot.model], sample_period=0.004)
+        reference = motion(np.arange(len(cycle.motor_position)) * 0.004)[0]
+        error = cycle.motor_position / robot.gear_ratio - reference
+        assert np.abs(error).max() < 3e-3, task
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_every_robot_runs_a_second_alone(name):
+    """Stepped without control for one second, no robot raises a MuJoCo warning."""
+    model = load_robot(name).model
+    data = mujoco.MjData(model)
+    for _ in range(round(1 / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+    assert all(warning.number == 0 for warning in data.warning)
+
+
+def test_divergence_is_reported(tiny_robot, swing, tmp_path, monkeypatch, capfd):
+    """A run that blows up raises, says in which cycle, and leaves no log file behind."""
+    monkeypatch.chdir(tmp_path)
+    spec = tiny_robot.spec()
+    spec.tendon("gearbox2").stiffness[0] = 1e12
+    models = [tiny_robot.model, spec.compile()]
+    cycles = simulate(tiny_robot, swing[1], models, sample_period=0.004)
+    next(cycles)
+    with pytest.raises(SimulationFailed, match="cycle 2: the simulation diverged before"):
+        next(cycles)
+    assert os.listdir(tmp_path) == []
+    assert capfd.readouterr().err == ""
+
+
+def test_sample_periods_must_fit(tiny_robot, swing):
+    """A sample period that is no whole number of steps is refused."""
+    with pytest.raises(InputError, match="sample period 0.0035 s must be a whole number of steps"):
+        next(simulate(tiny_robot, swing[1], [tiny_robot.model], sample_period=0.0035))
+
+
+def test_wear_raises_friction_torque_by_its_share(tiny_robot, swing):
+    """30 % more Coulomb and static friction on axis 1 is 30 % more, where it slides fast."""
+    spec = tiny_robot.spec()
+    spec.actuator("friction1").biasprm[3:5] *= 1.3
+    spec.actuator("friction1").damping[0] = 0
+    plain = tiny_robot.spec()
+    plain.actuator("friction1").damping[0] = 0
+    models = [plain.compile(), spec.compile()]
+    before, after = simulate(tiny_robot, swing[1], models, sample_period=0.004)
+    fast = (np.abs(before.motor_velocity[:, 0]) > 40) & (np.abs(after.motor_velocity[:, 0]) > 40)
+    ratio = after.friction_torque[fast, 0] / before.friction_torque[fast, 0]
+    np.testing.assert_allclose(ratio, 1.3, rtol=1e-6)

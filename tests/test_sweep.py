@@ -1,0 +1,344 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+import faultgen.sweep as sweep
+from faultgen.dataset import file_sha256, open_dataset
+from faultgen.errors import InputError
+from faultgen.experiment import make_experiment, plan_runs, to_toml
+from faultgen.sweep import generate
+
+
+@pytest.fixture(scope="session")
+def small(tiny_robot_path, tiny_task_path):
+    """Function that makes a cheap experiment."""
+
+    def make(**changes):
+        base = {"robot": tiny_robot_path, "task": tiny_task_path, "axis": [1, 2], "cycles": 6}
+        return make_experiment(base | {"severity": 0.3} | changes)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def made(small, tmp_path_factory):
+    """A finished dataset, not to be changed."""
+    folder = tmp_path_factory.mktemp("dataset") / "out"
+    generate(small(sensors="realistic"), folder, progress=False)
+    return folder
+
+
+def contents(folder: Path) -> dict[str, str]:
+    files = [p for p in folder.rglob("*") if p.is_file() and p.name != ".lock"]
+    return {str(p.relative_to(folder)): file_sha256(p) for p in files}
+
+
+def test_workers_do_not_change_a_byte(small, made, tmp_path):
+    """One worker and two give the same folder, file by file, byte by byte."""
+    generate(small(sensors="realistic"), tmp_path / "two", workers=2, progress=False)
+    assert contents(tmp_path / "two") == contents(made)
+
+
+def test_the_contract_of_run_files(made):
+    """Attributes and arrays are those of the design, with units, names and scales."""
+    attributes = "schema_version robot task effect axis severity schedule seed sample_period"
+    attributes += " faultgen_version mujoco_version model_sha256"
+    dataset = open_dataset(made)
+    assert len(dataset.runs) == 3
+    for run in dataset.runs:
+        with h5py.File(run.path) as file:
+            assert set(attributes.split()) <= set(file.attrs)
+            assert file["model"][()].decode().startswith("\n<mujoco")
+            samples = file["signals/motor_torque"].shape[1]
+            for name in ("motor_position", "motor_velocity", "motor_torque"):
+                assert file[f"signals/{name}"].shape == (6, samples, 2)
+            for name in ("friction_torque", "gear_torque", "joint_position"):
+                assert file[f"truth/{name}"].shape == (6, samples, 2)
+            for name in ("mean_abs_torque", "torque_indicator", "speed_indicator"):
+                assert file[f"monitoring/{name}"].shape == (6, 2)
+            for name in ("torque", "speed", "angle"):
+                shares = file[f"monitoring/{name}_histogram"][()]
+                assert shares.shape == (6, 2, 12)
+                np.testing.assert_allclose(shares.sum(axis=2), 1, atol=1e-12)
+            np.testing.assert_array_equal(file["cycle/index"], np.arange(1, 7))
+
+            def check(name, item):
+                if isinstance(item, h5py.Dataset) and name != "model":
+                    assert item.attrs["units"], name
+                    assert item.attrs["long_name"], name
+                    if not name.startswith("dimensions/"):
+                        assert all(len(dimension) for dimension in item.dims), name
+
+            file.visititems(check)
+
+
+def test_labels_are_true(made):
+    """The label of each cycle is the wear that its friction torque shows."""
+    healthy, first, second = open_dataset(made).runs
+    assert [run["axis"] for run in (healthy, first, second)] == [0, 1, 2]
+    assert [run["effect"] for run in (healthy, first)] == ["healthy", "friction_wear"]
+    assert not healthy.read("cycle/severity").any()
+    severity = first.read("cycle/severity")
+    assert severity[-1] == first["severity"] == 0.3
+    np.testing.assert_array_equal(
+        first.read("cycle/axis_severity"), np.stack([severity, 0 * severity], axis=1)
+    )
+    speed = np.abs(first.read("truth/motor_velocity"))
+    fast = np.abs(speed - 60) < 3
+    for axis, ratio in ((0, 1 + severity), (1, np.ones(6))):
+        for cycle in range(6):
+            at = fast[cycle, :, axis]
+            friction = [
+                np.abs(run.read("truth/friction_torque")[cycle, at, axis]).mean()
+                for run in (first, healthy)
+            ]
+            # viscous friction at 60 rad/s, which does not wear, at this cycle's temperature
+            viscous = friction[1] - (0.2, 0.1)[axis]
+            assert friction[0] - viscous == pytest.approx(ratio[cycle] * (0.2, 0.1)[axis], rel=0.03)
+
+
+def test_healthy_twin_differs_by_wear_only(made):
+    """The healthy run of the same seed has the same temperatures, loads and noise."""
+    healthy, first, _ = open_dataset(made).runs
+    for name in ("cycle/temperature", "truth/gearbox_temperature", "truth/payload_mass"):
+        np.testing.assert_array_equal(healthy.read(name), first.read(name))
+    noise = [
+        run.read("signals/motor_torque") - run.read("truth/motor_torque")
+        for run in (healthy, first)
+    ]
+    np.testing.assert_allclose(noise[0], noise[1], atol=1e-6)
+
+
+def test_unpaired_runs_have_seeds_of_their_own(small):
+    """With paired = false no two faulty runs share a seed, and the seeds are stable."""
+    runs = plan_runs(small(paired=False, repetitions=3))
+    seeds = [run.seed for run in runs]
+    assert len(set(seeds)) == len(seeds) == 9
+    assert seeds == [run.seed for run in plan_runs(small(paired=False, repetitions=3))]
+
+
+def test_severity_zero_is_the_healthy_run(small, tmp_path):
+    """A sweep with severity 0 has one healthy run, under its true label."""
+    runs = plan_runs(small(severity=[0.0, 0.1]))
+    assert [(run.effect, run.axes) for run in runs] == [
+        ("healthy", ()),
+        ("friction_wear", (1,)),
+        ("friction_wear", (2,)),
+    ]
+
+
+def test_several_axes_wear_at_once(small, tmp_path):
+    """[[1, 2]] is one run in which both axes wear."""
+    generate(small(axis=[[1, 2]], healthy=False), tmp_path, progress=False)
+    (run,) = open_dataset(tmp_path).runs
+    assert list(run["axes"]) == [1, 2]
+    severity = run.read("cycle/severity")
+    np.testing.assert_array_equal(run.read("cycle/axis_severity"), severity[:, None] * [1, 1])
+
+
+def test_schedules_may_be_arrays(small, tmp_path):
+    """The severity of each cycle is that of the array."""
+    wear = [0, 0.1, 0.05, 0.2, 0.2, 0.4]
+    generate(small(axis=1, schedule=wear, healthy=False), tmp_path, progress=False)
+    (run,) = open_dataset(tmp_path).runs
+    np.testing.assert_array_equal(run.read("cycle/severity"), wear)
+    assert run["severity"] == 0.4
+
+
+def test_signals_may_be_thinned_or_left_out(small, tmp_path):
+    """Reductions are the same, whatever is kept of the signals."""
+    generate(small(axis=1, healthy=False), tmp_path / "all", progress=False)
+    kept = small(axis=1, healthy=False, signals=["signals/motor_torque"], thin=5)
+    generate(kept, tmp_path / "thin", progress=False)
+    (whole,), (thin,) = (open_dataset(tmp_path / name).runs for name in ("all", "thin"))
+    np.testing.assert_array_equal(
+        thin.read("signals/motor_torque"), whole.read("signals/motor_torque")[:, ::5]
+    )
+    assert "signals/motor_velocity" not in thin
+    name = "monitoring/torque_histogram"
+    np.testing.assert_array_equal(thin.read(name), whole.read(name))
+
+
+def test_merged_file_holds_every_run(made):
+    """dataset.h5 has the arrays, attributes and scales of each run file, and is not virtual."""
+    dataset = open_dataset(made)
+    with h5py.File(made / "dataset.h5") as merged:
+        assert merged.attrs["complete"]
+        assert len(merged["runs"]) == merged.attrs["n_runs"] == 3
+        for run in dataset.runs:
+            group = merged["runs"][run.id]
+            assert group.attrs["severity"] == run["severity"]
+            torque = group["signals/motor_torque"]
+            np.testing.assert_array_equal(torque, run.read("signals/motor_torque"))
+            assert not torque.is_virtual
+            assert torque.dims[2][0].name == f"/runs/{run.id}/dimensions/axis"
+
+
+def test_finished_datasets_are_left_alone(small, made):
+    """Generating again makes nothing and changes nothing."""
+    before = contents(made)
+    summary = generate(small(sensors="realistic"), made, progress=False)
+    assert (summary.done, summary.kept, summary.failed) == (0, 3, {})
+    assert contents(made) == before
+
+
+def test_missing_and_damaged_runs_are_made_again(small, tmp_path):
+    """What is lost, cut short or flipped in one bit is noticed and made again, byte for byte."""
+    generate(small(), tmp_path, progress=False)
+    before = contents(tmp_path)
+    lost, cut, flipped = (run.path for run in open_dataset(tmp_path).runs)
+    lost.unlink()
+    cut.write_bytes(cut.read_bytes()[:-10])
+    content = bytearray(flipped.read_bytes())
+    content[len(content) // 2] ^= 1
+    flipped.write_bytes(content)
+    assert set(open_dataset(tmp_path).damaged()) == {f"runs/{p.name}" for p in (cut, flipped)}
+    assert open_dataset(tmp_path).missing == [lost.stem]
+    summary = generate(small(), tmp_path, progress=False)
+    assert summary.done == 3
+    assert contents(tmp_path) == before
+
+
+def test_killed_sweeps_are_finished_by_running_again(small, made, tmp_path):
+    """After SIGKILL in the middle, running again gives the very bytes of an unbroken sweep."""
+    toml = tmp_path / "experiment.toml"
+    toml.write_text(to_toml(small(sensors="realistic")))
+    code = (
+        "import sys, time, faultgen.sweep as s; real = s.simulate\n"
+        "def slow(*a, **k):\n"
+        "    for c in real(*a, **k): time.sleep(0.1); yield c\n"
+        "s.simulate = slow\n"
+        "s.generate(sys.argv[1], sys.argv[2], progress=False)"
+    )
+    out = tmp_path / "out"
+    process = subprocess.Popen([sys.executable, "-c", code, str(toml), str(out)])
+    deadline = time.time() + 60
+    while not list(out.glob("runs/*.h5")) and time.time() < deadline:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert len(open_dataset(out).missing) in (1, 2)
+    generate(toml, out, progress=False)
+    assert contents(out) == contents(made)
+
+
+def test_failed_runs_are_recorded_and_do_not_stop_the_sweep(small, tmp_path, monkeypatch):
+    """The others are made; the reason is kept, and the run is tried again the next time."""
+    real = sweep.get_effect("friction_wear").edit
+    broken = {"on": True}
+
+    class Fragile:
+        def apply(self, spec, axis, severity):
+            real(spec, axis, severity)
+            if broken["on"] and axis == 1 and severity > 0.2:
+                spec.tendon("gearbox1").stiffness[0] = 1e12
+
+    monkeypatch.setattr(sweep, "get_effect", lambda name: Fragile())
+    summary = generate(small(), tmp_path, progress=False)
+    assert (summary.done, len(summary.failed)) == (2, 1)
+    (reason,) = open_dataset(tmp_path).failed.values()
+    assert reason.startswith("cycle 6: the simulation diverged")
+    with h5py.File(tmp_path / "dataset.h5") as merged:
+        assert not merged.attrs["complete"]
+    broken["on"] = False
+    summary = generate(small(), tmp_path, progress=False)
+    assert (summary.done, summary.failed) == (1, {})
+    assert open_dataset(tmp_path).failed == {}
+
+
+@pytest.mark.parametrize("call", ["fsync", "replace"])
+def test_no_failing_system_call_leaves_a_half_written_file(small, tmp_path, monkeypatch, call):
+    """Whichever sync or rename fails, what is there is whole, and a second try completes it."""
+    real = getattr(os, call)
+    experiment = small(axis=1, cycles=1, signals="none")
+    counter = {"left": 0}
+
+    def fail(*arguments):
+        counter["left"] -= 1
+        if counter["left"] == 0:
+            raise OSError(28, "No space left on device")
+        return real(*arguments)
+
+    for number in range(1, 30):
+        folder = tmp_path / str(number)
+        counter["left"] = number
+        monkeypatch.setattr(os, call, fail)
+        try:
+            summary = generate(experiment, folder, progress=False)
+            finished = not summary.failed
+        except OSError:
+            finished = False
+        monkeypatch.setattr(os, call, real)
+        for path in folder.glob("runs/*.h5"):
+            with h5py.File(path) as file:
+                assert file["monitoring/mean_abs_torque"].shape == (1, 2)
+        generate(experiment, folder, progress=False)
+        dataset = open_dataset(folder)
+        assert (dataset.missing, dataset.damaged()) == ([], {})
+        assert not list(folder.rglob("*.tmp"))
+        if finished and counter["left"] > 0:
+            break
+    else:
+        pytest.fail("the calls never ran out")
+    assert number > 4
+
+
+def test_folders_of_other_experiments_are_refused(small, made):
+    """Another experiment never mixes into a dataset."""
+    with pytest.raises(InputError, match="holds another dataset"):
+        generate(small(cycles=7), made, progress=False)
+
+
+def test_two_generators_do_not_share_a_folder(small, tmp_path):
+    """The second one is refused as long as the first one writes."""
+    with (
+        sweep._locked(tmp_path),
+        pytest.raises(InputError, match="another process is writing there"),
+    ):
+        generate(small(), tmp_path, progress=False)
+
+
+def test_experiments_survive_being_written_out(small, made):
+    """experiment.toml gives the same runs again, and runs.json names them."""
+    from faultgen.experiment import load_experiment
+
+    experiment = load_experiment(made / "experiment.toml")
+    assert experiment == small(sensors="realistic")
+    planned = json.loads((made / "runs.json").read_text())["runs"]
+    assert list(planned) == [run.id for run in plan_runs(experiment)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"axis": 7}, "axis 7: robot tiny has axes 1 to 2"),
+        ({"axis": 0}, "axis 0: robot tiny has axes 1 to 2"),
+        ({"axis": [[1, 1]]}, "the same axis twice"),
+        ({"severity": -5}, "severity: input should be greater than or equal to 0, not -5"),
+        ({"severity": "much"}, "severity: input should be a valid number"),
+        ({"cycles": 0}, "cycles: input should be greater than or equal to 1, not 0"),
+        ({"effect": "rust"}, "unknown effect 'rust': choose healthy, friction_wear"),
+        ({"schedule": "sudden"}, "unknown schedule 'sudden'"),
+        ({"schedule": [0.1, 0.2]}, "schedule has 2 severities, but cycles = 6"),
+        ({"sensors": "loud"}, "unknown sensors 'loud'"),
+        ({"task": "dance"}, "unknown task 'dance' for robot tiny"),
+        ({"robot": "r2d2"}, "unknown robot 'r2d2'"),
+        ({"sample_period": 0.0035}, "sample period 0.0035 s must be a whole number of steps"),
+        ({"signals": ["signals/noise"]}, "signals: unknown 'signals/noise'"),
+        ({"color": "red"}, "unknown entry 'color': choose robot, task"),
+    ],
+)
+def test_bad_experiments_are_refused_in_one_line(small, tmp_path, changes, message):
+    """The message names the entry, what it is and what it could be; nothing is written."""
+    with pytest.raises(InputError, match=message) as error:
+        generate(small(**changes), tmp_path / "out", progress=False)
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "out").exists()
