@@ -33,7 +33,7 @@ benchmark: install
 	$(BIN)/python benchmarks/bench_transfer_entropy.py
 
 pictures: install
-	$(BIN)/python benchmarks/pictures.py
+	$(BIN)/python docs/pictures.py
 
 clean:
 	rm -rf $(VENV) demo-out build *.egg-info

@@ -104,7 +104,9 @@ def _make_all(
     runs: list[Run], folder: Path, workers: int, progress: bool
 ) -> Iterator[tuple[Run, str | None]]:
     """Make runs in parallel; yield each with None, or the reason for which it failed."""
-    bar = tqdm(total=len(runs), unit="run", disable=not progress or not runs, desc="simulating")
+    bar = tqdm(
+        total=len(runs), unit="run", disable=None if progress and runs else True, desc="simulating"
+    )
     jobs = Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)
     results = jobs(delayed(make_run)(run, folder) for run in runs)
     with bar:

@@ -1,8 +1,10 @@
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -169,3 +171,23 @@ def test_read_only_folders_are_refused(tmp_path):
     done = faultgen("generate", "--robot", "puma560", "--task", "pick_and_place", "-o", tmp_path)
     assert done.returncode == 2
     assert "cannot be written" in done.stderr
+
+
+def test_ctrl_c_stops_cleanly(tmp_path):
+    """One line, exit status 130, no half-written run; the same command goes on."""
+    command = [sys.executable, "-m", "faultgen.cli", "generate", "--robot", "puma560"]
+    command += ["--task", "pick_and_place", "--cycles", "200", "--workers", "2"]
+    process = subprocess.Popen(
+        [*command, "-o", str(tmp_path / "out")],
+        start_new_session=True,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.time() + 60
+    while not list(tmp_path.glob("out/runs/.*.tmp")) and time.time() < deadline:
+        time.sleep(0.1)
+    os.killpg(process.pid, signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert said.endswith("faultgen: stopped; run the same command again to go on\n")
+    assert not list(tmp_path.glob("out/runs/*.h5"))

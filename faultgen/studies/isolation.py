@@ -150,7 +150,7 @@ def isolate(
         )
     tallies: dict[tuple[str, str, float, str], Tally] = {}
     unobservable: dict[str, list[int]] = {}
-    for run in tqdm(dataset.runs, unit="run", disable=not progress, desc="isolating"):
+    for run in tqdm(dataset.runs, unit="run", disable=None if progress else True, desc="isolating"):
         worn = tuple(int(axis) for axis in run["axes"])
         severity = run.read("cycle/severity")
         for series in _series(run, chosen, seeds, seed) if redraw else _stored(run):
