@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 import typer
 
-from faultgen.errors import InputError
+from faultgen.errors import InputError, SimulationFailed
 
 app = typer.Typer(
     name="faultgen",
@@ -52,7 +52,7 @@ def main() -> None:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
-    except OSError as error:
+    except (SimulationFailed, OSError) as error:
         _fail(" ".join(str(error).split()), 1)
     except Exception as error:
         # usage errors of the command-line library
@@ -345,7 +345,7 @@ def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = F
     )
     summary = run_generate(chosen, out, workers=_workers(workers))
     if summary.failed:
-        raise InputError("; ".join(summary.failed.values()))
+        raise SimulationFailed("; ".join(summary.failed.values()))
     result = run_isolate(open_dataset(out), progress=False)
     path = write_report(out, result)
     if as_json:

@@ -265,7 +265,10 @@ def _check_axes(experiment: Experiment, robot: Robot) -> None:
     for axes in experiment.axis:
         for axis in axes:
             if not 1 <= axis <= robot.n_axes:
-                raise InputError(f"axis {axis}: robot {robot.name} has axes 1 to {robot.n_axes}")
+                raise InputError(
+                    f"axis {axis}: robot {robot.name} has axes 1 to {robot.n_axes} "
+                    f"(for the healthy robot alone: effect {HEALTHY})"
+                )
         if len(set(axes)) != len(axes):
             raise InputError(f"axis {axes}: the same axis twice")
 

@@ -10,6 +10,7 @@ import fcntl
 import json
 import os
 from collections.abc import Iterator
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
@@ -110,9 +111,15 @@ def _make_all(
     jobs = Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)
     results = jobs(delayed(make_run)(run, folder) for run in runs)
     with bar:
-        for run, reason in results:
-            bar.update()
-            yield run, reason
+        try:
+            for run, reason in results:
+                bar.update()
+                yield run, reason
+        except BrokenProcessPool:
+            raise SimulationFailed(
+                "a worker process was killed, perhaps for want of memory; "
+                "run the same command again to go on"
+            ) from None
 
 
 def make_run(run: Run, folder: Path) -> tuple[Run, str | None]:

@@ -12,7 +12,7 @@ import pytest
 
 import faultgen.sweep as sweep
 from faultgen.dataset import file_sha256, open_dataset
-from faultgen.errors import InputError
+from faultgen.errors import InputError, SimulationFailed
 from faultgen.experiment import make_experiment, plan_runs, to_toml
 from faultgen.sweep import generate
 
@@ -295,6 +295,20 @@ def test_folders_of_other_experiments_are_refused(small, made):
     """Another experiment never mixes into a dataset."""
     with pytest.raises(InputError, match="holds another dataset"):
         generate(small(cycles=7), made, progress=False)
+
+
+def test_killed_workers_are_told_in_one_line(small, tmp_path, monkeypatch):
+    """A worker that dies stops the sweep with a message; what was made stays, the rest resumes."""
+    experiment = small(axis=[1, 2])
+    monkeypatch.setattr(sweep, "make_run", _die)
+    with pytest.raises(SimulationFailed, match="a worker process was killed"):
+        generate(experiment, tmp_path, workers=2, progress=False)
+    monkeypatch.undo()
+    assert generate(experiment, tmp_path, progress=False).done == 3
+
+
+def _die(run, folder):
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_two_generators_do_not_share_a_folder(small, tmp_path):
