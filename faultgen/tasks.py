@@ -331,8 +331,13 @@ def _time(
         excess_acceleration = np.max(np.abs(qdd) / robot.joint_acceleration_limit)
         if excess <= 1 and excess_speed <= 1 + 1e-6 and excess_acceleration <= 1 + 1e-6:
             return timing, duration
+        # acceleration that the path's curvature takes at this speed, however gentle the ramps
+        bend = np.max(np.abs(path(at, 2)) * rate[:, None] ** 2 / robot.joint_acceleration_limit)
         if excess_speed > 1:
             speed *= min(0.98, 1 / excess_speed)
+        if bend > 1:
+            speed *= min(0.98, bend**-0.5)
+            continue
         scale *= 0.93
         if excess > 1 and scale < 0.3:
             speed *= 0.93
