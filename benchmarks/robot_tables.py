@@ -1,0 +1,173 @@
+"""Tables of a robot's tasks: timing, motor torque, tracking, and what 20 % more friction does.
+
+Every number comes of a simulated cycle (noise free, 4 ms); prints markdown.
+
+    python benchmarks/robot_tables.py irb6700
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+
+import mujoco
+import numpy as np
+
+from faultgen.arm import Arm
+from faultgen.robot import COULOMB, STICTION, Robot, load_robot
+from faultgen.servo import control_signal
+from faultgen.simulate import Cycle, simulate
+from faultgen.tasks import SPEED_WINDOW, Motion, load_task, plan, task_names
+
+SAMPLE_PERIOD = 0.004
+WEAR = 1.2
+THESIS = {  # table 6.1: mean, standard deviation, increment by 20 % wear in that axis [N m]
+    "pick_and_place": (
+        [18.42, 7.45, 15.20, 1.95, 2.53, 1.90],
+        [6.85, 4.29, 2.39, 2.00, 0.97, 1.05],
+        [0.24, 0.27, 0.39, -0.06, 0.12, 0.12],
+    ),
+    "spot_weld": (
+        [3.22, 7.67, 10.61, 1.14, 1.45, 1.07],
+        [5.10, 7.72, 7.12, 1.34, 1.34, 1.04],
+        [0.14],
+    ),
+    "arc_weld": (
+        [6.23, 10.30, 13.99, 1.93, 2.45, 2.27],
+        [2.29, 4.16, 5.60, 1.72, 1.01, 0.68],
+        [0.45],
+    ),
+}
+
+
+def cycle_of(motion: Motion, model: mujoco.MjModel) -> Cycle:
+    """One simulated cycle of a motion."""
+    control = control_signal(motion, model.opt.timestep)
+    return next(iter(simulate(motion.robot, control, [model], sample_period=SAMPLE_PERIOD)))
+
+
+def worn(robot: Robot, axis: int) -> mujoco.MjModel:
+    """The robot with more Coulomb and static friction in one axis, counted from 1."""
+    spec = robot.spec()
+    for index in (COULOMB, STICTION):
+        spec.actuator(f"friction{axis}").biasprm[index] *= WEAR
+    return spec.compile()
+
+
+def window_torque(cycle: Cycle) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and standard deviation of |motor torque| while a motor's speed is in the window."""
+    speed, torque = np.abs(cycle.motor_velocity), np.abs(cycle.motor_torque)
+    inside = np.where((speed >= SPEED_WINDOW[0]) & (speed <= SPEED_WINDOW[1]), torque, np.nan)
+    return np.nanmean(inside, axis=0), np.nanstd(inside, axis=0)
+
+
+def tracking(motion: Motion, cycle: Cycle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Errors against the reference, by sample.
+
+    Args:
+        motion: The reference.
+        cycle: The simulated cycle.
+
+    Returns:
+        Error of the motor over its gear ratio, shape (samples, n_axes), in [rad]; and the way of
+        the tool from its reference, by the motors and by the joints, shape (samples,), in [m].
+    """
+    times = np.arange(len(cycle.motor_position)) * SAMPLE_PERIOD
+    reference = motion(times)[0]
+    motor = cycle.motor_position / motion.robot.gear_ratio
+    arm = Arm(motion.robot)
+    ideal, driven, real = (
+        np.array([arm.tool_pose(q)[0] for q in path])
+        for path in (reference, motor, cycle.joint_position)
+    )
+    off = [np.linalg.norm(path - ideal, axis=1) for path in (driven, real)]
+    return motor - reference, off[0], off[1]
+
+
+def row(*cells: str | float | Iterable[float], digits: int = 2) -> str:
+    """A line of a markdown table; numbers are rounded, arrays take a cell each."""
+    out = []
+    for cell in cells:
+        if isinstance(cell, str):
+            out.append(cell)
+        else:
+            out += [f"{v + 0.0:.{digits}f}" for v in np.atleast_1d(np.asarray(cell, float))]
+    return "| " + " | ".join(out) + " |"
+
+
+def header(*cells: str) -> str:
+    """Head of a markdown table."""
+    return row(*cells) + "\n|" + "---|" * len(cells)
+
+
+def rms(values: np.ndarray) -> np.ndarray:
+    """Root of the mean square over samples."""
+    return np.sqrt(np.mean(np.square(values), axis=0))
+
+
+def main(name: str) -> None:
+    """Print the tables of a robot.
+
+    Args:
+        name: A robot that comes with the package, or the path of an MJCF file.
+    """
+    robot = load_robot(name)
+    axes = [f"axis {i + 1}" for i in range(robot.n_axes)]
+    motions = {task: plan(load_task(name, task), robot) for task in task_names(name)}
+    cycles = {task: cycle_of(motion, robot.model) for task, motion in motions.items()}
+
+    print("### Range of each axis over the cycle [% of its design range]\n")
+    print(header("task", "cycle [s]", *axes))
+    for task, motion in motions.items():
+        span = np.ptp(motion(np.arange(0, motion.period, SAMPLE_PERIOD))[0], axis=0)
+        print(row(task, f"{motion.period:.2f}", 100 * span / np.ptp(robot.joint_range, axis=1)))
+
+    print("\n### Share of the cycle with motor speed in 50..120 rad/s [%]\n")
+    print(header("task", *axes))
+    for task, motion in motions.items():
+        print(row(task, 100 * motion.window_share, digits=1))
+
+    print("\n### Peak motor torque [% of the limit]\n")
+    print(header("task", *axes))
+    for task, cycle in cycles.items():
+        share = np.abs(cycle.motor_torque).max(axis=0) / robot.motor_torque_limit
+        print(row(task, 100 * share, digits=0))
+
+    print("\n### Tracking: motor error over gear ratio, rms / peak [mrad]; tool error [mm]\n")
+    print(header("task", *axes, "tool by motors, rms / peak", "tool by joints, rms / peak"))
+    for task, motion in motions.items():
+        error, driven, real = tracking(motion, cycles[task])
+        pairs = zip(1e3 * rms(error), 1e3 * np.abs(error).max(axis=0), strict=True)
+        tool = [f"{1e3 * rms(d):.1f} / {1e3 * d.max():.1f}" for d in (driven, real)]
+        print(row(task, *[f"{r:.2f} / {p:.2f}" for r, p in pairs], *tool))
+
+    print("\n### Mean ± s.d. of |motor torque| in 50..120 rad/s, and 20 % more friction [N m]\n")
+    print(header("task", "", *axes))
+    for task in [task for task in THESIS if task in motions]:
+        mean, deviation = window_torque(cycles[task])
+        more = [
+            window_torque(cycle_of(motions[task], worn(robot, i + 1)))[0][i] - mean[i]
+            for i in range(robot.n_axes)
+        ]
+        print(row(task, "ours", *[f"{m:.2f} ± {d:.2f}" for m, d in zip(mean, deviation)]))
+        print(row("", "ours, increment", *[f"{v:+.2f}" for v in more]))
+        if name == "irb6700":
+            mean, deviation, more = THESIS[task]
+            gap = ["" for _ in range(robot.n_axes - len(more))]
+            print(row("", "thesis", *[f"{m:.2f} ± {d:.2f}" for m, d in zip(mean, deviation)]))
+            print(row("", "thesis, increment", *[f"{v:+.2f}" for v in more], *gap))
+
+    slow = {task: cycle for task, cycle in cycles.items() if task.startswith("chapter3")}
+    if slow:
+        print("\n### Joint torque = motor torque x |gear ratio| [N m]; CV is of the samples\n")
+        print(header("task", "", *axes))
+        for task, cycle in slow.items():
+            torque = np.abs(cycle.motor_torque * robot.gear_ratio)
+            sampled = torque[:: round(10 / SAMPLE_PERIOD)]
+            print(row(task, "largest", torque.max(axis=0)))
+            print(row("", "largest of a sample every 10 s", sampled.max(axis=0)))
+            print(row("", "CV", sampled.std(axis=0) / np.maximum(sampled.mean(axis=0), 1e-9)))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
