@@ -100,6 +100,11 @@ def header(*cells: str) -> str:
     return row(*cells) + "\n|" + "---|" * len(cells)
 
 
+def spread(mean: Iterable[float], deviation: Iterable[float]) -> list[str]:
+    """Cells of mean ± standard deviation."""
+    return [f"{m:.2f} ± {d:.2f}" for m, d in zip(mean, deviation, strict=True)]
+
+
 def rms(values: np.ndarray) -> np.ndarray:
     """Root of the mean square over samples."""
     return np.sqrt(np.mean(np.square(values), axis=0))
@@ -149,13 +154,13 @@ def main(name: str) -> None:
             window_torque(cycle_of(motions[task], worn(robot, i + 1)))[0][i] - mean[i]
             for i in range(robot.n_axes)
         ]
-        print(row(task, "ours", *[f"{m:.2f} ± {d:.2f}" for m, d in zip(mean, deviation)]))
+        print(row(task, "ours", *spread(mean, deviation)))
         print(row("", "ours, increment", *[f"{v:+.2f}" for v in more]))
         if name == "irb6700":
-            mean, deviation, more = THESIS[task]
-            gap = ["" for _ in range(robot.n_axes - len(more))]
-            print(row("", "thesis", *[f"{m:.2f} ± {d:.2f}" for m, d in zip(mean, deviation)]))
-            print(row("", "thesis, increment", *[f"{v:+.2f}" for v in more], *gap))
+            means, deviations, increments = THESIS[task]
+            gap = [""] * (robot.n_axes - len(increments))
+            print(row("", "thesis", *spread(means, deviations)))
+            print(row("", "thesis, increment", *[f"{v:+.2f}" for v in increments], *gap))
 
     slow = {task: cycle for task, cycle in cycles.items() if task.startswith("chapter3")}
     if slow:

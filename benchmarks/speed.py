@@ -27,9 +27,9 @@ from mujoco.batch import Batch
 
 from faultgen.experiment import make_experiment, plan_runs, to_toml
 from faultgen.robot import load_robot
+from faultgen.run import make_run
 from faultgen.servo import control_signal
 from faultgen.simulate import LEAD_IN, simulate
-from faultgen.sweep import make_run
 from faultgen.tasks import load_task, plan
 
 ROBOT, TASK, SAMPLE_PERIOD = "irb6700", "pick_and_place", 0.004

@@ -307,7 +307,8 @@ def isolate(
     Shares of right answers have 95 % Wilson intervals; rows 'healthy' tell how often an axis is
     named though none is worn. The result is also written to isolation.json in the folder.
     """
-    from faultgen.dataset import open_dataset, write_text
+    from faultgen.dataset import open_dataset
+    from faultgen.storage import write_text
     from faultgen.studies.isolation import isolate as run_isolate
     from faultgen.studies.isolation import table, to_dict
 

@@ -10,10 +10,12 @@ import h5py
 import numpy as np
 import pytest
 
+import faultgen.run as run_module
 import faultgen.sweep as sweep
-from faultgen.dataset import file_sha256, open_dataset
+from faultgen.dataset import open_dataset
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.experiment import make_experiment, plan_runs, to_toml
+from faultgen.storage import file_sha256
 from faultgen.sweep import generate
 
 
@@ -212,10 +214,10 @@ def test_killed_sweeps_are_finished_by_running_again(small, made, tmp_path):
     toml = tmp_path / "experiment.toml"
     toml.write_text(to_toml(small(sensors="realistic")))
     code = (
-        "import sys, time, faultgen.sweep as s; real = s.simulate\n"
+        "import sys, time, faultgen.run as r, faultgen.sweep as s; real = r.simulate\n"
         "def slow(*a, **k):\n"
         "    for c in real(*a, **k): time.sleep(0.1); yield c\n"
-        "s.simulate = slow\n"
+        "r.simulate = slow\n"
         "s.generate(sys.argv[1], sys.argv[2], progress=False)"
     )
     out = tmp_path / "out"
@@ -232,7 +234,7 @@ def test_killed_sweeps_are_finished_by_running_again(small, made, tmp_path):
 
 def test_failed_runs_are_recorded_and_do_not_stop_the_sweep(small, tmp_path, monkeypatch):
     """The others are made; the reason is kept, and the run is tried again the next time."""
-    real = sweep.get_effect("friction_wear").edit
+    real = run_module.get_effect("friction_wear").edit
     broken = {"on": True}
 
     class Fragile:
@@ -241,7 +243,7 @@ def test_failed_runs_are_recorded_and_do_not_stop_the_sweep(small, tmp_path, mon
             if broken["on"] and axis == 1 and severity > 0.2:
                 spec.tendon("gearbox1").stiffness[0] = 1e12
 
-    monkeypatch.setattr(sweep, "get_effect", lambda name: Fragile())
+    monkeypatch.setattr(run_module, "get_effect", lambda name: Fragile())
     summary = generate(small(), tmp_path, progress=False)
     assert (summary.done, len(summary.failed)) == (2, 1)
     (reason,) = open_dataset(tmp_path).failed.values()

@@ -24,7 +24,7 @@ def test_exponential_is_equation_6_6():
 
 
 def test_sigmoid_is_equation_3_7():
-    """s = c1 / (1 + exp(-(c2 k)^4)) - c1 / 2, with some c1 and c2 for all k."""
+    """S = c1 / (1 + exp(-(c2 k)^4)) - c1 / 2, with some c1 and c2 for all k."""
     s = severities("sigmoid", 0.1, 120)
     plateau = 0.1 / 0.99
     x = 2 * np.arctanh(s / plateau)  # (c2 k)^4

@@ -17,7 +17,8 @@ from matplotlib.figure import Figure
 
 from analysis.plots import plot_accuracy, plot_net_transfer_entropy, plot_series, style
 from analysis.transfer_entropy import net_transfer_entropy
-from faultgen.dataset import Dataset, StoredRun, open_dataset, write_text
+from faultgen.dataset import Dataset, StoredRun, open_dataset
+from faultgen.storage import write_text
 from faultgen.studies.isolation import METHODS, Isolation, isolate, table
 
 _PAGE = """<!doctype html>

@@ -1,0 +1,201 @@
+"""Making one run: simulate its cycles, measure and reduce them, write its file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from faultgen.effects import get_effect, set_temperature
+from faultgen.errors import InputError, SimulationFailed
+from faultgen.experiment import Run
+from faultgen.monitoring import BINS, Limits, monitor
+from faultgen.robot import Robot, load_robot
+from faultgen.sensors import Surroundings, get_sensors, measure, surroundings
+from faultgen.servo import control_signal
+from faultgen.simulate import simulate
+from faultgen.storage import RunWriter
+from faultgen.tasks import load_task, plan
+from faultgen.wear import severities
+
+
+def make_run(run: Run, folder: Path) -> tuple[Run, str | None]:
+    """Simulate one run and write its file.
+
+    Args:
+        run: What to simulate.
+        folder: The folder ``runs`` of the dataset.
+
+    Returns:
+        The run, and None or the reason for which it failed.
+    """
+    try:
+        _simulate_and_write(run, folder)
+    except (SimulationFailed, InputError, OSError, ValueError, ArithmeticError) as error:
+        return run, " ".join(str(error).split()) or type(error).__name__
+    return run, None
+
+
+@dataclass(frozen=True)
+class _Nominal:
+    """What all runs of a robot and task share."""
+
+    robot: Robot
+    control: np.ndarray
+    mean_torque: np.ndarray
+    samples: int
+
+
+@lru_cache(maxsize=4)
+def _nominal(robot_name: str, task_name: str, sample_period: float) -> _Nominal:
+    robot = load_robot(robot_name)
+    motion = plan(load_task(robot.name, task_name), robot)
+    timestep = robot.model.opt.timestep
+    control = control_signal(motion, timestep)
+    feed_forward = robot.model.actuator_ctrladr[robot.ids("actuator", "drive")] + 2
+    every = round(sample_period / timestep)
+    return _Nominal(
+        robot=robot,
+        control=control,
+        mean_torque=np.abs(control[:, feed_forward]).mean(axis=0),
+        samples=-(-len(control) // every),
+    )
+
+
+def _simulate_and_write(run: Run, folder: Path) -> None:
+    nominal = _nominal(run.robot, run.task, run.sample_period)
+    robot, sensors = nominal.robot, get_sensors(run.sensors)
+    rng_surroundings, rng_sensors = np.random.default_rng(run.seed).spawn(2)
+    around = surroundings(sensors, run.cycles, robot.friction_temperature, rng_surroundings)
+    growth = _growth(run)
+    limits = Limits(
+        robot.motor_torque_limit, robot.motor_velocity_limit, robot.joint_range, robot.gear_ratio
+    )
+    writer = RunWriter(folder, run.id, _attributes(run, nominal), robot.xml)
+    try:
+        _create_arrays(writer, run, nominal, around, growth)
+        models = _models(run, robot, around, growth)
+        cycles = simulate(robot, nominal.control, models, sample_period=run.sample_period)
+        for index, cycle in enumerate(cycles):
+            seen = measure(
+                sensors,
+                cycle.motor_position,
+                cycle.motor_velocity,
+                cycle.motor_torque,
+                gear_ratio=robot.gear_ratio,
+                encoder_counts=robot.encoder_counts,
+                mean_torque=nominal.mean_torque,
+                sample_period=run.sample_period,
+                rng=rng_sensors,
+            )
+            reduced = monitor(seen.motor_position, seen.motor_velocity, seen.motor_torque, limits)
+            for name, values in reduced.items():
+                writer.put(f"monitoring/{name}", index, values)
+            for name in run.signals:
+                group, channel = name.split("/")
+                values = getattr(seen if group == "signals" else cycle, channel)
+                writer.put(name, index, values[:: run.thin])
+        writer.close()
+    except BaseException:
+        writer.discard()
+        raise
+
+
+def _growth(run: Run) -> np.ndarray:
+    """Severity in each cycle, shape (cycles,)."""
+    if not run.axes:
+        return np.zeros(run.cycles)
+    return severities(run.schedule, run.severity, run.cycles)
+
+
+def _models(
+    run: Run, robot: Robot, around: Surroundings, growth: np.ndarray
+) -> Iterator[mujoco.MjModel]:
+    """The robot as it is in each cycle; compiled anew only where something changed."""
+    nominal = robot.spec()
+    has_payload = nominal.body("payload") is not None
+    reference = robot.friction_temperature
+    before: tuple[float, float, float] | None = None
+    model = robot.model
+    for severity, temperature, load in zip(
+        growth, around.temperature, around.payload_factor, strict=True
+    ):
+        now = (float(severity), float(temperature), float(load))
+        if now != before:
+            spec = nominal.copy()
+            if temperature != reference:
+                for axis in range(1, robot.n_axes + 1):
+                    set_temperature(spec, axis, temperature, reference)
+            if has_payload and load != 1:
+                payload = spec.body("payload")
+                payload.mass *= load
+                payload.inertia *= load
+            for axis in run.axes:
+                get_effect(run.effect).apply(spec, axis, float(severity))
+            model = spec.compile()
+            before = now
+        yield model
+
+
+def _attributes(run: Run, nominal: _Nominal) -> dict[str, Any]:
+    robot = nominal.robot
+    schedule = run.schedule if isinstance(run.schedule, str) else list(run.schedule)
+    return {
+        "schema_version": run.schema_version,
+        "run_id": run.id,
+        "robot": robot.name,
+        "task": Path(run.task).stem,
+        "effect": run.effect,
+        "axis": run.axes[0] if run.axes else 0,
+        "axes": np.array(run.axes, dtype=np.int64),
+        "severity": run.severity,
+        "schedule": schedule,
+        "cycles": run.cycles,
+        "sensors": run.sensors,
+        "seed": run.seed,
+        "sample_period": run.sample_period,
+        "thin": run.thin,
+        "gear_ratio": robot.gear_ratio,
+        "encoder_counts": robot.encoder_counts,
+        "nominal_mean_torque": nominal.mean_torque,
+        "faultgen_version": version("faultgen"),
+        "mujoco_version": mujoco.__version__,
+        "model_sha256": run.model_sha256,
+        "task_sha256": run.task_sha256,
+    }
+
+
+def _create_arrays(
+    writer: RunWriter, run: Run, nominal: _Nominal, around: Surroundings, growth: np.ndarray
+) -> None:
+    robot = nominal.robot
+    kept = -(-nominal.samples // run.thin)
+    n_axes = robot.n_axes
+    axis = np.arange(1, n_axes + 1)
+    writer.scale("cycle", np.arange(1, run.cycles + 1))
+    writer.scale("sample", np.arange(kept) * run.thin * run.sample_period)
+    writer.scale("axis", axis)
+    writer.scale("bin", np.arange(1, BINS + 1))
+    writer.add("cycle/index", np.arange(1, run.cycles + 1), ("cycle",))
+    writer.add("cycle/severity", growth, ("cycle",))
+    worn = np.isin(axis, run.axes)
+    writer.add("cycle/axis_severity", growth[:, None] * worn, ("cycle", "axis"))
+    writer.add("cycle/temperature", around.measured_temperature, ("cycle",))
+    writer.add("truth/gearbox_temperature", around.temperature, ("cycle",))
+    body = mujoco.mj_name2id(robot.model, mujoco.mjtObj.mjOBJ_BODY, "payload")
+    if body >= 0:
+        mass = robot.model.body_mass[body] * around.payload_factor
+        writer.add("truth/payload_mass", mass, ("cycle",))
+    for name in ("mean_abs_torque", "torque_indicator", "speed_indicator"):
+        writer.create(f"monitoring/{name}", (run.cycles, n_axes), "f8", ("cycle", "axis"))
+    for name in ("torque_histogram", "speed_histogram", "angle_histogram"):
+        shape = (run.cycles, n_axes, BINS)
+        writer.create(f"monitoring/{name}", shape, "f8", ("cycle", "axis", "bin"))
+    for name in run.signals:
+        writer.create(name, (run.cycles, kept, n_axes), "f4", ("cycle", "sample", "axis"))
