@@ -9,22 +9,17 @@ three controls in which nothing can flow from axis to axis, or time is meaningle
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 
 import numpy as np
 
-from analysis import isolate_axis, isolate_axis_by_lags, net_transfer_entropy, quantile_symbols
+from analysis import net_transfer_entropy, quantile_symbols
 from faultgen.dataset import StoredRun, open_dataset
+from faultgen.studies.isolation import METHODS
 from faultgen.wear import severities
 
 SEEDS = range(2000, 2040)
 NOISE = (0.0, 1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
 LEVEL = 0.10
-METHODS: dict[str, Callable[[np.ndarray], int]] = {
-    "TE 10 bins": lambda x: isolate_axis(x, bins=10),
-    "TE 5 bins": lambda x: isolate_axis(x, bins=5),
-    "CC": isolate_axis_by_lags,
-}
 
 
 def series(run: StoredRun) -> np.ndarray:
@@ -85,7 +80,12 @@ def main() -> None:
     ]
     clean = [(series(run), int(run["axis"]) - 1, number) for number, run in enumerate(runs)]
     print(f"{options.robot}, {len(runs)} worn runs, {100 * LEVEL:g} % wear, {len(SEEDS)} draws\n")
-    print("| noise on each cycle's mean | " + " | ".join(METHODS) + " |\n| --- |" + " --- |" * 3)
+    print(
+        "| noise on each cycle's mean | "
+        + " | ".join(METHODS)
+        + " |\n| --- |"
+        + " --- |" * len(METHODS)
+    )
     for share in NOISE:
         cases = [
             (noisy(x, share, [seed, number]), worn)
@@ -93,7 +93,12 @@ def main() -> None:
             for seed in (SEEDS if share else SEEDS[:1])
         ]
         print(row(f"{100 * share:g} %", cases))
-    print("\n| control, noise 0.03 % | " + " | ".join(METHODS) + " |\n| --- |" + " --- |" * 3)
+    print(
+        "\n| control, noise 0.03 % | "
+        + " | ".join(METHODS)
+        + " |\n| --- |"
+        + " --- |" * len(METHODS)
+    )
     draws = [(x, worn, number, seed) for x, worn, number in clean for seed in SEEDS]
     share = 3e-4
     print(row("as simulated", [(noisy(x, share, [s, k]), w) for x, w, k, s in draws]))
