@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import version
@@ -25,18 +25,21 @@ from faultgen.tasks import load_task, plan
 from faultgen.wear import severities
 
 
-def make_run(run: Run, folder: Path) -> tuple[Run, str | None]:
+def make_run(
+    run: Run, folder: Path, on_cycle: Callable[[], object] | None = None
+) -> tuple[Run, str | None]:
     """Simulate one run and write its file.
 
     Args:
         run: What to simulate.
         folder: The folder ``runs`` of the dataset.
+        on_cycle: Called after each cycle.
 
     Returns:
         The run, and None or the reason for which it failed.
     """
     try:
-        _simulate_and_write(run, folder)
+        _simulate_and_write(run, folder, on_cycle)
     except (SimulationFailed, InputError, OSError, ValueError, ArithmeticError) as error:
         return run, " ".join(str(error).split()) or type(error).__name__
     return run, None
@@ -68,7 +71,7 @@ def _nominal(robot_name: str, task_name: str, sample_period: float) -> _Nominal:
     )
 
 
-def _simulate_and_write(run: Run, folder: Path) -> None:
+def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], object] | None) -> None:
     nominal = _nominal(run.robot, run.task, run.sample_period)
     robot, sensors = nominal.robot, get_sensors(run.sensors)
     rng_surroundings, rng_sensors = np.random.default_rng(run.seed).spawn(2)
@@ -101,6 +104,8 @@ def _simulate_and_write(run: Run, folder: Path) -> None:
                 group, channel = name.split("/")
                 values = getattr(seen if group == "signals" else cycle, channel)
                 writer.put(name, index, values[:: run.thin])
+            if on_cycle:
+                on_cycle()
         writer.close()
     except BaseException:
         writer.discard()

@@ -96,14 +96,21 @@ def _make_all(
 ) -> Iterator[tuple[Run, str | None]]:
     """Make runs in parallel; yield each with None, or the reason for which it failed."""
     bar = tqdm(
-        total=len(runs), unit="run", disable=None if progress and runs else True, desc="simulating"
+        total=sum(run.cycles for run in runs),
+        unit="cycle",
+        disable=None if progress and runs else True,
+        desc="simulating",
     )
+    # within this process the bar moves with every cycle, else with every run
+    on_cycle = bar.update if workers == 1 else None
     jobs = Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)
-    results = jobs(delayed(make_run)(run, folder) for run in runs)
+    results = jobs(delayed(make_run)(run, folder, on_cycle) for run in runs)
+    finished = 0
     with bar:
         try:
             for run, reason in results:
-                bar.update()
+                finished += run.cycles
+                bar.update(finished - bar.n)
                 yield run, reason
         except BrokenProcessPool:
             raise SimulationFailed(

@@ -309,7 +309,7 @@ def test_killed_workers_are_told_in_one_line(small, tmp_path, monkeypatch):
     assert generate(experiment, tmp_path, progress=False).done == 3
 
 
-def _die(run, folder):
+def _die(run, folder, on_cycle):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
