@@ -14,10 +14,12 @@ import mujoco
 import numpy as np
 
 from faultgen.arm import Arm
+from faultgen.monitoring import SPEED_WINDOW
+from faultgen.motion import Motion, plan
 from faultgen.robot import COULOMB, STICTION, Robot, load_robot
 from faultgen.servo import control_signal
 from faultgen.simulate import Cycle, simulate
-from faultgen.tasks import SPEED_WINDOW, Motion, load_task, plan, task_names
+from faultgen.tasks import load_task, task_names
 
 SAMPLE_PERIOD = 0.004
 WEAR = 1.2

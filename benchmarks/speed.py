@@ -26,11 +26,12 @@ import numpy as np
 from mujoco.batch import Batch
 
 from faultgen.experiment import make_experiment, plan_runs, to_toml
+from faultgen.motion import plan
 from faultgen.robot import load_robot
 from faultgen.run import make_run
 from faultgen.servo import control_signal
 from faultgen.simulate import LEAD_IN, simulate
-from faultgen.tasks import load_task, plan
+from faultgen.tasks import load_task
 
 ROBOT, TASK, SAMPLE_PERIOD = "irb6700", "pick_and_place", 0.004
 REPEATS = 5

@@ -16,12 +16,13 @@ from faultgen.effects import get_effect, set_temperature
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.experiment import Run
 from faultgen.monitoring import BINS, Limits, monitor
+from faultgen.motion import plan
 from faultgen.robot import Robot, load_robot
 from faultgen.sensors import Surroundings, get_sensors, measure, surroundings
 from faultgen.servo import control_signal
 from faultgen.simulate import simulate
 from faultgen.storage import RunWriter
-from faultgen.tasks import load_task, plan
+from faultgen.tasks import load_task
 from faultgen.wear import severities
 
 

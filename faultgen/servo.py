@@ -15,7 +15,7 @@ from faultgen.arm import Arm
 from faultgen.robot import COULOMB, OFFSET, STRIBECK_VELOCITY, Robot
 
 if TYPE_CHECKING:
-    from faultgen.tasks import Motion
+    from faultgen.motion import Motion
 
 
 def nominal_friction(robot: Robot, speed: np.ndarray) -> np.ndarray:

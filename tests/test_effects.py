@@ -3,10 +3,11 @@ import pytest
 
 from faultgen.effects import EFFECTS, get_effect, set_temperature
 from faultgen.errors import InputError
+from faultgen.motion import plan
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY
 from faultgen.servo import control_signal
 from faultgen.simulate import simulate
-from faultgen.tasks import load_task, plan
+from faultgen.tasks import load_task
 
 
 def fields(model):

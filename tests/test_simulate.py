@@ -7,10 +7,11 @@ import pytest
 
 from faultgen import simulate as module
 from faultgen.errors import InputError, SimulationFailed
+from faultgen.motion import plan
 from faultgen.robot import load_robot, robot_names
 from faultgen.servo import control_signal
 from faultgen.simulate import simulate
-from faultgen.tasks import load_task, plan
+from faultgen.tasks import load_task
 
 
 @pytest.fixture(scope="module")

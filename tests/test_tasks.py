@@ -3,9 +3,10 @@ import pytest
 
 from faultgen.arm import Arm
 from faultgen.errors import InputError
+from faultgen.motion import plan
 from faultgen.robot import load_robot
 from faultgen.servo import motor_torque
-from faultgen.tasks import load_task, plan, task_names
+from faultgen.tasks import load_task, task_names
 
 SHIPPED = [
     (name, task)
