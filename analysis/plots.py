@@ -5,7 +5,7 @@ with style():
     plot_net_transfer_entropy(axes, net_transfer_entropy(x))
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -60,21 +60,19 @@ def plot_net_transfer_entropy(axes: Axes, net: ArrayLike, title: str = "") -> No
     axes.set(xlabel="to axis", ylabel="from axis", title=title)
 
 
-def plot_series(
-    axes: Axes, cycles: ArrayLike, values: ArrayLike, labels: Sequence[str], unit: str
-) -> None:
-    """Lines over cycles, one a column.
+def plot_series(axes: Axes, cycles: ArrayLike, values: ArrayLike, label: str, number: int) -> None:
+    """A line over cycles.
 
     Args:
         axes: Where to draw.
         cycles: Shape (cycles,).
-        values: Shape (cycles, lines), in `unit`.
-        labels: Name of each line.
-        unit: Label of the ordinate.
+        values: Shape (cycles,), in any unit.
+        label: Name of the line.
+        number: Which colour.
     """
-    for line, label, colour in zip(np.asarray(values).T, labels, COLOURS, strict=False):
-        axes.plot(np.asarray(cycles), line, color=colour, label=label, lw=1.3)
-    axes.set(xlabel="cycle", ylabel=unit)
+    colour = COLOURS[number % len(COLOURS)]
+    axes.plot(np.asarray(cycles), np.asarray(values), color=colour, label=label, lw=1.3)
+    axes.set(xlabel="cycle")
 
 
 def plot_accuracy(

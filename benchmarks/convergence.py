@@ -211,7 +211,8 @@ def _best(
     """
     found, costs = [], []
     shifts = (0.0, 0.5) if quick else SHIFTS
-    for position, velocity, torque in itertools.product(shifts, (-0.5, *shifts), (0.0, 0.5, 1.0)):
+    velocities = (-0.5, 0.0, 0.5) if quick else SHIFTS
+    for position, velocity, torque in itertools.product(shifts, velocities, (0.0, 0.5, 1.0)):
         alignment = Alignment(position, velocity, torque)
         log = run(motion, model, integrator, timestep, alignment, seconds=seconds)
         if log is None:

@@ -9,6 +9,7 @@ import json
 import os
 import sys
 from dataclasses import asdict
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,6 +27,23 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        print(f"faultgen {version('faultgen')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    show: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    pass
+
 
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 Out = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")]
@@ -58,10 +76,11 @@ def main() -> None:
         # usage errors of the command-line library
         if not hasattr(error, "format_message"):
             raise
-        message = " ".join(error.format_message().split())
-        if message:
-            _fail(message, 2)
-        sys.exit(2)
+        message = error.format_message()
+        if message.startswith("Usage:"):  # no command given: the help page
+            print(message)
+            sys.exit(2)
+        _fail(" ".join(message.split()), 2)
     sys.exit(status if isinstance(status, int) else 0)
 
 
@@ -333,6 +352,7 @@ def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = F
     from faultgen.dataset import open_dataset
     from faultgen.experiment import make_experiment
     from faultgen.report import write_report
+    from faultgen.storage import write_text
     from faultgen.studies.isolation import isolate as run_isolate
     from faultgen.studies.isolation import table, to_dict
     from faultgen.sweep import generate as run_generate
@@ -341,7 +361,7 @@ def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = F
         {
             "robot": "puma560",
             "task": "pick_and_place",
-            "cycles": 40,
+            "cycles": 30,
             "signals": ["signals/motor_velocity", "signals/motor_torque"],
         }
     )
@@ -349,6 +369,7 @@ def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = F
     if summary.failed:
         raise SimulationFailed("; ".join(summary.failed.values()))
     result = run_isolate(open_dataset(out), progress=False)
+    write_text(out / "isolation.json", json.dumps(to_dict(result), indent=1) + "\n")
     path = write_report(out, result)
     if as_json:
         _print_json({**asdict(summary), "isolation": to_dict(result), "report": str(path)})

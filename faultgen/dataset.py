@@ -150,7 +150,8 @@ def open_dataset(folder: str | Path) -> Dataset:
         raise InputError(f"{folder}: no dataset there (no runs.json); make one: faultgen generate")
     dataset = Dataset(path)
     try:
-        _ = dataset.planned
-    except (ValueError, KeyError, OSError) as error:
+        for parameters in dataset.planned.values():
+            _ = parameters["robot"], parameters["task"], parameters["seed"]
+    except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
         raise InputError(f"{path / 'runs.json'}: damaged ({error})") from None
     return dataset

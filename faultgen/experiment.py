@@ -52,14 +52,15 @@ def _axes(value: Any) -> Any:
     return [_listed(item) for item in _listed(value)]
 
 
+Axes = Annotated[list[int], Field(min_length=1)]
 Names = Annotated[list[str], BeforeValidator(_listed), Field(min_length=1)]
-Fraction = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Fraction = Annotated[float, Field(ge=0, le=10, allow_inf_nan=False)]
 
 
 class Experiment(BaseModel):
     """What a dataset is made of: every combination of robot, task, effect, axis and severity."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", strict=True)
 
     robot: Names
     """Names of robots, or paths of MJCF files."""
@@ -67,7 +68,7 @@ class Experiment(BaseModel):
     """Names of tasks, or paths of task files; each must exist for each robot."""
     effect: Names = ["friction_wear"]
     """Names from the catalogue; 'healthy' is the robot without a fault."""
-    axis: Annotated[list[list[int]], BeforeValidator(_axes), Field(min_length=1)] = [
+    axis: Annotated[list[Axes], BeforeValidator(_axes), Field(min_length=1)] = [
         [1],
         [2],
         [3],
@@ -80,7 +81,7 @@ class Experiment(BaseModel):
     """Final severities."""
     schedule: str | list[Fraction] = "exponential"
     """Name of a wear schedule, or the severity of each cycle."""
-    cycles: Annotated[int, Field(ge=1)] = 100
+    cycles: Annotated[int, Field(ge=1, le=1_000_000)] = 100
     """Cycles a run."""
     healthy: bool = True
     """Also run the healthy robot, once for each robot, task and seed."""
@@ -93,7 +94,7 @@ class Experiment(BaseModel):
     paired: bool = True
     """Give a faulty run the seed of the healthy one, so that wear is all that tells them apart;
     false draws a seed for each run."""
-    sample_period: Annotated[float, Field(gt=0)] = 0.004
+    sample_period: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.004
     """Time between samples [s]."""
     signals: Literal["all", "none"] | list[str] = "all"
     """Which sampled signals are kept in the files."""
@@ -103,7 +104,9 @@ class Experiment(BaseModel):
     @model_validator(mode="after")
     def _check(self) -> Experiment:
         if not isinstance(self.schedule, str):
-            self.severity = [self.schedule[-1]] if self.schedule else []
+            if "severity" in self.model_fields_set:
+                raise InputError("severity: an array as schedule has the severities; leave it out")
+            self.severity = self.schedule[-1:]
         get_sensors(self.sensors)
         for effect in self.effect:
             if effect != HEALTHY:
@@ -112,6 +115,8 @@ class Experiment(BaseModel):
         for name in self.kept_signals:
             if name not in SIGNALS:
                 raise InputError(f"signals: unknown '{name}': choose {', '.join(SIGNALS)}")
+        if len(set(self.kept_signals)) < len(self.kept_signals):
+            raise InputError("signals: the same name twice")
         return self
 
     @property
@@ -187,13 +192,14 @@ def make_experiment(content: dict[str, Any], *, where: str = "") -> Experiment:
     try:
         return Experiment(**content)
     except ValidationError as error:
-        first = error.errors()[0]
+        # a schedule is a name or a list: of the two reasons the last one is that of the list
+        first = error.errors()[-1 if error.errors()[0]["loc"][:1] == ("schedule",) else 0]
         name = ".".join(str(part) for part in first["loc"][:1]) or "experiment"
         if first["type"] == "extra_forbidden":
             known = ", ".join(Experiment.model_fields)
             raise InputError(f"{where}unknown entry '{name}': choose {known}") from None
         given = "" if first["type"] == "missing" else f", not {first['input']!r}"
-        said = first["msg"].removeprefix("Value error, ")
+        said = first["msg"].removeprefix("Value error, ").replace(" after validation, not 0", "")
         if first["type"] == "value_error":
             raise InputError(f"{where}{said}") from None
         raise InputError(f"{where}{name}: {said[0].lower()}{said[1:]}{given}") from None
@@ -201,7 +207,10 @@ def make_experiment(content: dict[str, Any], *, where: str = "") -> Experiment:
 
 def to_toml(experiment: Experiment) -> str:
     """The experiment as TOML, every entry written out."""
-    lines = [f"{name} = {json.dumps(value)}" for name, value in experiment.model_dump().items()]
+    entries = experiment.model_dump()
+    if not isinstance(experiment.schedule, str):
+        del entries["severity"]  # the array has it
+    lines = [f"{name} = {json.dumps(value)}" for name, value in entries.items()]
     return "\n".join(lines) + "\n"
 
 

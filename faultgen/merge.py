@@ -71,13 +71,13 @@ def _copy_run(file: h5py.File, group: h5py.Group) -> None:
         for key, value in file[name].attrs.items():
             if key not in _SCALE_ATTRIBUTES:
                 group[name].attrs[key] = value
-    scales = group["dimensions"]
-    for name in scales:
-        scales[name].make_scale(name)
+    for name in names:
+        if file[name].is_scale:
+            group[name].make_scale(name)
     for name in names:
         for dimension in group[name].dims:
             if dimension.label:
-                dimension.attach_scale(scales[dimension.label])
+                dimension.attach_scale(group[dimension.label])
 
 
 def _array_names(file: h5py.File) -> list[str]:

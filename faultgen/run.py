@@ -47,7 +47,7 @@ def make_run(
 
 
 @dataclass(frozen=True)
-class _Nominal:
+class Nominal:
     """What all runs of a robot and task share."""
 
     robot: Robot
@@ -57,14 +57,24 @@ class _Nominal:
 
 
 @lru_cache(maxsize=4)
-def _nominal(robot_name: str, task_name: str, sample_period: float) -> _Nominal:
+def nominal(robot_name: str, task_name: str, sample_period: float) -> Nominal:
+    """Plan a task and its control; kept for the runs that follow in this process.
+
+    Raises:
+        InputError: The task cannot be done by the robot, or is shorter than a sample.
+    """
     robot = load_robot(robot_name)
     motion = plan(load_task(robot.name, task_name), robot)
     timestep = robot.model.opt.timestep
     control = control_signal(motion, timestep)
     feed_forward = robot.model.actuator_ctrladr[robot.ids("actuator", "drive")] + 2
     every = round(sample_period / timestep)
-    return _Nominal(
+    if len(control) < 2 * every:
+        raise InputError(
+            f"sample_period: must be well below the cycle of {motion.period:g} s, "
+            f"not {sample_period:g} s"
+        )
+    return Nominal(
         robot=robot,
         control=control,
         mean_torque=np.abs(control[:, feed_forward]).mean(axis=0),
@@ -73,19 +83,19 @@ def _nominal(robot_name: str, task_name: str, sample_period: float) -> _Nominal:
 
 
 def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], object] | None) -> None:
-    nominal = _nominal(run.robot, run.task, run.sample_period)
-    robot, sensors = nominal.robot, get_sensors(run.sensors)
+    shared = nominal(run.robot, run.task, run.sample_period)
+    robot, sensors = shared.robot, get_sensors(run.sensors)
     rng_surroundings, rng_sensors = np.random.default_rng(run.seed).spawn(2)
     around = surroundings(sensors, run.cycles, robot.friction_temperature, rng_surroundings)
     growth = _growth(run)
     limits = Limits(
         robot.motor_torque_limit, robot.motor_velocity_limit, robot.joint_range, robot.gear_ratio
     )
-    writer = RunWriter(folder, run.id, _attributes(run, nominal), robot.xml)
+    writer = RunWriter(folder, run.id, _attributes(run, shared), robot.xml)
     try:
-        _create_arrays(writer, run, nominal, around, growth)
+        _create_arrays(writer, run, shared, around, growth)
         models = _models(run, robot, around, growth)
-        cycles = simulate(robot, nominal.control, models, sample_period=run.sample_period)
+        cycles = simulate(robot, shared.control, models, sample_period=run.sample_period)
         for index, cycle in enumerate(cycles):
             seen = measure(
                 sensors,
@@ -94,7 +104,7 @@ def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], object] |
                 cycle.motor_torque,
                 gear_ratio=robot.gear_ratio,
                 encoder_counts=robot.encoder_counts,
-                mean_torque=nominal.mean_torque,
+                mean_torque=shared.mean_torque,
                 sample_period=run.sample_period,
                 rng=rng_sensors,
             )
@@ -149,7 +159,7 @@ def _models(
         yield model
 
 
-def _attributes(run: Run, nominal: _Nominal) -> dict[str, Any]:
+def _attributes(run: Run, nominal: Nominal) -> dict[str, Any]:
     robot = nominal.robot
     schedule = run.schedule if isinstance(run.schedule, str) else list(run.schedule)
     return {
@@ -178,30 +188,30 @@ def _attributes(run: Run, nominal: _Nominal) -> dict[str, Any]:
 
 
 def _create_arrays(
-    writer: RunWriter, run: Run, nominal: _Nominal, around: Surroundings, growth: np.ndarray
+    writer: RunWriter, run: Run, nominal: Nominal, around: Surroundings, growth: np.ndarray
 ) -> None:
     robot = nominal.robot
     kept = -(-nominal.samples // run.thin)
     n_axes = robot.n_axes
     axis = np.arange(1, n_axes + 1)
-    writer.scale("cycle", np.arange(1, run.cycles + 1))
-    writer.scale("sample", np.arange(kept) * run.thin * run.sample_period)
+    writer.scale("cycle_number", np.arange(1, run.cycles + 1))
+    writer.scale("time", np.arange(kept) * run.thin * run.sample_period)
     writer.scale("axis", axis)
     writer.scale("bin", np.arange(1, BINS + 1))
-    writer.add("cycle/index", np.arange(1, run.cycles + 1), ("cycle",))
-    writer.add("cycle/severity", growth, ("cycle",))
+    writer.add("cycle/index", np.arange(1, run.cycles + 1), ("cycle_number",))
+    writer.add("cycle/severity", growth, ("cycle_number",))
     worn = np.isin(axis, run.axes)
-    writer.add("cycle/axis_severity", growth[:, None] * worn, ("cycle", "axis"))
-    writer.add("cycle/temperature", around.measured_temperature, ("cycle",))
-    writer.add("truth/gearbox_temperature", around.temperature, ("cycle",))
+    writer.add("cycle/axis_severity", growth[:, None] * worn, ("cycle_number", "axis"))
+    writer.add("cycle/temperature", around.measured_temperature, ("cycle_number",))
+    writer.add("truth/gearbox_temperature", around.temperature, ("cycle_number",))
     body = mujoco.mj_name2id(robot.model, mujoco.mjtObj.mjOBJ_BODY, "payload")
     if body >= 0:
         mass = robot.model.body_mass[body] * around.payload_factor
-        writer.add("truth/payload_mass", mass, ("cycle",))
+        writer.add("truth/payload_mass", mass, ("cycle_number",))
     for name in ("mean_abs_torque", "torque_indicator", "speed_indicator"):
-        writer.create(f"monitoring/{name}", (run.cycles, n_axes), "f8", ("cycle", "axis"))
+        writer.create(f"monitoring/{name}", (run.cycles, n_axes), "f8", ("cycle_number", "axis"))
     for name in ("torque_histogram", "speed_histogram", "angle_histogram"):
         shape = (run.cycles, n_axes, BINS)
-        writer.create(f"monitoring/{name}", shape, "f8", ("cycle", "axis", "bin"))
+        writer.create(f"monitoring/{name}", shape, "f8", ("cycle_number", "axis", "bin"))
     for name in run.signals:
-        writer.create(name, (run.cycles, kept, n_axes), "f4", ("cycle", "sample", "axis"))
+        writer.create(name, (run.cycles, kept, n_axes), "f4", ("cycle_number", "time", "axis"))

@@ -40,8 +40,8 @@ DESCRIPTIONS = {
     "temperature": ("degC", "gearbox temperature as measured"),
     "gearbox_temperature": ("degC", "true gearbox temperature"),
     "payload_mass": ("kg", "true mass of the payload"),
-    "cycle": ("1", "cycle, from 1"),
-    "sample": ("s", "time in the cycle"),
+    "cycle_number": ("1", "cycle, from 1"),
+    "time": ("s", "time in the cycle"),
     "axis": ("1", "axis, from 1"),
     "bin": ("1", "bin, from 1"),
 }
@@ -69,8 +69,8 @@ class RunWriter:
         self._scales: dict[str, h5py.Dataset] = {}
 
     def scale(self, name: str, values: np.ndarray) -> None:
-        """Add a dimension scale."""
-        data = self._file.create_dataset(f"dimensions/{name}", data=values)
+        """Add a dimension scale, at the root: netCDF looks for it in the groups above an array."""
+        data = self._file.create_dataset(name, data=values)
         _describe(data, name)
         data.make_scale(name)
         self._scales[name] = data

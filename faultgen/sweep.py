@@ -22,7 +22,7 @@ from faultgen.dataset import Dataset, open_dataset
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.experiment import Experiment, Run, load_experiment, plan_runs, to_toml
 from faultgen.merge import merge
-from faultgen.run import make_run
+from faultgen.run import make_run, nominal
 from faultgen.storage import write_text
 
 
@@ -71,6 +71,8 @@ def generate(
     if workers < 1:
         raise InputError(f"workers: must be at least 1, not {workers}")
     runs = plan_runs(experiment)
+    for robot, task, sample_period in {(r.robot, r.task, r.sample_period): None for r in runs}:
+        nominal(robot, task, sample_period)  # a motion that cannot be is told before anything
     folder = Path(out)
     with _locked(folder):
         dataset = _prepare(folder, experiment, runs)
@@ -130,8 +132,11 @@ def _prepare(folder: Path, experiment: Experiment, runs: list[Run]) -> Dataset:
                 f"{folder}: holds another dataset (see its experiment.toml); give another folder"
             )
     else:
-        write_text(written, text)
+        if written.is_file() and written.read_text() != text:
+            raise InputError(f"{folder}: holds an experiment.toml of its own; give another folder")
         write_text(folder / "runs.json", json.dumps(manifest, indent=1))
+    if not written.is_file():
+        write_text(written, text)
     (folder / "runs").mkdir(exist_ok=True)
     for leftover in [*folder.glob(".*.tmp"), *(folder / "runs").glob(".*.tmp")]:
         leftover.unlink()

@@ -90,7 +90,7 @@ def test_noise_scatters_as_it_should(folder):
 
 def test_wilson_intervals():
     """18 right of 20: [0.699, 0.972] by Wilson's formula."""
-    tally = study.Tally("r", "t", 0.1, "m", right=18, total=20)
+    tally = study.Tally("r", "t", "e", 0.1, "m", right=18, total=20)
     z, n, p = 1.959964, 20, 0.9
     centre = (p + z**2 / (2 * n)) / (1 + z**2 / n)
     half = z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2)) / (1 + z**2 / n)

@@ -3,6 +3,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+from faultgen.motion import plan
+from faultgen.robot import load_robot
+from faultgen.tasks import load_task
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -15,6 +19,15 @@ def test_the_python_example_of_the_readme_runs(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("1 [")
+
+
+def test_the_task_example_of_the_docs_can_be_planned(tmp_path):
+    """The task in docs/robots.md works on the robot that it is for."""
+    (text,) = re.findall(r"```toml\n(.*?)```", (ROOT / "docs" / "robots.md").read_text(), re.DOTALL)
+    path = tmp_path / "boxes.toml"
+    path.write_text(text)
+    motion = plan(load_task("puma560", path), load_robot("puma560"))
+    assert 1 < motion.period < 20
 
 
 def test_links_lead_somewhere():

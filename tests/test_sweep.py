@@ -25,7 +25,9 @@ def small(tiny_robot_path, tiny_task_path):
 
     def make(**changes):
         base = {"robot": tiny_robot_path, "task": tiny_task_path, "axis": [1, 2], "cycles": 6}
-        return make_experiment(base | {"severity": 0.3} | changes)
+        if not isinstance(changes.get("schedule"), list):
+            base["severity"] = 0.3
+        return make_experiment(base | changes)
 
     return make
 
@@ -76,7 +78,7 @@ def test_the_contract_of_run_files(made):
                 if isinstance(item, h5py.Dataset) and name != "model":
                     assert item.attrs["units"], name
                     assert item.attrs["long_name"], name
-                    if not name.startswith("dimensions/"):
+                    if not item.is_scale:
                         assert all(len(dimension) for dimension in item.dims), name
 
             file.visititems(check)
@@ -181,7 +183,7 @@ def test_merged_file_holds_every_run(made):
             torque = group["signals/motor_torque"]
             np.testing.assert_array_equal(torque, run.read("signals/motor_torque"))
             assert not torque.is_virtual
-            assert torque.dims[2][0].name == f"/runs/{run.id}/dimensions/axis"
+            assert torque.dims[2][0].name == f"/runs/{run.id}/axis"
 
 
 def test_finished_datasets_are_left_alone(small, made):
@@ -313,6 +315,35 @@ def _die(run, folder, on_cycle):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def test_impossible_tasks_are_refused_before_anything_is_written(small, tmp_path):
+    """A task that the robot cannot do is bad input, not a row of failed runs."""
+    task = tmp_path / "far.toml"
+    task.write_text(
+        'description = "x"\n[start]\nposition = [9, 9, 9]\nrpy = [0, 0, 0]\n'
+        "[[move]]\njoints = [0, 0]\n"
+    )
+    with pytest.raises(InputError, match="task far, start: .* cannot be reached"):
+        generate(small(task=str(task)), tmp_path / "out", progress=False)
+    assert not (tmp_path / "out").exists()
+
+
+def test_files_of_others_are_not_overwritten(small, tmp_path):
+    """A folder with an experiment.toml that is not of a dataset is refused."""
+    mine = tmp_path / "experiment.toml"
+    mine.write_text("# mine\n")
+    with pytest.raises(InputError, match="holds an experiment.toml of its own"):
+        generate(small(), tmp_path, progress=False)
+    assert mine.read_text() == "# mine\n"
+
+
+def test_damaged_manifests_are_told(tmp_path):
+    """runs.json of another form gives one line."""
+    for content in ("[]", '{"runs": []}', '{"runs": {"x": {}}}', "{"):
+        (tmp_path / "runs.json").write_text(content)
+        with pytest.raises(InputError, match="runs.json: damaged"):
+            open_dataset(tmp_path)
+
+
 def test_two_generators_do_not_share_a_folder(small, tmp_path):
     """The second one is refused as long as the first one writes."""
     with (
@@ -340,6 +371,14 @@ def test_experiments_survive_being_written_out(small, made):
         ({"axis": [[1, 1]]}, "the same axis twice"),
         ({"severity": -5}, "severity: input should be greater than or equal to 0, not -5"),
         ({"severity": "much"}, "severity: input should be a valid number"),
+        ({"severity": 20.0}, "severity: input should be less than or equal to 10, not 20.0"),
+        ({"axis": True}, "axis: input should be a valid integer, not True"),
+        ({"axis": [[]]}, "axis: list should have at least 1 item"),
+        ({"schedule": [0.1, -0.2]}, "schedule: input should be greater than or equal to 0"),
+        ({"schedule": [0.1], "severity": 0.2, "cycles": 1}, "severity: an array as schedule has"),
+        ({"sample_period": float("inf")}, "sample_period: input should be a finite number"),
+        ({"sample_period": 100.0}, "sample_period: must be well below the cycle"),
+        ({"signals": ["signals/motor_torque"] * 2}, "signals: the same name twice"),
         ({"cycles": 0}, "cycles: input should be greater than or equal to 1, not 0"),
         ({"effect": "rust"}, "unknown effect 'rust': choose healthy, friction_wear"),
         ({"schedule": "sudden"}, "unknown schedule 'sudden'"),

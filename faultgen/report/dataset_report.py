@@ -19,18 +19,32 @@ from analysis.plots import plot_accuracy, plot_net_transfer_entropy, plot_series
 from analysis.transfer_entropy import net_transfer_entropy
 from faultgen.dataset import Dataset, StoredRun, open_dataset
 from faultgen.storage import write_text
-from faultgen.studies.isolation import METHODS, Isolation, isolate, table
+from faultgen.studies.isolation import METHODS, Isolation, isolate, series, table
 
 _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
 body {{ font: 15px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto }}
 table {{ border-collapse: collapse; font-size: 13px; margin: 1rem 0 }}
 th, td {{ border: 1px solid #ccc; padding: .2rem .5rem; text-align: left }}
+figure {{ margin: 1rem 0 }} figcaption {{ color: #555; font-size: 13px }}
 th {{ background: #f2f2f2 }} img {{ max-width: 100% }} pre {{ background: #f6f6f6; padding: 1rem }}
 </style></head><body>
 {body}
 </body></html>
 """
+
+
+_LINES = 4  # worn runs drawn for an axis
+_WEAR_CAPTION = (
+    "Mean |motor torque| of each cycle at motor speeds of 50 to 120 rad/s, as stored: the healthy "
+    f"robot and up to {_LINES} runs in which that axis wears. Empty where the axis never turns so "
+    "fast."
+)
+_ISOLATION_CAPTION = (
+    "Left: net transfer entropy between the axes over all cycles, one draw of noise; on a healthy "
+    "robot, too, some axis has the largest row. Right: share of runs of which the worn axis is "
+    "named, with 95 % intervals, for one effect."
+)
 
 
 def write_report(folder: str | Path, result: Isolation | None = None) -> Path:
@@ -48,12 +62,13 @@ def write_report(folder: str | Path, result: Isolation | None = None) -> Path:
     parts = [f"<h1>Dataset {html.escape(dataset.path.resolve().name)}</h1>", _content(dataset)]
     for robot, task in _places(dataset):
         parts.append(f"<h2>{html.escape(robot)}, {html.escape(task)}</h2>")
-        parts.append(_image(_wear_figure(_runs_at(dataset, robot, task))))
-        shown = _image(_isolation_figure(_runs_at(dataset, robot, task), result, robot, task))
-        parts.append(shown)
+        here = _runs_at(dataset, robot, task)
+        parts.append(_image(_wear_figure(here), _WEAR_CAPTION))
+        parts.append(_image(_isolation_figure(here, result, robot, task), _ISOLATION_CAPTION))
     parts.append("<h2>Which axis is worn?</h2>" + _markdown_table(table(result)))
-    toml = (dataset.path / "experiment.toml").read_text()
-    parts.append(f"<h2>What made it</h2><pre>{html.escape(toml)}</pre>")
+    toml = dataset.path / "experiment.toml"
+    if toml.is_file():
+        parts.append(f"<h2>What made it</h2><pre>{html.escape(toml.read_text())}</pre>")
     path = dataset.path / "report.html"
     title = html.escape(f"faultgen: {dataset.path.name}")
     write_text(path, _PAGE.format(title=title, body="\n".join(parts)))
@@ -76,25 +91,28 @@ def _runs_at(dataset: Dataset, robot: str, task: str) -> list[StoredRun]:
 
 
 def _wear_figure(runs: list[StoredRun]) -> Figure:
-    """Mean |torque| of each axis, in the healthy run and in the one in which that axis wears."""
+    """Mean |torque| of each axis, in the healthy run and in runs in which that axis wears."""
     n_axes = runs[0].read("monitoring/mean_abs_torque").shape[1]
     with style():
         columns = min(3, n_axes)
         rows = -(-n_axes // columns)
         figure, grid = plt.subplots(rows, columns, figsize=(9, 2.4 * rows), squeeze=False)
         for axis, axes in enumerate(grid.flat[:n_axes], start=1):
-            chosen = [run for run in runs if run["axis"] in (0, axis)][:4]
-            series = [run.read("monitoring/mean_abs_torque")[:, axis - 1] for run in chosen]
-            labels = [
-                "healthy" if run["axis"] == 0 else f"worn, {100 * run['severity']:g} %"
-                for run in chosen
-            ]
-            shortest = min(map(len, series), default=0)
-            values = np.array([line[:shortest] for line in series]).T
-            plot_series(axes, np.arange(1, shortest + 1), values, labels, "mean |torque| [N m]")
-            axes.set_title(f"axis {axis}")
-        grid.flat[0].legend()
+            healthy = [run for run in runs if run["axis"] == 0][:1]
+            chosen = healthy + [run for run in runs if axis in run["axes"]][:_LINES]
+            for number, run in enumerate(chosen):
+                values = run.read("monitoring/mean_abs_torque")[:, axis - 1]
+                plot_series(axes, np.arange(1, len(values) + 1), values, _name(run), number)
+            axes.set(title=f"axis {axis}", ylabel="mean |torque| [N m]")
+            if chosen:
+                axes.legend(fontsize=7)
     return figure
+
+
+def _name(run: StoredRun) -> str:
+    if run["axis"] == 0:
+        return "healthy"
+    return f"{run['effect']} {100 * run['severity']:g} %, seed {run['seed']}"
 
 
 def _isolation_figure(runs: list[StoredRun], result: Isolation, robot: str, task: str) -> Figure:
@@ -103,20 +121,17 @@ def _isolation_figure(runs: list[StoredRun], result: Isolation, robot: str, task
     worn = next((run for run in runs if run["axis"] > 0), None)
     with style():
         figure, grid = plt.subplots(1, 3, figsize=(9, 3))
-        for axes, run, name in ((grid[0], healthy, "healthy"), (grid[1], worn, "")):
-            if run is None:
+        for axes, run in ((grid[0], healthy), (grid[1], worn)):
+            x = None if run is None else np.nan_to_num(series(run))
+            if run is None or x is None or len(x) < 3:
                 axes.axis("off")
                 continue
-            x = np.nan_to_num(run.read("monitoring/mean_abs_torque"))
-            title = name or f"axis {run['axis']} worn {100 * run['severity']:g} %"
-            if len(x) >= 3:
-                plot_net_transfer_entropy(axes, net_transfer_entropy(x), f"net TE [bit], {title}")
+            title = "healthy" if run["axis"] == 0 else f"axis {run['axis']} worn"
+            plot_net_transfer_entropy(axes, net_transfer_entropy(x), f"net TE [bit], {title}")
+        here = [t for t in result.tallies if (t.robot, t.task) == (robot, task) and t.level > 0]
+        first = min((t.effect for t in here), default="")
         for number, method in enumerate(METHODS):
-            cells = [
-                t
-                for t in result.tallies
-                if (t.robot, t.task, t.method) == (robot, task, method) and t.level > 0
-            ]
+            cells = [t for t in here if (t.effect, t.method) == (first, method)]
             if cells:
                 plot_accuracy(
                     grid[2],
@@ -126,17 +141,21 @@ def _isolation_figure(runs: list[StoredRun], result: Isolation, robot: str, task
                     method,
                     number,
                 )
-        grid[2].legend()
+        if here:
+            grid[2].legend(fontsize=7)
+        else:
+            grid[2].axis("off")
     return figure
 
 
-def _image(figure: Figure) -> str:
+def _image(figure: Figure, caption: str) -> str:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
     plt.close(figure)
-    return (
-        f'<img alt="" src="data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}">'
-    )
+    data = base64.b64encode(buffer.getvalue()).decode()
+    text = html.escape(caption)
+    image = f'<img alt="{text}" src="data:image/png;base64,{data}">'
+    return f"<figure>{image}<figcaption>{text}</figcaption></figure>"
 
 
 def _markdown_table(text: str) -> str:

@@ -61,6 +61,7 @@ class Tally:
 
     robot: str
     task: str
+    effect: str
     level: float
     """Severity at the last cycle seen; 0 for the healthy robot over all of its cycles."""
     method: str
@@ -114,6 +115,8 @@ class Isolation:
     """One for each robot, task, level and method."""
     unobservable: dict[str, list[int]]
     """Axes that are never within the speed window, by robot and task."""
+    too_short: str
+    """Levels of wear that were reached too early to be asked for, in words; empty if none."""
 
 
 def isolate(
@@ -148,14 +151,17 @@ def isolate(
         raise InputError(f"seeds: must be at least 1, not {seeds}")
     stored = {run["sensors"] for run in dataset.runs}
     redraw = sensors is not None or stored == {"none"}
+    if sensors is not None:
+        get_sensors(sensors)
     chosen = sensors or ("thesis" if stored == {"none"} else "/".join(sorted(stored)))
     if redraw and get_sensors(chosen).changes_motion:
         raise InputError(
             f"sensors '{chosen}' change the motion: generate a dataset with them instead, "
             "with several repetitions"
         )
-    tallies: dict[tuple[str, str, float, str], Tally] = {}
+    tallies: dict[tuple[str, str, str, float, str], Tally] = {}
     unobservable: dict[str, list[int]] = {}
+    short: set[float] = set()
     for run in tqdm(dataset.runs, unit="run", disable=None if progress else True, desc="isolating"):
         worn = tuple(int(axis) for axis in run["axes"])
         severity = run.read("cycle/severity")
@@ -165,13 +171,16 @@ def isolate(
                 int(axis) + 1 for axis in np.flatnonzero(~seen)
             ]
             series = np.where(seen, series, 0.0)
-            for level, length in _cuts(severity, worn, levels):
+            cuts = list(_cuts(severity, worn, levels))
+            short |= {a for a in levels if worn and severity.max() >= a} - {a for a, _ in cuts}
+            for level, length in cuts:
                 for method, isolator in METHODS.items():
-                    key = (run["robot"], run["task"], level, method)
+                    key = (run["robot"], run["task"], run["effect"], level, method)
                     tally = tallies.setdefault(key, Tally(*key))
                     tally.add(isolator(series[:length]) + 1, worn)
     draws = seeds if redraw else len({run["seed"] for run in dataset.runs})
-    return Isolation(chosen, draws, redraw, list(tallies.values()), unobservable)
+    too_short = ", ".join(f"{100 * level:g} %" for level in sorted(short))
+    return Isolation(chosen, draws, redraw, list(tallies.values()), unobservable, too_short)
 
 
 def _cuts(
@@ -191,6 +200,21 @@ def _cuts(
 
 def _stored(run: StoredRun) -> Iterator[np.ndarray]:
     yield run.read("monitoring/mean_abs_torque")
+
+
+def series(dataset_run: StoredRun, sensors: str | None = None) -> np.ndarray:
+    """Mean |torque| of each cycle as an isolator sees it: stored, or with one draw of noise.
+
+    Args:
+        dataset_run: The run.
+        sensors: Preset of the noise; default: 'thesis' for a run without noise, else as stored.
+
+    Returns:
+        Shape (cycles, n_axes), in [N m].
+    """
+    if sensors is None and dataset_run["sensors"] != "none":
+        return next(_stored(dataset_run))
+    return next(_series(dataset_run, sensors or "thesis", 1, 1000))
 
 
 def _series(run: StoredRun, sensors: str, seeds: int, seed: int) -> Iterator[np.ndarray]:
@@ -226,21 +250,22 @@ def _series(run: StoredRun, sensors: str, seeds: int, seed: int) -> Iterator[np.
 
 def table(result: Isolation) -> str:
     """Table 6.2's form in Markdown: robot and task x wear x method, thesis figures beside."""
-    cells = {(t.robot, t.task, t.level, t.method): t for t in result.tallies}
-    rows = sorted({key[:3] for key in cells}, key=lambda r: (r[0], r[1], r[2] == 0, r[2]))
-    noise = f"{result.seeds} draws of" if result.redrawn else f"{result.seeds} seeds with"
+    cells = {(t.robot, t.task, t.effect, t.level, t.method): t for t in result.tallies}
+    rows = sorted({key[:4] for key in cells}, key=lambda r: (r[0], r[1], r[3] == 0, r[2], r[3]))
+    beside = any(robot == "irb6700" for robot, *_ in rows)
+    drawn = f"{result.seeds} draws of" if result.redrawn else "the stored"
     lines = [
-        f"Axis isolated, percent [95 % Wilson interval]; {noise} '{result.sensors}' noise; "
-        "thesis' figure after the slash.",
+        f"Axis isolated, percent [95 % Wilson interval]; {drawn} '{result.sensors}' noise"
+        + ("; thesis' figure after the slash." if beside else "."),
         "",
-        "| robot | task | wear % | worn axis named, TE 10 bins, by axis | "
+        "| robot | task | effect | wear % | answers | right by axis, TE 10 bins | "
         + " | ".join(METHODS)
         + " |",
-        "| --- | --- | --- | --- |" + " --- |" * len(METHODS),
+        "|" + " --- |" * (6 + len(METHODS)),
     ]
-    for robot, task, level in rows:
-        first = cells[robot, task, level, next(iter(METHODS))]
-        shown = [_cell(cells[robot, task, level, method]) for method in METHODS]
+    for robot, task, effect, level in rows:
+        first = cells[robot, task, effect, level, next(iter(METHODS))]
+        shown = [_cell(cells[robot, task, effect, level, method]) for method in METHODS]
         if level > 0 and robot == "irb6700" and (task, level) in THESIS:
             shown = [
                 f"{cell} / {_thesis(task, level, method):g}"
@@ -250,8 +275,14 @@ def table(result: Isolation) -> str:
             f"{axis}:{100 * first.right_by_axis[axis] / count:.0f}"
             for axis, count in sorted(first.total_by_axis.items())
         )
-        wear = f"{100 * level:g}" if level else HEALTHY
-        lines.append(f"| {robot} | {task} | {wear} | {by_axis} | " + " | ".join(shown) + " |")
+        wear = f"{100 * level:g}" if level else "-"
+        lines.append(
+            f"| {robot} | {task} | {effect} | {wear} | {first.total} | {by_axis} | "
+            + " | ".join(shown)
+            + " |"
+        )
+    if result.too_short:
+        lines += ["", "Not asked, since fewer than 5 cycles come before: " + result.too_short]
     if any(level == 0 for *_, level in rows):
         lines += ["", f"In rows '{HEALTHY}': how often an axis was named though none is worn."]
     for place, axes in result.unobservable.items():
