@@ -12,7 +12,6 @@ import argparse
 import json
 import os
 import platform
-import resource
 import statistics
 import subprocess
 import sys
@@ -131,13 +130,15 @@ def memory() -> dict[str, float]:
         ("many runs", 5, 12),
     ):
         code = (
-            "import resource, tempfile; from faultgen.experiment import make_experiment\n"
+            "import pathlib, tempfile; from faultgen.experiment import make_experiment\n"
             "from faultgen.sweep import generate\n"
             f"e = make_experiment({{'robot': '{ROBOT}', 'task': '{TASK}', 'axis': 1,"
             f" 'cycles': {cycles}, 'repetitions': {repetitions}, 'healthy': False,"
             " 'paired': False})\n"
             "with tempfile.TemporaryDirectory() as d: generate(e, d, progress=False)\n"
-            "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
+            # of this program alone: ru_maxrss would begin with the peak of the process that forks
+            "status = pathlib.Path('/proc/self/status').read_text()\n"
+            "print(int(status.split('VmHWM:')[1].split()[0]) / 1024)"
         )
         out = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
         peaks[name] = round(float(out.stdout), 1)
@@ -157,7 +158,6 @@ def main() -> None:
         "stepping": stepping(3 if options.quick else 6),
         "workers": workers(20 if options.quick else 60, 1 if options.quick else 3),
         "peak_memory_mib": memory(),
-        "own_peak_memory_mib": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
     }
     text = json.dumps(result, indent=1)
     print(text)
