@@ -2,9 +2,9 @@
 
 The toolbox is only needed to regenerate the file, not to run the tests::
 
-    python3 -m venv /tmp/rtbenv
-    /tmp/rtbenv/bin/pip install roboticstoolbox-python==1.5.0
-    /tmp/rtbenv/bin/python tests/data/make_puma560_reference.py
+    python3 -m venv rtbenv
+    rtbenv/bin/pip install roboticstoolbox-python==1.5.0
+    rtbenv/bin/python tests/data/make_puma560_reference.py
 
 Conventions of the written values (SI units, joint side, standard DH):
 
