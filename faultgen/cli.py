@@ -328,12 +328,11 @@ def isolate(
     named though none is worn. The result is also written to isolation.json in the folder.
     """
     from faultgen.dataset import open_dataset
-    from faultgen.storage import write_text
     from faultgen.studies.isolation import isolate as run_isolate
-    from faultgen.studies.isolation import table, to_dict
+    from faultgen.studies.isolation import save, table, to_dict
 
     result = run_isolate(open_dataset(folder), sensors=sensors, seeds=seeds)
-    write_text(folder / "isolation.json", json.dumps(to_dict(result), indent=1) + "\n")
+    save(result, folder)
     _print_json(to_dict(result)) if as_json else print(table(result))
 
 
@@ -352,9 +351,8 @@ def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = F
     from faultgen.dataset import open_dataset
     from faultgen.experiment import make_experiment
     from faultgen.report import write_report
-    from faultgen.storage import write_text
     from faultgen.studies.isolation import isolate as run_isolate
-    from faultgen.studies.isolation import table, to_dict
+    from faultgen.studies.isolation import save, table, to_dict
     from faultgen.sweep import generate as run_generate
 
     chosen = make_experiment(
@@ -369,7 +367,7 @@ def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = F
     if summary.failed:
         raise SimulationFailed("; ".join(summary.failed.values()))
     result = run_isolate(open_dataset(out), progress=False)
-    write_text(out / "isolation.json", json.dumps(to_dict(result), indent=1) + "\n")
+    save(result, out)
     path = write_report(out, result)
     if as_json:
         _print_json({**asdict(summary), "isolation": to_dict(result), "report": str(path)})

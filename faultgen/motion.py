@@ -101,10 +101,9 @@ def plan(task: Task, robot: Robot) -> Motion:
     pieces: list[_Piece] = []
     clock = 0.0
     start = here = _configuration(task.start, arm, task, np.zeros(robot.n_axes), "start")
-    moves = [*task.move]
-    for number, move in enumerate(moves, start=1):
+    for number, move in enumerate(task.move, start=1):
         there = _configuration(move, arm, task, here, f"move {number}")
-        if number == len(moves):
+        if number == len(task.move):
             if np.abs(there - start).max() > np.radians(0.2):
                 raise InputError(f"task {task.name}: the last move must end at the start pose")
             there = start
@@ -115,7 +114,7 @@ def plan(task: Task, robot: Robot) -> Motion:
             clock += duration
         here = there
         rest = move.dwell
-        if number == len(moves):
+        if number == len(task.move):
             rest = np.ceil((clock + move.dwell) / _TICK - 1e-9) * _TICK - clock
         if rest > 0:
             pieces.append(_Piece(clock, rest, _hold(here), _still))

@@ -134,8 +134,8 @@ def _models(
     run: Run, robot: Robot, around: Surroundings, growth: np.ndarray
 ) -> Iterator[mujoco.MjModel]:
     """The robot as it is in each cycle; compiled anew only where something changed."""
-    nominal = robot.spec()
-    has_payload = nominal.body("payload") is not None
+    healthy = robot.spec()
+    has_payload = healthy.body("payload") is not None
     reference = robot.friction_temperature
     before: tuple[float, float, float] | None = None
     model = robot.model
@@ -144,7 +144,7 @@ def _models(
     ):
         now = (float(severity), float(temperature), float(load))
         if now != before:
-            spec = nominal.copy()
+            spec = healthy.copy()
             if temperature != reference:
                 for axis in range(1, robot.n_axes + 1):
                     set_temperature(spec, axis, temperature, reference)

@@ -7,8 +7,10 @@ sensors is drawn anew for each of many seeds.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,7 @@ from faultgen.effects import HEALTHY
 from faultgen.errors import InputError
 from faultgen.monitoring import mean_abs_torque
 from faultgen.sensors import get_sensors, measure
+from faultgen.storage import write_text
 
 METHODS: dict[str, Callable[[np.ndarray], int]] = {
     "TE 10 bins": lambda x: isolate_axis(x, bins=10),
@@ -151,9 +154,9 @@ def isolate(
         raise InputError(f"seeds: must be at least 1, not {seeds}")
     stored = {run["sensors"] for run in dataset.runs}
     redraw = sensors is not None or stored == {"none"}
+    chosen = "thesis" if stored == {"none"} else "/".join(sorted(stored))
     if sensors is not None:
-        get_sensors(sensors)
-    chosen = sensors or ("thesis" if stored == {"none"} else "/".join(sorted(stored)))
+        chosen = sensors
     if redraw and get_sensors(chosen).changes_motion:
         raise InputError(
             f"sensors '{chosen}' change the motion: generate a dataset with them instead, "
@@ -322,3 +325,8 @@ def to_dict(result: Isolation) -> dict[str, Any]:
         "results": rows,
         "unobservable": result.unobservable,
     }
+
+
+def save(result: Isolation, folder: Path) -> None:
+    """Write the result to ``isolation.json`` in a dataset's folder."""
+    write_text(folder / "isolation.json", json.dumps(to_dict(result), indent=1) + "\n")
