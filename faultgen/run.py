@@ -12,7 +12,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from faultgen.effects import get_effect, set_temperature
+from faultgen.condition import Condition, model_at
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.experiment import Run
 from faultgen.monitoring import BINS, Limits, monitor
@@ -135,26 +135,19 @@ def _models(
 ) -> Iterator[mujoco.MjModel]:
     """The robot as it is in each cycle; compiled anew only where something changed."""
     healthy = robot.spec()
-    has_payload = healthy.body("payload") is not None
-    reference = robot.friction_temperature
-    before: tuple[float, float, float] | None = None
+    before: Condition | None = None
     model = robot.model
     for severity, temperature, load in zip(
         growth, around.temperature, around.payload_factor, strict=True
     ):
-        now = (float(severity), float(temperature), float(load))
+        now = Condition(
+            temperature=float(temperature),
+            payload_factor=float(load),
+            effect=run.effect,
+            wear=tuple((axis, float(severity)) for axis in run.axes),
+        )
         if now != before:
-            spec = healthy.copy()
-            if temperature != reference:
-                for axis in range(1, robot.n_axes + 1):
-                    set_temperature(spec, axis, temperature, reference)
-            if has_payload and load != 1:
-                payload = spec.body("payload")
-                payload.mass *= load
-                payload.inertia *= load
-            for axis in run.axes:
-                get_effect(run.effect).apply(spec, axis, float(severity))
-            model = spec.compile()
+            model = model_at(robot, healthy, now)
             before = now
         yield model
 

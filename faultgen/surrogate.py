@@ -1,0 +1,223 @@
+"""Cycles at any temperature, payload and wear, interpolated between simulated ones.
+
+A study needs many thousand cycles that differ by little. Every condition on a grid is simulated
+once, and a cycle in between is put together, sample by sample:
+
+    y(T, m, s) = base(T) + load(m, T) + sum_axes wear_axis(s_axis, T)
+
+`base` is the polynomial through its nodes in temperature; `load` and `wear` are differences from
+it, polynomials in temperature and, through zero, in the payload or severity. What is left out (wear
+x payload, wear of one axis x wear of another) is second order. `benchmarks/surrogate_error.py`
+measures the error against direct simulation; docs/surrogate.md has it beside the noise.
+
+    surrogate = build_surrogate("irb6700", "spot_weld")
+    cycles = surrogate.cycles(temperature=[36.0], payload_factor=[1.01], severity=severity)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from joblib import Parallel, delayed
+from tqdm import tqdm
+
+from faultgen.condition import Condition, model_at
+from faultgen.effects.friction import TEMPERATURE_RANGE
+from faultgen.run import nominal
+from faultgen.simulate import simulate
+
+CHANNELS = ("motor_position", "motor_velocity", "motor_torque")
+"""What is interpolated."""
+
+_SPREAD = 20.0  # temperatures up to so far from the reference, five standard deviations [K]
+_BASE_NODES = 9
+_EVERY = 2  # every so many-th node in temperature has nodes in payload and wear too
+_LOAD = (-0.03, 0.03)
+_WEAR = (0.1, 0.2)
+
+
+@dataclass(frozen=True, eq=False)
+class Surrogate:
+    """Simulated cycles at the nodes of the grid, and how to put others together."""
+
+    robot: str
+    """Name of the robot."""
+    task: str
+    """Name of the task."""
+    effect: str
+    """Name of the effect whose severity is interpolated."""
+    sample_period: float
+    """Time between samples [s]."""
+    temperatures: np.ndarray
+    """Nodes of `base`, ascending [deg C]."""
+    nodes: np.ndarray
+    """Simulated cycles; shape (nodes, channels, samples, n_axes), in [rad], [rad/s], [N m]."""
+    gear_ratio: np.ndarray
+    """Shape (n_axes,)."""
+    encoder_counts: np.ndarray
+    """Counts a motor turn, shape (n_axes,)."""
+    mean_torque: np.ndarray
+    """Mean |torque| of each axis that the nominal cycle asks for, shape (n_axes,), in [N m]."""
+
+    @property
+    def n_axes(self) -> int:
+        """Number of axes."""
+        return len(self.gear_ratio)
+
+    def weights(
+        self, temperature: np.ndarray, payload_factor: np.ndarray, severity: np.ndarray
+    ) -> np.ndarray:
+        """Share of each node in each cycle.
+
+        Args:
+            temperature: Shape (cycles,), in [deg C].
+            payload_factor: Shape (cycles,).
+            severity: Shape (cycles, n_axes).
+
+        Returns:
+            Shape (cycles, nodes).
+
+        Raises:
+            ValueError: A condition is outside the grid.
+        """
+        temperature = np.clip(temperature, *TEMPERATURE_RANGE)
+        if temperature.min() < self.temperatures[0] or temperature.max() > self.temperatures[-1]:
+            raise ValueError(
+                f"temperature must be within {self.temperatures[0]:g} and "
+                f"{self.temperatures[-1]:g} deg C, got {temperature.min():g} to "
+                f"{temperature.max():g}"
+            )
+        if severity.min() < 0 or severity.max() > _WEAR[-1] * (1 + 1e-9):
+            raise ValueError(f"severity must be within 0 and {_WEAR[-1]}, got {severity.max()}")
+        base = _lagrange(self.temperatures, temperature)
+        coarse = self.temperatures[::_EVERY]
+        slope = _lagrange(coarse, temperature)
+        load = _lagrange((0.0, *_LOAD), payload_factor - 1)[:, 1:]
+        by_load = slope[:, :, None] * load[:, None, :]
+        wear = np.stack([_lagrange((0.0, *_WEAR), s)[:, 1:] for s in severity.T], axis=1)
+        by_wear = slope[:, :, None, None] * wear[:, None]
+        # differences from the base at the same temperature
+        base[:, ::_EVERY] -= by_load.sum(axis=2) + by_wear.sum(axis=(2, 3))
+        cycles = len(base)
+        return np.hstack([base, by_load.reshape(cycles, -1), by_wear.reshape(cycles, -1)])
+
+    def cycles(
+        self, temperature: np.ndarray, payload_factor: np.ndarray, severity: np.ndarray
+    ) -> np.ndarray:
+        """Cycles free of noise.
+
+        Args:
+            temperature: Shape (cycles,), in [deg C].
+            payload_factor: Shape (cycles,).
+            severity: Shape (cycles, n_axes).
+
+        Returns:
+            Shape (cycles, channels, samples, n_axes), channels as in `CHANNELS`.
+
+        Raises:
+            ValueError: A condition is outside the grid.
+        """
+        weights = self.weights(temperature, payload_factor, severity)
+        used = np.flatnonzero(np.any(weights != 0, axis=0))
+        flat = self.nodes.reshape(len(self.nodes), -1)
+        if len(used) < len(flat):
+            flat = flat[used]
+        return (weights[:, used] @ flat).reshape(len(weights), *self.nodes.shape[1:])
+
+
+def _lagrange(nodes: Iterable[float], x: np.ndarray) -> np.ndarray:
+    """Value of each Lagrange polynomial of the nodes at x, shape (len(x), nodes)."""
+    at = np.asarray(list(nodes), float)
+    x = np.asarray(x, float)
+    value = np.ones((len(x), len(at)))
+    for k in range(len(at)):
+        for j in range(len(at)):
+            if j != k:
+                value[:, k] *= (x - at[j]) / (at[k] - at[j])
+    return value
+
+
+def _conditions(temperatures: np.ndarray, n_axes: int, effect: str) -> list[Condition]:
+    """Conditions of all nodes, in the order of `Surrogate.weights`."""
+    coarse = temperatures[::_EVERY].tolist()
+    conditions = [Condition(t) for t in temperatures.tolist()]
+    conditions += [Condition(t, 1 + load) for t in coarse for load in _LOAD]
+    conditions += [
+        Condition(t, 1.0, effect, ((axis, severity),))
+        for t in coarse
+        for axis in range(1, n_axes + 1)
+        for severity in _WEAR
+    ]
+    return conditions
+
+
+def simulate_at(
+    robot: str, task: str, sample_period: float, condition: Condition
+) -> np.ndarray:
+    """One cycle, simulated at a condition that held before it too.
+
+    Returns:
+        Shape (channels, samples, n_axes).
+    """
+    shared = nominal(robot, task, sample_period)
+    model = model_at(shared.robot, shared.robot.spec(), condition)
+    cycle = next(simulate(shared.robot, shared.control, [model], sample_period=sample_period))
+    return np.stack([getattr(cycle, name) for name in CHANNELS])
+
+
+def build_surrogate(
+    robot: str,
+    task: str,
+    *,
+    effect: str = "friction_wear",
+    sample_period: float = 0.004,
+    workers: int = 1,
+    progress: bool = True,
+) -> Surrogate:
+    """Simulate all nodes of a robot and task.
+
+    Args:
+        robot: Name of the robot, or path of an MJCF file.
+        task: Name of the task, or path of a task file.
+        effect: Effect whose severity is interpolated, from 0 to 0.2.
+        sample_period: Time between samples [s].
+        workers: Processes; no effect on the result.
+        progress: Show a progress bar on stderr.
+
+    Returns:
+        The surrogate, for temperatures within 20 K of the robot's reference.
+
+    Raises:
+        InputError: No such robot, task or effect.
+        SimulationFailed: A node could not be simulated.
+    """
+    shared = nominal(robot, task, sample_period)
+    reference = shared.robot.friction_temperature
+    low = max(reference - _SPREAD, TEMPERATURE_RANGE[0])
+    high = min(reference + _SPREAD, TEMPERATURE_RANGE[1])
+    around = np.cos(np.pi * np.arange(_BASE_NODES) / (_BASE_NODES - 1))[::-1]  # Chebyshev-Lobatto
+    temperatures = (low + high) / 2 + (high - low) / 2 * around
+    conditions = _conditions(temperatures, shared.robot.n_axes, effect)
+    done = Parallel(n_jobs=workers, return_as="generator")(
+        delayed(simulate_at)(robot, task, sample_period, condition) for condition in conditions
+    )
+    shown = tqdm(
+        done,
+        total=len(conditions),
+        unit="cycle",
+        desc=f"{shared.robot.name} {task}",
+        disable=None if progress else True,
+    )
+    return Surrogate(
+        robot=shared.robot.name,
+        task=task,
+        effect=effect,
+        sample_period=sample_period,
+        temperatures=temperatures,
+        nodes=np.stack(list(shown)),
+        gear_ratio=shared.robot.gear_ratio,
+        encoder_counts=shared.robot.encoder_counts,
+        mean_torque=shared.mean_torque,
+    )
