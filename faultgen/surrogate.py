@@ -16,15 +16,21 @@ measures the error against direct simulation; docs/surrogate.md has it beside th
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
+import h5py
+import mujoco
 import numpy as np
 from joblib import Parallel, delayed
 from tqdm import tqdm
 
 from faultgen.condition import Condition, model_at
 from faultgen.effects.friction import TEMPERATURE_RANGE
+from faultgen.errors import InputError
 from faultgen.run import nominal
 from faultgen.simulate import simulate
 
@@ -42,10 +48,10 @@ _WEAR = (0.1, 0.2)
 class Surrogate:
     """Simulated cycles at the nodes of the grid, and how to put others together."""
 
-    robot: str
-    """Name of the robot."""
-    task: str
-    """Name of the task."""
+    robot_path: str
+    """Name of the robot, or path of its MJCF file."""
+    task_path: str
+    """Name of the task, or path of its file."""
     effect: str
     """Name of the effect whose severity is interpolated."""
     sample_period: float
@@ -126,6 +132,37 @@ class Surrogate:
             flat = flat[used]
         return (weights[:, used] @ flat).reshape(len(weights), *self.nodes.shape[1:])
 
+    def save(self, path: Path) -> None:
+        """Write the surrogate to an HDF5 file, whole or not at all."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = path.with_suffix(".part")
+        with h5py.File(unfinished, "w") as file:
+            for name, value in vars(self).items():
+                if isinstance(value, np.ndarray):
+                    file[name] = value
+                else:
+                    file.attrs[name] = value
+        unfinished.replace(path)
+
+    @classmethod
+    def load(cls, path: Path) -> Surrogate:
+        """Read a surrogate.
+
+        Raises:
+            InputError: The file cannot be read.
+        """
+        try:
+            with h5py.File(path, "r") as file:
+                arrays = {name: file[name][()] for name in file}
+                plain = {name: _plain(value) for name, value in file.attrs.items()}
+                return cls(**arrays, **plain)
+        except (OSError, TypeError) as error:
+            raise InputError(f"{path}: not a surrogate ({error}); delete it") from None
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
+
 
 def _lagrange(nodes: Iterable[float], x: np.ndarray) -> np.ndarray:
     """Value of each Lagrange polynomial of the nodes at x, shape (len(x), nodes)."""
@@ -153,9 +190,7 @@ def _conditions(temperatures: np.ndarray, n_axes: int, effect: str) -> list[Cond
     return conditions
 
 
-def simulate_at(
-    robot: str, task: str, sample_period: float, condition: Condition
-) -> np.ndarray:
+def simulate_at(robot: str, task: str, sample_period: float, condition: Condition) -> np.ndarray:
     """One cycle, simulated at a condition that held before it too.
 
     Returns:
@@ -211,8 +246,8 @@ def build_surrogate(
         disable=None if progress else True,
     )
     return Surrogate(
-        robot=shared.robot.name,
-        task=task,
+        robot_path=robot,
+        task_path=task,
         effect=effect,
         sample_period=sample_period,
         temperatures=temperatures,
@@ -221,3 +256,35 @@ def build_surrogate(
         encoder_counts=shared.robot.encoder_counts,
         mean_torque=shared.mean_torque,
     )
+
+
+def stored_surrogate(
+    folder: Path, robot: str, task: str, *, sample_period: float = 0.004, workers: int = 1
+) -> Surrogate:
+    """The surrogate of a robot and task, from a folder or else simulated and put there.
+
+    Args:
+        folder: Where surrogates are kept.
+        robot: Name of the robot, or path of an MJCF file.
+        task: Name of the task, or path of a task file.
+        sample_period: Time between samples [s].
+        workers: Processes; no effect on the result.
+
+    Returns:
+        The surrogate, of wear by `friction_wear`.
+
+    Raises:
+        InputError: No such robot or task, or the file there is damaged.
+        SimulationFailed: A node could not be simulated.
+    """
+    shared = nominal(robot, task, sample_period)
+    told = [
+        shared.robot.sha256,
+        hashlib.sha256(shared.control.tobytes()).hexdigest(),
+        repr((sample_period, _SPREAD, _BASE_NODES, _EVERY, _LOAD, _WEAR, mujoco.__version__)),
+    ]
+    key = hashlib.sha256(" ".join(told).encode()).hexdigest()[:12]
+    path = folder / f"{shared.robot.name}_{Path(task).stem}_{key}.h5"
+    if not path.is_file():
+        build_surrogate(robot, task, sample_period=sample_period, workers=workers).save(path)
+    return Surrogate.load(path)

@@ -1,0 +1,151 @@
+"""What the nominal model says of wear, and the isolators that use it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.friction_features import FrictionFeatures
+from analysis.isolation import ChangeIsolator
+from faultgen.condition import Condition
+from faultgen.monitoring import mean_abs_torque
+from faultgen.robot import STRIBECK_VELOCITY, Robot
+
+OWN_TORQUE = "own torque"
+ALL_TORQUES = "all torques"
+FRICTION = "friction residual"
+ISOLATORS = {
+    OWN_TORQUE: "change of an axis' mean |torque| over its own healthy spread",
+    ALL_TORQUES: "mean |torque| of all axes and the temperature, with their healthy covariance",
+    FRICTION: "friction terms in the torque of all axes, and the temperature, with their "
+    "healthy covariance",
+}
+"""Name and idea of our isolators."""
+
+_STEP = 4.0  # as far as temperatures of the preset 'realistic' commonly wander [K]
+_SEVERITY = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """Reductions of consecutive cycles of one robot."""
+
+    mean_torque: np.ndarray
+    """Mean |torque| at 50 to 120 rad/s, shape (cycles, n_axes), in [N m]; nan where an axis is
+    never in that window."""
+    friction: np.ndarray
+    """Coefficients of friction terms, shape (cycles, features)."""
+    temperature: np.ndarray
+    """Measured gearbox temperature, shape (cycles,), in [deg C]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Directions:
+    """Change of a reduction with the severity of each axis."""
+
+    value: np.ndarray
+    """At reference temperature, shape (n_axes, features)."""
+    spread: np.ndarray
+    """How it differs at other temperatures and severities, shape (n_axes, vectors, features)."""
+
+
+@dataclass(frozen=True, eq=False)
+class WearModel:
+    """Friction terms of a robot's task, and how reductions change with wear."""
+
+    features: FrictionFeatures
+    """Friction terms of the nominal cycle."""
+    mean_torque: Directions
+    """Of `Observed.mean_torque`."""
+    friction: Directions
+    """Of `Observed.friction`."""
+
+    def isolators(self, *, temperature_varies: bool) -> dict[str, ChangeIsolator]:
+        """Our isolators, not fitted.
+
+        Args:
+            temperature_varies: Whether the temperature is measured, and says something.
+        """
+        n_axes = len(self.mean_torque.value)
+        extra = 1 if temperature_varies else 0
+
+        def made(directions: Directions) -> ChangeIsolator:
+            features = directions.value.shape[1]
+            return ChangeIsolator(
+                directions=_widened(directions.value, extra),
+                spread=_widened(directions.spread, extra),
+                condition=features if temperature_varies else None,
+            )
+
+        own = np.zeros((n_axes, n_axes))
+        np.fill_diagonal(own, np.diagonal(self.mean_torque.value))
+        return {
+            OWN_TORQUE: ChangeIsolator(directions=own, covariance="diagonal"),
+            ALL_TORQUES: made(self.mean_torque),
+            FRICTION: made(self.friction),
+        }
+
+
+def _widened(vectors: np.ndarray, extra: int) -> np.ndarray:
+    """Zeros for features that wear does not move."""
+    return np.concatenate([vectors, np.zeros((*vectors.shape[:-1], extra))], axis=-1)
+
+
+def isolator_input(name: str, seen: Observed, *, temperature_varies: bool) -> np.ndarray:
+    """What an isolator is given of the reductions, shape (cycles, features)."""
+    torque = np.nan_to_num(seen.mean_torque)
+    if name == OWN_TORQUE:
+        return torque
+    values = torque if name == ALL_TORQUES else seen.friction
+    return np.hstack([values, seen.temperature[:, None]]) if temperature_varies else values
+
+
+def wear_model(
+    robot: Robot, effect: str, cycles_at: Callable[[Sequence[Condition]], Sequence[np.ndarray]]
+) -> WearModel:
+    """Take friction terms and directions from nominal cycles.
+
+    Args:
+        robot: The healthy robot.
+        effect: What wears.
+        cycles_at: Gives noise-free cycles at conditions, each of shape (3, samples, n_axes):
+            motor position [rad], velocity [rad/s] and torque [N m].
+
+    Returns:
+        The model's word on wear.
+    """
+    reference = robot.friction_temperature
+    axes = range(1, robot.n_axes + 1)
+    # (temperature, severity): nominal, colder, warmer, more worn
+    points = [
+        (reference, _SEVERITY),
+        (reference - _STEP, _SEVERITY),
+        (reference + _STEP, _SEVERITY),
+        (reference, 2 * _SEVERITY),
+    ]
+    heavier = Condition(reference, 1.03)
+    conditions = [heavier]
+    for temperature, severity in points:
+        conditions.append(Condition(temperature))
+        conditions += [Condition(temperature, 1.0, effect, ((axis, severity),)) for axis in axes]
+    heavy, *rest = cycles_at(conditions)
+    nominal = rest[0]
+    friction = robot.ids("actuator", "friction")
+    features = FrictionFeatures(
+        stribeck_velocity=robot.model.actuator_biasprm[friction, STRIBECK_VELOCITY]
+    ).fit(nominal[1], load=(heavy[2] - nominal[2]) / 0.03)
+    by_torque = np.nan_to_num([mean_abs_torque(cycle[1], cycle[2]) for cycle in rest])
+    by_friction = features.transform(np.stack([cycle[2] for cycle in rest]))
+    return WearModel(features, _directions(by_torque, points), _directions(by_friction, points))
+
+
+def _directions(reduced: np.ndarray, points: list[tuple[float, float]]) -> Directions:
+    slopes = [
+        (group[1:] - group[0]) / severity
+        for group, (_, severity) in zip(np.split(reduced, len(points)), points, strict=True)
+    ]
+    here, cold, warm, large = slopes
+    spread = np.stack([(warm - cold) / 2, warm + cold - 2 * here, large - here], axis=1)
+    return Directions(here, spread)
