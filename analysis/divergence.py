@@ -63,8 +63,8 @@ class HistogramDivergence(BaseEstimator):
     over what the reference uses.
 
     Bins are left-closed. Their edges stay those of the reference: a value outside of them counts
-    in the first or last bin. An axis that never moves in the reference has no width to divide;
-    one bin holds its value to within 1e-9 of it, and all other values count in the bins around.
+    in the first or last bin. An axis that never moves in the reference has no width to divide: one
+    bin holds its value to a relative 1e-9 (absolute, if it is 0), as wide ones lie around it.
 
     Source: thesis 3.4 and eq. 5.4.
 
