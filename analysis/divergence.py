@@ -121,7 +121,7 @@ class HistogramDivergence(BaseEstimator):
             # The value is at the middle of a bin: on an edge, rounding would choose its side.
             width = 2 * _HALF_BIN * (size[axis] or 1.0)
             steps = np.arange(self.bins + 1) - self.bins // 2 - 0.5
-            self.edges_[axis] = (low[axis] + high[axis]) / 2 + width * steps
+            self.edges_[axis] = low[axis] + width * steps
         self.reference_: NDArray[np.int_] = self.counts(samples)
         return self
 

@@ -242,6 +242,9 @@ def test_share_of_variance_is_exceeded(rng):
         assert PCAMonitor(n_components=share[a - 1] - 1e-9).fit(x).n_components_ == a
         assert PCAMonitor(n_components=share[a - 1] + 1e-9).fit(x).n_components_ == a + 1
     assert PCAMonitor().fit(x).n_components_ == np.argmax(share > 0.75) + 1
+    # Two equal variances: the first accounts for half of them, but not for more.
+    square = [[1, 1], [1, -1], [-1, 1], [-1, -1]]
+    assert PCAMonitor(n_components=0.5, scale=False).fit(square).n_components_ == 2
 
 
 def test_all_components_leave_no_residual(rng):
@@ -268,7 +271,7 @@ def test_verdict_is_that_of_the_charts(rng):
 # Columns without variance
 
 
-@pytest.mark.parametrize("value", [0.0, 0.1, -3e8])
+@pytest.mark.parametrize("value", [0.0, 0.1, -3e8 - 0.1])
 def test_constant_column(rng, value):
     """A constant column changes nothing until it moves; Q sees that, in the column's unit."""
     x = correlated(rng)
@@ -286,7 +289,7 @@ def test_exact_relations_are_watched(rng):
     """If healthy rows leave no residual, a row that leaves one is abnormal, and T2 blind to it."""
     x = rng.normal(size=(100, 2))
     sum_of = np.column_stack([x, x.sum(axis=1)])
-    still = np.column_stack([x, np.full(100, 3e8)])
+    still = np.column_stack([x, np.full(100, 3e8 + 1 / 3)])
     for rows in (sum_of, still):
         monitor = PCAMonitor(n_components=2, confidence=0.999).fit(rows)
         assert monitor.q_limit_ == 0 == monitor.eigenvalues_[2]
