@@ -117,7 +117,7 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         n, columns = rows.shape
         constant = np.ptp(rows, axis=0) <= _CONSTANT * np.abs(rows).max(axis=0)
         self.mean_ = np.where(constant, rows[0], rows.mean(axis=0))
-        centred = np.where(constant, 0.0, rows - self.mean_)
+        centred = rows - self.mean_
         self.scale_ = np.ones(columns)
         if self.scale:
             self.scale_[~constant] = np.std(centred, axis=0, ddof=1)[~constant]
@@ -272,8 +272,9 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
                     f"{len(self.eigenvalues_)} columns vary in {rank} directions only"
                 )
         else:
-            share = np.cumsum(self.eigenvalues_[:rank]) / self.eigenvalues_.sum()
-            kept = min(int(np.searchsorted(share, self.n_components, side="right")) + 1, rank)
+            explained = np.cumsum(self.eigenvalues_[:rank])
+            share = explained / explained[-1]
+            kept = int(np.searchsorted(share, self.n_components, side="right")) + 1
         if self.t2_limit == "training" and self.n_samples_ < kept + 2:
             raise ValueError(
                 f"t2_limit 'training' with {kept} components needs at least {kept + 2} samples, "

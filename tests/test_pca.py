@@ -242,6 +242,8 @@ def test_share_of_variance_is_exceeded(rng):
         assert PCAMonitor(n_components=share[a - 1] - 1e-9).fit(x).n_components_ == a
         assert PCAMonitor(n_components=share[a - 1] + 1e-9).fit(x).n_components_ == a + 1
     assert PCAMonitor().fit(x).n_components_ == np.argmax(share > 0.75) + 1
+    for _ in range(20):
+        assert PCAMonitor(n_components=np.nextafter(1, 0)).fit(correlated(rng)).n_components_ == 5
     # Two equal variances: the first accounts for half of them, but not for more.
     square = [[1, 1], [1, -1], [-1, 1], [-1, -1]]
     assert PCAMonitor(n_components=0.5, scale=False).fit(square).n_components_ == 2
@@ -285,6 +287,14 @@ def test_constant_column(rng, value):
     np.testing.assert_allclose(monitor.q_contributions(moved)[:, 5], 4)
 
 
+def test_constant_column_with_rounding(rng):
+    """Rounding of a constant is not blown up to a variable of the same weight as the others."""
+    x = correlated(rng)
+    wide = np.column_stack([x, 0.1 + 1e-15 * rng.integers(-5, 6, 60)])
+    plain, monitor = PCAMonitor(n_components=2).fit(x), PCAMonitor(n_components=2).fit(wide)
+    np.testing.assert_allclose(monitor.score_samples(wide), plain.score_samples(x))
+
+
 def test_exact_relations_are_watched(rng):
     """If healthy rows leave no residual, a row that leaves one is abnormal, and T2 blind to it."""
     x = rng.normal(size=(100, 2))
@@ -317,7 +327,9 @@ def test_lags_are_rows_beside_their_predecessors(rng):
         np.testing.assert_allclose(ours[2:], getattr(plain, method)(wide))
     np.testing.assert_array_equal(monitor.predict(new), np.r_[1, 1, plain.predict(wide)])
     assert (monitor.predict(new) == -1).any()
-    assert np.isnan(monitor.t2(new[:2])).all()
+    for few in (1, 2):
+        assert np.isnan(PCAMonitor(lags=3).fit(x).t2(new[:few])).all()
+        np.testing.assert_array_equal(monitor.predict(new[:few]), 1)
 
 
 def test_lags_see_a_change_of_dynamics(rng):
