@@ -5,6 +5,8 @@ from analysis.cross_correlation import (
     isolate_axis_by_lags,
     leading_axis,
 )
+from analysis.divergence import HistogramDivergence, kl_divergence
+from analysis.pca import PCAMonitor
 from analysis.symbols import quantile_symbols
 from analysis.transfer_entropy import (
     effective_net_transfer_entropy,
@@ -16,11 +18,14 @@ from analysis.transfer_entropy import (
 )
 
 __all__ = [
+    "HistogramDivergence",
+    "PCAMonitor",
     "cross_correlation_lags",
     "effective_net_transfer_entropy",
     "effective_transfer_entropy",
     "isolate_axis",
     "isolate_axis_by_lags",
+    "kl_divergence",
     "leading_axis",
     "net_transfer_entropy",
     "quantile_symbols",

@@ -1,0 +1,323 @@
+"""Monitoring by principal components: Hotelling's T2 inside their plane, Q off it.
+
+    monitor = PCAMonitor(n_components=0.75).fit(healthy)  # shape (samples, variables)
+    monitor.predict(new)  # +1 normal, -1 not
+    monitor.t2(new), monitor.q(new), monitor.limits(0.99)  # a chart and its line
+    monitor.q_contributions(new)  # which variables are to blame, shape (samples, variables)
+
+All results have a row for each row of the data, in its order, and depend on no random numbers.
+"""
+
+from __future__ import annotations
+
+from numbers import Integral, Real
+from typing import Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import stats
+from sklearn.base import BaseEstimator, OutlierMixin, TransformerMixin
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+Floats = NDArray[np.float64]
+T2Limit = Literal["new", "training", "chi2", "pls_toolbox"]
+
+_CONSTANT = 1e-12  # relative to its values; a column that moves less does not move
+_ROUNDING = 1e-18  # relative squared length; what is shorter is rounding
+_T2_LIMITS = ("new", "training", "chi2", "pls_toolbox")
+
+
+class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
+    """Detector of samples that do not follow the correlations of healthy ones.
+
+    A row is autoscaled to z, its scores are t = P z, and then
+
+        T2 = sum_k t_k^2 / lambda_k,  Q = ||z - P' t||^2,  ||z||^2 = ||t||^2 + Q
+
+    T2 says how far off the mean a row is along the components that are kept, Q how far off these
+    components. A row is not normal if either is above its limit.
+
+    A column that is constant in the healthy data has no scale. It is left unscaled, takes part in
+    no component, and adds the square of its move, in its own unit squared, to Q. If healthy rows
+    leave no residual at all the limit of Q is 0, and any Q above rounding is not normal: with as
+    many components as variables there is none.
+
+    The limits are those of Gaussian rows and take the components as known. From few samples they
+    are not: 120 Gaussian samples of 6 columns without correlation leave 11 % of new rows above the
+    95 % limit of Q. Where healthy rows can be spared, set thresholds on rows that were not fitted.
+
+    With lags a row stands beside its predecessors (dynamic PCA), so X must be one series in order
+    of time. All results keep one row for each row of X, so that they stay in step with it. The
+    first `lags` rows have too few predecessors: they are nan, and `predict` lets them pass.
+    Neighbouring rows then share values, for which the limits make no allowance.
+
+    Source: thesis 3.2.2; Jackson and Mudholkar (1979), Control procedures for residuals associated
+    with principal component analysis; Tracy, Young and Mason (1992), Multivariate control charts
+    for individual observations; Ku, Storer and Georgakis (1995), Disturbance detection and
+    isolation by dynamic principal component analysis.
+
+    Args:
+        n_components: Number of components, or the share of variance within (0, 1) that they must
+            exceed.
+        scale: Whether columns are divided by their standard deviation. If not, all columns must
+            have one unit.
+        confidence: Share of healthy rows below each limit, within (0, 1).
+        t2_limit: Distribution of T2, for a components and n samples: "new" for rows that were not
+            fitted, a (n^2 - 1) / (n (n - a)) F; "training" for those that were,
+            (n - 1)^2 / n Beta; "chi2" for many samples; "pls_toolbox" for the figures of that
+            program and of mdatools, a (n - 1) / (n - a) F.
+        lags: Number of predecessors of each row.
+
+    Attributes:
+        mean_: Mean of each column and, with lags, of its predecessors: those one row before, then
+            two. Shape (columns,), where columns = variables * (1 + lags).
+        scale_: Standard deviation (divisor n - 1) of the same, 1 if constant. Shape (columns,).
+        components_: Rows are unit vectors. Shape (n_components_, columns).
+        eigenvalues_: Variance along all components, descending. Shape (columns,).
+        n_components_: Number of components that are kept.
+        n_samples_: Number of rows that were fitted: those of X less `lags`.
+        n_features_in_: Number of variables.
+        t2_limit_: Limit of T2 at `confidence`.
+        q_limit_: Limit of Q at `confidence`, by Jackson and Mudholkar.
+        offset_: -1, the lowest score of a normal row.
+    """
+
+    def __init__(
+        self,
+        *,
+        n_components: int | float = 0.75,
+        scale: bool = True,
+        confidence: float = 0.95,
+        t2_limit: T2Limit = "new",
+        lags: int = 0,
+    ) -> None:
+        self.n_components = n_components
+        self.scale = scale
+        self.confidence = confidence
+        self.t2_limit = t2_limit
+        self.lags = lags
+
+    def fit(self, X: ArrayLike, y: object = None) -> Self:
+        """Learn components and limits from healthy rows.
+
+        Args:
+            X: Healthy rows. Shape (samples, variables), in any units.
+            y: Not used.
+
+        Returns:
+            The monitor itself.
+
+        Raises:
+            ValueError: If X is not finite, has too few rows or no column that varies, or if an
+                argument of the constructor is invalid.
+        """
+        self._check_arguments()
+        checked: Floats = validate_data(self, X, dtype=np.float64, ensure_min_samples=self.lags + 3)
+        rows = self._augmented(checked)
+        n, columns = rows.shape
+        constant = np.ptp(rows, axis=0) <= _CONSTANT * np.abs(rows).max(axis=0)
+        self.mean_ = np.where(constant, rows[0], rows.mean(axis=0))
+        centred = rows - self.mean_
+        self.scale_ = np.ones(columns)
+        if self.scale:
+            self.scale_[~constant] = np.std(centred, axis=0, ddof=1)[~constant]
+        _, singular, directions = np.linalg.svd(centred / self.scale_, full_matrices=False)
+        self.eigenvalues_ = np.zeros(columns)
+        self.eigenvalues_[: len(singular)] = singular**2 / (n - 1)
+        self.eigenvalues_[self.eigenvalues_ <= _ROUNDING * self.eigenvalues_[0]] = 0.0
+        self.n_samples_ = n
+        self.n_components_ = self._count_components()
+        # A component and its opposite are one; the largest loading is made positive.
+        kept = directions[: self.n_components_]
+        largest = np.abs(kept).argmax(axis=1)
+        self.components_ = kept * np.sign(kept[np.arange(len(kept)), largest])[:, None]
+        self.t2_limit_, self.q_limit_ = self.limits(self.confidence)
+        self.offset_ = -1.0
+        return self
+
+    def transform(self, X: ArrayLike) -> Floats:
+        """Scores t of rows along the components.
+
+        Args:
+            X: Rows. Shape (samples, variables), in the units of the fit.
+
+        Returns:
+            Scores. Shape (samples, n_components_).
+
+        Raises:
+            ValueError: If X is not finite or has other columns than the fit. So all methods.
+        """
+        return self._scaled(X) @ self.components_.T
+
+    def t2(self, X: ArrayLike) -> Floats:
+        """Hotelling's T2 of rows, see `transform`. Shape (samples,)."""
+        return np.sum(self.transform(X) ** 2 / self._variances(), axis=1)
+
+    def q(self, X: ArrayLike) -> Floats:
+        """Q of rows, the squared prediction error, see `transform`. Shape (samples,)."""
+        return np.sum(self._residuals(self._scaled(X)) ** 2, axis=1)
+
+    def t2_contributions(self, X: ArrayLike) -> Floats:
+        """Complete decomposition of T2, z_j (P' Lambda^-1 P z)_j of each variable j.
+
+        The contributions of a row sum to its T2; single ones can be negative. Those of a
+        variable's predecessors are added to the variable.
+
+        Source: Alcala and Qin (2011), Analysis and generalization of fault diagnosis methods for
+        process monitoring.
+
+        Args:
+            X: Rows. Shape (samples, variables), in the units of the fit.
+
+        Returns:
+            Contributions. Shape (samples, variables).
+        """
+        z = self._scaled(X)
+        weighted = (z @ self.components_.T / self._variances()) @ self.components_
+        return self._by_variable(z * weighted)
+
+    def q_contributions(self, X: ArrayLike) -> Floats:
+        """Squared residual of each variable; those of a row sum to its Q.
+
+        Those of a variable's predecessors are added to the variable.
+
+        Args:
+            X: Rows. Shape (samples, variables), in the units of the fit.
+
+        Returns:
+            Contributions, at least 0. Shape (samples, variables).
+        """
+        return self._by_variable(self._residuals(self._scaled(X)) ** 2)
+
+    def limits(self, confidence: float) -> tuple[float, float]:
+        """Limits of T2 and Q at another confidence.
+
+        Args:
+            confidence: Share of healthy rows below each limit, within (0, 1).
+
+        Returns:
+            Limit of T2 and limit of Q.
+
+        Raises:
+            ValueError: If confidence is not within (0, 1).
+        """
+        check_is_fitted(self, "components_")
+        _check_confidence(confidence)
+        a, n = self.n_components_, self.n_samples_
+        if self.t2_limit == "training":
+            t2 = (n - 1) ** 2 / n * stats.beta.ppf(confidence, a / 2, (n - a - 1) / 2)
+        elif self.t2_limit == "chi2":
+            t2 = stats.chi2.ppf(confidence, a)
+        else:
+            t2 = a * (n - 1) / (n - a) * stats.f.ppf(confidence, a, n - a)
+            if self.t2_limit == "new":
+                t2 *= (n + 1) / n
+        return float(t2), _jackson_mudholkar(self.eigenvalues_[a:], confidence)
+
+    def score_samples(self, X: ArrayLike) -> Floats:
+        """Minus the larger of T2 and Q, each relative to its limit: higher is more normal.
+
+        Args:
+            X: Rows. Shape (samples, variables), in the units of the fit.
+
+        Returns:
+            Scores, below -1 if not normal. Shape (samples,).
+        """
+        z = self._scaled(X)
+        t2 = np.sum((z @ self.components_.T) ** 2 / self._variances(), axis=1)
+        q = np.sum(self._residuals(z) ** 2, axis=1)
+        rounding = _ROUNDING * (1 + np.sum(z**2, axis=1))
+        return -np.maximum(t2 / self.t2_limit_, q / np.maximum(self.q_limit_, rounding))
+
+    def decision_function(self, X: ArrayLike) -> Floats:
+        """`score_samples` less `offset_`: negative if not normal. Shape (samples,)."""
+        return self.score_samples(X) - self.offset_
+
+    def predict(self, X: ArrayLike) -> NDArray[np.int_]:
+        """Tell normal rows, +1, from others, -1. The first `lags` rows are +1.
+
+        Args:
+            X: Rows. Shape (samples, variables), in the units of the fit.
+
+        Returns:
+            +1 or -1. Shape (samples,).
+        """
+        return np.where(self.decision_function(X) < 0, -1, 1)
+
+    def _check_arguments(self) -> None:
+        share = self.n_components
+        if isinstance(share, Integral):
+            valid = share >= 1 and not isinstance(share, bool)
+        else:
+            valid = isinstance(share, Real) and 0 < share < 1
+        if not valid:
+            raise ValueError(
+                f"n_components must be a whole number from 1, or a share within (0, 1), got {share}"
+            )
+        _check_confidence(self.confidence)
+        if self.t2_limit not in _T2_LIMITS:
+            raise ValueError(f"t2_limit must be one of {_T2_LIMITS}, got {self.t2_limit!r}")
+        if not isinstance(self.lags, Integral) or self.lags < 0:
+            raise ValueError(f"lags must be a whole number from 0, got {self.lags}")
+
+    def _count_components(self) -> int:
+        rank = int(np.sum(self.eigenvalues_ > 0))
+        if rank == 0:
+            raise ValueError("X has no column that varies")
+        if isinstance(self.n_components, Integral):
+            kept = int(self.n_components)
+            if kept > rank:
+                raise ValueError(
+                    f"n_components is {kept}, but {self.n_samples_} samples of "
+                    f"{len(self.eigenvalues_)} columns vary in {rank} directions only"
+                )
+        else:
+            explained = np.cumsum(self.eigenvalues_[:rank])
+            share = explained / explained[-1]
+            kept = int(np.searchsorted(share, self.n_components, side="right")) + 1
+        if self.t2_limit == "training" and self.n_samples_ < kept + 2:
+            raise ValueError(
+                f"t2_limit 'training' with {kept} components needs at least {kept + 2} samples, "
+                f"got {self.n_samples_}"
+            )
+        return kept
+
+    def _augmented(self, X: Floats) -> Floats:
+        """Rows beside their predecessors. Shape (samples - lags, columns)."""
+        n = len(X) - self.lags
+        return np.hstack([X[self.lags - k : self.lags - k + n] for k in range(self.lags + 1)])
+
+    def _scaled(self, X: ArrayLike) -> Floats:
+        """Rows as z, the first `lags` of them nan. Shape (samples, columns)."""
+        check_is_fitted(self, "components_")
+        checked: Floats = validate_data(self, X, dtype=np.float64, reset=False)
+        z = np.full((len(checked), len(self.mean_)), np.nan)
+        if len(checked) > self.lags:
+            z[self.lags :] = (self._augmented(checked) - self.mean_) / self.scale_
+        return z
+
+    def _residuals(self, z: Floats) -> Floats:
+        return z - z @ self.components_.T @ self.components_
+
+    def _variances(self) -> Floats:
+        return self.eigenvalues_[: self.n_components_]
+
+    def _by_variable(self, contributions: Floats) -> Floats:
+        return contributions.reshape(len(contributions), self.lags + 1, -1).sum(axis=1)
+
+
+def _check_confidence(confidence: float) -> None:
+    if not 0 < confidence < 1:
+        raise ValueError(f"confidence must be within (0, 1), got {confidence}")
+
+
+def _jackson_mudholkar(residual: Floats, confidence: float) -> float:
+    """Limit of Q from the variances along the components that are not kept."""
+    theta1, theta2, theta3 = (float(np.sum(residual**k)) for k in (1, 2, 3))
+    if theta1 == 0:
+        return 0.0
+    # At h0 = 0 the law turns logarithmic; mdatools stops at the same small value.
+    h0 = max(1 - 2 * theta1 * theta3 / (3 * theta2**2), 1e-3)
+    spread = stats.norm.ppf(confidence) * np.sqrt(2 * theta2) * h0 / theta1
+    root = 1 + spread + theta2 * h0 * (h0 - 1) / theta1**2
+    return theta1 * float(max(root, 0.0) ** (1 / h0))
