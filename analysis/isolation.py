@@ -178,18 +178,16 @@ class ChangeIsolator(BaseEstimator):
         self.limit_ = float(stats.t.isf(share, windows - 1))
         return self
 
-    def observable(self, severity: float, power: float = 0.95) -> NDArray[np.bool_]:
-        """Axes whose wear would be found, told from the healthy robot alone.
+    def smallest(self, power: float = 0.95) -> Floats:
+        """Smallest wear, mean over the window, that would be found: told from healthy cycles alone.
 
         Args:
-            severity: Mean wear over the window.
             power: Probability of finding it that is asked for.
 
         Returns:
-            Shape (n_axes,).
+            Severity, shape (n_axes,); inf for an axis that cannot be observed.
         """
-        needed = (self.limit_ + stats.norm.isf(1 - power)) * self.severity_error_
-        return self._seen & (needed <= severity)
+        return (self.limit_ + stats.norm.isf(1 - power)) * self.severity_error_
 
     def estimate(self, x: ArrayLike, severity: ArrayLike | None = None) -> Floats:
         """Severity by each cycle alone.

@@ -1,6 +1,6 @@
 """Missed detections on the Tennessee Eastman process: published, PCA and dynamic PCA.
 
-    pip install 'faultgen[tep]'
+    pip install 'faultgen[dev]'
     python benchmarks/bench_tep.py
 
 Prints Markdown. Each threshold is the 10th highest value of the healthy test series, so that all
@@ -33,7 +33,7 @@ def read(name: str) -> np.ndarray:
     """A series of 52 variables, shape (samples, 52)."""
     spec = importlib.util.find_spec("bibmon")
     if spec is None or spec.origin is None:
-        sys.exit("the data are missing: pip install 'faultgen[tep]'")
+        sys.exit("the data are missing: pip install 'faultgen[dev]'")
     series = np.loadtxt(Path(spec.origin).parent / "tennessee_eastman" / f"{name}.dat")
     return series if series.shape[1] == 52 else series.T  # d00 is stored the other way round
 

@@ -258,10 +258,10 @@ def build_surrogate(
     )
 
 
-def stored_surrogate(
+def surrogate_file(
     folder: Path, robot: str, task: str, *, sample_period: float = 0.004, workers: int = 1
-) -> Surrogate:
-    """The surrogate of a robot and task, from a folder or else simulated and put there.
+) -> Path:
+    """The file of a robot's and task's surrogate, simulated and written if it is not there.
 
     Args:
         folder: Where surrogates are kept.
@@ -271,10 +271,10 @@ def stored_surrogate(
         workers: Processes; no effect on the result.
 
     Returns:
-        The surrogate, of wear by `friction_wear`.
+        The file, for `Surrogate.load`; wear is by `friction_wear`.
 
     Raises:
-        InputError: No such robot or task, or the file there is damaged.
+        InputError: No such robot or task.
         SimulationFailed: A node could not be simulated.
     """
     shared = nominal(robot, task, sample_period)
@@ -287,4 +287,4 @@ def stored_surrogate(
     path = folder / f"{shared.robot.name}_{Path(task).stem}_{key}.h5"
     if not path.is_file():
         build_surrogate(robot, task, sample_period=sample_period, workers=workers).save(path)
-    return Surrogate.load(path)
+    return path

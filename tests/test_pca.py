@@ -405,7 +405,7 @@ def tep():
     """Its training series, the healthy test series and those of 21 faults."""
     spec = importlib.util.find_spec("bibmon")
     if spec is None:
-        pytest.skip("the Tennessee Eastman data come with bibmon: pip install 'faultgen[tep]'")
+        pytest.skip("the Tennessee Eastman data come with bibmon: pip install 'faultgen[dev]'")
     folder = Path(spec.origin).parent / "tennessee_eastman"
     names = ["d00", "d00_te", *(f"d{fault:02d}_te" for fault in range(1, 22))]
     # The first one is stored the other way round.
