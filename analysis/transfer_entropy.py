@@ -190,7 +190,7 @@ def effective_transfer_entropy(
         raise ValueError(f"shuffles must be at least 1, got {shuffles}")
     (x, y), size = _pair(source, target, bins, 1, 1)
     alone = _entropy_left(y[:-1], y[1:], size)
-    raw = float(max(0.0, alone - _entropy_left(y[:-1] * size + x[:-1], y[1:], size)))
+    raw = max(0.0, float(alone - _entropy_left(y[:-1] * size + x[:-1], y[1:], size)))
     # Integers of the machine's own size are permuted and counted fastest.
     x, y = x.astype(np.intp), y.astype(np.intp)
     shuffled = rng.permuted(np.broadcast_to(x, (shuffles, len(x))), axis=1)[:, :-1]
@@ -280,7 +280,7 @@ def _entropy_left_counted(x: NDArray, y: NDArray, size: int) -> Floats:
 
 
 def _c_log_c(largest: int) -> Floats:
-    """c log2(c) of the counts c from 0. Shape (largest + 1,)."""
+    """Values of c log2(c) for the counts c from 0. Shape (largest + 1,)."""
     c_log_c = np.arange(largest + 1.0)
     c_log_c[1:] *= np.log2(c_log_c[1:])
     return c_log_c
