@@ -13,6 +13,7 @@ from statsmodels.stats.multitest import multipletests
 import analysis
 from analysis.symbols import quantile_symbols
 from analysis.transfer_entropy import (
+    _holm,
     effective_net_transfer_entropy,
     effective_transfer_entropy,
     isolate_axis,
@@ -378,6 +379,8 @@ def test_same_seed_same_result():
 
 def test_adjusted_p_values_are_those_of_holm():
     """Pairs off the diagonal are adjusted together, as statsmodels does."""
+    p_value = np.random.default_rng(25).beta(0.3, 5, 30)
+    np.testing.assert_allclose(_holm(p_value), multipletests(p_value, method="holm")[1])
     x = chain(np.random.default_rng(25), 200, 4)
     result = effective_net_transfer_entropy(x, 3, shuffles=400, rng=np.random.default_rng(26))
     pairs = ~np.eye(4, dtype=bool)
