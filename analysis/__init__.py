@@ -5,6 +5,14 @@ from analysis.cross_correlation import (
     isolate_axis_by_lags,
     leading_axis,
 )
+from analysis.detection import CUSUMChart, EWMAChart
+from analysis.run_length import (
+    RunLength,
+    cusum_interval,
+    cusum_run_length,
+    ewma_run_length,
+    ewma_width,
+)
 from analysis.symbols import quantile_symbols
 from analysis.transfer_entropy import (
     effective_net_transfer_entropy,
@@ -16,9 +24,16 @@ from analysis.transfer_entropy import (
 )
 
 __all__ = [
+    "CUSUMChart",
+    "EWMAChart",
+    "RunLength",
     "cross_correlation_lags",
+    "cusum_interval",
+    "cusum_run_length",
     "effective_net_transfer_entropy",
     "effective_transfer_entropy",
+    "ewma_run_length",
+    "ewma_width",
     "isolate_axis",
     "isolate_axis_by_lags",
     "leading_axis",

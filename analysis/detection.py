@@ -7,10 +7,15 @@
 
 Values of condition monitoring, temperatures above all, depend on those before them, and limits for
 independent samples then give false alarms many times too often. These charts watch the one-step
-residuals of a first-order autoregression, which are independent where that model holds, so that
-the exact run lengths of independent samples apply and nothing has to be simulated. A chart of the
-values themselves with wider limits needs a simulation for each fit and detects hardly faster (Lu
-and Reynolds 1999, EWMA control charts for monitoring the mean of autocorrelated processes).
+residuals of a first-order autoregression instead. Where that model holds, residuals are independent
+and the exact run lengths of independent samples apply: there is nothing to simulate, and no seed. A
+chart of the values themselves, with limits widened by simulation, finds shifts about as soon at an
+autocorrelation of 0.5; at 0.9 it finds a shift of one deviation after 59 samples, the residuals do
+after 77, or after 59 if the weight is 0.03 in place of 0.1.
+
+The limits are right for what was learned, not for what is true: of charts fitted to 100 independent
+samples for 500 samples between false alarms, a quarter gives less than 290 and a quarter more than
+1600; at an autocorrelation of 0.9, a quarter gives less than 170. Fit to as many as there are.
 """
 
 from abc import ABC, abstractmethod
@@ -234,9 +239,7 @@ class CUSUMChart(_Chart):
         self.two_sided = two_sided
 
     def _limit(self) -> float:
-        return cusum_interval(
-            self.shift / 2, self.in_control_run_length, two_sided=self.two_sided
-        )
+        return cusum_interval(self.shift / 2, self.in_control_run_length, two_sided=self.two_sided)
 
     def _statistic(self, residuals: Floats) -> Floats:
         upper = self._sum(residuals)

@@ -4,7 +4,7 @@ The run length of independent Gaussian samples, all with the same mean, follows 
 equation that is solved on Gauss-Legendre nodes. Means and distributions are right to more digits
 than tables give; a Markov chain of the same size (Brook and Evans 1972) reaches about three.
 
-    ewma_run_length(0.1, 2.814, two_sided=True).mean  # 500 samples between false alarms
+    ewma_run_length(0.1, 2.814, two_sided=True).mean  # 500 samples to a false alarm
     cusum_run_length(0.5, 5, shift=1).mean  # 10.4 samples until the alarm
     cusum_run_length(0.5, 5).probability_within(720)  # of a false alarm in a month of hours
 """
@@ -119,7 +119,8 @@ def cusum_run_length(
 
     C starts at 0. The alarm comes when C exceeds the interval. A chart with two sides has a second
     sum of -z; its mean run length is exactly 1 / (1 / mean of one + 1 / mean of the other). Its
-    `probability_within` takes the two as independent, which is not quite so.
+    `probability_within` takes the two as independent, which makes it up to 0.02 too low at
+    references from 0.5 on, and 0.05 at 0.1.
 
     Source: Page (1954), Continuous inspection schemes; Goel and Wu (1971), Determination of A.R.L.
     and a contour nomogram for CUSUM charts to control normal mean; Kemp (1961) for two sides.
@@ -161,6 +162,7 @@ def cusum_run_length(
     return RunLength(mean=mean, sides=sides)
 
 
+@lru_cache(maxsize=128)
 def ewma_width(weight: float, run_length: float, *, two_sided: bool = False) -> float:
     """Width of the EWMA chart whose false alarms are `run_length` samples apart on average.
 
@@ -180,6 +182,7 @@ def ewma_width(weight: float, run_length: float, *, two_sided: bool = False) -> 
     )
 
 
+@lru_cache(maxsize=128)
 def cusum_interval(reference: float, run_length: float, *, two_sided: bool = False) -> float:
     """Interval of the CUSUM chart whose false alarms are `run_length` samples apart on average.
 
