@@ -75,6 +75,8 @@ def test_weight_one_is_a_shewhart_chart():
         assert run.mean == pytest.approx(1 / chance, rel=1e-8)
         assert run.probability_within(1) == pytest.approx(chance, rel=1e-8)
         assert run.probability_within(200) == pytest.approx(1 - (1 - chance) ** 200, rel=1e-8)
+    away = ewma_run_length(1, 0.1, shift=-5)
+    assert away.mean == pytest.approx(1 / norm.sf(5.1), rel=1e-6)
 
 
 @pytest.mark.parametrize("two_sided", [False, True])
@@ -140,9 +142,11 @@ def test_fit_recovers_the_model():
 def test_autocorrelation_of_short_series_is_not_too_low():
     """The mean over many short series is the autocorrelation, which a plain estimate misses."""
     x = autoregression(np.random.default_rng(2), 0.5, (40, 2000))
-    learned = [EWMAChart().fit(series).autocorrelation_ for series in x.T]
+    charts = [EWMAChart().fit(series) for series in x.T]
     # Standard error 0.003; a plain estimate has a mean of 0.43.
-    assert np.mean(learned) == pytest.approx(0.5, abs=0.03)
+    assert np.mean([c.autocorrelation_ for c in charts]) == pytest.approx(0.5, abs=0.03)
+    # Standard error 0.004; divided by the number of samples, the mean is 0.70.
+    assert np.mean([c.residual_std_**2 for c in charts]) == pytest.approx(0.75, abs=0.02)
 
 
 @pytest.mark.parametrize("kind", CHARTS)
