@@ -15,11 +15,11 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
+from analysis.entropy import entropy_left, entropy_left_counted
 from analysis.symbols import Bins, Floats, coded, finite
 
 _TIE = 1e-12  # bits; smaller differences are rounding
 _CHUNK = 1 << 16  # codes sorted at a time, so that they stay in the cache
-_TABLE = 1 << 14  # counts held at a time, for the same reason
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,13 +88,13 @@ def transfer_entropy(
     (x, y), size = _pair(source, target, bins, source_history, target_history)
     first = max(source_history, target_history)
     past = _past(y, target_history, target_history, size)
-    alone = len(past) * _entropy_left(past, y[target_history:], size)
+    alone = len(past) * entropy_left(past, y[target_history:], size)
     # The windows before `first` were counted, but are not part of the mean.
     joint = past * size + y[target_history:]
     for k in range(first - target_history):
         alone += np.log2(np.sum(joint == joint[k]) / np.sum(past == past[k]))
     past = past[first - target_history :] * size**source_history
-    informed = _entropy_left(past + _past(x, source_history, first, size), y[first:], size)
+    informed = entropy_left(past + _past(x, source_history, first, size), y[first:], size)
     return max(0.0, float(alone / len(past) - informed))
 
 
@@ -121,7 +121,7 @@ def transfer_entropy_matrix(x: ArrayLike, bins: Bins = 10) -> Floats:
         part = symbols[start : start + step]
         # Axis 1 is the source, axis 2 the target. A target as its own source adds no knowledge.
         past = part[:, None, :, :-1] * size + part[:, :, None, :-1]
-        left[start : start + step] = _entropy_left(past, part[:, None, :, 1:], size)
+        left[start : start + step] = entropy_left(past, part[:, None, :, 1:], size)
     alone = np.diagonal(left, axis1=1, axis2=2)[:, None, :]
     return np.maximum(alone - left, 0.0).reshape(*batch, axes, axes)
 
@@ -189,15 +189,15 @@ def effective_transfer_entropy(
     if shuffles < 1:
         raise ValueError(f"shuffles must be at least 1, got {shuffles}")
     (x, y), size = _pair(source, target, bins, 1, 1)
-    alone = _entropy_left(y[:-1], y[1:], size)
-    raw = max(0.0, float(alone - _entropy_left(y[:-1] * size + x[:-1], y[1:], size)))
+    alone = entropy_left(y[:-1], y[1:], size)
+    raw = max(0.0, float(alone - entropy_left(y[:-1] * size + x[:-1], y[1:], size)))
     # Integers of the machine's own size are permuted and counted fastest.
     x, y = x.astype(np.intp), y.astype(np.intp)
     shuffled = rng.permuted(np.broadcast_to(x, (shuffles, len(x))), axis=1)[:, :-1]
     if size**3 <= 4 * len(x):
-        left = _entropy_left_counted(shuffled, y, size)
+        left = entropy_left_counted(shuffled, y, size)
     else:
-        left = _entropy_left(y[:-1] * size + shuffled, y[1:], size)
+        left = entropy_left(y[:-1] * size + shuffled, y[1:], size)
     by_chance = np.maximum(alone - left, 0.0)
     mean, reached = float(by_chance.mean()), int(np.sum(by_chance >= raw - _TIE))
     return EffectiveTransferEntropy(
@@ -250,54 +250,6 @@ def _holm(p_value: Floats) -> Floats:
     adjusted = np.empty_like(p_value)
     adjusted[order] = np.minimum(steps, 1.0)
     return adjusted
-
-
-def _entropy_left(past: NDArray, following: NDArray, size: int) -> Floats:
-    """Entropy in [bit] of `following` given `past`, of each row. Shape (..., windows) to (...)."""
-    codes = np.sort(past * size + following, axis=-1)
-    return (_sum_c_log_c(codes // size) - _sum_c_log_c(codes)) / codes.shape[-1]
-
-
-def _entropy_left_counted(x: NDArray, y: NDArray, size: int) -> Floats:
-    """Entropy in [bit] of y's next symbol given those of y and x. Shapes (rows, n - 1) and (n,).
-
-    Counts in a table of all codes, which is quicker than sorting where the table is not much longer
-    than the series.
-    """
-    rows, windows = x.shape
-    c_log_c = _c_log_c(windows)
-    step = max(1, _TABLE // size**3)
-    # The next symbol goes first, so that sums over it run along the memory.
-    table = np.arange(step)[:, None] * size**3 + (y[1:] * size + y[:-1]) * size
-    left = np.empty(rows)
-    for start in range(0, rows, step):
-        part = x[start : start + step]
-        codes = (part + table[: len(part)]).ravel()
-        counts = np.bincount(codes, minlength=len(part) * size**3).reshape(len(part), size, -1)
-        of_past, of_all = c_log_c[counts.sum(axis=1)], c_log_c[counts.reshape(len(part), -1)]
-        left[start : start + step] = of_past.sum(axis=1) - of_all.sum(axis=1)
-    return left / windows
-
-
-def _c_log_c(largest: int) -> Floats:
-    """Values of c log2(c) for the counts c from 0. Shape (largest + 1,)."""
-    c_log_c = np.arange(largest + 1.0)
-    c_log_c[1:] *= np.log2(c_log_c[1:])
-    return c_log_c
-
-
-def _sum_c_log_c(codes: NDArray) -> Floats:
-    """Sum of c log2(c) over the counts c of equal codes, of each sorted row."""
-    rows = codes.reshape(-1, codes.shape[-1])
-    is_first = np.ones(rows.shape, dtype=bool)
-    np.not_equal(rows[:, 1:], rows[:, :-1], out=is_first[:, 1:])
-    first = np.flatnonzero(is_first)
-    counts = np.empty_like(first)
-    np.subtract(first[1:], first[:-1], out=counts[:-1])
-    counts[-1] = rows.size - first[-1]
-    row_starts = np.searchsorted(first, np.arange(0, rows.size, rows.shape[1]))
-    c_log_c = _c_log_c(rows.shape[1])
-    return np.add.reduceat(c_log_c[counts], row_starts).reshape(codes.shape[:-1])
 
 
 def _past(symbols: NDArray, length: int, first: int, size: int) -> NDArray:
