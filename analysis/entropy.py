@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from analysis.symbols import Floats
 
-_TABLE = 1 << 14  # counts held at a time, so that they stay in the cache
+_CHUNK = 1 << 14  # codes and counts held at a time, so that they stay in the cache
 
 
 def entropy_left(past: NDArray, following: NDArray, size: int) -> Floats:
@@ -22,7 +22,7 @@ def entropy_left_counted(x: NDArray, y: NDArray, size: int) -> Floats:
     """
     rows, windows = x.shape
     c_log_c = _c_log_c(windows)
-    step = max(1, _TABLE // size**3)
+    step = max(1, _CHUNK // max(windows, size**3))
     # The next symbol goes first, so that sums over it run along the memory.
     table = np.arange(step)[:, None] * size**3 + (y[1:] * size + y[:-1]) * size
     left = np.empty(rows)

@@ -191,13 +191,13 @@ def effective_transfer_entropy(
     (x, y), size = _pair(source, target, bins, 1, 1)
     alone = entropy_left(y[:-1], y[1:], size)
     raw = max(0.0, float(alone - entropy_left(y[:-1] * size + x[:-1], y[1:], size)))
-    # Integers of the machine's own size are permuted and counted fastest.
-    x, y = x.astype(np.intp), y.astype(np.intp)
-    shuffled = rng.permuted(np.broadcast_to(x, (shuffles, len(x))), axis=1)[:, :-1]
-    if size**3 <= 4 * len(x):
-        left = entropy_left_counted(shuffled, y, size)
+    # Integers of the machine's own size are permuted and counted fastest, small ones are sorted so.
+    copies = np.broadcast_to(x.astype(np.intp), (shuffles, len(x)))
+    shuffled = rng.permuted(copies, axis=1)[:, :-1]
+    if size**3 <= 8 * len(x):
+        left = entropy_left_counted(shuffled, y.astype(np.intp), size)
     else:
-        left = entropy_left(y[:-1] * size + shuffled, y[1:], size)
+        left = entropy_left(y[:-1] * size + shuffled.astype(x.dtype), y[1:], size)
     by_chance = np.maximum(alone - left, 0.0)
     mean, reached = float(by_chance.mean()), int(np.sum(by_chance >= raw - _TIE))
     return EffectiveTransferEntropy(
