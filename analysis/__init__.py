@@ -5,9 +5,20 @@ from analysis.cross_correlation import (
     isolate_axis_by_lags,
     leading_axis,
 )
+from analysis.detection import CUSUMChart, EWMAChart
 from analysis.divergence import HistogramDivergence, kl_divergence
+from analysis.friction_features import FrictionFeatures
+from analysis.isolation import ChangeIsolator
 from analysis.pca import PCAMonitor
+from analysis.run_length import (
+    RunLength,
+    cusum_interval,
+    cusum_run_length,
+    ewma_run_length,
+    ewma_width,
+)
 from analysis.symbols import quantile_symbols
+from analysis.te_bins import choose_bins
 from analysis.transfer_entropy import (
     effective_net_transfer_entropy,
     effective_transfer_entropy,
@@ -18,11 +29,21 @@ from analysis.transfer_entropy import (
 )
 
 __all__ = [
+    "CUSUMChart",
+    "ChangeIsolator",
+    "EWMAChart",
+    "FrictionFeatures",
     "HistogramDivergence",
     "PCAMonitor",
+    "RunLength",
+    "choose_bins",
     "cross_correlation_lags",
+    "cusum_interval",
+    "cusum_run_length",
     "effective_net_transfer_entropy",
     "effective_transfer_entropy",
+    "ewma_run_length",
+    "ewma_width",
     "isolate_axis",
     "isolate_axis_by_lags",
     "kl_divergence",

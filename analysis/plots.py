@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 # Okabe and Ito (2008), a palette that colour-blind people can tell apart
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-_MARKERS = ("o", "s", "^", "D", "v", "P")
+MARKERS = ("o", "s", "^", "D", "v", "P")
 
 
 @contextmanager
@@ -102,7 +102,7 @@ def plot_accuracy(
         yerr=errors,
         label=label,
         color=COLOURS[number % len(COLOURS)],
-        marker=_MARKERS[number % len(_MARKERS)],
+        marker=MARKERS[number % len(MARKERS)],
         capsize=2,
         lw=1.2,
     )

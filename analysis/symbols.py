@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 Bins = int | Sequence[float]
 Floats = NDArray[np.float64]
 
+_MANY = 40  # bins; from here on a search in each series beats comparing all with every edge
+
 
 def quantile_symbols(x: ArrayLike, bins: Bins) -> NDArray[np.intp]:
     """Replace each value of a series by the number of its quantile bin.
@@ -48,10 +50,15 @@ def coded(x: Floats, bins: Bins, exponent: int, shortest: int = 3) -> tuple[NDAr
     if size**exponent > np.iinfo(np.int64).max:
         raise ValueError(f"{size} bins are too many for histories of {exponent - 1} samples in all")
     order = np.floor(1 / 3 + levels * (n + 1 / 3) + 1e-9).astype(int).clip(1, n) - 1
+    rows = np.ascontiguousarray(rows)
     edges = np.sort(rows, axis=-1)[..., order]
-    symbols = np.empty(rows.shape, np.int32 if size**exponent < 2**31 else np.int64)
-    for i in np.ndindex(rows.shape[:-1]):
-        symbols[i] = np.searchsorted(edges[i], rows[i], side="left")
+    symbols = np.zeros(rows.shape, np.int32 if size**exponent < 2**31 else np.int64)
+    if size < _MANY:
+        for k in range(len(levels)):
+            symbols += rows > edges[..., k, None]
+    else:
+        for i in np.ndindex(rows.shape[:-1]):
+            symbols[i] = np.searchsorted(edges[i], rows[i], side="left")
     return symbols, size
 
 

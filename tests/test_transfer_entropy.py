@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from statsmodels.stats.multitest import multipletests
 
 import analysis
 from analysis.symbols import quantile_symbols
 from analysis.transfer_entropy import (
+    _holm,
     effective_net_transfer_entropy,
     effective_transfer_entropy,
     isolate_axis,
@@ -345,6 +347,19 @@ def test_raw_value_is_the_transfer_entropy():
     assert te.raw == transfer_entropy(x, y)
 
 
+@pytest.mark.parametrize(("n", "bins"), [(1000, 3), (1000, 10), (500, 20), (60, 10)])
+def test_mean_of_shuffles_is_that_of_the_plain_function(n, bins):
+    """The mean over shuffles is that of `transfer_entropy`, whether codes are counted or sorted."""
+    x, y = chain(np.random.default_rng(23), n, 2).T
+    te = effective_transfer_entropy(x, y, bins, shuffles=30, rng=np.random.default_rng(24))
+    ranks = np.tile(np.argsort(np.argsort(x)), (30, 1))
+    by_chance = np.random.default_rng(24).permuted(ranks, axis=1)
+    expected = [transfer_entropy(shuffled, y, bins) for shuffled in by_chance]
+    assert te.raw == transfer_entropy(x, y, bins)
+    assert te.shuffle_mean == pytest.approx(np.mean(expected), abs=1e-12)
+    assert te.p_value == (1 + sum(value >= te.raw for value in expected)) / 31
+
+
 def test_same_seed_same_result():
     """The generator decides the result, and pairs do not share their random numbers."""
     x = chain(np.random.default_rng(21), 60, 3)
@@ -360,6 +375,20 @@ def test_same_seed_same_result():
     back = effective_transfer_entropy(x[:, 1], x[:, 0], 5, rng=np.random.default_rng(1).spawn(9)[3])
     assert a.p_value[0, 1] == alone.p_value
     assert a.net[0, 1] == alone.value - back.value
+
+
+def test_adjusted_p_values_are_those_of_holm():
+    """Pairs off the diagonal are adjusted together, as statsmodels does."""
+    p_value = np.random.default_rng(25).beta(0.3, 5, 30)
+    np.testing.assert_allclose(_holm(p_value), multipletests(p_value, method="holm")[1])
+    x = chain(np.random.default_rng(25), 200, 4)
+    result = effective_net_transfer_entropy(x, 3, shuffles=400, rng=np.random.default_rng(26))
+    pairs = ~np.eye(4, dtype=bool)
+    expected = multipletests(result.p_value[pairs], method="holm")[1]
+    np.testing.assert_allclose(result.adjusted_p_value[pairs], expected, atol=1e-12)
+    np.testing.assert_array_equal(np.diag(result.adjusted_p_value), 1)
+    assert result.adjusted_p_value[0, 1] == pytest.approx(12 / 401)
+    assert np.sum(result.adjusted_p_value <= 0.05) == 3
 
 
 # Interface

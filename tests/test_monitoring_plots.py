@@ -1,0 +1,112 @@
+"""The figures of monitoring carry the data they were given."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgba
+
+from analysis.monitoring_plots import (
+    plot_contributions,
+    plot_control_chart,
+    plot_detection_delay,
+    plot_divergence,
+    plot_scores,
+)
+from analysis.plots import COLOURS, style
+
+
+@pytest.fixture
+def axes():
+    """Axes in the style of all figures."""
+    with style():
+        figure, axes = plt.subplots()
+        yield axes
+        figure.canvas.draw()
+    plt.close(figure)
+
+
+def line(axes, label):
+    """Data of the line of that label. Shape (points, 2)."""
+    return next(one.get_xydata() for one in axes.lines if one.get_label() == label)
+
+
+def test_control_chart_marks_alarms(axes):
+    """Values, limits and the samples above the highest limit are drawn; the scale is linear."""
+    values = [1.0, 4.0, 6.0, 2.0, 7.0]
+    plot_control_chart(axes, values, {"99 %": 5.0, "95 %": 3.0}, "T²", samples=[10, 11, 12, 13, 14])
+    np.testing.assert_array_equal(axes.lines[0].get_xydata().T, [[10, 11, 12, 13, 14], values])
+    np.testing.assert_array_equal(line(axes, "alarm"), [[12, 6], [14, 7]])
+    assert np.all(line(axes, "95 % limit")[:, 1] == 3)
+    assert np.all(line(axes, "99 % limit")[:, 1] == 5)
+    assert axes.get_yscale() == "linear"
+    assert axes.get_ylim()[1] > 7
+
+
+@pytest.mark.parametrize("values", [[1.0, 2.0, 1.0, 500.0], [1.0, 2.0, 0.0, 500.0]])
+def test_control_chart_turns_logarithmic(axes, values):
+    """Where a fault dwarfs the healthy values, the scale is logarithmic; zeros do not harm."""
+    plot_control_chart(axes, values, {"99 %": 5.0}, "Q")
+    assert axes.get_yscale() == "log"
+    low, high = axes.get_ylim()
+    assert 0 < low < 1 < 500 < high
+
+
+def test_control_chart_of_healthy_constant_values(axes):
+    """Without alarms none is marked, and values of 0 are drawn on a linear scale."""
+    plot_control_chart(axes, np.zeros(5), {"99 %": 5.0}, "Q")
+    assert "alarm" not in [one.get_label() for one in axes.lines]
+    assert axes.get_yscale() == "linear"
+
+
+def test_contributions_are_sorted_with_their_names(axes):
+    """The largest contribution is on top, each beside its own name."""
+    plot_contributions(axes, [0.5, -1.0, 3.0], ["a", "b", "c"])
+    assert [bar.get_width() for bar in axes.patches] == [-1.0, 0.5, 3.0]
+    assert [text.get_text() for text in axes.get_yticklabels()] == ["b", "a", "c"]
+
+
+def test_ellipses_are_the_limits_of_hotelling(axes):
+    """Every point of an ellipse has the same T², which new samples exceed as often as it says."""
+    rng = np.random.default_rng(0)
+    plot_scores(axes, rng.normal(size=(30, 2)), [4.0, 0.25], 30)
+    # The mean and covariance of 30 samples, and a new one, again and again
+    fitted = rng.normal(size=(20_000, 30, 2))
+    centred = fitted - fitted.mean(axis=1, keepdims=True)
+    covariance = np.swapaxes(centred, 1, 2) @ centred / 29
+    new = rng.normal(size=(20_000, 2)) - fitted.mean(axis=1)
+    t2 = np.einsum("ij,ij->i", new, np.linalg.solve(covariance, new[..., None])[..., 0])
+    for level in (0.95, 0.99):
+        ellipse = line(axes, f"{100 * level:.0f} % limit")
+        on_it = (ellipse**2 / [4.0, 0.25]).sum(axis=1)
+        np.testing.assert_allclose(on_it, on_it[0])
+        # Standard error at most 0.0015
+        assert np.mean(t2 < on_it[0]) == pytest.approx(level, abs=0.006)
+
+
+def test_scores_keep_their_groups(axes):
+    """Each group has its points and a marker of its own."""
+    scores = np.arange(8.0).reshape(4, 2)
+    plot_scores(axes, scores, [1.0, 1.0], 30, ["worn", "healthy", "worn", "healthy"])
+    np.testing.assert_array_equal(line(axes, "worn"), scores[::2])
+    np.testing.assert_array_equal(line(axes, "healthy"), scores[1::2])
+    assert len({one.get_marker() for one in axes.lines[:2]}) == 2
+
+
+def test_divergence_has_a_line_an_axis(axes):
+    """Six lines that differ in marker and, three by three, in dashes."""
+    divergence = np.random.default_rng(1).uniform(size=(40, 6))
+    plot_divergence(axes, np.arange(40) * 24, divergence)
+    np.testing.assert_array_equal(line(axes, "axis 4")[:, 1], divergence[:, 3])
+    assert len({one.get_marker() for one in axes.lines}) == 6
+    assert len({one.get_linestyle() for one in axes.lines}) == 4
+
+
+def test_delays_share_a_scale_that_holds_all(axes):
+    """A later and higher curve is not cut off."""
+    plot_detection_delay(axes, [0.1, 1, 10], [9, 5, 3], "EWMA", 0)
+    plot_detection_delay(axes, [0.1, 1, 10], [90, 50, 30], "Q", 1)
+    plot_detection_delay(axes, [0.1, 1, 10], [8, 4, 2], "CUSUM", 2)
+    np.testing.assert_array_equal(line(axes, "Q"), [[0.1, 90], [1, 50], [10, 30]])
+    assert axes.get_ylim()[0] == 0
+    assert 90 < axes.get_ylim()[1] < 110
+    assert to_rgba(axes.lines[1].get_color()) == to_rgba(COLOURS[1])
