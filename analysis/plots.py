@@ -38,16 +38,19 @@ def style() -> Iterator[None]:
         yield
 
 
-def plot_net_transfer_entropy(axes: Axes, net: ArrayLike, title: str = "") -> None:
+def plot_net_transfer_entropy(
+    axes: Axes, net: ArrayLike, title: str = "", largest: float | None = None
+) -> None:
     """Heat map of net transfer entropy; row i, column j is i -> j.
 
     Args:
         axes: Where to draw.
         net: Shape (n_axes, n_axes), in [bit].
         title: Title of the map.
+        largest: Value of the darkest colour, to compare maps; default: the largest of this one.
     """
     net = np.asarray(net)
-    largest = max(float(np.abs(net).max()), 1e-12)
+    largest = max(float(np.abs(net).max()) if largest is None else largest, 1e-12)
     axes.imshow(net, cmap="PuOr_r", vmin=-largest, vmax=largest)
     for (i, j), value in np.ndenumerate(net):
         if i != j:

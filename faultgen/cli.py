@@ -337,6 +337,31 @@ def isolate(
 
 
 @app.command()
+def study(
+    name: Annotated[str, typer.Argument(help="isolation")],
+    out: Out = Path("study-out"),
+    quick: Annotated[bool, typer.Option(help="Fewer seeds, for a first look.")] = False,
+    seed: Annotated[int, typer.Option(help="Root of all draws; docs/ reports the default.")] = 2026,
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Run a whole study: simulate, judge every method, write tables and figures.
+
+    The folder gets results.json, tables.md and figures/. Simulated cycles stay there, and are used
+    again by the next call.
+    """
+    from faultgen.studies.study import run_study
+
+    result = run_study(name, out, quick=quick, seed=seed, workers=_workers(workers))
+    if as_json:
+        _print_json(result)
+        return
+    for goal in result["goals"]:
+        print(f"{goal['name']}: {goal['measured']} (goal {goal['goal']}; thesis {goal['thesis']})")
+    print(f"\ntables:  {out / 'tables.md'}\nfigures: {out / 'figures'}")
+
+
+@app.command()
 def report(folder: Folder, as_json: Json = False) -> None:
     """Write report.html, self-contained: figures of a dataset and what isolators answer."""
     from faultgen.report import write_report

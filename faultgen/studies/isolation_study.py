@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
-from statsmodels.stats.proportion import proportion_confint
 from tqdm import tqdm
 
 from analysis import net_transfer_entropy
 from analysis.isolation import Answer
 from analysis.te_bins import CANDIDATES, choose_bins
 from faultgen.monitoring import SPEED_WINDOW
+from faultgen.studies.counts import share
 from faultgen.studies.isolation import LEVELS, METHODS
 from faultgen.studies.series import (
     HEALTHY,
@@ -123,18 +123,6 @@ def _judge(block: Block, surrogate: Path, folder: Path) -> dict[str, list[dict[s
 def _cycles_to(level: float) -> int:
     """Number of cycles up to the first with that wear."""
     return int(np.argmax(growth() >= level * (1 - 1e-9))) + 1
-
-
-def share(right: int, total: int) -> dict[str, Any]:
-    """A count as a share with its 95 % Wilson interval."""
-    low, high = proportion_confint(right, total, method="wilson")
-    return {
-        "right": int(right),
-        "total": int(total),
-        "share": right / total,
-        "low": float(low),
-        "high": float(high),
-    }
 
 
 def _truth(series: Series, role: int) -> list[tuple[int, int]]:
