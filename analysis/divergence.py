@@ -25,10 +25,10 @@ _HALF_BIN = 1e-9  # relative half width of the bin that holds such an axis
 def kl_divergence(p: ArrayLike, q: ArrayLike, *, smoothing: float = 0.0) -> Floats:
     """Divergence of p from q, KL(p || q) = sum_i p_i log2(p_i / q_i).
 
-    Histograms are normalised. Smoothing adds as much to every bin of both before that, as if each
-    had been seen so often already: a bin that is empty in q only then adds a finite amount, which
-    grows with the number of samples in p. Without smoothing it makes the divergence infinite. A
-    smoothing of 0.5 is the mean of the posterior from Jeffreys' prior.
+    Histograms are normalised. For smoothing, q is first scaled to the number of samples in p; then
+    as much is added to every bin of both, so that equal shares have a divergence of 0 whatever the
+    size of the reference. A bin that is empty in q only then adds a finite amount, which grows with
+    the number of samples in p. Without smoothing it makes the divergence infinite.
 
     Source: Kullback and Leibler (1951), On information and sufficiency; thesis eq. 4.1, in bits.
 
@@ -49,7 +49,7 @@ def kl_divergence(p: ArrayLike, q: ArrayLike, *, smoothing: float = 0.0) -> Floa
         raise ValueError(f"p and q must have the same bins, got shapes {p.shape} and {q.shape}")
     if not (np.isfinite(smoothing) and smoothing >= 0):
         raise ValueError(f"smoothing must be a number from 0, got {smoothing}")
-    p, q = _shares(p, "p", smoothing), _shares(q, "q", smoothing)
+    p, q = _shares(p, "p", p, smoothing), _shares(q, "q", p, smoothing)
     with np.errstate(divide="ignore", invalid="ignore"):
         terms = np.where(p > 0, p * np.log2(p / q), 0.0)
     return np.maximum(terms.sum(axis=-1), 0.0)
@@ -164,13 +164,15 @@ class HistogramDivergence(BaseEstimator):
         return kl_divergence(self.counts(X), self.reference_, smoothing=self.smoothing)
 
 
-def _shares(counts: Floats, name: str, smoothing: float) -> Floats:
+def _shares(counts: Floats, name: str, current: Floats, smoothing: float) -> Floats:
+    """Shares of the bins, smoothed as if there were as many samples as in `current`."""
     if not np.isfinite(counts).all() or (counts < 0).any():
         raise ValueError(f"{name} has counts that are negative, infinite or nan")
     total = counts.sum(axis=-1, keepdims=True)
     if (total == 0).any():
         raise ValueError(f"{name} has no samples")
-    return (counts + smoothing) / (total + smoothing * counts.shape[-1])
+    size = current.sum(axis=-1, keepdims=True)
+    return (counts * (size / total) + smoothing) / (size + smoothing * counts.shape[-1])
 
 
 def _samples(x: ArrayLike) -> Floats:

@@ -154,8 +154,11 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         return np.sum(self.transform(X) ** 2 / self._variances(), axis=1)
 
     def q(self, X: ArrayLike) -> Floats:
-        """Q of rows, the squared prediction error, see `transform`. Shape (samples,)."""
-        return np.sum(self._residuals(self._scaled(X)) ** 2, axis=1)
+        """Q of rows, the squared prediction error, see `transform`. Shape (samples,).
+
+        Rounding counts as 0, so that a limit of 0 means what it says.
+        """
+        return self._q(self._scaled(X))
 
     def t2_contributions(self, X: ArrayLike) -> Floats:
         """Complete decomposition of T2, z_j (P' Lambda^-1 P z)_j of each variable j.
@@ -225,9 +228,9 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         """
         z = self._scaled(X)
         t2 = np.sum((z @ self.components_.T) ** 2 / self._variances(), axis=1)
-        q = np.sum(self._residuals(z) ** 2, axis=1)
         rounding = _ROUNDING * (1 + np.sum(z**2, axis=1))
-        return -np.maximum(t2 / self.t2_limit_, q / np.maximum(self.q_limit_, rounding))
+        q = self._q(z) / np.maximum(self.q_limit_, rounding)
+        return -np.maximum(t2 / self.t2_limit_, q)
 
     def decision_function(self, X: ArrayLike) -> Floats:
         """`score_samples` less `offset_`: negative if not normal. Shape (samples,)."""
@@ -295,6 +298,10 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         if len(checked) > self.lags:
             z[self.lags :] = (self._augmented(checked) - self.mean_) / self.scale_
         return z
+
+    def _q(self, z: Floats) -> Floats:
+        q = np.sum(self._residuals(z) ** 2, axis=1)
+        return np.where(q <= _ROUNDING * (1 + np.sum(z**2, axis=1)), 0.0, q)
 
     def _residuals(self, z: Floats) -> Floats:
         return z - z @ self.components_.T @ self.components_

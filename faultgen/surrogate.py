@@ -17,7 +17,7 @@ measures the error against direct simulation; docs/surrogate.md has it beside th
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -131,6 +131,16 @@ class Surrogate:
         if len(used) < len(flat):
             flat = flat[used]
         return (weights[:, used] @ flat).reshape(len(weights), *self.nodes.shape[1:])
+
+    def at(self, conditions: Sequence[Condition]) -> np.ndarray:
+        """Cycles at conditions, see `cycles`."""
+        severity = np.zeros((len(conditions), self.n_axes))
+        for row, condition in zip(severity, conditions, strict=True):
+            for axis, value in condition.wear:
+                row[axis - 1] = value
+        temperature = np.array([condition.temperature for condition in conditions])
+        payload = np.array([condition.payload_factor for condition in conditions])
+        return self.cycles(temperature, payload, severity)
 
     def save(self, path: Path) -> None:
         """Write the surrogate to an HDF5 file, whole or not at all."""

@@ -10,16 +10,14 @@ same seed draws the same temperature, payload and noise.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from faultgen.condition import Condition
 from faultgen.monitoring import mean_abs_torque
 from faultgen.robot import load_robot
 from faultgen.sensors import Sensors, measure, surroundings
-from faultgen.studies.wear_model import Observed, WearModel, wear_model
+from faultgen.studies.wear_model import Observed, WearModel, wear_model, wear_points
 from faultgen.surrogate import Surrogate
 
 _BLOCK = 25  # cycles put together at once; bounds the memory
@@ -40,17 +38,7 @@ class Monitored:
     def of(cls, surrogate: Surrogate) -> Monitored:
         """Take the wear model from the surrogate's own cycles."""
         robot = load_robot(surrogate.robot_path)
-
-        def cycles_at(conditions: Sequence[Condition]) -> list[np.ndarray]:
-            severity = np.zeros((len(conditions), robot.n_axes))
-            for row, condition in zip(severity, conditions, strict=True):
-                for axis, value in condition.wear:
-                    row[axis - 1] = value
-            temperature = np.array([c.temperature for c in conditions])
-            payload = np.array([c.payload_factor for c in conditions])
-            return list(surrogate.cycles(temperature, payload, severity))
-
-        model = wear_model(robot, surrogate.effect, cycles_at)
+        model = wear_model(robot, surrogate.at(wear_points(robot, surrogate.effect)))
         return cls(surrogate, model, robot.friction_temperature)
 
     def observe(self, sensors: Sensors, severity: np.ndarray, rng: np.random.Generator) -> Observed:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +26,7 @@ ISOLATORS = {
 
 _STEP = 4.0  # as far as temperatures of the preset 'realistic' commonly wander [K]
 _SEVERITY = 0.1
+_HEAVIER = 1.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,50 +103,64 @@ def isolator_input(name: str, seen: Observed, *, temperature_varies: bool) -> np
     return np.hstack([values, seen.temperature[:, None]]) if temperature_varies else values
 
 
-def wear_model(
-    robot: Robot, effect: str, cycles_at: Callable[[Sequence[Condition]], Sequence[np.ndarray]]
-) -> WearModel:
-    """Take friction terms and directions from nominal cycles.
-
-    Args:
-        robot: The healthy robot.
-        effect: What wears.
-        cycles_at: Gives noise-free cycles at conditions, each of shape (3, samples, n_axes):
-            motor position [rad], velocity [rad/s] and torque [N m].
-
-    Returns:
-        The model's word on wear.
-    """
-    reference = robot.friction_temperature
-    axes = range(1, robot.n_axes + 1)
-    # (temperature, severity): nominal, colder, warmer, more worn
-    points = [
+def _steps(reference: float) -> list[tuple[float, float]]:
+    """(temperature, severity) of wear: nominal, colder, warmer, further."""
+    return [
         (reference, _SEVERITY),
         (reference - _STEP, _SEVERITY),
         (reference + _STEP, _SEVERITY),
         (reference, 2 * _SEVERITY),
     ]
-    heavier = Condition(reference, 1.03)
-    conditions = [heavier]
-    for temperature, severity in points:
+
+
+def wear_points(robot: Robot, effect: str) -> list[Condition]:
+    """Conditions whose cycles `wear_model` and `wear_slopes` need, in their order.
+
+    The first one has a heavier payload; then come, for each step, the healthy robot and each axis
+    worn.
+    """
+    reference = robot.friction_temperature
+    conditions = [Condition(reference, _HEAVIER)]
+    for temperature, severity in _steps(reference):
         conditions.append(Condition(temperature))
-        conditions += [Condition(temperature, 1.0, effect, ((axis, severity),)) for axis in axes]
-    heavy, *rest = cycles_at(conditions)
-    nominal = rest[0]
+        conditions += [
+            Condition(temperature, 1.0, effect, ((axis, severity),))
+            for axis in range(1, robot.n_axes + 1)
+        ]
+    return conditions
+
+
+def wear_model(robot: Robot, cycles: Sequence[np.ndarray]) -> WearModel:
+    """Take friction terms and directions from nominal cycles.
+
+    Args:
+        robot: The healthy robot.
+        cycles: Noise-free cycles at `wear_points`, each of shape (3, samples, n_axes): motor
+            position [rad], velocity [rad/s] and torque [N m].
+
+    Returns:
+        What the model says of wear.
+    """
+    heavy, nominal, *_ = cycles
     friction = robot.ids("actuator", "friction")
     features = FrictionFeatures(
         stribeck_velocity=robot.model.actuator_biasprm[friction, STRIBECK_VELOCITY]
-    ).fit(nominal[1], load=(heavy[2] - nominal[2]) / 0.03)
-    by_torque = np.nan_to_num([mean_abs_torque(cycle[1], cycle[2]) for cycle in rest])
-    by_friction = features.transform(np.stack([cycle[2] for cycle in rest]))
-    return WearModel(features, _directions(by_torque, points), _directions(by_friction, points))
+    ).fit(nominal[1], load=(heavy[2] - nominal[2]) / (_HEAVIER - 1))
+    torque = np.nan_to_num([mean_abs_torque(cycle[1], cycle[2]) for cycle in cycles[1:]])
+    coefficients = features.transform(np.stack([cycle[2] for cycle in cycles[1:]]))
+    return WearModel(features, wear_slopes(torque), wear_slopes(coefficients))
 
 
-def _directions(reduced: np.ndarray, points: list[tuple[float, float]]) -> Directions:
-    slopes = [
+def wear_slopes(reduced: np.ndarray) -> Directions:
+    """Directions of a reduction.
+
+    Args:
+        reduced: Of the cycles at `wear_points` but the first, shape (cycles, features).
+    """
+    steps = _steps(0.0)
+    here, cold, warm, further = (
         (group[1:] - group[0]) / severity
-        for group, (_, severity) in zip(np.split(reduced, len(points)), points, strict=True)
-    ]
-    here, cold, warm, large = slopes
-    spread = np.stack([(warm - cold) / 2, warm + cold - 2 * here, large - here], axis=1)
+        for group, (_, severity) in zip(np.split(reduced, len(steps)), steps, strict=True)
+    )
+    spread = np.stack([(warm - cold) / 2, warm + cold - 2 * here, further - here], axis=1)
     return Directions(here, spread)
