@@ -146,7 +146,7 @@ def plot_divergence(
     Args:
         axes: Where to draw.
         hours: Time. Shape (times,), in [h].
-        divergence: Shape (times, axes), in [nat].
+        divergence: Shape (times, axes), in [bit].
         names: Names of the lines, or None for axis 1, axis 2, and so on.
     """
     times, lines = np.asarray(hours, dtype=float), np.asarray(divergence, dtype=float)
@@ -167,7 +167,7 @@ def plot_divergence(
             label=name,
         )
     axes.legend(fontsize=8, ncols=2, handlelength=3.5)
-    axes.set(xlabel="time [h]", ylabel="KL divergence [nat]", ylim=(0, None))
+    axes.set(xlabel="time [h]", ylabel="KL divergence [bit]", ylim=(0, None))
 
 
 def plot_detection_delay(

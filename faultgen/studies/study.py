@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Callable
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -12,12 +14,22 @@ from faultgen.errors import InputError
 from faultgen.storage import write_text
 
 STUDIES = {
+    "detection": "chapter 3: from which hour on wear is detected and located, PUMA 560",
     "isolation": "chapter 6: which axis is worn, by transfer entropy, cross-correlation and ours",
 }
 """Name and content of every study."""
 
 REPORT_SEED = 2026
 """Root seed of the figures in docs/. Methods were developed on others."""
+
+
+Parts = tuple[
+    Callable[..., dict[str, Any]],
+    Callable[[dict[str, Any]], list[dict[str, Any]]],
+    Callable[[dict[str, Any]], str],
+    Callable[[dict[str, Any], Path], list[Path]],
+]
+"""Run, goals, tables, figures."""
 
 
 def run_study(
@@ -42,20 +54,35 @@ def run_study(
         raise InputError(f"unknown study '{name}': choose {', '.join(STUDIES)}")
     started = time.monotonic()
     out.mkdir(parents=True, exist_ok=True)
-    from faultgen.studies.isolation_figures import draw
-    from faultgen.studies.isolation_study import FULL, QUICK, run_isolation
-    from faultgen.studies.isolation_tables import goals, tables
-
-    result = run_isolation(out, size=QUICK if quick else FULL, seed=seed, workers=workers)
+    run, goals, tables, draw = _detection(quick) if name == "detection" else _isolation(quick)
+    found = run(out, seed=seed, workers=workers)
     result = {
         "study": name,
         "faultgen_version": version("faultgen"),
         "quick": quick,
-        "goals": goals(result),
-        **result,
+        "goals": goals(found),
+        **found,
     }
     write_text(out / "tables.md", tables(result))
     draw(result, out / "figures")
     result["seconds"] = round(time.monotonic() - started, 1)
     write_text(out / "results.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
     return result
+
+
+def _detection(quick: bool) -> Parts:
+    from faultgen.studies import detection_study as study
+    from faultgen.studies.detection_figures import draw
+    from faultgen.studies.detection_tables import goals, tables
+
+    size = study.QUICK if quick else study.FULL
+    return partial(study.run_detection, size=size), goals, tables, draw
+
+
+def _isolation(quick: bool) -> Parts:
+    from faultgen.studies import isolation_study as study
+    from faultgen.studies.isolation_figures import draw
+    from faultgen.studies.isolation_tables import goals, tables
+
+    size = study.QUICK if quick else study.FULL
+    return partial(study.run_isolation, size=size), goals, tables, draw

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -130,12 +129,12 @@ def wear_points(robot: Robot, effect: str) -> list[Condition]:
     return conditions
 
 
-def wear_model(robot: Robot, cycles: Sequence[np.ndarray]) -> WearModel:
+def wear_model(robot: Robot, cycles: np.ndarray) -> WearModel:
     """Take friction terms and directions from nominal cycles.
 
     Args:
         robot: The healthy robot.
-        cycles: Noise-free cycles at `wear_points`, each of shape (3, samples, n_axes): motor
+        cycles: Noise-free cycles at `wear_points`, shape (points, 3, samples, n_axes): motor
             position [rad], velocity [rad/s] and torque [N m].
 
     Returns:
@@ -147,7 +146,7 @@ def wear_model(robot: Robot, cycles: Sequence[np.ndarray]) -> WearModel:
         stribeck_velocity=robot.model.actuator_biasprm[friction, STRIBECK_VELOCITY]
     ).fit(nominal[1], load=(heavy[2] - nominal[2]) / (_HEAVIER - 1))
     torque = np.nan_to_num([mean_abs_torque(cycle[1], cycle[2]) for cycle in cycles[1:]])
-    coefficients = features.transform(np.stack([cycle[2] for cycle in cycles[1:]]))
+    coefficients = features.transform(cycles[1:, 2])
     return WearModel(features, wear_slopes(torque), wear_slopes(coefficients))
 
 
