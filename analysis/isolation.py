@@ -22,6 +22,7 @@ from sklearn.covariance import ledoit_wolf
 
 Floats = NDArray[np.float64]
 
+_SMALLEST = 1e-9  # standard error of a severity; healthy cycles without any spread have none
 _ROUNDS = 4  # of covariance and severity, which depend on each other; the third changes nothing
 
 
@@ -286,7 +287,7 @@ class ChangeIsolator(BaseEstimator):
         inflate = (sum(len(run) for run in self._runs)) / self._free
         for column, parts in enumerate((means, ends)):
             variance = np.mean(np.vstack(parts) ** 2, axis=0) * inflate
-            error[self._seen, column] = np.sqrt(variance + systematic)
+            error[self._seen, column] = np.sqrt(np.maximum(variance + systematic, _SMALLEST**2))
         self._kernels[key] = kernel, error
         return kernel, error
 

@@ -329,7 +329,7 @@ def isolate(
     """
     from faultgen.dataset import open_dataset
     from faultgen.studies.isolation import isolate as run_isolate
-    from faultgen.studies.isolation import save, table, to_dict
+    from faultgen.studies.tally import save, table, to_dict
 
     result = run_isolate(open_dataset(folder), sensors=sensors, seeds=seeds)
     save(result, folder)
@@ -377,7 +377,7 @@ def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = F
     from faultgen.experiment import make_experiment
     from faultgen.report import write_report
     from faultgen.studies.isolation import isolate as run_isolate
-    from faultgen.studies.isolation import save, table, to_dict
+    from faultgen.studies.tally import save, table, to_dict
     from faultgen.sweep import generate as run_generate
 
     chosen = make_experiment(

@@ -5,6 +5,9 @@ import faultgen.studies.isolation as study
 from faultgen.dataset import open_dataset
 from faultgen.errors import InputError
 from faultgen.experiment import make_experiment
+from faultgen.sensors import get_sensors
+from faultgen.studies.runs import Place, _mean_torque, _measured
+from faultgen.studies.tally import Tally
 from faultgen.sweep import generate
 
 
@@ -34,7 +37,7 @@ def test_answers_are_counted_against_the_label(folder, monkeypatch):
         "always 1": lambda x: 0,
     }
     monkeypatch.setattr(study, "METHODS", methods)
-    monkeypatch.setattr(study, "_series", lambda run, *rest: study._stored(run))
+    monkeypatch.setattr(Place, "draws", lambda self, run, *rest: [self._stored(run)])
     result = study.isolate(dataset, levels=(0.1, 0.2), progress=False)
     share = {(t.level, t.method): (t.right, t.total, t.named) for t in result.tallies}
     for level in (0.1, 0.2):
@@ -75,7 +78,8 @@ def test_noise_is_drawn_anew_for_each_run_and_seed(folder, monkeypatch):
 def test_noise_scatters_as_it_should(folder):
     """The mean over m samples of a cycle scatters by 1 % of the mean torque over sqrt(m)."""
     run = open_dataset(folder).runs[0]
-    series = np.array(list(study._series(run, "thesis", 40, 0)))
+    noise = get_sensors("thesis")
+    series = np.array([_mean_torque(_measured(run, noise, number)) for number in range(40)])
     speed = np.abs(run.read("signals/motor_velocity")[0])
     torque = np.abs(run.read("signals/motor_torque")[0])
     inside = (speed >= 50) & (speed <= 120)
@@ -90,7 +94,7 @@ def test_noise_scatters_as_it_should(folder):
 
 def test_wilson_intervals():
     """18 right of 20: [0.699, 0.972] by Wilson's formula."""
-    tally = study.Tally("r", "t", "e", 0.1, "m", right=18, total=20)
+    tally = Tally("r", "t", "e", 0.1, "m", right=18, total=20)
     z, n, p = 1.959964, 20, 0.9
     centre = (p + z**2 / (2 * n)) / (1 + z**2 / n)
     half = z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2)) / (1 + z**2 / n)

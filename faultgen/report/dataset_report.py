@@ -19,7 +19,9 @@ from analysis.plots import plot_accuracy, plot_net_transfer_entropy, plot_series
 from analysis.transfer_entropy import net_transfer_entropy
 from faultgen.dataset import Dataset, StoredRun, open_dataset
 from faultgen.storage import write_text
-from faultgen.studies.isolation import METHODS, Isolation, isolate, series, table
+from faultgen.studies.isolation import isolate
+from faultgen.studies.runs import one_series
+from faultgen.studies.tally import Isolation, table
 
 _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
@@ -122,7 +124,7 @@ def _isolation_figure(runs: list[StoredRun], result: Isolation, robot: str, task
     with style():
         figure, grid = plt.subplots(1, 3, figsize=(9, 3))
         for axes, run in ((grid[0], healthy), (grid[1], worn)):
-            x = None if run is None else np.nan_to_num(series(run))
+            x = None if run is None else np.nan_to_num(one_series(run))
             if run is None or x is None or len(x) < 3:
                 axes.axis("off")
                 continue
@@ -130,7 +132,7 @@ def _isolation_figure(runs: list[StoredRun], result: Isolation, robot: str, task
             plot_net_transfer_entropy(axes, net_transfer_entropy(x), f"net TE [bit], {title}")
         here = [t for t in result.tallies if (t.robot, t.task) == (robot, task) and t.level > 0]
         first = min((t.effect for t in here), default="")
-        for number, method in enumerate(METHODS):
+        for number, method in enumerate(dict.fromkeys(t.method for t in here)):
             cells = [t for t in here if (t.effect, t.method) == (first, method)]
             if cells:
                 plot_accuracy(

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from faultgen.studies.counts import share
-from faultgen.studies.isolation import LEVELS, METHODS, THESIS
+from faultgen.studies.isolation import LEVELS, METHODS
 from faultgen.studies.markdown import percent, table
 from faultgen.studies.series import NOISES
+from faultgen.studies.tally import THESIS
 from faultgen.studies.wear_model import FRICTION, ISOLATORS
 
 Rows = list[dict[str, Any]]
