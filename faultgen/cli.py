@@ -324,8 +324,10 @@ def isolate(
 ) -> None:
     """Name the worn axis of every run by each isolator, in the form of thesis table 6.2.
 
-    Shares of right answers have 95 % Wilson intervals; rows 'healthy' tell how often an axis is
-    named though none is worn. The result is also written to isolation.json in the folder.
+    Ours learn from healthy cycles: of the dataset's healthy run with other noise, or, where the
+    noise is stored, of healthy runs of other seeds (generate with repetitions). Shares of right
+    answers have 95 % Wilson intervals; rows 'healthy' tell how often an axis is named though none
+    is worn. The result is also written to isolation.json in the folder.
     """
     from faultgen.dataset import open_dataset
     from faultgen.studies.isolation import isolate as run_isolate
@@ -334,6 +336,31 @@ def isolate(
     result = run_isolate(open_dataset(folder), sensors=sensors, seeds=seeds)
     save(result, folder)
     _print_json(to_dict(result)) if as_json else print(table(result))
+
+
+@app.command()
+def detect(
+    folder: Folder,
+    sensors: Annotated[
+        str | None,
+        typer.Option(help="Noise to draw anew; default: thesis, or the noise the data has."),
+    ] = None,
+    seeds: Annotated[int, typer.Option(help="Draws of the noise for each run.")] = 20,
+    as_json: Json = False,
+) -> None:
+    """Tell by every detector whether anything is worn, by task and wear.
+
+    Detectors learn from healthy cycles: of the dataset's healthy run with other noise, or, where
+    the noise is stored, of healthy runs of other seeds (generate with repetitions). Shares have
+    95 % Wilson intervals. The result is also written to detection.json in the folder.
+    """
+    from faultgen.dataset import open_dataset
+    from faultgen.studies.detection import detect as run_detect
+    from faultgen.studies.detection import detection_table, save_detection
+
+    result = run_detect(open_dataset(folder), sensors=sensors, seeds=seeds)
+    save_detection(result, folder)
+    _print_json(vars(result)) if as_json else print(detection_table(result))
 
 
 @app.command()

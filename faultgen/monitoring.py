@@ -76,16 +76,25 @@ def monitor(
     load = np.where(distance > 0, weighted / np.maximum(distance, 1e-300), 0.0)
     return {
         "mean_abs_torque": mean_abs_torque(velocity, torque),
-        "torque_histogram": _histogram(torque, -limits.torque, limits.torque),
-        "speed_histogram": _histogram(velocity, -limits.speed, limits.speed),
-        "angle_histogram": _histogram(position / limits.gear_ratio, *limits.angle.T),
+        "torque_histogram": histogram(torque, -limits.torque, limits.torque),
+        "speed_histogram": histogram(velocity, -limits.speed, limits.speed),
+        "angle_histogram": histogram(position / limits.gear_ratio, *limits.angle.T),
         "torque_indicator": load ** (1 / _LIFE_EXPONENT),
         "speed_indicator": speed.mean(axis=0),
     }
 
 
-def _histogram(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Share of samples in each of 12 equal bins from low to high, shape (n_axes, 12)."""
+def histogram(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Share of samples in each of 12 equal bins; what lies beyond goes to the end bins.
+
+    Args:
+        values: Shape (samples, n_axes), in any unit.
+        low: Lowest edge of each axis, shape (n_axes,).
+        high: Highest edge of each axis, shape (n_axes,).
+
+    Returns:
+        Shape (n_axes, 12).
+    """
     which = np.floor((values - low) / (high - low) * BINS).astype(int).clip(0, BINS - 1)
     n_axes = values.shape[1]
     codes = which + BINS * np.arange(n_axes)

@@ -77,15 +77,15 @@ def isolate(
         for run in place.runs:
             worn = tuple(int(axis) for axis in run["axes"])
             severity = run.read("cycle/severity")
-            cuts = list(_cuts(severity, worn, levels))
-            short |= {a for a in levels if worn and severity.max() >= a} - {a for a, _ in cuts}
+            ends = list(cuts(severity, worn, levels))
+            short |= {a for a in levels if worn and severity.max() >= a} - {a for a, _ in ends}
             ours = place.isolators(run)
             if isinstance(ours, str):
                 left_out[where] = ours
             for seen in place.draws(run, seeds, seed):
                 observed = np.isfinite(seen.mean_torque).all(axis=0)
                 unobservable[where] = [int(axis) + 1 for axis in np.flatnonzero(~observed)]
-                for level, length in cuts:
+                for level, length in ends:
                     for method, axis in _answers(place, ours, seen, length):
                         key = (run["robot"], run["task"], run["effect"], level, method)
                         tally = tallies.setdefault(key, Tally(*key))
@@ -111,10 +111,16 @@ def _answers(
             yield name, fitted.isolate(given[:length]).axis
 
 
-def _cuts(
+def cuts(
     severity: np.ndarray, worn: tuple[int, ...], levels: tuple[float, ...]
 ) -> Iterator[tuple[float, int]]:
-    """(level, number of cycles up to it) that there is enough of to isolate."""
+    """Where answers are asked for: level, and number of cycles up to it, if they are enough.
+
+    Args:
+        severity: Of each cycle, shape (cycles,).
+        worn: Worn axes; of the healthy robot, level 0 is all cycles.
+        levels: Severities.
+    """
     shortest = 5
     if not worn:
         if len(severity) >= shortest:

@@ -11,7 +11,7 @@ from analysis.isolation import ChangeIsolator
 from faultgen.dataset import Dataset, StoredRun
 from faultgen.effects import HEALTHY
 from faultgen.errors import InputError
-from faultgen.monitoring import mean_abs_torque
+from faultgen.monitoring import histogram, mean_abs_torque
 from faultgen.robot import load_robot
 from faultgen.sensors import Measured, Sensors, get_sensors, measure
 from faultgen.studies.wear_model import (
@@ -53,6 +53,14 @@ def noise_of(dataset: Dataset, sensors: str | None) -> tuple[str, bool]:
     return chosen, redraw
 
 
+@dataclass(frozen=True, eq=False)
+class ObservedRun(Observed):
+    """Reductions of a run of a dataset."""
+
+    torque_counts: np.ndarray
+    """Torque samples in each bin of the design range, shape (cycles, n_axes, 12)."""
+
+
 @dataclass(eq=False)
 class Place:
     """All runs of one robot and task, and isolators that know them healthy."""
@@ -67,8 +75,10 @@ class Place:
     """Noise that is drawn anew; None: as stored."""
     model: WearModel
     """Friction terms and directions of wear."""
+    torque_limit: np.ndarray
+    """Largest design torque of each motor, shape (n_axes,), in [N m]."""
     _fitted: dict[tuple[str, ...], dict[str, ChangeIsolator] | str] = field(default_factory=dict)
-    _reference: list[Observed] | None = None
+    _reference: list[ObservedRun] | None = None
 
     @property
     def temperature_varies(self) -> bool:
@@ -77,7 +87,7 @@ class Place:
             return False
         return any(get_sensors(run["sensors"]).changes_motion for run in self.runs)
 
-    def draws(self, run: StoredRun, seeds: int, seed: int) -> Iterator[Observed]:
+    def draws(self, run: StoredRun, seeds: int, seed: int) -> Iterator[ObservedRun]:
         """What is seen of a run: with new noise, seed by seed, or once as stored.
 
         Args:
@@ -93,22 +103,30 @@ class Place:
             return
         for number in range(seed, seed + seeds):
             measured = _measured(run, self.sensors, number)
-            yield Observed(
+            yield ObservedRun(
                 _mean_torque(measured),
                 self.model.features.transform(np.stack([m.motor_torque for m in measured])),
                 run.read("cycle/temperature"),
+                self._counts([m.motor_torque for m in measured]),
             )
 
-    def _stored(self, run: StoredRun) -> Observed:
+    def _counts(self, torque: list[np.ndarray]) -> np.ndarray:
+        limit = self.torque_limit
+        return np.array([histogram(cycle, -limit, limit) * len(cycle) for cycle in torque])
+
+    def _stored(self, run: StoredRun) -> ObservedRun:
         name = "signals/motor_torque"
         friction = np.empty((run["cycles"], 0))
         if run["thin"] == 1 and name in run:
             friction = self.model.features.transform(run.read(name).astype(float))
-        return Observed(
-            run.read("monitoring/mean_abs_torque"), friction, run.read("cycle/temperature")
+        return ObservedRun(
+            run.read("monitoring/mean_abs_torque"),
+            friction,
+            run.read("cycle/temperature"),
+            run.read("monitoring/torque_histogram") * len(run.read("time")) * run["thin"],
         )
 
-    def healthy(self, run: StoredRun) -> list[Observed]:
+    def healthy(self, run: StoredRun) -> list[ObservedRun]:
         """Healthy series that share no draw with a run."""
         if self.sensors is None:
             others = [r for r in self.runs if not len(r["axes"]) and r["seed"] != run["seed"]]
@@ -127,7 +145,7 @@ class Place:
             self._fitted[key] = self._fit(self.healthy(run))
         return self._fitted[key]
 
-    def _fit(self, healthy: list[Observed]) -> dict[str, ChangeIsolator] | str:
+    def _fit(self, healthy: list[ObservedRun]) -> dict[str, ChangeIsolator] | str:
         if not healthy:
             return "no healthy run of another seed to learn from; generate with repetitions = 5"
         fitted = {}
@@ -206,8 +224,9 @@ def places(dataset: Dataset, sensors: str | None = None) -> list[Place]:
     for (robot, task), runs in groups.items():
         planned = dataset.planned[runs[0].id]
         model = _model(planned["robot"], planned["task"], runs)
+        limit = load_robot(planned["robot"]).motor_torque_limit
         preset = get_sensors(chosen) if redraw else None
-        found.append(Place(robot, task, runs, preset, model))
+        found.append(Place(robot, task, runs, preset, model, limit))
     return found
 
 

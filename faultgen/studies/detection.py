@@ -1,0 +1,216 @@
+"""Is anything worn? Detectors on a dataset.
+
+Detectors learn from healthy cycles and are set to about one false alarm in a thousand cycles. A run
+counts as detected at a level of wear if there was an alarm in any cycle up to the one that reaches
+it; early false alarms count too, so the share of healthy runs with an alarm stands beside.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from analysis.detection import CUSUMChart, EWMAChart
+from analysis.divergence import kl_divergence
+from analysis.isolation import ChangeIsolator
+from analysis.pca import PCAMonitor
+from faultgen.dataset import Dataset
+from faultgen.errors import InputError
+from faultgen.storage import write_text
+from faultgen.studies.counts import share
+from faultgen.studies.isolation import LEVELS, cuts
+from faultgen.studies.markdown import percent, table
+from faultgen.studies.runs import ObservedRun, Place, noise_of, places
+from faultgen.studies.wear_model import ISOLATORS, isolator_input
+
+RUN_LENGTH = 1000.0
+"""Cycles between false alarms that detectors are set to."""
+
+DETECTORS = {
+    "KL + PCA, Q": "KL divergence of each axis' torque histogram from the healthy one; Q of a PCA",
+    "PCA, T² and Q": "mean |torque| of all axes, and the temperature where it is measured",
+    "EWMA": "mean |torque| of each axis, two-sided charts",
+    "CUSUM": "mean |torque| of each axis, two-sided charts",
+    **ISOLATORS,
+}
+"""Name and idea of every detector."""
+
+Alarm = Callable[[ObservedRun], np.ndarray]
+"""Cycles in alarm, shape (cycles,)."""
+
+
+@dataclass(frozen=True)
+class Detection:
+    """What the detectors did on a dataset."""
+
+    sensors: str
+    """Noise that they saw."""
+    seeds: int
+    """Draws of the noise for each run."""
+    rows: list[dict[str, Any]]
+    """Counts by robot, task, effect, level (0: healthy, over all cycles) and detector."""
+    left_out: dict[str, str]
+    """Why detectors were left out, by robot and task."""
+
+
+def detect(
+    dataset: Dataset,
+    *,
+    sensors: str | None = None,
+    seeds: int = 20,
+    seed: int = 1000,
+    levels: tuple[float, ...] = LEVELS,
+    progress: bool = True,
+) -> Detection:
+    """Run every detector on a dataset.
+
+    Args:
+        dataset: The dataset.
+        sensors: Preset of which noise is drawn; default: 'thesis' for a dataset without noise,
+            else the noise that the dataset has.
+        seeds: Draws of the noise for each run.
+        seed: Where the draws start.
+        levels: Severities at which it is asked whether there was an alarm.
+        progress: Show a progress bar on stderr.
+
+    Returns:
+        Alarms, counted.
+
+    Raises:
+        InputError: The dataset has no runs, or not the signals that new noise needs.
+    """
+    chosen, redraw = noise_of(dataset, sensors)
+    if seeds < 1:
+        raise InputError(f"seeds: must be at least 1, not {seeds}")
+    counts: dict[tuple[str, str, str, float, str], list[bool]] = {}
+    left_out: dict[str, str] = {}
+    shown = None if progress else True
+    bar = tqdm(total=len(dataset.runs), unit="run", desc="detecting", disable=shown)
+    for place in places(dataset, sensors):
+        fitted: dict[int, dict[str, Alarm]] = {}
+        for run in place.runs:
+            key = 0 if redraw else int(run["seed"])
+            if key not in fitted:
+                reason = place.isolators(run)
+                if isinstance(reason, str):
+                    left_out[f"{place.robot}/{place.task}"] = reason
+                    fitted[key] = {}
+                else:
+                    fitted[key] = _fit(place, place.healthy(run), reason)
+            worn = tuple(int(axis) for axis in run["axes"])
+            ends = list(cuts(run.read("cycle/severity"), worn, levels))
+            for seen in place.draws(run, seeds, seed) if fitted[key] else ():
+                for name, alarm in fitted[key].items():
+                    over = alarm(seen)
+                    for level, length in ends:
+                        row = (run["robot"], run["task"], run["effect"], level, name)
+                        counts.setdefault(row, []).append(bool(over[:length].any()))
+            bar.update()
+    bar.close()
+    names = ("robot", "task", "effect", "level", "detector")
+    rows = [
+        dict(zip(names, key, strict=True)) | share(sum(found), len(found))
+        for key, found in counts.items()
+    ]
+    draws = seeds if redraw else len({run["seed"] for run in dataset.runs})
+    return Detection(chosen, draws, rows, left_out)
+
+
+def _fit(
+    place: Place, healthy: list[ObservedRun], isolators: dict[str, ChangeIsolator]
+) -> dict[str, Alarm]:
+    """Every detector, fitted."""
+    varies = place.temperature_varies
+    confidence = 1 - 1 / RUN_LENGTH
+    torque = np.nan_to_num(np.vstack([seen.mean_torque for seen in healthy]))
+    n_axes = torque.shape[1]
+    counted = np.sum([seen.torque_counts.sum(axis=0) for seen in healthy], axis=0)
+
+    def divergence(seen: ObservedRun) -> np.ndarray:
+        return kl_divergence(seen.torque_counts, counted, smoothing=0.5)
+
+    def with_temperature(seen: ObservedRun) -> np.ndarray:
+        values = np.nan_to_num(seen.mean_torque)
+        return np.hstack([values, seen.temperature[:, None]]) if varies else values
+
+    by_kl = PCAMonitor(n_components=0.75, confidence=confidence)
+    by_kl.fit(np.vstack([divergence(seen) for seen in healthy]))
+    by_torque = PCAMonitor(n_components=0.9, confidence=confidence)
+    by_torque.fit(np.vstack([with_temperature(seen) for seen in healthy]))
+    moving = np.flatnonzero(np.ptp(torque, axis=0) > 0)
+    run_length = RUN_LENGTH * n_axes
+    charts = {
+        "EWMA": [EWMAChart(in_control_run_length=run_length, two_sided=True) for _ in moving],
+        "CUSUM": [CUSUMChart(in_control_run_length=run_length, two_sided=True) for _ in moving],
+    }
+    for chosen in charts.values():
+        for axis, chart in zip(moving, chosen, strict=True):
+            chart.fit(torque[:, axis])
+
+    def charted(name: str) -> Alarm:
+        def alarm(seen: ObservedRun) -> np.ndarray:
+            values = np.nan_to_num(seen.mean_torque)
+            by_axis = [
+                chart.predict(values[:, axis]) < 0
+                for axis, chart in zip(moving, charts[name], strict=True)
+            ]
+            return np.any(by_axis, axis=0)
+
+        return alarm
+
+    def isolated(name: str) -> Alarm:
+        def alarm(seen: ObservedRun) -> np.ndarray:
+            given = isolator_input(name, seen, temperature_varies=varies)
+            fitted = isolators[name]
+            first = fitted.window  # a full window, as it was in training
+            over = [
+                bool(fitted.isolate(given[:k]).worn.any()) for k in range(first, len(given) + 1)
+            ]
+            return np.concatenate([np.zeros(min(first - 1, len(given)), bool), over]).astype(bool)
+
+        return alarm
+
+    return {
+        "KL + PCA, Q": lambda seen: by_kl.q(divergence(seen)) > by_kl.q_limit_,
+        "PCA, T² and Q": lambda seen: by_torque.predict(with_temperature(seen)) < 0,
+        **{name: charted(name) for name in charts},
+        **{name: isolated(name) for name in isolators},
+    }
+
+
+def detection_table(result: Detection) -> str:
+    """Alarms by robot, task, effect and wear in Markdown."""
+    cells = {
+        (r["robot"], r["task"], r["effect"], r["level"], r["detector"]): r for r in result.rows
+    }
+    lines = sorted({key[:4] for key in cells}, key=lambda k: (k[0], k[1], k[3] == 0, k[2], k[3]))
+    names = list(dict.fromkeys(row["detector"] for row in result.rows))
+    shown = [
+        [
+            robot,
+            task,
+            effect,
+            f"{100 * level:g}" if level else "-",
+            *(percent(cells[robot, task, effect, level, name]) for name in names),
+        ]
+        for robot, task, effect, level in lines
+    ]
+    said = [
+        f"Runs with an alarm up to that wear, percent [95 % Wilson interval]; '{result.sensors}' "
+        f"noise; set to one false alarm in {RUN_LENGTH:g} cycles. Healthy: over all cycles.",
+    ]
+    if shown:
+        said.append(table(["robot", "task", "effect", "wear %", *names], shown))
+    said += [f"{place}: left out: {reason}" for place, reason in result.left_out.items()]
+    return "\n\n".join(said)
+
+
+def save_detection(result: Detection, folder: Path) -> None:
+    """Write the result to ``detection.json`` in a dataset's folder."""
+    write_text(folder / "detection.json", json.dumps(vars(result), indent=1) + "\n")
