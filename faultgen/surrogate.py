@@ -31,6 +31,7 @@ from tqdm import tqdm
 from faultgen.condition import Condition, model_at
 from faultgen.effects.friction import TEMPERATURE_RANGE
 from faultgen.errors import InputError
+from faultgen.robot import load_robot
 from faultgen.run import nominal
 from faultgen.simulate import simulate
 
@@ -200,15 +201,29 @@ def _conditions(temperatures: np.ndarray, n_axes: int, effect: str) -> list[Cond
     return conditions
 
 
-def simulate_at(robot: str, task: str, sample_period: float, condition: Condition) -> np.ndarray:
+def simulate_at(
+    robot: str,
+    task: str,
+    sample_period: float,
+    condition: Condition,
+    controller: str | None = None,
+) -> np.ndarray:
     """One cycle, simulated at a condition that held before it too.
+
+    Args:
+        robot: Name of the robot, or path of an MJCF file.
+        task: Name of the task, or path of a task file.
+        sample_period: Time between samples [s].
+        condition: The condition.
+        controller: Robot for which motion and feed-forward are planned; default: the robot itself.
 
     Returns:
         Shape (channels, samples, n_axes).
     """
-    shared = nominal(robot, task, sample_period)
-    model = model_at(shared.robot, shared.robot.spec(), condition)
-    cycle = next(simulate(shared.robot, shared.control, [model], sample_period=sample_period))
+    control = nominal(controller or robot, task, sample_period).control
+    simulated = load_robot(robot)
+    model = model_at(simulated, simulated.spec(), condition)
+    cycle = next(simulate(simulated, control, [model], sample_period=sample_period))
     return np.stack([getattr(cycle, name) for name in CHANNELS])
 
 
@@ -218,6 +233,7 @@ def build_surrogate(
     *,
     effect: str = "friction_wear",
     sample_period: float = 0.004,
+    controller: str | None = None,
     workers: int = 1,
     progress: bool = True,
 ) -> Surrogate:
@@ -228,6 +244,7 @@ def build_surrogate(
         task: Name of the task, or path of a task file.
         effect: Effect whose severity is interpolated, from 0 to 0.2.
         sample_period: Time between samples [s].
+        controller: Robot for which motion and feed-forward are planned; default: the robot itself.
         workers: Processes; no effect on the result.
         progress: Show a progress bar on stderr.
 
@@ -238,21 +255,23 @@ def build_surrogate(
         InputError: No such robot, task or effect.
         SimulationFailed: A node could not be simulated.
     """
-    shared = nominal(robot, task, sample_period)
-    reference = shared.robot.friction_temperature
+    shared = nominal(controller or robot, task, sample_period)
+    simulated = load_robot(robot)
+    reference = simulated.friction_temperature
     low = max(reference - _SPREAD, TEMPERATURE_RANGE[0])
     high = min(reference + _SPREAD, TEMPERATURE_RANGE[1])
     around = np.cos(np.pi * np.arange(_BASE_NODES) / (_BASE_NODES - 1))[::-1]  # Chebyshev-Lobatto
     temperatures = (low + high) / 2 + (high - low) / 2 * around
-    conditions = _conditions(temperatures, shared.robot.n_axes, effect)
+    conditions = _conditions(temperatures, simulated.n_axes, effect)
     done = Parallel(n_jobs=workers, return_as="generator")(
-        delayed(simulate_at)(robot, task, sample_period, condition) for condition in conditions
+        delayed(simulate_at)(robot, task, sample_period, condition, controller)
+        for condition in conditions
     )
     shown = tqdm(
         done,
         total=len(conditions),
         unit="cycle",
-        desc=f"{shared.robot.name} {task}",
+        desc=f"{simulated.name} {task}",
         disable=None if progress else True,
     )
     return Surrogate(
@@ -262,8 +281,8 @@ def build_surrogate(
         sample_period=sample_period,
         temperatures=temperatures,
         nodes=np.stack(list(shown)),
-        gear_ratio=shared.robot.gear_ratio,
-        encoder_counts=shared.robot.encoder_counts,
+        gear_ratio=simulated.gear_ratio,
+        encoder_counts=simulated.encoder_counts,
         mean_torque=shared.mean_torque,
     )
 
