@@ -38,9 +38,10 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
     components. A row is not normal if either is above its limit.
 
     A column that is constant in the healthy data has no scale. It is left unscaled, takes part in
-    no component, and adds the square of its move, in its own unit squared, to Q. If healthy rows
-    leave no residual at all the limit of Q is 0, and any Q above rounding is not normal: with as
-    many components as variables there is none.
+    no component, and adds the square of its move, in its own unit squared, to Q. Where no column
+    varies there is no component: T2 is 0 and has no limit. If healthy rows leave no residual at all
+    the limit of Q is 0, and any Q above rounding is not normal: with as many components as
+    variables there is none.
 
     The limits are those of Gaussian rows and take the components as known. From few samples they
     are not: 120 Gaussian samples of 6 columns without correlation leave 11 % of new rows above the
@@ -108,7 +109,7 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
             The monitor itself.
 
         Raises:
-            ValueError: If X is not finite, has too few rows or no column that varies, or if an
+            ValueError: If X is not finite or has too few rows, or if an
                 argument of the constructor is invalid.
         """
         self._check_arguments()
@@ -207,6 +208,8 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         check_is_fitted(self, "components_")
         _check_confidence(confidence)
         a, n = self.n_components_, self.n_samples_
+        if a == 0:
+            return np.inf, 0.0
         if self.t2_limit == "training":
             t2 = (n - 1) ** 2 / n * stats.beta.ppf(confidence, a / 2, (n - a - 1) / 2)
         elif self.t2_limit == "chi2":
@@ -265,8 +268,6 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
 
     def _count_components(self) -> int:
         rank = int(np.sum(self.eigenvalues_ > 0))
-        if rank == 0:
-            raise ValueError("X has no column that varies")
         if isinstance(self.n_components, Integral):
             kept = int(self.n_components)
             if kept > rank:
@@ -274,6 +275,8 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
                     f"n_components is {kept}, but {self.n_samples_} samples of "
                     f"{len(self.eigenvalues_)} columns vary in {rank} directions only"
                 )
+        elif rank == 0:
+            kept = 0
         else:
             explained = np.cumsum(self.eigenvalues_[:rank])
             share = explained / explained[-1]

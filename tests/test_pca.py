@@ -371,6 +371,17 @@ def test_invalid_arguments(rng, arguments, message):
         PCAMonitor(**arguments).fit(correlated(rng))
 
 
+def test_columns_that_never_moved():
+    """Without any component T2 has nothing to say, and any move is an alarm by Q."""
+    monitor = PCAMonitor().fit(np.full((60, 5), 0.1))
+    assert monitor.n_components_ == 0
+    rows = np.full((2, 5), 0.1)
+    rows[1, 2] += 0.3
+    np.testing.assert_allclose(monitor.q(rows), [0, 0.09])
+    np.testing.assert_array_equal(monitor.t2(rows), [0, 0])
+    np.testing.assert_array_equal(monitor.predict(rows), [1, -1])
+
+
 def test_invalid_data(rng):
     """Data that cannot be monitored are refused, as is a monitor that was not fitted."""
     x = correlated(rng)
@@ -382,8 +393,8 @@ def test_invalid_data(rng):
         PCAMonitor().fit(np.where(x > x.max() - 1e-9, np.nan, x))
     with pytest.raises(ValueError, match="minimum of 3"):
         PCAMonitor().fit(x[:2])
-    with pytest.raises(ValueError, match="no column that varies"):
-        PCAMonitor().fit(np.full((60, 5), 0.1))
+    with pytest.raises(ValueError, match="vary in 0 directions"):
+        PCAMonitor(n_components=1).fit(np.full((60, 5), 0.1))
     with pytest.raises(ValueError, match="vary in 3 directions"):
         PCAMonitor(n_components=4).fit(x[:4])
     with pytest.raises(ValueError, match="'training' with 3 components needs at least 5 samples"):

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
+from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from analysis import cross_correlation_lags, leading_axis
@@ -119,6 +120,11 @@ def _rng(seed: int, task: str, noise: str, role: int, *numbers: int) -> np.rando
 
 def _job(path: Path, task: str, noise: str, role: int, number: int, seed: int) -> Any:
     """One healthy record, or one worn record for each axis and wear."""
+    with threadpool_limits(1):  # sums in another order would differ in their last digits
+        return _scored_records(path, task, noise, role, number, seed)
+
+
+def _scored_records(path: Path, task: str, noise: str, role: int, number: int, seed: int) -> Any:
     robot = hourly_monitored(path)
     sensors = SENSORS[noise]
     varies = sensors.changes_motion

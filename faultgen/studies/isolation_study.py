@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
+from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from analysis import net_transfer_entropy
@@ -100,12 +101,20 @@ def run_isolation(
     result: dict[str, Any] = {"seed": seed, "seeds": size.worn, "size": vars(size)}
     for name in parts[0]:
         result[name] = [row for part in parts for row in part[name]]
-    result["table_6_1"] = [row for key, path in files.items() for row in _mean_torques(key, path)]
+    with threadpool_limits(1):
+        result["table_6_1"] = [
+            row for key, path in files.items() for row in _mean_torques(key, path)
+        ]
     return result
 
 
 def _judge(block: Block, surrogate: Path, folder: Path) -> dict[str, list[dict[str, Any]]]:
     """All counts of one block."""
+    with threadpool_limits(1):  # sums in another order would differ in their last digits
+        return _judge_block(block, surrogate, folder)
+
+
+def _judge_block(block: Block, surrogate: Path, folder: Path) -> dict[str, list[dict[str, Any]]]:
     series = make_series(block, surrogate, folder)
     place = {"robot": block.robot, "task": block.task, "noise": block.noise}
     cuts = [(level, _cycles_to(level)) for level in LEVELS]

@@ -108,7 +108,7 @@ def make_series(block: Block, surrogate: Path, folder: Path) -> Series:
     """
     told = f"{asdict(block)} {NOISES[block.noise]} {surrogate.name} {WEAR} {CYCLES}"
     key = hashlib.sha256(told.encode()).hexdigest()[:12]
-    path = folder / f"{block.robot}_{block.task}_{block.noise.replace(' / ', '-')}_{key}.h5"
+    path = folder / f"{Path(block.robot).stem}_{Path(block.task).stem}_{key}.h5"
     if path.is_file():
         with h5py.File(path, "r") as file:
             return Series(**{name: file[name][()] for name in file})

@@ -1,0 +1,212 @@
+"""Studies: their parts against cases counted by hand, and as a whole on a small robot."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from faultgen.cli import main
+from faultgen.motion import plan
+from faultgen.robot import STRIBECK_VELOCITY, load_robot
+from faultgen.sensors import get_sensors
+from faultgen.studies import detection_study, isolation_study
+from faultgen.studies.detection_study import _first_run, _found
+from faultgen.studies.detectors import DETECTORS, Scored, alarms, threshold
+from faultgen.studies.hourly import hourly_monitored
+from faultgen.studies.isolation_tables import pooled
+from faultgen.studies.isolation_tables import tables as isolation_tables
+from faultgen.studies.series import HEALTHY, PAIR, REFERENCE, WORN, Block, growth
+from faultgen.studies.study import STUDIES, run_study
+from faultgen.studies.wear_model import FRICTION
+from faultgen.surrogate import surrogate_file
+from faultgen.tasks import load_task
+
+
+def hours(*indices, length=100):
+    over = np.zeros(length, bool)
+    over[list(indices)] = True
+    return over
+
+
+def test_alarms_are_a_day_apart():
+    """Hours over the threshold within a day of an alarm belong to it."""
+    assert alarms(hours()) == 0
+    assert alarms(hours(3, 4, 20, 26)) == 1
+    assert alarms(hours(3, 26, 27)) == 2
+    assert alarms(np.ones(100, bool)) == 5
+
+
+def test_threshold_allows_what_it_says():
+    """Just above the threshold there are as many alarms as allowed, below it more."""
+    rng = np.random.default_rng(0)
+    months = [rng.standard_normal(720) for _ in range(10)]
+    for rate in (0.1, 1.0, 5.0):
+        level = threshold(months, rate)
+        assert sum(alarms(m > level) for m in months) <= 10 * rate
+        below = np.unique(np.concatenate(months))
+        below = below[np.searchsorted(below, level) - 1]
+        assert sum(alarms(m > below) for m in months) > 10 * rate
+
+
+def test_first_of_three_hours_in_a_row():
+    """The hour counts in which the third one is seen."""
+    assert _first_run(hours(1, 2, 5, 6, 7, length=10), 3) == 7
+    assert _first_run(hours(1, 2, 4, 5, length=10), 3) is None
+
+
+def test_an_alarm_counts_with_the_axis_it_blames():
+    """Hours count from 1; the axis is the one blamed at the first alarm."""
+    scored = Scored(score=np.array([0, 1, 5, 9.0]), axis=np.array([0, 1, 2, 3]))
+    assert _found(scored, 4.0, axis=3) == {"hours": 3, "located": True}
+    assert _found(scored, 0.5, axis=3) == {"hours": 2, "located": False}
+    assert _found(scored, 9.0, axis=3) == {"hours": None, "located": False}
+
+
+PERIOD = 0.2
+"""Between samples of the small robot, whose cycle takes two seconds [s]."""
+
+
+@pytest.fixture(scope="module")
+def cycles(tiny_robot_path, tiny_task_path, tmp_path_factory):
+    """Simulated cycles of the small robot."""
+    folder = tmp_path_factory.mktemp("study") / "cycles"
+    surrogate_file(folder, tiny_robot_path, tiny_task_path)
+    surrogate_file(folder, tiny_robot_path, tiny_task_path, sample_period=PERIOD)
+    return folder
+
+
+@pytest.fixture
+def small(tiny_robot_path, tiny_task_path, monkeypatch):
+    """Studies of the small robot."""
+    monkeypatch.setattr(isolation_study, "ROBOTS", (tiny_robot_path,))
+    monkeypatch.setattr(isolation_study, "TASKS", (tiny_task_path,))
+    monkeypatch.setattr(detection_study, "ROBOT", tiny_robot_path)
+    monkeypatch.setattr(detection_study, "TASKS", (tiny_task_path,))
+    monkeypatch.setattr(detection_study, "SAMPLE_PERIOD", PERIOD)
+
+
+SMALL = isolation_study.Size(reference=10, healthy=3, worn=1, pairs=1)
+
+
+def isolated(cycles, folder, **more):
+    shutil.copytree(cycles, folder / "cycles")
+    return isolation_study.run_isolation(folder, size=SMALL, **more)
+
+
+def test_isolation_study(cycles, small, tmp_path):
+    """Counts add up, the best method names 10 % wear, and a second call gives the same again."""
+    result = isolated(cycles, tmp_path, seed=1)
+    worn = [row for row in result["isolation"] if row["method"] == FRICTION]
+    assert {row["total"] for row in worn} == {2}
+    assert all(row["share"] == 1 for row in worn if row["level"] >= 0.10)
+    pairs = [row for row in result["pairs"] if row["method"] == FRICTION]
+    assert [(row["total"], row["noise"]) for row in pairs] == [(1, "realistic")]
+    healthy = pooled(result["healthy"], method="TE 10 bins")
+    assert healthy["share"] > 0.5, "transfer entropy has no 'none'"
+    again = isolation_study.run_isolation(tmp_path, size=SMALL, seed=1)
+    assert json.dumps(again) == json.dumps(result)
+    assert isolated(cycles, tmp_path / "other", seed=2)["severity"] != result["severity"]
+
+
+def test_isolation_study_does_not_depend_on_workers(cycles, small, tmp_path):
+    """One process or two: the same results."""
+    one, two = (isolated(cycles, tmp_path / str(n), seed=3, workers=n) for n in (1, 2))
+    assert json.dumps(one) == json.dumps(two)
+
+
+def test_streams_of_a_block_differ():
+    """No two runs share a stream, and a stream does not depend on how many there are."""
+    block = Block("r", "t", "thesis", seed=1, reference=2, healthy=2, worn=2, pairs=1)
+    runs = block.runs(3)
+    roles = [role for role, _, _ in runs]
+    counts = {role: roles.count(role) for role in (REFERENCE, HEALTHY, WORN, PAIR)}
+    assert counts == {REFERENCE: 2, HEALTHY: 2, WORN: 6, PAIR: 3}
+    drawn = {float(block.rng(*run).random()) for run in runs}
+    assert len(drawn) == len(runs)
+    other = Block("r", "t", "thesis", seed=1, reference=9, healthy=9, worn=9, pairs=9)
+    assert other.rng(*runs[-1]).random() == block.rng(*runs[-1]).random()
+
+
+def test_growth_is_that_of_the_thesis():
+    """Eq. 6.6: 1, 5, 10 and 15 % in cycles 49, 72, 86 and 94; 20 % in cycle 100."""
+    reached = [int(np.argmax(growth() >= level)) + 1 for level in (0.01, 0.05, 0.10, 0.15)]
+    assert reached == [49, 72, 86, 94]
+    assert growth()[-1] == pytest.approx(0.2)
+
+
+def test_hourly_record_is_ten_cycles(cycles, tiny_robot_path, tiny_task_path):
+    """Without noise every cycle of a healthy hour is the same; wear changes the worn axis only."""
+    path = surrogate_file(cycles, tiny_robot_path, tiny_task_path, sample_period=PERIOD)
+    robot = hourly_monitored(path)
+    severity = np.zeros((2, 2))
+    severity[1, 1] = 0.1
+    record = robot.record(get_sensors("none"), severity, np.random.default_rng(0))
+    places = robot.surrogate.nodes.shape[2]
+    assert record.torque.shape == (2, 10 * places, 2)
+    minutes = record.torque.reshape(2, 10, places, 2)
+    np.testing.assert_allclose(minutes, minutes[:, :1].repeat(10, axis=1), atol=1e-12)
+    change = np.diff(record.places, axis=0)[0]
+    by_axis = np.abs(change).reshape(places, 2).max(axis=0)
+    assert by_axis[0] < 0.1 * by_axis[1]
+    np.testing.assert_allclose(change, 0.1 * robot.directions.value[1], atol=1e-9)
+    assert robot.turning.all()
+
+
+def test_axes_that_stand_still_are_told_before_the_test():
+    """Axis 6 of the PUMA does not turn in task 1 of chapter 3."""
+    robot = load_robot("puma560")
+    motion = plan(load_task("puma560", "chapter3_task1"), robot)
+    speed = np.abs(motion(np.arange(0, 60, 10.0))[1] * robot.gear_ratio).max(axis=0)
+    stribeck = robot.model.actuator_biasprm[robot.ids("actuator", "friction"), STRIBECK_VELOCITY]
+    assert (speed > 0.3 * stribeck).tolist() == [True] * 5 + [False]
+
+
+def test_detection_study(cycles, small, tmp_path):
+    """All detectors are compared; ours finds the wear; tables and lags have the thesis' form."""
+    shutil.copytree(cycles, tmp_path / "cycles")
+    size = detection_study.Size(seeds=1, months=2)
+    result = detection_study.run_detection(tmp_path, size=size, seed=1)
+    assert len(result["detectors"]) == 2 * len(DETECTORS) * len(detection_study.RATES)
+    assert len(result["thesis_procedure"]) == 2 * 4
+    lags = np.array(result["example"]["lags"])
+    np.testing.assert_array_equal(lags, -lags.T)
+    ours = [row for row in result["detectors"] if row["detector"].startswith("wear")]
+    assert all(row["detected"]["share"] == 1 for row in ours)
+    json.dumps(result, allow_nan=False)
+
+
+def test_unknown_study(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr("sys.argv", ["faultgen", "study", "magic", "-o", str(tmp_path / "x")])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 2
+    error = capsys.readouterr().err.strip()
+    assert "unknown study 'magic'" in error and all(name in error for name in STUDIES)
+    assert not (tmp_path / "x").exists()
+
+
+def test_files_of_a_study(cycles, small, monkeypatch, tmp_path):
+    """results.json, tables and figures, from results as two robots and three tasks would give."""
+    rows = {"robot": ("irb6700", "puma560"), "task": ("pick_and_place", "spot_weld", "arc_weld")}
+    made = isolation_study.run_isolation
+
+    def spread(out, **options):
+        shutil.copytree(cycles, out / "cycles")
+        result = made(out, size=SMALL, seed=5)
+        for name, value in result.items():
+            if isinstance(value, list):
+                result[name] = [
+                    {**row, "robot": robot, "task": task}
+                    for row in value
+                    for robot in rows["robot"]
+                    for task in rows["task"]
+                ]
+        return result
+
+    monkeypatch.setattr(isolation_study, "run_isolation", spread)
+    result = run_study("isolation", tmp_path, quick=True)
+    stored = json.loads((tmp_path / "results.json").read_text())
+    assert stored["goals"] == result["goals"] and stored["study"] == "isolation"
+    assert (tmp_path / "tables.md").read_text() == isolation_tables(stored)
+    assert len(list((tmp_path / "figures").glob("*.png"))) == 4
