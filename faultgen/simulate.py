@@ -162,6 +162,8 @@ class _Recorder:
         twist_rate = kept["ten_velocity"][:, self.gearbox]
         # MuJoCo applies an actuator's damping apart from its force
         viscous = -model.actuator_damping[self.friction] * velocity
+        for power, coefficient in enumerate(model.actuator_dampingpoly[self.friction].T, start=1):
+            viscous = viscous - coefficient * velocity * np.abs(velocity) ** power
         return Cycle(
             motor_position=position,
             motor_velocity=velocity,

@@ -1,10 +1,11 @@
+import mujoco
 import numpy as np
 import pytest
 
 from faultgen.effects import EFFECTS, get_effect, set_temperature
 from faultgen.errors import InputError
 from faultgen.motion import plan
-from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY
+from faultgen.robot import COULOMB, OFFSET, STICTION, STRIBECK_VELOCITY
 from faultgen.servo import control_signal
 from faultgen.simulate import simulate
 from faultgen.tasks import load_task
@@ -27,61 +28,195 @@ def test_severity_zero_leaves_the_model_as_it_is(robot, effect):
         assert np.array_equal(value, worn[name], equal_nan=True), name
 
 
-@pytest.mark.parametrize("effect", EFFECTS.values(), ids=list(EFFECTS))
-def test_a_worn_axis_is_the_only_one_that_changes(robot, effect):
-    """Severity 0.5 on axis 3 changes friction3 and no other actuator."""
-    spec = robot.spec()
-    effect.apply(spec, 3, 0.5)
-    worn, ids = spec.compile(), robot.ids("actuator", "friction")
-    changed = (worn.actuator_biasprm != robot.model.actuator_biasprm).any(axis=1)
-    changed |= worn.actuator_damping != robot.model.actuator_damping
-    assert list(np.flatnonzero(changed)) == [ids[2]]
+def axis_of(effect, axis, last):
+    """Payload effects belong to the last axis."""
+    return last if effect.name.startswith("payload") else axis
 
 
-@pytest.mark.parametrize("effect", EFFECTS.values(), ids=list(EFFECTS))
-def test_effects_show_in_the_motor_torque(tiny_robot, tiny_task_path, effect):
-    """Every effect changes the simulated motor torque, and severity 0 does not change a bit."""
+SIZES = {  # where 0.3 is not a sensible severity
+    "torque_offset": 0.02,
+    "brake_drag": 0.02,
+    "backlash": 1e-3,
+    "payload_offset": 0.05,
+    "gravity_spring": 5.0,
+}
+
+
+def test_severity_zero_leaves_the_run_as_it_is(tiny_robot, tiny_task_path):
+    """Every effect changes the simulated motor torque; severity 0 does not change a bit."""
     motion = plan(load_task("tiny", tiny_task_path), tiny_robot)
     control = control_signal(motion, tiny_robot.model.opt.timestep)
-    torque = {}
-    for severity in (None, 0.0, 0.3):
+
+    def torque(effect, severity):
         spec = tiny_robot.spec()
-        if severity is not None:
-            effect.apply(spec, 1, severity)
+        effect.apply(spec, axis_of(effect, 2, 2), severity)
         cycles = list(simulate(tiny_robot, control, [spec.compile()] * 2, sample_period=0.004))
-        torque[severity] = cycles[1].motor_torque
-    np.testing.assert_array_equal(torque[None], torque[0.0])
-    assert np.abs(torque[0.3] - torque[0.0])[:, 0].max() > 1e-3
+        return cycles[1].motor_torque
+
+    healthy = torque(get_effect("friction_wear"), 0.0)
+    for effect in EFFECTS.values():
+        np.testing.assert_array_equal(torque(effect, 0.0), healthy)
+        changed = np.abs(torque(effect, SIZES.get(effect.name, 0.3)) - healthy)[:, 1].max()
+        assert changed > 1e-6, effect.name
 
 
 def curve(model, actuator, speed):
-    """Stribeck curve plus viscous friction as the thesis writes it, eq. 6.3, exponent 2."""
+    """Friction against forward motion, as the thesis writes it (eq. 6.3, exponent 2)."""
     bias = model.actuator_biasprm[actuator]
     static = bias[STICTION] - bias[COULOMB]
     sliding = bias[COULOMB] + static * np.exp(-((speed / bias[STRIBECK_VELOCITY]) ** 2))
-    return sliding + model.actuator_damping[actuator] * speed
+    quadratic = model.actuator_dampingpoly[actuator][0] * speed * np.abs(speed)
+    offset = bias[OFFSET] * np.sin(bias[OFFSET + 2])
+    return sliding * np.sign(speed) + model.actuator_damping[actuator] * speed + quadratic - offset
 
 
-def test_growth_is_that_of_equation_6_3(robot):
-    """Each effect scales its own term of the friction curve, at every speed."""
-    speed = np.linspace(0, 400, 50)
+def test_growth_of_friction(robot):
+    """Each effect adds its own term to the friction curve, at every speed of both directions."""
+    speed = np.linspace(0.1, 400, 50)
+    speed = np.concatenate([-speed, speed])
     axis, s = 2, 0.3
     actuator = robot.ids("actuator", "friction")[axis - 1]
     bias = robot.model.actuator_biasprm[actuator]
-    before = curve(robot.model, actuator, speed)
-    viscous = robot.model.actuator_damping[actuator] * speed
-    coulomb = np.full_like(speed, bias[COULOMB])
+    coulomb, height, width = bias[COULOMB], bias[STICTION] - bias[COULOMB], bias[STRIBECK_VELOCITY]
+    sign = np.sign(speed)
+    stribeck = height * np.exp(-((speed / width) ** 2)) * sign
     growth = {
-        "friction_wear": s * (before - viscous),
-        "coulomb_friction": s * coulomb,
-        "static_friction": s * (before - viscous - coulomb),
-        "viscous_friction": s * viscous,
+        "friction_wear": s * (coulomb * sign + stribeck),
+        "coulomb_friction": s * coulomb * sign,
+        "static_friction": s * stribeck,
+        "viscous_friction": s * robot.model.actuator_damping[actuator] * speed,
+        "stribeck_velocity": height * np.exp(-((speed / (width * (1 + s))) ** 2)) * sign - stribeck,
+        "quadratic_viscous_friction": s * coulomb * speed * np.abs(speed) / 100**2,
+        "friction_asymmetry": s * coulomb * (speed > 0),
+        "torque_offset": np.full_like(speed, -s),
+        "brake_drag": s * sign,
     }
+    before = curve(robot.model, actuator, speed)
     for name, expected in growth.items():
         spec = robot.spec()
         get_effect(name).apply(spec, axis, s)
-        after = curve(spec.compile(), actuator, speed)
+        worn = spec.compile()
+        after = curve(worn, actuator, speed)
         np.testing.assert_allclose(after - before, expected, atol=1e-12, err_msg=name)
+        changed = (worn.actuator_biasprm != robot.model.actuator_biasprm).any(axis=1)
+        changed |= worn.actuator_damping != robot.model.actuator_damping
+        changed |= (worn.actuator_dampingpoly != robot.model.actuator_dampingpoly).any(axis=1)
+        assert list(np.flatnonzero(changed)) == [actuator], name
+
+
+def force(model, position, velocity):
+    """Force on every degree of freedom at a state, bristles at rest, drives at zero set point."""
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = position, velocity
+    mujoco.mj_forward(model, data)
+    return data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias
+
+
+def test_friction_is_what_the_engine_applies(robot):
+    """Quadratic friction, offset and viscous friction act on the rotor as their formulas say."""
+    axis, w = 2, 150.0
+    dof, actuator = robot.motors[axis - 1], robot.ids("actuator", "friction")[axis - 1]
+    velocity = np.zeros(robot.model.nv)
+    velocity[dof] = -w
+    position = np.zeros(robot.model.nq)
+    coulomb = robot.model.actuator_biasprm[actuator][COULOMB]
+    expected = {
+        "viscous_friction": 0.3 * robot.model.actuator_damping[actuator] * w,
+        "quadratic_viscous_friction": 0.3 * coulomb * w**2 / 100**2,
+        "torque_offset": 0.3,
+    }
+    for name, value in expected.items():
+        spec = robot.spec()
+        get_effect(name).apply(spec, axis, 0.3)
+        change = force(spec.compile(), position, velocity) - force(robot.model, position, velocity)
+        assert change[dof] == pytest.approx(value, rel=1e-6), name
+        assert np.abs(np.delete(change, dof)).max() < 1e-9
+
+
+@pytest.mark.parametrize("twist", [3e-4, -2e-3])
+def test_gearbox_torque(robot, twist):
+    """Torque of a twisted gearbox on its joint: dead band, lost stiffness, cubic hardening."""
+    axis = 3
+    gearbox = robot.ids("tendon", "gearbox")[axis - 1]
+    stiffness = robot.model.tendon_stiffness[gearbox]
+    position = np.zeros(robot.model.nq)
+    position[robot.motors[axis - 1]] = twist * robot.gear_ratio[axis - 1]
+    play = 8e-4
+    beyond = np.sign(twist) * max(abs(twist) - play / 2, 0.0)
+    expected = {
+        ("backlash", play): stiffness * (beyond - twist),
+        ("gear_stiffness", 0.4): -0.4 * stiffness * twist,
+        ("stiffness_hardening", 0.5): 0.5 * stiffness * twist**3 / 1e-3**2,
+    }
+    for (name, severity), value in expected.items():
+        spec = robot.spec()
+        get_effect(name).apply(spec, axis, severity)
+        still = np.zeros(robot.model.nv)
+        change = force(spec.compile(), position, still) - force(robot.model, position, still)
+        assert change[robot.joints[axis - 1]] == pytest.approx(value, rel=1e-6), name
+        on_rotor = -value / robot.gear_ratio[axis - 1]
+        assert change[robot.motors[axis - 1]] == pytest.approx(on_rotor, rel=1e-6), name
+
+
+def test_backlash_in_two_steps_is_backlash_at_once(robot):
+    """The dead band widens symmetrically, also where there is one already."""
+    specs = [robot.spec(), robot.spec()]
+    for severity in (1e-4, 3e-4):
+        get_effect("backlash").apply(specs[0], 1, severity)
+    get_effect("backlash").apply(specs[1], 1, 4e-4)
+    gearbox = robot.ids("tendon", "gearbox")[0]
+    bands = [spec.compile().tendon_lengthspring[gearbox] for spec in specs]
+    np.testing.assert_allclose(bands, [[-2e-4, 2e-4]] * 2, atol=1e-15)
+
+
+def test_rotor_inertia(robot):
+    """The inertia matrix grows by the rotor's share on its own degree of freedom alone."""
+    spec = robot.spec()
+    get_effect("rotor_inertia").apply(spec, 2, 0.3)
+    worn, dof = spec.compile(), robot.motors[1]
+    growth = worn.dof_M0 - robot.model.dof_M0
+    assert growth[dof] == pytest.approx(0.3 * robot.model.dof_M0[dof], rel=1e-9)
+    assert np.abs(np.delete(growth, dof)).max() < 1e-9
+
+
+def test_payload_and_spring(robot):
+    """Weight of a heavier or displaced payload, m g r of its centre; a spring's torque is -k q."""
+    position = np.zeros(robot.model.nq)
+    rng = np.random.default_rng(2)
+    position[list(robot.joints)] = rng.uniform(-1, 1, 6)
+    still = np.zeros(robot.model.nv)
+    healthy = force(robot.model, position, still)
+
+    def weight(model, mass):
+        """Torque of a weight at the payload's centre, by the Jacobian."""
+        data = mujoco.MjData(model)
+        data.qpos[:] = position
+        mujoco.mj_forward(model, data)
+        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "payload")
+        jacobian = np.zeros((3, model.nv))
+        mujoco.mj_jacBodyCom(model, data, jacobian, None, body)
+        return -9.81 * mass * jacobian[2]
+
+    body = mujoco.mj_name2id(robot.model, mujoco.mjtObj.mjOBJ_BODY, "payload")
+    mass = robot.model.body_mass[body]
+    for name, severity in (("payload_mass", 0.2), ("payload_offset", 0.03)):
+        spec = robot.spec()
+        get_effect(name).apply(spec, 6, severity)
+        worn = spec.compile()
+        factor = 1.2 if name == "payload_mass" else 1.0
+        expected = weight(worn, factor * mass) - weight(robot.model, mass)
+        change = force(worn, position, still) - healthy
+        np.testing.assert_allclose(change, expected, atol=1e-6, err_msg=name)
+    spec = robot.spec()
+    get_effect("gravity_spring").apply(spec, 2, 400.0)
+    change = force(spec.compile(), position, still) - healthy
+    joint = robot.joints[1]
+    assert change[joint] == pytest.approx(-400.0 * position[joint], rel=1e-9)
+
+
+def test_payload_effects_belong_to_the_last_axis(robot):
+    with pytest.raises(InputError, match="belong to the last axis, not to axis 2"):
+        get_effect("payload_mass").apply(robot.spec(), 2, 0.1)
 
 
 def test_temperature_follows_the_published_ratios(robot):
