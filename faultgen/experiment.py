@@ -54,7 +54,7 @@ def _axes(value: Any) -> Any:
 
 Axes = Annotated[list[int], Field(min_length=1)]
 Names = Annotated[list[str], BeforeValidator(_listed), Field(min_length=1)]
-Fraction = Annotated[float, Field(ge=0, le=10, allow_inf_nan=False)]
+Severity = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
 class Experiment(BaseModel):
@@ -77,9 +77,9 @@ class Experiment(BaseModel):
         [6],
     ]
     """Axes that wear, one run each, from 1; a list within the list wears at once."""
-    severity: Annotated[list[Fraction], BeforeValidator(_listed), Field(min_length=1)] = [0.2]
+    severity: Annotated[list[Severity], BeforeValidator(_listed), Field(min_length=1)] = [0.2]
     """Final severities."""
-    schedule: str | list[Fraction] = "exponential"
+    schedule: str | list[Severity] = "exponential"
     """Name of a wear schedule, or the severity of each cycle."""
     cycles: Annotated[int, Field(ge=1, le=1_000_000)] = 100
     """Cycles a run."""
@@ -108,9 +108,16 @@ class Experiment(BaseModel):
                 raise InputError("severity: an array as schedule has the severities; leave it out")
             self.severity = self.schedule[-1:]
         get_sensors(self.sensors)
-        for effect in self.effect:
-            if effect != HEALTHY:
-                get_effect(effect)
+        highest = max(self.severity, default=0.0)
+        if not isinstance(self.schedule, str):
+            highest = max(self.schedule, default=0.0)
+        for name in self.effect:
+            if name != HEALTHY and highest > get_effect(name).largest:
+                effect = get_effect(name)
+                raise InputError(
+                    f"severity: {name} takes up to {effect.largest:g} ({effect.unit}), "
+                    f"not {highest:g}"
+                )
         severities(self.schedule, 0.0, self.cycles)
         for name in self.kept_signals:
             if name not in SIGNALS:

@@ -33,6 +33,8 @@ class Effect:
     """MuJoCo element that carries it."""
     source: str
     """Where the law comes from."""
+    largest: float = 10.0
+    """Largest severity that is sensible."""
     edit: Callable[[mujoco.MjSpec, int, float], None]
     """Changes the model in place: (spec, axis from 1, severity)."""
 
@@ -145,6 +147,7 @@ EFFECTS: dict[str, Effect] = {
             signature="lower resonance; more twist, which the motor's encoder hardly sees",
             element="gearbox{i}, tendon stiffness",
             source="thesis eq. 6.2a",
+            largest=0.95,
             edit=transmission.lose_stiffness,
         ),
         Effect(
@@ -189,7 +192,8 @@ EFFECTS: dict[str, Effect] = {
             unit="N m/rad, joint side",
             signature="torque in proportion to the angle of the joint, at all speeds",
             element="joint{i}, stiffness",
-            source="linear spring; a weak balancing device is a negative one",
+            source="linear spring",
+            largest=1e6,
             edit=structure.add_gravity_spring,
         ),
     )
