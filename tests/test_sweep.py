@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-import faultgen.run as run_module
+import faultgen.condition as condition_module
 import faultgen.sweep as sweep
 from faultgen.dataset import open_dataset
 from faultgen.errors import InputError, SimulationFailed
@@ -236,7 +236,7 @@ def test_killed_sweeps_are_finished_by_running_again(small, made, tmp_path):
 
 def test_failed_runs_are_recorded_and_do_not_stop_the_sweep(small, tmp_path, monkeypatch):
     """The others are made; the reason is kept, and the run is tried again the next time."""
-    real = run_module.get_effect("friction_wear").edit
+    real = condition_module.get_effect("friction_wear").edit
     broken = {"on": True}
 
     class Fragile:
@@ -245,7 +245,7 @@ def test_failed_runs_are_recorded_and_do_not_stop_the_sweep(small, tmp_path, mon
             if broken["on"] and axis == 1 and severity > 0.2:
                 spec.tendon("gearbox1").stiffness[0] = 1e12
 
-    monkeypatch.setattr(run_module, "get_effect", lambda name: Fragile())
+    monkeypatch.setattr(condition_module, "get_effect", lambda name: Fragile())
     summary = generate(small(), tmp_path, progress=False)
     assert (summary.done, len(summary.failed)) == (2, 1)
     (reason,) = open_dataset(tmp_path).failed.values()
