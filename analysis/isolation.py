@@ -19,11 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 from sklearn.base import BaseEstimator
 from sklearn.covariance import ledoit_wolf
+from sklearn.utils.validation import check_is_fitted
 
 Floats = NDArray[np.float64]
 
 _SMALLEST = 1e-9  # standard error of a severity; healthy cycles without any spread have none
 _ROUNDING = 1e-12  # of a feature that is constant, relative to its size
+_USUAL = 0.95  # share of healthy cycles whose condition is known well enough
 _PARTS = 10  # of the healthy cycles that are left out in turn
 _ROUNDS = 4  # of covariance and severity, which depend on each other; the third changes nothing
 
@@ -35,7 +37,7 @@ class Answer:
     worn: NDArray[np.bool_]
     """Axes that are named; all False is 'none'."""
     severity: Floats
-    """Estimated severity, in the unit of the directions; nan where it cannot be observed."""
+    """Severity now, from 0, in the unit of the directions; nan where it cannot be observed."""
     interval: Floats
     """95 % interval of the severity, shape (n_axes, 2)."""
     probability: Floats
@@ -61,16 +63,24 @@ class ChangeIsolator(BaseEstimator):
 
     Directions are never known exactly (the mix of Coulomb and static wear, the temperature at which
     they hold). `spread` says how they may differ; what this adds to the covariance grows with the
-    severity, so the estimate is iterated.
+    severity, so the estimate is iterated. Intervals contain it. An axis is named if a healthy one
+    would not look so, which its own direction has no part in.
 
     A measured condition (temperature) may act in a curved way. With `condition` the features that
     wear does not move predict it more precisely than its sensor tells it; its square, cube and
-    fourth power join the features, with no direction. Where it leaves the range of the healthy
-    cycles, standard errors grow with the leverage of those powers.
+    fourth power join the features, with no direction. Where it leaves the range of 95 % of the
+    healthy cycles, standard errors grow with the leverage of those powers, so that the answer is
+    soon 'none'.
 
     Cycles are judged together: z is that of the mean over the last `window` cycles, severity is the
     end of a straight line through `window // 2` of them, so that growing wear is not
-    underestimated. Their standard errors come from the healthy cycles, autocorrelation included.
+    underestimated. Their standard errors are those of healthy cycles that are left out in turn, so
+    that they contain autocorrelation and what mean and covariance lack in precision. They are
+    right if healthy cycles show all that moves the features: recordings that are short beside a
+    slow change of temperature raise false alarms, some twofold for 5 windows.
+
+    Axes whose directions are not independent cannot be told apart: they are not named, and their
+    severity is nan. A feature that is constant while others vary is not used.
 
     Source: Kay (1993), Fundamentals of statistical signal processing I, ch. 6 (best linear unbiased
     estimator); Ledoit and Wolf (2004) for the shrunk covariance. Ours: the use for wear, `spread`.
@@ -79,7 +89,7 @@ class ChangeIsolator(BaseEstimator):
         mean_: Healthy mean of the features, shape (features,).
         covariance_: Their covariance, shape (features, features).
         severity_error_: Standard error of the severity of a healthy axis, mean of the last `window`
-            cycles, shape (n_axes,); inf where no feature moves with the axis.
+            cycles, shape (n_axes,); inf where it cannot be observed.
         limit_: z above which an axis is named.
     """
 
@@ -140,6 +150,16 @@ class ChangeIsolator(BaseEstimator):
             raise ValueError(f"runs must have shape (cycles, {directions.shape[1]}) each")
         if self.covariance not in ("diagonal", "shrunk"):
             raise ValueError(f"covariance must be 'diagonal' or 'shrunk', got {self.covariance!r}")
+        if self.spread is not None:
+            shape = np.shape(self.spread)
+            if len(shape) != 3 or shape[::2] != directions.shape:
+                raise ValueError(
+                    f"spread must have shape ({len(directions)}, vectors, "
+                    f"{directions.shape[1]}), got {shape}"
+                )
+        for name in ("false_alarm", "prior"):
+            if not 0 < getattr(self, name) < 1:
+                raise ValueError(f"{name} must be within 0 and 1, got {getattr(self, name)}")
         if self.window < 2:
             raise ValueError(f"window must be at least 2, got {self.window}")
         cycles = np.vstack(healthy)
@@ -194,6 +214,7 @@ class ChangeIsolator(BaseEstimator):
         Returns:
             Severity, shape (n_axes,); inf for an axis that cannot be observed.
         """
+        check_is_fitted(self)
         margin, n_axes = stats.norm.isf(1 - power), len(self._directions)
         found = np.full(n_axes, np.inf)
         for axis in np.flatnonzero(self._seen):
@@ -221,6 +242,7 @@ class ChangeIsolator(BaseEstimator):
         Returns:
             Shape (cycles, n_axes); nan where an axis cannot be observed.
         """
+        check_is_fitted(self)
         deviation = (self._with_powers(np.asarray(x, float)) - self.mean_) / self.scale_
         at = np.zeros(len(self._directions)) if severity is None else np.asarray(severity, float)
         return deviation @ self._kernel(at).T
@@ -238,6 +260,7 @@ class ChangeIsolator(BaseEstimator):
         Raises:
             ValueError: x has another shape, or fewer than 2 cycles.
         """
+        check_is_fitted(self)
         x = np.asarray(x, float)
         features = np.atleast_2d(np.asarray(self.directions)).shape[1]
         if x.ndim != 2 or x.shape[1] != features or len(x) < 2:
@@ -381,7 +404,7 @@ class _Condition:
         self.weights = self.weights / spread if spread > 1e-9 else np.zeros(features)
         powers = self._design(self.value(healthy))
         self.information = np.linalg.pinv(powers.T @ powers / n, hermitian=True)
-        self.largest = float(self._leverage(powers).max())
+        self.usual = float(np.quantile(self._leverage(powers), _USUAL))
 
     def value(self, x: Floats) -> Floats:
         """Predicted condition of each cycle, in units of its spread, shape (cycles,)."""
@@ -392,9 +415,9 @@ class _Condition:
         return self._design(self.value(x))[:, 2:]
 
     def outside(self, x: Floats) -> float:
-        """By how much errors grow, since the condition is outside the healthy range; 1 within."""
+        """By how much errors grow, since the condition is hardly known from healthy cycles."""
         mean = float(self._leverage(self._design(self.value(x))).mean())
-        return max(1.0, np.sqrt(mean / self.largest))
+        return max(1.0, np.sqrt(mean / self.usual))
 
     def _design(self, value: Floats) -> Floats:
         return np.stack([value**k for k in range(self._DEGREE + 1)], axis=1)
