@@ -284,6 +284,31 @@ def test_intervals_hold_uncertain_directions(rng):
     assert np.mean(wrong[True]) < 0.05 < 0.2 < np.mean(wrong[False])
 
 
+def test_estimate_heeds_the_severity_that_it_finds(rng):
+    """Severities are those of directions that are uncertain by that much, found by iteration."""
+    world = World(rng)
+    isolator = world.fitted(600, spread=0.1 * rng.normal(size=(4, 3, 10)))
+    x = np.tile(isolator.mean_ + 0.3 * world.directions[1] + 0.05 * rng.normal(size=10), (12, 1))
+    found = isolator.isolate(x).severity
+    again, first = isolator.estimate(x, severity=found)[0], isolator.estimate(x)[0]
+    np.testing.assert_allclose(np.maximum(again, 0), found, atol=1e-3)
+    assert np.abs(np.maximum(first, 0) - found).max() > 1e-2
+
+
+def test_few_healthy_cycles_widen_intervals(rng):
+    """With the same spread, intervals are those of Student's t of so many windows less one."""
+    world = World(rng)
+    healthy = world.healthy(60)
+    halves = []
+    for copies in (1, 40):
+        isolator = ChangeIsolator(directions=world.directions).fit([healthy] * copies)
+        x = np.tile(isolator.mean_ + 9 * world.directions.sum(axis=0), (WINDOW, 1))
+        halves.append(np.diff(isolator.isolate(x).interval)[:, 0] / isolator.severity_error_)
+    expected = stats.t.isf(0.025, 4) / stats.t.isf(0.025, 199)
+    # the end of a line and the mean do not gain quite alike from copies that are not left out
+    assert (halves[0] / halves[1]).mean() == pytest.approx(expected, rel=0.15)
+
+
 def test_uncertain_size_does_not_hide_wear(rng):
     """An axis is named although its direction is known to 50 % only; its interval is wide."""
     world = World(rng)

@@ -37,7 +37,7 @@ def terms(speed, load=None, widths=(0.6, 1.0, 1.6)):
 
 
 @pytest.mark.parametrize("with_load", [True, False])
-@pytest.mark.parametrize("widths", [(), (1.0,), (0.6, 1.0, 1.6)])
+@pytest.mark.parametrize("widths", [(), (1.0,), (0.6, 1.0, 1.6), (0.95, 1.0, 1.05)])
 def test_planted_coefficients_are_recovered(rng, with_load, widths):
     """Coulomb, viscous, load and Stribeck coefficients come out of a torque with any offset."""
     speed, load = motion(rng)
@@ -47,9 +47,7 @@ def test_planted_coefficients_are_recovered(rng, with_load, widths):
     planted = rng.normal(size=(5, 3, design[0].shape[1]))
     torque = np.stack([planted[:, a] @ design[a].T for a in range(3)], axis=2)
     torque += 10 * rng.normal(size=(5, 1, 3))
-    np.testing.assert_allclose(
-        features.transform(torque), planted.reshape(5, -1), atol=1e-9, rtol=1e-9
-    )
+    np.testing.assert_allclose(features.transform(torque), planted.reshape(5, -1), atol=1e-8)
 
 
 def test_names_follow_the_columns(rng):
