@@ -27,7 +27,7 @@ _SMALLEST = 1e-9  # standard error of a severity; healthy cycles without any spr
 _ROUNDING = 1e-12  # of a feature that is constant, relative to its size
 _USUAL = 0.95  # share of healthy cycles whose condition is known well enough
 _PARTS = 10  # of the healthy cycles that are left out in turn
-_ROUNDS = 4  # of covariance and severity, which depend on each other; the third changes nothing
+_ROUNDS = 6  # of covariance and severity, which depend on each other; more change next to nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,9 +287,8 @@ class ChangeIsolator(BaseEstimator):
         errors = self._errors(severity, length) * outside
         misfit = np.nan_to_num(self._misfit(kernel))
         # whether an axis is worn is asked of a healthy one: its own direction adds no error
-        squared = np.maximum(
-            severity**2 - errors[0] ** 2, 0.0
-        )  # squares of estimates are too large
+        # squares of estimates are too large by their variance
+        squared = np.maximum(severity**2 - errors[0] ** 2, 0.0)
         others = (misfit - np.diag(np.diag(misfit))) @ squared
         healthy_error = np.sqrt(errors[0] ** 2 + others)
         half = stats.t.isf(0.025, self._windows - 1) * np.sqrt(

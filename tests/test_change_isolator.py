@@ -296,17 +296,17 @@ def test_estimate_heeds_the_severity_that_it_finds(rng):
 
 
 def test_few_healthy_cycles_widen_intervals(rng):
-    """With the same spread, intervals are those of Student's t of so many windows less one."""
-    world = World(rng)
-    healthy = world.healthy(60)
-    halves = []
-    for copies in (1, 40):
-        isolator = ChangeIsolator(directions=world.directions).fit([healthy] * copies)
-        x = np.tile(isolator.mean_ + 9 * world.directions.sum(axis=0), (WINDOW, 1))
-        halves.append(np.diff(isolator.isolate(x).interval)[:, 0] / isolator.severity_error_)
-    expected = stats.t.isf(0.025, 4) / stats.t.isf(0.025, 199)
-    # the end of a line and the mean do not gain quite alike from copies that are not left out
-    assert (halves[0] / halves[1]).mean() == pytest.approx(expected, rel=0.15)
+    """Of 5 healthy windows, intervals are those of Student's t with 4 degrees of freedom."""
+    widths = []
+    for _ in range(200):
+        isolator = ChangeIsolator(directions=[[1.0]], covariance="diagonal")
+        isolator.fit([rng.normal(size=(60, 1))])
+        widths.append(np.diff(isolator.isolate(np.full((WINDOW, 1), 100.0)).interval)[0, 0])
+    # the end of a line through 6 white values has the variance 1 / 6 + 2.5^2 / 17.5, the mean of
+    # the 48 cycles that are not left out 1 / 48; an error from 5 windows is 6 % too small in the
+    # mean (square root of a chi-square), and varies by 35 %
+    expected = 2 * 0.94 * stats.t.isf(0.025, 4) * np.sqrt(1 / 6 + 2.5**2 / 17.5 + 1 / 48)
+    assert np.mean(widths) == pytest.approx(expected, rel=3 * 0.35 / np.sqrt(200) + 0.06)
 
 
 def test_uncertain_size_does_not_hide_wear(rng):
