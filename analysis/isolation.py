@@ -286,9 +286,9 @@ class ChangeIsolator(BaseEstimator):
         outside = 1.0 if self._predictor is None else self._predictor.outside(recent)
         errors = self._errors(severity, length) * outside
         misfit = np.nan_to_num(self._misfit(kernel))
-        # whether an axis is worn is asked of a healthy one: its own direction adds no error
         # squares of estimates are too large by their variance
         squared = np.maximum(severity**2 - errors[0] ** 2, 0.0)
+        # whether an axis is worn is asked of a healthy one: its own direction adds no error
         others = (misfit - np.diag(np.diag(misfit))) @ squared
         healthy_error = np.sqrt(errors[0] ** 2 + others)
         half = stats.t.isf(0.025, self._windows - 1) * np.sqrt(
