@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
+from sklearn.utils.validation import check_is_fitted
 
 Floats = NDArray[np.float64]
 
@@ -71,6 +72,8 @@ class FrictionFeatures(BaseEstimator):
         names = ["coulomb", "viscous"]
         if load is not None:
             terms.append(np.asarray(load, float))
+            if terms[-1].shape != w.shape:
+                raise ValueError(f"load must have shape {w.shape}, got {terms[-1].shape}")
             names.append("load")
         for width in self.widths:
             terms.append(sign * np.exp(-((w / (width * scale)) ** 2)))
@@ -96,7 +99,16 @@ class FrictionFeatures(BaseEstimator):
 
         Returns:
             Shape (cycles, n_axes * coefficients), axis by axis.
+
+        Raises:
+            ValueError: Samples or axes are not those of the reference cycle.
         """
+        check_is_fitted(self)
         cycles = np.asarray(torque, float)
-        by_axis = [cycles[:, :, a] @ self.operator_[a].T for a in range(cycles.shape[2])]
+        n_axes, _, samples = self.operator_.shape
+        if cycles.ndim != 3 or cycles.shape[1:] != (samples, n_axes):
+            raise ValueError(
+                f"torque must have shape (cycles, {samples}, {n_axes}), got {cycles.shape}"
+            )
+        by_axis = [cycles[:, :, a] @ self.operator_[a].T for a in range(n_axes)]
         return np.hstack(by_axis)

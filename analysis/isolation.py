@@ -19,11 +19,15 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 from sklearn.base import BaseEstimator
 from sklearn.covariance import ledoit_wolf
+from sklearn.utils.validation import check_is_fitted
 
 Floats = NDArray[np.float64]
 
 _SMALLEST = 1e-9  # standard error of a severity; healthy cycles without any spread have none
-_ROUNDS = 4  # of covariance and severity, which depend on each other; the third changes nothing
+_ROUNDING = 1e-12  # of a feature that is constant, relative to its size
+_USUAL = 0.95  # share of healthy cycles whose condition is known well enough
+_PARTS = 10  # of the healthy cycles that are left out in turn
+_ROUNDS = 6  # of covariance and severity, which depend on each other; more change next to nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +37,7 @@ class Answer:
     worn: NDArray[np.bool_]
     """Axes that are named; all False is 'none'."""
     severity: Floats
-    """Estimated severity, in the unit of the directions; nan where it cannot be observed."""
+    """Severity now, from 0, in the unit of the directions; nan where it cannot be observed."""
     interval: Floats
     """95 % interval of the severity, shape (n_axes, 2)."""
     probability: Floats
@@ -59,16 +63,24 @@ class ChangeIsolator(BaseEstimator):
 
     Directions are never known exactly (the mix of Coulomb and static wear, the temperature at which
     they hold). `spread` says how they may differ; what this adds to the covariance grows with the
-    severity, so the estimate is iterated.
+    severity, so the estimate is iterated. Intervals contain it. An axis is named if a healthy one
+    would not look so, which its own direction has no part in.
 
     A measured condition (temperature) may act in a curved way. With `condition` the features that
     wear does not move predict it more precisely than its sensor tells it; its square, cube and
-    fourth power join the features, with no direction. Where it leaves the range of the healthy
-    cycles, standard errors grow with the leverage of those powers.
+    fourth power join the features, with no direction. Where it leaves the range of 95 % of the
+    healthy cycles, standard errors grow with the leverage of those powers, so that the answer is
+    soon 'none'.
 
     Cycles are judged together: z is that of the mean over the last `window` cycles, severity is the
     end of a straight line through `window // 2` of them, so that growing wear is not
-    underestimated. Their standard errors come from the healthy cycles, autocorrelation included.
+    underestimated. Their standard errors are those of healthy cycles that are left out in turn, so
+    that they contain autocorrelation and what mean and covariance lack in precision. They are
+    right if healthy cycles show all that moves the features: recordings that are short beside a
+    slow change of temperature raise false alarms, some twofold for 5 windows.
+
+    Axes whose directions are not independent cannot be told apart: they are not named, and their
+    severity is nan. A feature that is constant while others vary is not used.
 
     Source: Kay (1993), Fundamentals of statistical signal processing I, ch. 6 (best linear unbiased
     estimator); Ledoit and Wolf (2004) for the shrunk covariance. Ours: the use for wear, `spread`.
@@ -77,7 +89,7 @@ class ChangeIsolator(BaseEstimator):
         mean_: Healthy mean of the features, shape (features,).
         covariance_: Their covariance, shape (features, features).
         severity_error_: Standard error of the severity of a healthy axis, mean of the last `window`
-            cycles, shape (n_axes,); inf where no feature moves with the axis.
+            cycles, shape (n_axes,); inf where it cannot be observed.
         limit_: z above which an axis is named.
     """
 
@@ -138,45 +150,59 @@ class ChangeIsolator(BaseEstimator):
             raise ValueError(f"runs must have shape (cycles, {directions.shape[1]}) each")
         if self.covariance not in ("diagonal", "shrunk"):
             raise ValueError(f"covariance must be 'diagonal' or 'shrunk', got {self.covariance!r}")
+        if self.spread is not None:
+            shape = np.shape(self.spread)
+            if len(shape) != 3 or shape[::2] != directions.shape:
+                raise ValueError(
+                    f"spread must have shape ({len(directions)}, vectors, "
+                    f"{directions.shape[1]}), got {shape}"
+                )
+        for name in ("false_alarm", "prior"):
+            if not 0 < getattr(self, name) < 1:
+                raise ValueError(f"{name} must be within 0 and 1, got {getattr(self, name)}")
         if self.window < 2:
             raise ValueError(f"window must be at least 2, got {self.window}")
         cycles = np.vstack(healthy)
         if not np.isfinite(cycles).all() or not np.isfinite(directions).all():
             raise ValueError("features and directions must be finite")
-        free = len(cycles) - (cycles.shape[1] if self.covariance == "shrunk" else 1)
-        if free < 10 or min(len(run) for run in healthy) < self.window:
+        least = (cycles.shape[1] if self.covariance == "shrunk" else 1) + 10
+        if len(cycles) < max(least, 2 * self.window) or min(map(len, healthy)) < self.window:
             raise ValueError(
                 f"{len(cycles)} healthy cycles of {cycles.shape[1]} features are too few, or one "
                 f"run is shorter than the window of {self.window}"
             )
         self._predictor = None
         if self.condition is not None:
+            if not 0 <= self.condition < cycles.shape[1]:
+                raise ValueError(f"condition must be a feature's index, got {self.condition}")
             self._predictor = _Condition(cycles, directions, self.condition)
             healthy = [self._with_powers(run) for run in healthy]
             cycles = np.vstack(healthy)
         self.mean_ = cycles.mean(axis=0)
         self.scale_ = cycles.std(axis=0)
-        self.scale_[self.scale_ == 0] = 1.0
-        centred = (cycles - self.mean_) / self.scale_
-        if self.covariance == "diagonal":
-            unit = np.diag(np.maximum(centred.var(axis=0), 1e-12))
-        else:
-            unit = ledoit_wolf(centred, assume_centered=True)[0] + 1e-9 * np.eye(centred.shape[1])
-        self._unit = unit * len(cycles) / free
-        self.covariance_ = self._unit * np.outer(self.scale_, self.scale_)
+        still = self.scale_ <= _ROUNDING * np.abs(cycles).max(axis=0)
+        self.scale_[still] = 1.0
+        self._still = still if not still.all() else np.zeros_like(still)
+        unit = self._covariance((cycles - self.mean_) / self.scale_)
+        self._unit = unit
+        self.covariance_ = unit * np.outer(self.scale_, self.scale_)
         self._directions = self._scaled(directions)
         # what moves by less than rounding cannot be observed
-        self._seen = np.sqrt((self._directions**2).sum(axis=1)) > 1e-9
-        self._spread = None if self.spread is None else self._scaled(np.asarray(self.spread, float))
-        self._runs = [(run - self.mean_) / self.scale_ for run in healthy]
-        self._free = free
-        self._kernels: dict[tuple[float, ...], tuple[Floats, Floats]] = {}
-        _, error = self._kernel(np.zeros(len(directions)))
-        self.severity_error_ = error[:, 0]
+        self._directions[np.sqrt((self._directions**2).sum(axis=1)) < 1e-9] = 0.0
+        self._spread = self._scaled(
+            np.zeros((len(directions), 1, directions.shape[1]))
+            if self.spread is None
+            else np.asarray(self.spread, float)
+        )
+        told = (_gls(self._directions, unit) * self._directions).sum(axis=1)
+        self._seen = told > 1 - 1e-6
+        self._parts = self._left_out([(run - self.mean_) / self.scale_ for run in healthy])
+        self._moments: dict[int, list[tuple[int, Floats]]] = {}
+        self.severity_error_ = self._errors(np.zeros(len(directions)), self.window)[0]
+        self._windows = max(len(cycles) / self.window, 4.0)
         # one-sided, shared out among the axes; few independent healthy windows widen the tail
-        windows = max(len(cycles) / self.window, 4.0)
         share = self.false_alarm / max(int(self._seen.sum()), 1)
-        self.limit_ = float(stats.t.isf(share, windows - 1))
+        self.limit_ = float(stats.t.isf(share, self._windows - 1))
         return self
 
     def smallest(self, power: float = 0.95) -> Floats:
@@ -186,9 +212,24 @@ class ChangeIsolator(BaseEstimator):
             power: Probability of finding it that is asked for.
 
         Returns:
-            Severity, shape (n_axes,); inf for an axis that cannot be observed.
+            Severity, shape (n_axes,); inf for an axis that cannot be observed or whose direction is
+            too uncertain. Directions uncertain by 30 % make the true power .86 instead of .9.
         """
-        return (self.limit_ + stats.norm.isf(1 - power)) * self.severity_error_
+        check_is_fitted(self)
+        margin, n_axes = stats.norm.isf(1 - power), len(self._directions)
+        found = np.full(n_axes, np.inf)
+        for axis in np.flatnonzero(self._seen):
+            severity = np.zeros(n_axes)
+            for _ in range(100):  # both errors depend on the severity
+                kernel = self._kernel(severity)
+                error = self._errors(severity, self.window)[0][axis]
+                own = severity[axis] ** 2 * self._misfit(kernel)[axis, axis]
+                before = severity[axis]
+                severity[axis] = self.limit_ * error + margin * np.sqrt(error**2 + own)
+                if abs(severity[axis] - before) <= 1e-6 * before:
+                    found[axis] = severity[axis]
+                    break
+        return found
 
     def estimate(self, x: ArrayLike, severity: ArrayLike | None = None) -> Floats:
         """Severity by each cycle alone.
@@ -200,9 +241,10 @@ class ChangeIsolator(BaseEstimator):
         Returns:
             Shape (cycles, n_axes); nan where an axis cannot be observed.
         """
+        check_is_fitted(self)
         deviation = (self._with_powers(np.asarray(x, float)) - self.mean_) / self.scale_
         at = np.zeros(len(self._directions)) if severity is None else np.asarray(severity, float)
-        return deviation @ self._kernel(at)[0].T
+        return deviation @ self._kernel(at).T
 
     def isolate(self, x: ArrayLike) -> Answer:
         """Say which axes are worn now.
@@ -211,35 +253,55 @@ class ChangeIsolator(BaseEstimator):
             x: Features of the cycles up to now, at least 2. Shape (cycles, features).
 
         Returns:
-            The answer. Features that are not finite count as 'no evidence'.
+            The answer. Cycles with features that are not finite are left out; where fewer than 2
+            remain of the window, the answer is 'none' and severities are nan.
 
         Raises:
             ValueError: x has another shape, or fewer than 2 cycles.
         """
+        check_is_fitted(self)
         x = np.asarray(x, float)
         features = np.atleast_2d(np.asarray(self.directions)).shape[1]
         if x.ndim != 2 or x.shape[1] != features or len(x) < 2:
             raise ValueError(f"x must have shape (cycles > 1, {features}), got {x.shape}")
         recent = x[-self.window :]
-        recent = self._with_powers(np.where(np.isfinite(recent), recent, self.mean_[:features]))
-        outside = 1.0 if self._predictor is None else self._predictor.outside(recent)
-        short = recent[-max(self.window // 2, 2) :]
-        severity = np.zeros(len(self._directions))
+        recent = self._with_powers(recent[np.isfinite(recent).all(axis=1)])
+        n_axes, length = len(self._directions), len(recent)
+        if length < 2:
+            nothing = np.full(n_axes, np.nan)
+            return Answer(
+                worn=np.zeros(n_axes, bool),
+                severity=nothing,
+                interval=np.stack([nothing, nothing], axis=1),
+                probability=np.full(n_axes, self.prior),
+                z=np.zeros(n_axes),
+            )
+        deviation = (recent - self.mean_) / self.scale_
+        mean, end = _weights(length, self.window) @ deviation
+        severity = np.zeros(n_axes)
         for _ in range(_ROUNDS):
-            kernel, error = self._kernel(severity)
-            error = error * outside
-            by_cycle = (recent - self.mean_) / self.scale_ @ kernel.T
-            mean = by_cycle.mean(axis=0)
-            now = _line_end(by_cycle[-len(short) :])
-            severity = np.where(np.isfinite(mean), np.maximum(mean, 0.0), 0.0)
-        z = np.where(self._seen, mean / error[:, 0], 0.0)
-        half = stats.norm.isf(0.025) * error[:, 1]
+            kernel = self._kernel(severity)
+            severity = np.maximum(np.nan_to_num(kernel @ mean), 0.0)
+        now = kernel @ end
+        outside = 1.0 if self._predictor is None else self._predictor.outside(recent)
+        errors = self._errors(severity, length) * outside
+        misfit = np.nan_to_num(self._misfit(kernel))
+        # squares of estimates are too large by their variance
+        squared = np.maximum(severity**2 - errors[0] ** 2, 0.0)
+        # whether an axis is worn is asked of a healthy one: its own direction adds no error
+        others = (misfit - np.diag(np.diag(misfit))) @ squared
+        healthy_error = np.sqrt(errors[0] ** 2 + others)
+        half = stats.t.isf(0.025, self._windows - 1) * np.sqrt(
+            errors[1] ** 2 + misfit @ np.maximum(np.nan_to_num(now), 0.0) ** 2
+        )
+        z = np.where(self._seen, kernel @ mean / healthy_error, 0.0)
         interval = np.stack([np.maximum(now - half, 0.0), np.maximum(now + half, 0.0)], axis=1)
+        probability = self._probability(kernel @ mean, healthy_error)
         return Answer(
             worn=self._seen & (z > self.limit_),
-            severity=np.where(self._seen, np.maximum(now, 0.0), np.nan),
+            severity=np.maximum(now, 0.0),
             interval=np.where(self._seen[:, None], interval, np.nan),
-            probability=np.where(self._seen, self._probability(mean, error[:, 0]), self.prior),
+            probability=np.where(self._seen, probability, self.prior),
             z=z,
         )
 
@@ -258,38 +320,51 @@ class ChangeIsolator(BaseEstimator):
         """Vectors in feature space, in units of the healthy spread; zero along the powers."""
         full = np.zeros((*vectors.shape[:-1], len(self.scale_)))
         full[..., : vectors.shape[-1]] = vectors
+        full[..., self._still] = 0.0  # how much a feature varies that never did is not known
         return full / self.scale_
 
-    def _kernel(self, severity: Floats) -> tuple[Floats, Floats]:
-        """K, shape (n_axes, features), and the standard errors of mean and end, (n_axes, 2)."""
-        rounded = np.round(severity / self.largest, 2) * self.largest
-        key = tuple(rounded.tolist())
-        if key in self._kernels:
-            return self._kernels[key]
-        covariance = self._unit
-        model_error = np.zeros_like(covariance)
-        if self._spread is not None:
-            vectors = (rounded[:, None, None] * self._spread).reshape(-1, covariance.shape[1])
-            model_error = vectors.T @ vectors
-            covariance = covariance + model_error
-        directions = self._directions[self._seen]
-        weighted = np.linalg.solve(covariance, directions.T)
-        kernel = np.full(self._directions.shape, np.nan)
-        kernel[self._seen] = np.linalg.solve(directions @ weighted, weighted.T)
-        error = np.full((len(kernel), 2), np.inf)
-        seen = kernel[self._seen]
-        systematic = np.einsum("af,fg,ag->a", seen, model_error, seen)
-        ends, means = [], []
-        for run in self._runs:
-            by_cycle = run @ seen.T
-            means.append(_moving(by_cycle, np.full(self.window, 1 / self.window)))
-            ends.append(_moving(by_cycle, _end_weights(max(self.window // 2, 2))))
-        inflate = (sum(len(run) for run in self._runs)) / self._free
-        for column, parts in enumerate((means, ends)):
-            variance = np.mean(np.vstack(parts) ** 2, axis=0) * inflate
-            error[self._seen, column] = np.sqrt(np.maximum(variance + systematic, _SMALLEST**2))
-        self._kernels[key] = kernel, error
-        return kernel, error
+    def _covariance(self, unit: Floats) -> Floats:
+        if self.covariance == "diagonal":
+            return np.diag(np.maximum(unit.var(axis=0), 1e-12))
+        return ledoit_wolf(unit)[0] + 1e-9 * np.eye(unit.shape[1])
+
+    def _left_out(self, runs: list[Floats]) -> list[tuple[Floats, Floats]]:
+        """Parts of the healthy cycles, centred, and the covariance of the others: for each part."""
+        n = sum(map(len, runs))
+        blocks = []
+        for run in runs:
+            count = min(len(run) // self.window, max(round(_PARTS * len(run) / n), 1))
+            blocks += np.array_split(run, count)
+        parts = []
+        for index, block in enumerate(blocks):
+            others = np.vstack(blocks[:index] + blocks[index + 1 :])
+            parts.append((block - others.mean(axis=0), self._covariance(others)))
+        return parts
+
+    def _kernel(self, severity: Floats, unit: Floats | None = None) -> Floats:
+        """K, shape (n_axes, features); nan where an axis cannot be observed."""
+        vectors = (severity[:, None, None] * self._spread).reshape(-1, len(self.scale_))
+        covariance = (self._unit if unit is None else unit) + vectors.T @ vectors
+        kernel = _gls(self._directions, covariance)
+        kernel[~self._seen] = np.nan
+        return kernel
+
+    def _misfit(self, kernel: Floats) -> Floats:
+        """Variance in the estimate of an axis from the direction of another, at severity 1."""
+        return (np.einsum("af,bvf->abv", kernel, self._spread) ** 2).sum(axis=2)
+
+    def _errors(self, severity: Floats, length: int) -> Floats:
+        """Standard errors of mean and end over `length` cycles, from healthy ones, (2, n_axes)."""
+        if length not in self._moments:
+            weights = _weights(length, self.window)
+            self._moments[length] = [_moments(block, weights) for block, _ in self._parts]
+        variance = np.zeros((2, len(severity)))
+        for (_, unit), (_, moments) in zip(self._parts, self._moments[length], strict=True):
+            kernel = self._kernel(severity, unit)
+            variance += np.einsum("af,wfg,ag->wa", kernel, moments, kernel)
+        variance /= sum(count for count, _ in self._moments[length])
+        error = np.sqrt(np.maximum(variance, _SMALLEST**2))
+        return np.where(self._seen, error, np.inf)
 
     def _probability(self, mean: Floats, error: Floats) -> Floats:
         """Posterior of 'worn' against 'healthy': half-normal prior of severity, Gaussian error."""
@@ -299,7 +374,7 @@ class ChangeIsolator(BaseEstimator):
             width = error * self.largest / wide
             log_ratio = (
                 stats.norm.logpdf(mean, scale=wide)
-                - stats.norm.logpdf(mean, scale=error)
+                - stats.t.logpdf(mean, self._windows - 1, scale=error)
                 + stats.norm.logcdf(centre / width)
                 + np.log(2.0)
             )
@@ -314,24 +389,23 @@ class _Condition:
 
     def __init__(self, healthy: Floats, directions: Floats, column: int) -> None:
         self.mean, self.scale = healthy.mean(axis=0), healthy.std(axis=0)
-        self.scale[self.scale == 0] = 1.0
+        self.scale[self.scale <= _ROUNDING * np.abs(healthy).max(axis=0)] = 1.0
         self.features = healthy.shape[1]
         unit = (healthy - self.mean) / self.scale
         n, features = unit.shape
         towards = directions / self.scale
-        towards = towards[np.sqrt((towards**2).sum(axis=1)) > 1e-9]
-        covariance = unit.T @ unit / n + 1e-9 * np.eye(features)
-        weighted = np.linalg.solve(covariance, towards.T)
-        kernel = np.linalg.solve(towards @ weighted, weighted.T)
+        kernel = _gls(towards, unit.T @ unit / n + 1e-9 * np.eye(features))
         without_wear = np.eye(features) - kernel.T @ towards
         others = np.arange(features) != column
         inputs = unit @ without_wear[:, others]
         ridge = 1e-3 * n * np.eye(features - 1)
         slope = np.linalg.solve(inputs.T @ inputs + ridge, inputs.T @ unit[:, column])
         self.weights = without_wear[:, others] @ slope
+        spread = self.value(healthy).std()
+        self.weights = self.weights / spread if spread > 1e-9 else np.zeros(features)
         powers = self._design(self.value(healthy))
-        self.information = np.linalg.inv(powers.T @ powers / n)
-        self.largest = float(self._leverage(powers).max())
+        self.information = np.linalg.pinv(powers.T @ powers / n, hermitian=True)
+        self.usual = float(np.quantile(self._leverage(powers), _USUAL))
 
     def value(self, x: Floats) -> Floats:
         """Predicted condition of each cycle, in units of its spread, shape (cycles,)."""
@@ -342,9 +416,9 @@ class _Condition:
         return self._design(self.value(x))[:, 2:]
 
     def outside(self, x: Floats) -> float:
-        """By how much errors grow, since the condition is outside the healthy range; 1 within."""
+        """By how much errors grow, since the condition is hardly known from healthy cycles."""
         mean = float(self._leverage(self._design(self.value(x))).mean())
-        return max(1.0, np.sqrt(mean / self.largest))
+        return max(1.0, np.sqrt(mean / self.usual))
 
     def _design(self, value: Floats) -> Floats:
         return np.stack([value**k for k in range(self._DEGREE + 1)], axis=1)
@@ -353,17 +427,28 @@ class _Condition:
         return np.einsum("ck,kl,cl->c", powers, self.information, powers)
 
 
-def _end_weights(length: int) -> Floats:
-    """Weights whose sum with `length` values is the end of a straight line through them."""
-    t = np.arange(length) - (length - 1) / 2
-    return 1 / length + t * t[-1] / (t @ t)
+def _gls(directions: Floats, covariance: Floats) -> Floats:
+    """(D' C^-1 D)^-1 D' C^-1, shape (n_axes, features); pseudo-inverse if axes are alike."""
+    weighted = np.linalg.solve(covariance, directions.T)
+    gram = directions @ weighted
+    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    size[size == 0] = 1.0
+    inverse = np.linalg.pinv(gram / np.outer(size, size), rcond=1e-9, hermitian=True)
+    return inverse / np.outer(size, size) @ weighted.T
 
 
-def _line_end(x: Floats) -> Floats:
-    return _end_weights(len(x)) @ x
+def _weights(length: int, window: int) -> Floats:
+    """Weights of cycles: their mean, and the end of a line through `window // 2`; (2, length)."""
+    line = min(length, max(window // 2, 2))
+    t = np.arange(line) - (line - 1) / 2
+    weights = np.zeros((2, length))
+    weights[0] = 1 / length
+    weights[1, length - line :] = 1 / line + t * t[-1] / (t @ t)
+    return weights
 
 
-def _moving(x: Floats, weights: Floats) -> Floats:
-    """Weighted sums over all windows of a series, shape (cycles - window + 1, axes)."""
-    windows = np.lib.stride_tricks.sliding_window_view(x, len(weights), axis=0)
-    return windows @ weights
+def _moments(x: Floats, weights: Floats) -> tuple[int, Floats]:
+    """Windows in a series, and sums of products of their weighted sums, (weights, f, f)."""
+    windows = np.lib.stride_tricks.sliding_window_view(x, weights.shape[1], axis=0)
+    sums = np.einsum("cfk,wk->wcf", windows, weights)
+    return len(windows), sums.transpose(0, 2, 1) @ sums

@@ -56,7 +56,8 @@ def choose_bins(healthy: ArrayLike, *, candidates: Sequence[int] = CANDIDATES) -
     Returns:
         The number of bins; the smallest of those that are best.
     """
-    return candidates[int(np.argmax(isolation_by_bins(healthy, candidates=candidates)))]
+    ordered = sorted(candidates)
+    return ordered[int(np.argmax(isolation_by_bins(healthy, candidates=ordered)))]
 
 
 def _named(series: np.ndarray, bins: int) -> np.ndarray:
