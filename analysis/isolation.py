@@ -198,6 +198,9 @@ class ChangeIsolator(BaseEstimator):
         self._seen = told > 1 - 1e-6
         self._parts = self._left_out([(run - self.mean_) / self.scale_ for run in healthy])
         self._moments: dict[int, list[tuple[int, Floats]]] = {}
+        self._healthy_errors: dict[int, Floats] = {}
+        self._healthy_kernel: Floats | None = None
+        self._healthy_kernel = self._kernel(np.zeros(len(directions)))
         self.severity_error_ = self._errors(np.zeros(len(directions)), self.window)[0]
         self._windows = max(len(cycles) / self.window, 4.0)
         # one-sided, shared out among the axes; few independent healthy windows widen the tail
@@ -282,6 +285,8 @@ class ChangeIsolator(BaseEstimator):
         for _ in range(_ROUNDS):
             kernel = self._kernel(severity)
             severity = np.maximum(np.nan_to_num(kernel @ mean), 0.0)
+            # what may be chance says nothing of a direction; most healthy cycles then share K
+            severity[severity < 2 * self.severity_error_] = 0.0
         now = kernel @ end
         outside = 1.0 if self._predictor is None else self._predictor.outside(recent)
         errors = self._errors(severity, length) * outside
@@ -343,6 +348,8 @@ class ChangeIsolator(BaseEstimator):
 
     def _kernel(self, severity: Floats, unit: Floats | None = None) -> Floats:
         """K, shape (n_axes, features); nan where an axis cannot be observed."""
+        if unit is None and not severity.any() and self._healthy_kernel is not None:
+            return self._healthy_kernel
         vectors = (severity[:, None, None] * self._spread).reshape(-1, len(self.scale_))
         covariance = (self._unit if unit is None else unit) + vectors.T @ vectors
         kernel = _gls(self._directions, covariance)
@@ -355,6 +362,8 @@ class ChangeIsolator(BaseEstimator):
 
     def _errors(self, severity: Floats, length: int) -> Floats:
         """Standard errors of mean and end over `length` cycles, from healthy ones, (2, n_axes)."""
+        if not severity.any() and length in self._healthy_errors:
+            return self._healthy_errors[length]
         if length not in self._moments:
             weights = _weights(length, self.window)
             self._moments[length] = [_moments(block, weights) for block, _ in self._parts]
@@ -363,8 +372,10 @@ class ChangeIsolator(BaseEstimator):
             kernel = self._kernel(severity, unit)
             variance += np.einsum("af,wfg,ag->wa", kernel, moments, kernel)
         variance /= sum(count for count, _ in self._moments[length])
-        error = np.sqrt(np.maximum(variance, _SMALLEST**2))
-        return np.where(self._seen, error, np.inf)
+        error = np.where(self._seen, np.sqrt(np.maximum(variance, _SMALLEST**2)), np.inf)
+        if not severity.any():
+            self._healthy_errors[length] = error
+        return error
 
     def _probability(self, mean: Floats, error: Floats) -> Floats:
         """Posterior of 'worn' against 'healthy': half-normal prior of severity, Gaussian error."""
