@@ -77,7 +77,7 @@ class ChangeIsolator(BaseEstimator):
     underestimated. Their standard errors are those of healthy cycles that are left out in turn, so
     that they contain autocorrelation and what mean and covariance lack in precision. They are
     right if healthy cycles show all that moves the features: recordings that are short beside a
-    slow change of temperature raise false alarms, some twofold for 5 windows.
+    slow change of temperature raise false alarms, up to twofold for 5 windows.
 
     Axes whose directions are not independent cannot be told apart: they are not named, and their
     severity is nan. A feature that is constant while others vary is not used.

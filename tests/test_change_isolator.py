@@ -242,12 +242,12 @@ def test_smallest_wear_is_found_as_often_as_promised(rng):
 
 @pytest.mark.parametrize(
     ("n", "memory", "fits", "each", "prior", "largest", "extra"),
-    [(1000, 0.9, 15, 40, 0.3, 0.02, 0.0), (60, 0.0, 100, 8, 0.05, 0.2, 0.03)],
+    [(1000, 0.9, 15, 40, 0.3, 0.02, 0.0), (60, 0.0, 100, 8, 0.2, 0.1, 0.03)],
 )
 def test_probabilities_are_calibrated(rng, n, memory, fits, each, prior, largest, extra):
     """If severities are drawn from the stated prior, axes of probability p are worn p of the time.
 
-    Prior and size are such that most answers are in doubt. Of 5 healthy windows, Student's t
+    Prior and size are such that many answers are in doubt. Of 5 healthy windows, Student's t
     describes the estimate but roughly.
     """
     world = World(rng, memory=memory)
@@ -261,7 +261,7 @@ def test_probabilities_are_calibrated(rng, n, memory, fits, each, prior, largest
         for given, a in answers(world, n, fits, each, lambda _: wear, **arguments)
     ]
     worn, probability = (np.ravel(v) for v in zip(*seen, strict=True))
-    for low, high in ((0.0, 0.2), (0.2, 0.5), (0.5, 1.0)):
+    for low, high in ((0.0, 0.2), (0.2, 0.5), (0.5, 0.95)):
         chosen = (probability >= low) & (probability <= high)
         assert chosen.sum() > 50
         assert within(worn[chosen].mean(), probability[chosen].mean(), chosen.sum(), extra)
