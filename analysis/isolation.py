@@ -21,11 +21,11 @@ from sklearn.base import BaseEstimator
 from sklearn.covariance import ledoit_wolf
 from sklearn.utils.validation import check_is_fitted
 
+from analysis.operating_condition import ROUNDING, Condition, least_squares_kernel
+
 Floats = NDArray[np.float64]
 
 _SMALLEST = 1e-9  # standard error of a severity; healthy cycles without any spread have none
-_ROUNDING = 1e-12  # of a feature that is constant, relative to its size
-_USUAL = 0.95  # share of healthy cycles whose condition is known well enough
 _PARTS = 10  # of the healthy cycles that are left out in turn
 _ROUNDS = 6  # of covariance and severity, which depend on each other; more change next to nothing
 
@@ -77,7 +77,7 @@ class ChangeIsolator(BaseEstimator):
     underestimated. Their standard errors are those of healthy cycles that are left out in turn, so
     that they contain autocorrelation and what mean and covariance lack in precision. They are
     right if healthy cycles show all that moves the features: recordings that are short beside a
-    slow change of temperature raise false alarms, up to twofold for 5 windows.
+    slow change of temperature raise false alarms, severalfold for 5 windows.
 
     Axes whose directions are not independent cannot be told apart: they are not named, and their
     severity is nan. A feature that is constant while others vary is not used.
@@ -175,12 +175,12 @@ class ChangeIsolator(BaseEstimator):
         if self.condition is not None:
             if not 0 <= self.condition < cycles.shape[1]:
                 raise ValueError(f"condition must be a feature's index, got {self.condition}")
-            self._predictor = _Condition(cycles, directions, self.condition)
+            self._predictor = Condition(cycles, directions, self.condition)
             healthy = [self._with_powers(run) for run in healthy]
             cycles = np.vstack(healthy)
         self.mean_ = cycles.mean(axis=0)
         self.scale_ = cycles.std(axis=0)
-        still = self.scale_ <= _ROUNDING * np.abs(cycles).max(axis=0)
+        still = self.scale_ <= ROUNDING * np.abs(cycles).max(axis=0)
         self.scale_[still] = 1.0
         self._still = still if not still.all() else np.zeros_like(still)
         unit = self._covariance((cycles - self.mean_) / self.scale_)
@@ -194,7 +194,7 @@ class ChangeIsolator(BaseEstimator):
             if self.spread is None
             else np.asarray(self.spread, float)
         )
-        told = (_gls(self._directions, unit) * self._directions).sum(axis=1)
+        told = (least_squares_kernel(self._directions, unit) * self._directions).sum(axis=1)
         self._seen = told > 1 - 1e-6
         self._parts = self._left_out([(run - self.mean_) / self.scale_ for run in healthy])
         self._moments: dict[int, list[tuple[int, Floats]]] = {}
@@ -352,7 +352,7 @@ class ChangeIsolator(BaseEstimator):
             return self._healthy_kernel
         vectors = (severity[:, None, None] * self._spread).reshape(-1, len(self.scale_))
         covariance = (self._unit if unit is None else unit) + vectors.T @ vectors
-        kernel = _gls(self._directions, covariance)
+        kernel = least_squares_kernel(self._directions, covariance)
         kernel[~self._seen] = np.nan
         return kernel
 
@@ -391,61 +391,6 @@ class ChangeIsolator(BaseEstimator):
             )
             odds = np.log(self.prior / (1 - self.prior)) + log_ratio
             return 1 / (1 + np.exp(-np.clip(odds, -700, 700)))
-
-
-class _Condition:
-    """A measured condition, predicted from the features that wear does not move."""
-
-    _DEGREE = 4
-
-    def __init__(self, healthy: Floats, directions: Floats, column: int) -> None:
-        self.mean, self.scale = healthy.mean(axis=0), healthy.std(axis=0)
-        self.scale[self.scale <= _ROUNDING * np.abs(healthy).max(axis=0)] = 1.0
-        self.features = healthy.shape[1]
-        unit = (healthy - self.mean) / self.scale
-        n, features = unit.shape
-        towards = directions / self.scale
-        kernel = _gls(towards, unit.T @ unit / n + 1e-9 * np.eye(features))
-        without_wear = np.eye(features) - kernel.T @ towards
-        others = np.arange(features) != column
-        inputs = unit @ without_wear[:, others]
-        ridge = 1e-3 * n * np.eye(features - 1)
-        slope = np.linalg.solve(inputs.T @ inputs + ridge, inputs.T @ unit[:, column])
-        self.weights = without_wear[:, others] @ slope
-        spread = self.value(healthy).std()
-        self.weights = self.weights / spread if spread > 1e-9 else np.zeros(features)
-        powers = self._design(self.value(healthy))
-        self.information = np.linalg.pinv(powers.T @ powers / n, hermitian=True)
-        self.usual = float(np.quantile(self._leverage(powers), _USUAL))
-
-    def value(self, x: Floats) -> Floats:
-        """Predicted condition of each cycle, in units of its spread, shape (cycles,)."""
-        return (x[:, : self.features] - self.mean) / self.scale @ self.weights
-
-    def powers(self, x: Floats) -> Floats:
-        """Square and higher powers, shape (cycles, degree - 1)."""
-        return self._design(self.value(x))[:, 2:]
-
-    def outside(self, x: Floats) -> float:
-        """By how much errors grow, since the condition is hardly known from healthy cycles."""
-        mean = float(self._leverage(self._design(self.value(x))).mean())
-        return max(1.0, np.sqrt(mean / self.usual))
-
-    def _design(self, value: Floats) -> Floats:
-        return np.stack([value**k for k in range(self._DEGREE + 1)], axis=1)
-
-    def _leverage(self, powers: Floats) -> Floats:
-        return np.einsum("ck,kl,cl->c", powers, self.information, powers)
-
-
-def _gls(directions: Floats, covariance: Floats) -> Floats:
-    """(D' C^-1 D)^-1 D' C^-1, shape (n_axes, features); pseudo-inverse if axes are alike."""
-    weighted = np.linalg.solve(covariance, directions.T)
-    gram = directions @ weighted
-    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
-    size[size == 0] = 1.0
-    inverse = np.linalg.pinv(gram / np.outer(size, size), rcond=1e-9, hermitian=True)
-    return inverse / np.outer(size, size) @ weighted.T
 
 
 def _weights(length: int, window: int) -> Floats:

@@ -1,0 +1,68 @@
+"""A measured condition of operation, such as temperature, that acts on features in a curved way."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+ROUNDING = 1e-12
+"""Of a feature that is constant, relative to its size."""
+
+_USUAL = 0.95  # share of healthy cycles whose condition is known well enough
+
+
+class Condition:
+    """A measured condition, predicted from the features that wear does not move."""
+
+    _DEGREE = 4
+
+    def __init__(self, healthy: Floats, directions: Floats, column: int) -> None:
+        self.mean, self.scale = healthy.mean(axis=0), healthy.std(axis=0)
+        self.scale[self.scale <= ROUNDING * np.abs(healthy).max(axis=0)] = 1.0
+        self.features = healthy.shape[1]
+        unit = (healthy - self.mean) / self.scale
+        n, features = unit.shape
+        towards = directions / self.scale
+        kernel = least_squares_kernel(towards, unit.T @ unit / n + 1e-9 * np.eye(features))
+        without_wear = np.eye(features) - kernel.T @ towards
+        others = np.arange(features) != column
+        inputs = unit @ without_wear[:, others]
+        ridge = 1e-3 * n * np.eye(features - 1)
+        slope = np.linalg.solve(inputs.T @ inputs + ridge, inputs.T @ unit[:, column])
+        self.weights = without_wear[:, others] @ slope
+        spread = self.value(healthy).std()
+        self.weights = self.weights / spread if spread > 1e-9 else np.zeros(features)
+        powers = self._design(self.value(healthy))
+        self.information = np.linalg.pinv(powers.T @ powers / n, hermitian=True)
+        self.usual = float(np.quantile(self._leverage(powers), _USUAL))
+
+    def value(self, x: Floats) -> Floats:
+        """Predicted condition of each cycle, in units of its spread, shape (cycles,)."""
+        return (x[:, : self.features] - self.mean) / self.scale @ self.weights
+
+    def powers(self, x: Floats) -> Floats:
+        """Square and higher powers, shape (cycles, degree - 1)."""
+        return self._design(self.value(x))[:, 2:]
+
+    def outside(self, x: Floats) -> float:
+        """By how much errors grow, since the condition is hardly known from healthy cycles."""
+        mean = float(self._leverage(self._design(self.value(x))).mean())
+        return max(1.0, np.sqrt(mean / self.usual))
+
+    def _design(self, value: Floats) -> Floats:
+        return np.stack([value**k for k in range(self._DEGREE + 1)], axis=1)
+
+    def _leverage(self, powers: Floats) -> Floats:
+        return np.einsum("ck,kl,cl->c", powers, self.information, powers)
+
+
+def least_squares_kernel(directions: Floats, covariance: Floats) -> Floats:
+    """(D' C^-1 D)^-1 D' C^-1, shape (n_axes, features); pseudo-inverse if axes are alike."""
+    weighted = np.linalg.solve(covariance, directions.T)
+    gram = directions @ weighted
+    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    size[size == 0] = 1.0
+    inverse = np.linalg.pinv(gram / np.outer(size, size), rcond=1e-9, hermitian=True)
+    return inverse / np.outer(size, size) @ weighted.T
