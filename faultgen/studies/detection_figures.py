@@ -21,7 +21,7 @@ from analysis.monitoring_plots import (
     plot_scores,
 )
 from analysis.plots import style
-from faultgen.studies.detection_study import NOISES, TRAINING
+from faultgen.studies.detection_study import NOISES, TRAINING, WORN
 from faultgen.studies.detectors import KL_EWMA, KL_Q, TORQUE_PCA, WEAR, WEAR_CUSUM
 
 _SHOWN = (KL_Q, KL_EWMA, TORQUE_PCA, WEAR_CUSUM, WEAR)
@@ -106,7 +106,7 @@ def _delay(result: dict[str, Any]) -> Figure:
             plot_detection_delay(column[0], [rates[k] for k in half], delays, name, number)
             located = [100 * row["located"]["share"] for row in rows]
             plot_detection_delay(column[1], rates, located, name, number)
-        column[0].set(title=noise, xlabel="", ylabel="median hours to alarm")
+        column[0].set(title=noise, xlabel="", ylabel="median hours to alarm", ylim=(0, WORN + 5))
         column[1].set(ylabel="alarm with the right axis [%]", ylim=(0, 103))
     for axes in panels[:, 1]:
         axes.set(ylabel="")
