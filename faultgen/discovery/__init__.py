@@ -1,0 +1,11 @@
+"""Where simulation and measurement disagree, and why: stages that can each be used alone.
+
+recording = read_recording("measured.h5")
+for finding in check_recording(recording, load_robot("puma560")):
+    print(finding)
+"""
+
+from faultgen.discovery.check import Finding, check_recording
+from faultgen.discovery.recording import Recording, read_recording, write_recording
+
+__all__ = ["Finding", "Recording", "check_recording", "read_recording", "write_recording"]

@@ -1,0 +1,202 @@
+"""Measured files: what is read and refused, and what a check makes of wrong units and signs."""
+
+import re
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+from faultgen.discovery import Recording, check_recording, read_recording, write_recording
+from faultgen.errors import InputError
+from faultgen.motion import plan
+from faultgen.servo import control_signal
+from faultgen.simulate import simulate
+from faultgen.tasks import load_task
+
+PERIOD = 0.004
+
+
+@pytest.fixture(scope="module")
+def recording(tiny_robot, tiny_task_path):
+    """Three cycles of the small robot, motor side, with 1 % of torque noise."""
+    motion = plan(load_task("tiny", tiny_task_path), tiny_robot)
+    control = control_signal(motion, tiny_robot.model.opt.timestep)
+    models = [tiny_robot.model] * 3
+    cycles = list(simulate(tiny_robot, control, models, sample_period=PERIOD))
+
+    def joined(name):
+        return np.vstack([getattr(cycle, name) for cycle in cycles])
+
+    torque = joined("motor_torque")
+    noise = np.random.default_rng(0).standard_normal(torque.shape)
+    times = np.arange(len(torque)) * PERIOD % motion.period
+    return Recording(
+        source="simulated",
+        robot="tiny",
+        side="motor",
+        sample_period=PERIOD,
+        position=joined("motor_position"),
+        velocity=joined("motor_velocity"),
+        torque=torque + 0.01 * np.abs(torque).mean(axis=0) * noise,
+        reference_position=motion(times)[0],
+    )
+
+
+def joint_side(recording, robot):
+    return replace(
+        recording,
+        side="joint",
+        position=recording.position / robot.gear_ratio,
+        velocity=recording.velocity / robot.gear_ratio,
+        torque=recording.torque * robot.gear_ratio,
+    )
+
+
+def test_a_good_recording_passes(recording, tiny_robot):
+    """No finding, on either side, with or without the optional channels."""
+    assert check_recording(recording, tiny_robot) == []
+    assert check_recording(joint_side(recording, tiny_robot), tiny_robot) == []
+    bare = replace(recording, velocity=None, reference_position=None, robot="")
+    assert check_recording(bare, tiny_robot) == []
+
+
+def changed(recording, name, axis, change):
+    values = getattr(recording, name).copy()
+    values[:, axis] = change(values[:, axis])
+    return replace(recording, **{name: values})
+
+
+def late(x, samples):
+    return np.concatenate([np.full(samples, x[0]), x[:-samples]])
+
+
+def jump(x):
+    return np.where(np.arange(len(x)) >= 200, x + 40.0, x)
+
+
+def stuck(x):
+    out = x.copy()
+    out[100:250] = out[100]
+    return out
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "level", "message"),
+    [
+        ("torque", lambda x: -x, "refuse", "opposite sign of the model's"),
+        ("torque", lambda x: 50 * x, "refuse", "about the gear ratio: is it joint side"),
+        ("torque", lambda x: 1000 * x, "refuse", "times the model's$"),
+        ("torque", lambda x: late(x, 9), "warn", r"torque is \d+ samples \(\d+ ms\) late"),
+        ("torque", np.random.default_rng(1).permutation, "warn", "hardly that of the model"),
+        ("velocity", lambda x: -x, "refuse", "velocity has the opposite sign"),
+        ("velocity", lambda x: x / 50, "refuse", "times the change of position"),
+        ("velocity", lambda x: late(x, 4), "warn", "velocity is 4 samples late"),
+        ("position", lambda x: np.degrees(x), "refuse", "are the positions in degrees"),
+        ("position", jump, "refuse", "jumps by .* at sample 200"),
+        ("position", stuck, "refuse", "jumps by|stuck from sample"),
+    ],
+)
+def test_what_is_wrong_is_named(recording, tiny_robot, name, change, level, message):
+    """One wrong channel of axis 2 gives findings of axis 2 alone, and the first says what it is."""
+    findings = check_recording(changed(recording, name, 1, change), tiny_robot)
+    assert findings and {finding.axis for finding in findings} == {2}
+    assert findings[0].level == level
+    assert re.search(message, findings[0].message), findings[0]
+    assert "\n" not in str(findings[0])
+
+
+def test_axes_that_tell_nothing(recording, tiny_robot):
+    """An axis that stands still, and a robot with another number of axes."""
+    still = changed(recording, "position", 0, lambda x: np.full_like(x, x[0]))
+    still = replace(still, velocity=None, reference_position=None)
+    messages = [finding.message for finding in check_recording(still, tiny_robot)]
+    assert any("does not move" in message for message in messages)
+    one = replace(
+        recording,
+        position=recording.position[:, :1],
+        torque=recording.torque[:, :1],
+        velocity=None,
+        reference_position=None,
+    )
+    (finding,) = check_recording(one, tiny_robot)
+    assert finding.level == "refuse" and "1 axes, but tiny has 2" in finding.message
+    (finding,) = check_recording(replace(recording, robot="other"), tiny_robot)
+    assert finding.level == "warn" and "robot 'other'" in finding.message
+
+
+def test_hdf5_written_and_read(recording, tmp_path):
+    """Every field comes back."""
+    path = tmp_path / "r.h5"
+    full = replace(
+        recording,
+        temperature=np.linspace(30, 40, len(recording.torque)),
+        segments=(0, 100),
+        payload_mass=1.5,
+    )
+    write_recording(full, path)
+    again = read_recording(path)
+    for name in ("position", "torque", "velocity", "reference_position", "temperature"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(full, name))
+    assert (again.segments, again.payload_mass, again.side) == ((0, 100), 1.5, "motor")
+    assert again.robot == "tiny" and again.sample_period == PERIOD
+    assert again.parts == [slice(0, 100), slice(100, len(full.torque))]
+
+
+def csv(path, rows, header="time,segment,joint_position_1,joint_torque_1"):
+    np.savetxt(path, rows, delimiter=",", header=header, comments="")
+    return path
+
+
+def test_csv_with_segments(tmp_path):
+    """Columns by name; a new segment may begin at any time."""
+    time = np.concatenate([np.arange(10) * 0.01, 5 + np.arange(8) * 0.01])
+    segment = np.repeat([1, 2], [10, 8])
+    rows = np.stack([time, segment, np.sin(time), np.cos(time)], axis=1)
+    recording = read_recording(csv(tmp_path / "r.csv", rows))
+    assert recording.side == "joint" and recording.segments == (0, 10)
+    assert recording.sample_period == pytest.approx(0.01)
+    np.testing.assert_allclose(recording.torque[:, 0], np.cos(time))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda f: f.__delitem__("motor_torque"), "has motor_position, but no motor_torque"),
+        (lambda f: f.__delitem__("motor_position"), "needs motor_position or joint_position"),
+        (lambda f: f.__setitem__("joint_position", np.zeros((9, 2))), "has both"),
+        (lambda f: f.attrs.__delitem__("sample_period"), "sample_period must be a positive"),
+        (lambda f: f.attrs.__setitem__("sample_period", -1.0), "sample_period must be a positive"),
+        (lambda f: f.attrs.__setitem__("segments", [0, 10**9]), "segments must ascend from 0"),
+        (lambda f: f.attrs.__setitem__("segments", [5]), "segments must ascend from 0"),
+        (
+            lambda f: f["motor_torque"].__setitem__((7, 1), np.nan),
+            "torque is not finite in sample 7",
+        ),
+        (lambda f: f.__setitem__("temperature", np.zeros(3)), "temperature has shape"),
+    ],
+)
+def test_bad_files_are_refused_in_one_line(recording, tmp_path, change, message):
+    path = tmp_path / "bad.h5"
+    write_recording(recording, path)
+    with h5py.File(path, "r+") as file:
+        change(file)
+    with pytest.raises(InputError, match=message) as error:
+        read_recording(path)
+    assert "\n" not in str(error.value) and str(path) in str(error.value)
+
+
+def test_bad_csv(tmp_path):
+    """A gap in time, a missing column, words instead of numbers, no file."""
+    rows = np.stack([np.arange(9) * 0.01, np.ones(9), np.zeros(9), np.zeros(9)], axis=1)
+    gap = rows.copy()
+    gap[5:, 0] += 0.05
+    with pytest.raises(InputError, match="step 0.06 s after row 6, 0.01 s elsewhere"):
+        read_recording(csv(tmp_path / "gap.csv", gap))
+    with pytest.raises(InputError, match="no column 'time'"):
+        read_recording(csv(tmp_path / "t.csv", rows, "t,segment,joint_position_1,joint_torque_1"))
+    (tmp_path / "w.csv").write_text("time,a\n0,x\n")
+    with pytest.raises(InputError, match="not a table of numbers"):
+        read_recording(tmp_path / "w.csv")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_recording(tmp_path / "none.h5")
