@@ -77,6 +77,7 @@ def simulate(
     models: Iterable[mujoco.MjModel],
     *,
     sample_period: float,
+    lead_in: float = LEAD_IN,
 ) -> Iterator[Cycle]:
     """Simulate cycles, each with its own model, as one uninterrupted run.
 
@@ -85,6 +86,8 @@ def simulate(
         control: Control of one cycle, shape (steps, n_controls), from `servo.control_signal`.
         models: The robot as it is in each cycle; all compiled from edits of `robot`.
         sample_period: Time between samples [s].
+        lead_in: Time before the first cycle [s], of the end of the cycle before; 0 for a motion
+            that does not repeat.
 
     Yields:
         One `Cycle` for each model.
@@ -100,8 +103,8 @@ def simulate(
     for index, model in enumerate(models):
         batch.set_models(model)
         if index == 0:
-            lead = min(len(control), round(LEAD_IN / model.opt.timestep))
-            _start(robot, batch, control[len(control) - lead])
+            lead = min(len(control), round(lead_in / model.opt.timestep))
+            _start(robot, batch, control[-lead])  # the first one without a lead
             for _ in recorder.run(batch, control[len(control) - lead :], 0):
                 pass
         yield recorder.cycle(batch, model, control, index + 1)

@@ -3,9 +3,19 @@
 recording = read_recording("measured.h5")
 for finding in check_recording(recording, load_robot("puma560")):
     print(finding)
+gap = recording.torque - replay(recording, robot)
 """
 
 from faultgen.discovery.check import Finding, check_recording
 from faultgen.discovery.recording import Recording, read_recording, write_recording
+from faultgen.discovery.replay import replay, settled
 
-__all__ = ["Finding", "Recording", "check_recording", "read_recording", "write_recording"]
+__all__ = [
+    "Finding",
+    "Recording",
+    "check_recording",
+    "read_recording",
+    "replay",
+    "settled",
+    "write_recording",
+]

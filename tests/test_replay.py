@@ -1,0 +1,110 @@
+"""Recorded motions, simulated again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from faultgen.discovery import Recording, replay, settled
+from faultgen.effects import get_effect
+from faultgen.errors import InputError
+from faultgen.motion import plan
+from faultgen.servo import control_signal
+from faultgen.simulate import simulate
+from faultgen.tasks import load_task
+
+PERIOD = 0.004
+
+
+def recorded(robot, task, effects=()):
+    """Two cycles of a robot with effects, without noise, as two separate recordings."""
+    motion = plan(load_task(robot.name, task), robot)
+    control = control_signal(motion, robot.model.opt.timestep)
+    spec = robot.spec()
+    for name, axis, severity in effects:
+        get_effect(name).apply(spec, axis, severity)
+    (run,) = simulate(robot, control, [spec.compile()], sample_period=PERIOD)
+    times = np.arange(len(run.motor_torque)) * PERIOD
+    return Recording(
+        source="simulated",
+        robot=robot.name,
+        side="motor",
+        sample_period=PERIOD,
+        position=np.vstack([run.motor_position] * 2),
+        torque=np.vstack([run.motor_torque] * 2),
+        reference_position=np.vstack([motion(times)[0]] * 2),
+        segments=(0, len(times)),
+    )
+
+
+def gap(recording, robot, effects=()):
+    """RMS torque error over RMS torque, after settling, of each axis."""
+    inside = settled(recording, robot)
+    error = np.where(inside, recording.torque - replay(recording, robot, effects), 0.0)
+    torque = np.where(inside, recording.torque, 0.0)
+    return np.sqrt(np.sum(error**2, axis=0) / np.sum(torque**2, axis=0))
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        (),
+        (("friction_wear", 1, 0.3),),
+        (("torque_offset", 2, 0.05), ("rotor_inertia", 1, 0.5)),
+    ],
+)
+def test_a_replay_has_the_torque_of_the_recording(tiny_robot, tiny_task_path, effects):
+    """With the effects in the model 2 % of the torque are left at most, without them far more."""
+    recording = recorded(tiny_robot, tiny_task_path, effects)
+    assert gap(recording, tiny_robot, effects).max() < 0.02
+    for _, axis, _ in effects:
+        assert gap(recording, tiny_robot)[axis - 1] > 0.05
+
+
+def test_a_replay_of_an_industrial_robot():
+    """The PUMA in pick and place."""
+    from faultgen.robot import load_robot
+
+    robot = load_robot("puma560")
+    recording = recorded(robot, "pick_and_place", (("coulomb_friction", 3, 0.2),))
+    left = gap(recording, robot, (("coulomb_friction", 3, 0.2),))
+    assert left.max() < 0.02
+    assert gap(recording, robot)[2] > 3 * left[2]
+
+
+def test_joint_side_and_no_reference(tiny_robot, tiny_task_path):
+    """Joint side is motor side times the gear ratio; measured positions can stand in."""
+    recording = recorded(tiny_robot, tiny_task_path)
+    ratio = tiny_robot.gear_ratio
+    joint = replace(
+        recording,
+        side="joint",
+        position=recording.position / ratio,
+        torque=recording.torque * ratio,
+    )
+    motor = replay(recording, tiny_robot)
+    np.testing.assert_allclose(replay(joint, tiny_robot), motor * ratio, rtol=1e-12)
+    assert gap(replace(recording, reference_position=None), tiny_robot).max() < 0.1
+
+
+def test_axes_count_from_when_they_have_turned(tiny_robot):
+    """Not at rest, and not before the settling; in every part anew; never if they do not turn."""
+    position = np.zeros((400, 2))
+    position[50:200, 0] = position[300:, 0] = 1.0
+    recording = Recording(
+        source="",
+        robot="tiny",
+        side="motor",
+        sample_period=0.01,
+        position=position,
+        torque=0 * position,
+        segments=(0, 200),
+    )
+    inside = settled(recording, tiny_robot)
+    assert np.flatnonzero(np.diff(inside[:, 0].astype(int))).tolist() == [79, 199, 329]
+    assert not inside[:, 1].any()
+
+
+def test_axes_that_are_not_there(tiny_robot, tiny_task_path):
+    with pytest.raises(InputError, match="axis 3: robot tiny has axes 1 to 2"):
+        replay(recorded(tiny_robot, tiny_task_path), tiny_robot, [("backlash", 3, 1e-3)])
