@@ -9,13 +9,18 @@ gap = recording.torque - replay(recording, robot)
 from faultgen.discovery.check import Finding, check_recording
 from faultgen.discovery.recording import Recording, read_recording, write_recording
 from faultgen.discovery.replay import replay, settled
+from faultgen.discovery.screen import Rank, candidates, screen, sensitivities
 
 __all__ = [
     "Finding",
+    "Rank",
     "Recording",
+    "candidates",
     "check_recording",
     "read_recording",
     "replay",
+    "screen",
+    "sensitivities",
     "settled",
     "write_recording",
 ]

@@ -35,6 +35,8 @@ class Effect:
     """Where the law comes from."""
     largest: float = 10.0
     """Largest severity that is sensible."""
+    step: float = 0.1
+    """Severity that shows clearly and is still near to linear, for sensitivities."""
     edit: Callable[[mujoco.MjSpec, int, float], None]
     """Changes the model in place: (spec, axis from 1, severity)."""
 
@@ -120,6 +122,7 @@ EFFECTS: dict[str, Effect] = {
             signature="the same torque at all times, also at rest",
             element="friction{i}, dcmotor cogging without poles",
             source="definition",
+            step=0.01,
             edit=friction.add_offset,
         ),
         Effect(
@@ -129,6 +132,7 @@ EFFECTS: dict[str, Effect] = {
             signature="more torque against the motion, the same at every speed",
             element="friction{i}, dcmotor lugre: coulomb and static by the same torque",
             source="definition",
+            step=0.01,
             edit=friction.add_coulomb,
         ),
         Effect(
@@ -138,6 +142,7 @@ EFFECTS: dict[str, Effect] = {
             signature="a jump and ringing where the torque of the gearbox changes sign",
             element="gearbox{i}, tendon springlength (dead band)",
             source="definition",
+            step=3e-4,
             edit=transmission.add_backlash,
         ),
         Effect(
@@ -148,6 +153,7 @@ EFFECTS: dict[str, Effect] = {
             element="gearbox{i}, tendon stiffness",
             source="thesis eq. 6.2a",
             largest=0.95,
+            step=0.2,
             edit=transmission.lose_stiffness,
         ),
         Effect(
@@ -157,6 +163,7 @@ EFFECTS: dict[str, Effect] = {
             signature="resonance rises with load",
             element="gearbox{i}, tendon stiffness, cubic coefficient",
             source="cubic gear stiffness as in Moberg et al.; the reference twist is assumed",
+            step=0.3,
             edit=transmission.harden,
         ),
         Effect(
@@ -184,6 +191,7 @@ EFFECTS: dict[str, Effect] = {
             signature="gravity on the wrist by the tool's orientation",
             element="body payload, inertial pos",
             source="definition",
+            step=0.02,
             edit=structure.move_payload,
         ),
         Effect(
@@ -194,6 +202,7 @@ EFFECTS: dict[str, Effect] = {
             element="joint{i}, stiffness",
             source="linear spring",
             largest=1e6,
+            step=2.0,
             edit=structure.add_gravity_spring,
         ),
     )
