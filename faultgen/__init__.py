@@ -10,7 +10,7 @@ from typing import Any
 from faultgen.dataset import open_dataset
 from faultgen.errors import InputError, SimulationFailed
 
-__all__ = ["InputError", "SimulationFailed", "generate", "load_robot", "open_dataset"]
+__all__ = ["InputError", "SimulationFailed", "discover", "generate", "load_robot", "open_dataset"]
 
 
 def __getattr__(name: str) -> Any:
@@ -19,6 +19,10 @@ def __getattr__(name: str) -> Any:
         from faultgen.sweep import generate
 
         return generate
+    if name == "discover":
+        from faultgen.discovery import discover
+
+        return discover
     if name == "load_robot":
         from faultgen.robot import load_robot
 

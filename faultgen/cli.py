@@ -389,6 +389,47 @@ def study(
 
 
 @app.command()
+def discover(
+    measured: Annotated[Path, typer.Argument(help="Recording of the robot (HDF5 or CSV).")],
+    robot: Annotated[str, typer.Option(help="Robot, or the path of an MJCF.")],
+    healthy: Annotated[
+        Path | None, typer.Option(help="Recording of the same motions before the change.")
+    ] = None,
+    validate: Annotated[
+        Path | None, typer.Option(help="Recording of other motions, for scoring only.")
+    ] = None,
+    out: Out = Path("discovery-out"),
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Name the effect that a measured robot has and its healthy twin lacks.
+
+    The folder gets discovery.json, model.xml (the robot with the effects in it) and report.html.
+    A first version: it needs --healthy, and its answers were tried on simulated recordings only.
+    """
+    from faultgen.discovery import discover as run_discover
+
+    result = run_discover(measured, robot, healthy, validate, out=out, workers=_workers(workers))
+    for warning in result["warnings"]:
+        print(f"faultgen: {warning}", file=sys.stderr)
+    if as_json:
+        _print_json(result)
+        return
+    print(result["verdict"])
+    for one in result["effects"]:
+        low, high = one["interval"]["severity"]
+        print(
+            f"{one['effect']} on axis {one['axis']}: {one['parameters']['severity']:.4g} "
+            f"[{low:.4g}, {high:.4g}], {one['parameters']['unit']}; "
+            f"confidence {one['confidence']:.2f}"
+        )
+    if result["unexplained"]:
+        print(result["unexplained"])
+    gap = result["gap"]
+    print(f"gap {gap['before']:.4f}, after {gap['after']:.4f}, floor {gap['floor']:.4f}")
+
+
+@app.command()
 def report(folder: Folder, as_json: Json = False) -> None:
     """Write report.html, self-contained: figures of a dataset and what isolators answer."""
     from faultgen.report import write_report

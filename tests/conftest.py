@@ -1,6 +1,13 @@
+import numpy as np
 import pytest
 
+from faultgen.discovery import Recording
+from faultgen.effects import get_effect
+from faultgen.motion import plan
 from faultgen.robot import Robot, load_robot
+from faultgen.servo import control_signal
+from faultgen.simulate import simulate
+from faultgen.tasks import load_task
 
 TWO_AXES = """
 <mujoco model="tiny">
@@ -85,3 +92,53 @@ def tiny_robot(tiny_robot_path) -> Robot:
 def robot(request) -> Robot:
     """Each robot that comes with the package."""
     return load_robot(request.param)
+
+
+RICH = """
+description = "fast and slow, both ways, and some waiting, so that effects differ"
+[start]
+joints = [-60, -60]
+[[move]]
+joints = [60, 40]
+dwell = 0.1
+[[move]]
+joints = [-20, -90]
+speed = 0.3
+[[move]]
+joints = [50, 80]
+speed = 0.6
+[[move]]
+joints = [40, 70]
+speed = 0.05
+[[move]]
+joints = [-60, -60]
+"""
+
+
+@pytest.fixture(scope="session")
+def measured(tiny_robot, tmp_path_factory):
+    """Records the small robot with effects, and noise of 1 % of the mean torque."""
+    path = tmp_path_factory.mktemp("screen") / "rich.toml"
+    path.write_text(RICH)
+    motion = plan(load_task("tiny", str(path)), tiny_robot)
+    control = control_signal(motion, tiny_robot.model.opt.timestep)
+
+    def record(effects, seed):
+        spec = tiny_robot.spec()
+        for name, axis, severity in effects:
+            get_effect(name).apply(spec, axis, severity)
+        (run,) = simulate(tiny_robot, control, [spec.compile()], sample_period=0.004)
+        times = np.arange(len(run.motor_torque)) * 0.004
+        clean = run.motor_torque
+        noise = np.random.default_rng(seed).standard_normal(clean.shape)
+        return Recording(
+            source="simulated",
+            robot="tiny",
+            side="motor",
+            sample_period=0.004,
+            position=run.motor_position,
+            torque=clean + 0.01 * np.abs(clean).mean(axis=0) * noise,
+            reference_position=motion(times)[0],
+        )
+
+    return record

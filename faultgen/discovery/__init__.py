@@ -10,6 +10,7 @@ from faultgen.discovery.check import Finding, check_recording
 from faultgen.discovery.recording import Recording, read_recording, write_recording
 from faultgen.discovery.replay import replay, settled
 from faultgen.discovery.screen import Rank, candidates, screen, sensitivities
+from faultgen.discovery.workflow import discover
 
 __all__ = [
     "Finding",
@@ -17,6 +18,7 @@ __all__ = [
     "Recording",
     "candidates",
     "check_recording",
+    "discover",
     "read_recording",
     "replay",
     "screen",

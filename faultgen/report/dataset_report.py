@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import base64
 import html
-import io
 from pathlib import Path
 
 import matplotlib
@@ -18,23 +16,11 @@ from matplotlib.figure import Figure
 from analysis.plots import plot_accuracy, plot_net_transfer_entropy, plot_series, style
 from analysis.transfer_entropy import net_transfer_entropy
 from faultgen.dataset import Dataset, StoredRun, open_dataset
+from faultgen.report.page import image, page
 from faultgen.storage import write_text
 from faultgen.studies.isolation import isolate
 from faultgen.studies.runs import one_series
 from faultgen.studies.tally import Isolation, table
-
-_PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
-body {{ font: 15px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto }}
-table {{ border-collapse: collapse; font-size: 13px; margin: 1rem 0 }}
-th, td {{ border: 1px solid #ccc; padding: .2rem .5rem; text-align: left }}
-figure {{ margin: 1rem 0 }} figcaption {{ color: #555; font-size: 13px }}
-th {{ background: #f2f2f2 }} img {{ max-width: 100% }} pre {{ background: #f6f6f6; padding: 1rem }}
-</style></head><body>
-{body}
-</body></html>
-"""
-
 
 _LINES = 4  # worn runs drawn for an axis
 _WEAR_CAPTION = (
@@ -65,15 +51,14 @@ def write_report(folder: str | Path, result: Isolation | None = None) -> Path:
     for robot, task in _places(dataset):
         parts.append(f"<h2>{html.escape(robot)}, {html.escape(task)}</h2>")
         here = _runs_at(dataset, robot, task)
-        parts.append(_image(_wear_figure(here), _WEAR_CAPTION))
-        parts.append(_image(_isolation_figure(here, result, robot, task), _ISOLATION_CAPTION))
+        parts.append(image(_wear_figure(here), _WEAR_CAPTION))
+        parts.append(image(_isolation_figure(here, result, robot, task), _ISOLATION_CAPTION))
     parts.append("<h2>Which axis is worn?</h2>" + _markdown_table(table(result)))
     toml = dataset.path / "experiment.toml"
     if toml.is_file():
         parts.append(f"<h2>What made it</h2><pre>{html.escape(toml.read_text())}</pre>")
     path = dataset.path / "report.html"
-    title = html.escape(f"faultgen: {dataset.path.name}")
-    write_text(path, _PAGE.format(title=title, body="\n".join(parts)))
+    write_text(path, page(f"faultgen: {dataset.path.name}", "\n".join(parts)))
     return path
 
 
@@ -148,16 +133,6 @@ def _isolation_figure(runs: list[StoredRun], result: Isolation, robot: str, task
         else:
             grid[2].axis("off")
     return figure
-
-
-def _image(figure: Figure, caption: str) -> str:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png")
-    plt.close(figure)
-    data = base64.b64encode(buffer.getvalue()).decode()
-    text = html.escape(caption)
-    image = f'<img alt="{text}" src="data:image/png;base64,{data}">'
-    return f"<figure>{image}<figcaption>{text}</figcaption></figure>"
 
 
 def _markdown_table(text: str) -> str:

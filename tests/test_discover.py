@@ -1,0 +1,94 @@
+"""Naming effects from a recording and its healthy twin, on the small robot."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import faultgen
+from faultgen.discovery import write_recording
+from faultgen.discovery.naming import name_effects, to_probe
+from faultgen.discovery.screen import candidates
+from faultgen.errors import InputError
+from faultgen.robot import load_robot
+
+
+@pytest.fixture(scope="module")
+def files(measured, tmp_path_factory):
+    """Recordings on disk, by name."""
+    folder = tmp_path_factory.mktemp("discover")
+    cases = {
+        "healthy": ([], 1),
+        "clean": ([], 2),
+        "worn": ([("viscous_friction", 2, 0.3)], 3),
+        "two": ([("viscous_friction", 2, 0.3), ("torque_offset", 1, 0.02)], 4),
+    }
+    for name, (effects, seed) in cases.items():
+        write_recording(measured(effects, seed), folder / f"{name}.h5")
+    return folder
+
+
+def discovered(files, robot, name, **more):
+    return faultgen.discover(files / f"{name}.h5", robot, files / "healthy.h5", **more)
+
+
+def test_an_effect_is_named(files, tiny_robot_path, tmp_path):
+    """The right effect, axis and severity; the gap closes; the files hold it."""
+    result = discovered(files, tiny_robot_path, "worn", out=tmp_path)
+    (one,) = result["effects"]
+    assert (one["effect"], one["axis"]) == ("viscous_friction", 2)
+    low, high = one["interval"]["severity"]
+    assert low - (high - low) < 0.3 < high + (high - low)
+    assert one["parameters"]["severity"] == pytest.approx(0.3, rel=0.1)
+    gap = result["gap"]
+    assert gap["after"] < gap["before"] and gap["after"] < 1.15 * gap["floor"]
+    assert json.loads((tmp_path / "discovery.json").read_text()) == result
+    robot, healthy = load_robot(tmp_path / "model.xml"), load_robot(tiny_robot_path)
+    damping = [r.model.actuator_damping[r.ids("actuator", "friction")[1]] for r in (robot, healthy)]
+    assert damping[0] / damping[1] == pytest.approx(1 + one["parameters"]["severity"], rel=1e-4)
+    page = (tmp_path / "report.html").read_text()
+    assert "viscous_friction" in page and "data:image/png;base64," in page
+
+
+def test_a_clean_robot_has_no_missing_effect(files, tiny_robot_path, tmp_path):
+    """Nothing is named, and the model is the robot's own."""
+    result = discovered(files, tiny_robot_path, "clean", out=tmp_path)
+    assert (result["verdict"], result["effects"]) == ("no missing effect", [])
+    assert (tmp_path / "model.xml").read_text() == load_robot(tiny_robot_path).xml
+
+
+def test_two_effects(files, tiny_robot_path):
+    result = discovered(files, tiny_robot_path, "two")
+    named = {(one["effect"], one["axis"]) for one in result["effects"]}
+    assert {("viscous_friction", 2), ("torque_offset", 1)} <= named
+
+
+def test_what_is_not_in_the_catalogue_is_not_named(measured, tiny_robot):
+    """With its effect taken out of the candidates, the gap stays unexplained."""
+    healthy = measured([], 1)
+    gap = measured([("rotor_inertia", 2, 0.5)], 5).torque - healthy.torque
+    names = to_probe(candidates(tiny_robot))
+    without = [name for name in names if name[0] != "rotor_inertia"]
+    assert not name_effects(gap, healthy, tiny_robot, without).explained
+    assert name_effects(gap, healthy, tiny_robot, names).explained
+
+
+def test_what_cannot_be_used_is_refused(files, tiny_robot_path, measured, tmp_path):
+    """No twin; a twin of another length; signs turned round."""
+    with pytest.raises(InputError, match="healthy: give a recording"):
+        faultgen.discover(files / "worn.h5", tiny_robot_path)
+    recording = measured([], 6)
+    short = replace(
+        recording,
+        position=recording.position[:500],
+        torque=recording.torque[:500],
+        reference_position=recording.reference_position[:500],
+    )
+    write_recording(short, tmp_path / "short.h5")
+    with pytest.raises(InputError, match="not the same motions"):
+        faultgen.discover(files / "worn.h5", tiny_robot_path, tmp_path / "short.h5")
+    turned = replace(recording, torque=recording.torque * np.array([1, -1]))
+    write_recording(turned, tmp_path / "turned.h5")
+    with pytest.raises(InputError, match="axis 2: torque has the opposite sign"):
+        faultgen.discover(tmp_path / "turned.h5", tiny_robot_path, files / "healthy.h5")
