@@ -8,7 +8,7 @@ from analysis.cross_correlation import (
 from analysis.detection import CUSUMChart, EWMAChart
 from analysis.divergence import HistogramDivergence, kl_divergence
 from analysis.friction_features import FrictionFeatures
-from analysis.isolation import ChangeIsolator
+from analysis.isolation import Answer, ChangeIsolator
 from analysis.pca import PCAMonitor
 from analysis.run_length import (
     RunLength,
@@ -18,7 +18,7 @@ from analysis.run_length import (
     ewma_width,
 )
 from analysis.symbols import quantile_symbols
-from analysis.te_bins import choose_bins
+from analysis.te_bins import choose_bins, isolation_by_bins
 from analysis.transfer_entropy import (
     effective_net_transfer_entropy,
     effective_transfer_entropy,
@@ -29,6 +29,7 @@ from analysis.transfer_entropy import (
 )
 
 __all__ = [
+    "Answer",
     "CUSUMChart",
     "ChangeIsolator",
     "EWMAChart",
@@ -46,6 +47,7 @@ __all__ = [
     "ewma_width",
     "isolate_axis",
     "isolate_axis_by_lags",
+    "isolation_by_bins",
     "kl_divergence",
     "leading_axis",
     "net_transfer_entropy",

@@ -63,6 +63,10 @@ class FrictionFeatures(BaseEstimator):
         """
         w = np.asarray(velocity, float)
         scale = np.asarray(self.stribeck_velocity, float)
+        if not (np.isfinite(scale).all() and (scale > 0).all() and min(self.widths, default=1) > 0):
+            raise ValueError("stribeck_velocity and widths must be positive")
+        if not np.isfinite(w).all():
+            raise ValueError("velocity must be finite")
         if w.ndim != 2 or scale.shape != (w.shape[1],):
             raise ValueError(
                 f"velocity must have shape (samples, {scale.size} axes), got {w.shape}"

@@ -36,6 +36,10 @@ def isolation_by_bins(
         ValueError: As `net_transfer_entropy`.
     """
     series = np.asarray(healthy, float)
+    if series.ndim != 3:
+        raise ValueError(f"healthy must have shape (series, samples, axes), got {series.shape}")
+    if not len(candidates):
+        raise ValueError("candidates must hold at least one number of bins")
     n, axes = series.shape[1:]
     shape = ((np.arange(n) + 1) / n) ** 4
     spread = series.std(axis=1)

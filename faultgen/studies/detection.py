@@ -27,6 +27,7 @@ from faultgen.studies.counts import share
 from faultgen.studies.isolation import LEVELS, cuts
 from faultgen.studies.markdown import percent, table
 from faultgen.studies.runs import ObservedRun, Place, noise_of, places
+from faultgen.studies.tally import other_effects, shown_level
 from faultgen.studies.wear_model import ISOLATORS, isolator_input
 
 RUN_LENGTH = 1000.0
@@ -53,8 +54,12 @@ class Detection:
     """Noise that they saw."""
     seeds: int
     """Draws of the noise for each run."""
-    rows: list[dict[str, Any]]
-    """Counts by robot, task, effect, level (0: healthy, over all cycles) and detector."""
+    redrawn: bool
+    """Whether the noise was drawn anew, or is that of the dataset."""
+    results: list[dict[str, Any]]
+    """Counts by robot, task, effect, level (0: healthy, over all cycles) and method."""
+    healthy_cycles: dict[str, int]
+    """Cycles that the detectors learned from, by robot and task."""
     left_out: dict[str, str]
     """Why detectors were left out, by robot and task."""
 
@@ -90,6 +95,7 @@ def detect(
         raise InputError(f"seeds: must be at least 1, not {seeds}")
     counts: dict[tuple[str, str, str, float, str], list[bool]] = {}
     left_out: dict[str, str] = {}
+    learned: dict[str, int] = {}
     shown = None if progress else True
     bar = tqdm(total=len(dataset.runs), unit="run", desc="detecting", disable=shown)
     for place in places(dataset, sensors):
@@ -97,14 +103,16 @@ def detect(
         for run in place.runs:
             key = 0 if redraw else int(run["seed"])
             if key not in fitted:
-                reason = place.isolators(run)
-                if isinstance(reason, str):
-                    left_out[f"{place.robot}/{place.task}"] = reason
-                    fitted[key] = {}
-                else:
-                    fitted[key] = _fit(place, place.healthy(run), reason)
-            worn = tuple(int(axis) for axis in run["axes"])
-            ends = list(cuts(run.read("cycle/severity"), worn, levels))
+                isolators = place.isolators(run)
+                where = f"{place.robot}/{place.task}"
+                if place.lacking(run):
+                    left_out[where] = place.lacking(run)
+                fitted[key] = {}
+                if not isinstance(isolators, str):
+                    healthy = place.healthy(run)
+                    fitted[key] = _fit(place, healthy, isolators)
+                    learned[where] = sum(len(seen.mean_torque) for seen in healthy)
+            ends = list(cuts(run, levels))
             for seen in place.draws(run, seeds, seed) if fitted[key] else ():
                 for name, alarm in fitted[key].items():
                     over = alarm(seen)
@@ -113,13 +121,15 @@ def detect(
                         counts.setdefault(row, []).append(bool(over[:length].any()))
             bar.update()
     bar.close()
-    names = ("robot", "task", "effect", "level", "detector")
-    rows = [
-        dict(zip(names, key, strict=True)) | share(sum(found), len(found))
-        for key, found in counts.items()
-    ]
+    if not counts:
+        raise InputError(f"{dataset.path}: {next(iter(left_out.values()), 'too few cycles')}")
+    rows = []
+    for (robot, task, effect, level, method), found in counts.items():
+        told = share(sum(found), len(found))
+        row_of = {"robot": robot, "task": task, "effect": effect, "level": level, "method": method}
+        rows.append({**row_of, "alarms": told.pop("right"), **told})
     draws = seeds if redraw else len({run["seed"] for run in dataset.runs})
-    return Detection(chosen, draws, rows, left_out)
+    return Detection(chosen, draws, redraw, rows, learned, left_out)
 
 
 def _fit(
@@ -160,7 +170,7 @@ def _fit(
                 chart.predict(values[:, axis]) < 0
                 for axis, chart in zip(moving, charts[name], strict=True)
             ]
-            return np.any(by_axis, axis=0)
+            return np.any(by_axis, axis=0) if by_axis else np.zeros(len(values), bool)
 
         return alarm
 
@@ -186,28 +196,32 @@ def _fit(
 
 def detection_table(result: Detection) -> str:
     """Alarms by robot, task, effect and wear in Markdown."""
-    cells = {
-        (r["robot"], r["task"], r["effect"], r["level"], r["detector"]): r for r in result.rows
-    }
+    keys = ("robot", "task", "effect", "level", "method")
+    cells = {tuple(row[key] for key in keys): row for row in result.results}
     lines = sorted({key[:4] for key in cells}, key=lambda k: (k[0], k[1], k[3] == 0, k[2], k[3]))
-    names = list(dict.fromkeys(row["detector"] for row in result.rows))
+    names = list(dict.fromkeys(row["method"] for row in result.results))
     shown = [
         [
             robot,
             task,
             effect,
-            f"{100 * level:g}" if level else "-",
+            shown_level(effect, level),
             *(percent(cells[robot, task, effect, level, name]) for name in names),
         ]
         for robot, task, effect, level in lines
     ]
     said = [
-        f"Runs with an alarm up to that wear, percent [95 % Wilson interval]; '{result.sensors}' "
-        f"noise; set to one false alarm in {RUN_LENGTH:g} cycles. Healthy: over all cycles.",
+        "Runs with an alarm up to that severity, percent [95 % Wilson interval]; "
+        f"'{result.sensors}' noise. Healthy: over all cycles. Limits are those of one false alarm "
+        f"in {RUN_LENGTH:g} cycles if the healthy spread were known; learned from few cycles they "
+        "alarm more often. Learned from: "
+        + ", ".join(f"{where} {count} cycles" for where, count in result.healthy_cycles.items())
+        + ".",
     ]
     if shown:
-        said.append(table(["robot", "task", "effect", "wear %", *names], shown))
-    said += [f"{place}: left out: {reason}" for place, reason in result.left_out.items()]
+        said.append(table(["robot", "task", "effect", "severity", *names], shown))
+    said += [f"{place}: {reason}" for place, reason in result.left_out.items()]
+    said += other_effects(row["effect"] for row in result.results)
     return "\n\n".join(said)
 
 

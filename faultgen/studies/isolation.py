@@ -14,7 +14,8 @@ import numpy as np
 from tqdm import tqdm
 
 from analysis import cross_correlation_lags, isolate_axis, isolate_axis_by_lags, leading_axis
-from faultgen.dataset import Dataset
+from faultgen.dataset import Dataset, StoredRun
+from faultgen.effects import HEALTHY, get_effect
 from faultgen.errors import InputError
 from faultgen.studies.runs import Place, noise_of, places
 from faultgen.studies.tally import Isolation, Tally
@@ -77,11 +78,12 @@ def isolate(
         for run in place.runs:
             worn = tuple(int(axis) for axis in run["axes"])
             severity = run.read("cycle/severity")
-            ends = list(cuts(severity, worn, levels))
-            short |= {a for a in levels if worn and severity.max() >= a} - {a for a, _ in ends}
+            ends = list(cuts(run, levels))
+            asked = levels if in_fractions(run["effect"]) else ()
+            short |= {a for a in asked if worn and severity.max() >= a} - {a for a, _ in ends}
             ours = place.isolators(run)
-            if isinstance(ours, str):
-                left_out[where] = ours
+            if place.lacking(run):
+                left_out[where] = place.lacking(run)
             for seen in place.draws(run, seeds, seed):
                 observed = np.isfinite(seen.mean_torque).all(axis=0)
                 unobservable[where] = [int(axis) + 1 for axis in np.flatnonzero(~observed)]
@@ -111,16 +113,25 @@ def _answers(
             yield name, fitted.isolate(given[:length]).axis
 
 
-def cuts(
-    severity: np.ndarray, worn: tuple[int, ...], levels: tuple[float, ...]
-) -> Iterator[tuple[float, int]]:
+def in_fractions(effect: str) -> bool:
+    """Whether the severity of an effect is a fraction of nominal, to which levels apply."""
+    return effect == HEALTHY or get_effect(effect).unit.startswith("fraction of nominal")
+
+
+def cuts(run: StoredRun, levels: tuple[float, ...]) -> Iterator[tuple[float, int]]:
     """Where answers are asked for: level, and number of cycles up to it, if they are enough.
 
+    On the healthy robot, level 0 is all cycles; so is the final severity of an effect that is not
+    told in fractions of nominal.
+
     Args:
-        severity: Of each cycle, shape (cycles,).
-        worn: Worn axes; of the healthy robot, level 0 is all cycles.
+        run: The run.
         levels: Severities.
     """
+    severity = run.read("cycle/severity")
+    worn = len(run["axes"]) > 0
+    if worn and not in_fractions(run["effect"]):
+        levels = (float(severity.max()),)
     shortest = 5
     if not worn:
         if len(severity) >= shortest:

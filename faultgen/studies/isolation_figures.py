@@ -57,10 +57,11 @@ def _heat_maps(result: dict[str, Any]) -> Figure:
         for row in result["net_transfer_entropy"]
         if (row["robot"], row["task"], row["noise"]) == ("irb6700", "pick_and_place", "thesis")
     ]
-    figure, axes = plt.subplots(1, len(rows), figsize=(11, 3.8))
+    figure, axes = plt.subplots(1, len(rows), figsize=(11, 4.2))
     largest = max(abs(value) for row in rows for line in row["net"] for value in line)
     for place, row in zip(axes, rows, strict=True):
         title = "healthy" if row["case"] == "healthy" else f"axis 1 worn by {row['case']}"
+        title = f"net TE [bit], {title}"
         plot_net_transfer_entropy(place, row["net"], title, largest)
     return figure
 
@@ -87,7 +88,7 @@ def _bins(result: dict[str, Any]) -> Figure:
                 number,
             )
         axes.axhline(100 / 6, color="0.3", lw=1.0, ls=":", label="chance")
-        axes.set(xlabel="bins", title=noise)
+        axes.set(xlabel="bins", title=f"IRB 6700, task 1, noise: {noise}")
         if axes is not panels[0]:
             axes.set(ylabel="")
     panels[-1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
@@ -111,7 +112,8 @@ def _accuracy(result: dict[str, Any]) -> Figure:
                 method,
                 number,
             )
-        axes.set_title(noise)
+        axes.axhline(100 / 6, color="0.3", lw=1.0, ls=":", label="chance")
+        axes.set(title=f"noise: {noise}", xticks=[100 * level for level in LEVELS])
         if axes is not panels[0]:
             axes.set(ylabel="")
     panels[-1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
@@ -138,8 +140,9 @@ def _severity(result: dict[str, Any]) -> Figure:
                 label=f"{robot} {task}",
                 lw=1.2,
             )
-        axes.axhline(1.0, color="0.3", lw=0.9, ls="--")
-        axes.set(xlabel="wear [%]", title=noise, yscale="log")
+        axes.axhline(1.0, color="0.3", lw=0.9, ls="--", label="goal")
+        axes.set(xlabel="wear [%]", title=f"noise: {noise}", yscale="log")
+        axes.set_xticks([100 * level for level in LEVELS])
     panels[0].set_ylabel("RMS error of severity [percentage points]")
     panels[-1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
     return figure

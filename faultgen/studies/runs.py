@@ -9,7 +9,6 @@ import numpy as np
 
 from analysis.isolation import ChangeIsolator
 from faultgen.dataset import Dataset, StoredRun
-from faultgen.effects import HEALTHY
 from faultgen.errors import InputError
 from faultgen.monitoring import histogram, mean_abs_torque
 from faultgen.robot import load_robot
@@ -23,6 +22,9 @@ from faultgen.studies.wear_model import (
     wear_points,
 )
 from faultgen.surrogate import simulate_at
+
+WEAR = "friction_wear"
+"""The effect that our isolators look for."""
 
 _REFERENCE_DRAWS = 10
 _REFERENCE_SEED = 10_000_000  # far from the seeds of tests
@@ -45,6 +47,12 @@ def noise_of(dataset: Dataset, sensors: str | None) -> tuple[str, bool]:
     chosen = "thesis" if stored == {"none"} else "/".join(sorted(stored))
     if sensors is not None:
         chosen = sensors
+    moving = [name for name in stored if get_sensors(name).changes_motion]
+    if sensors is not None and moving:
+        raise InputError(
+            f"sensors '{sensors}': the dataset's '{moving[0]}' runs differ in their motion, which "
+            "new noise does not undo; leave --sensors out"
+        )
     if redraw and get_sensors(chosen).changes_motion:
         raise InputError(
             f"sensors '{chosen}' change the motion: generate a dataset with them instead, "
@@ -138,6 +146,15 @@ class Place:
             ]
         return self._reference
 
+    def lacking(self, run: StoredRun) -> str:
+        """Why not all of our isolators can be used on a run; empty if all can."""
+        ours = self.isolators(run)
+        if isinstance(ours, str):
+            return f"our isolators are left out: {ours}"
+        if FRICTION not in ours:
+            return f"'{FRICTION}' is left out: no signals/motor_torque in the files, not thinned"
+        return ""
+
     def isolators(self, run: StoredRun) -> dict[str, ChangeIsolator] | str:
         """Our isolators, fitted on `healthy`; or why there are none."""
         key = () if self.sensors is not None else (str(run["seed"]),)
@@ -146,8 +163,13 @@ class Place:
         return self._fitted[key]
 
     def _fit(self, healthy: list[ObservedRun]) -> dict[str, ChangeIsolator] | str:
+        if not healthy and not any(not len(run["axes"]) for run in self.runs):
+            return "no healthy run to learn from; generate with healthy = true, in a new folder"
         if not healthy:
-            return "no healthy run of another seed to learn from; generate with repetitions = 5"
+            return (
+                "no healthy run of another seed to learn from; generate with --repetitions 5, "
+                "in a new folder"
+            )
         fitted = {}
         varies = self.temperature_varies
         for name, isolator in self.model.isolators(temperature_varies=varies).items():
@@ -234,9 +256,7 @@ def _model(robot_path: str, task_path: str, runs: list[StoredRun]) -> WearModel:
     robot = load_robot(robot_path)
     if robot.sha256 != runs[0]["model_sha256"]:
         raise InputError(f"{robot_path}: the robot has changed since the dataset was made")
-    effects = [run["effect"] for run in runs if run["effect"] != HEALTHY]
-    effect = effects[0] if effects else "friction_wear"
     period = runs[0]["sample_period"]
-    conditions = wear_points(robot, effect)
+    conditions = wear_points(robot, WEAR)
     cycles = [simulate_at(robot_path, task_path, period, condition) for condition in conditions]
     return wear_model(robot, np.stack(cycles))

@@ -52,8 +52,15 @@ def run_study(
     """
     if name not in STUDIES:
         raise InputError(f"unknown study '{name}': choose {', '.join(STUDIES)}")
+    if workers < 1:
+        raise InputError(f"workers: must be at least 1, not {workers}")
+    if seed < 0:
+        raise InputError(f"seed: must be at least 0, not {seed}")
     started = time.monotonic()
-    out.mkdir(parents=True, exist_ok=True)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be used as a folder ({error.strerror})") from None
     run, goals, tables, draw = _detection(quick) if name == "detection" else _isolation(quick)
     found = run(out, seed=seed, workers=workers)
     result = {

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from statsmodels.stats.proportion import proportion_confint
 
-from faultgen.effects import HEALTHY
+from faultgen.effects import HEALTHY, get_effect
 from faultgen.storage import write_text
 
 # Thesis table 6.2, percent right of six axes, one simulation each; columns TE 10, TE 5 and CC
@@ -99,6 +100,26 @@ class Isolation:
     """Why our isolators were left out, by robot and task."""
 
 
+def shown_level(effect: str, level: float) -> str:
+    """A severity in the unit of its effect; '-' for the healthy robot."""
+    if not level:
+        return "-"
+    if get_effect(effect).unit.startswith("fraction of nominal"):
+        return f"{100 * level:g} %"
+    return f"{level:g} {get_effect(effect).unit.split(',')[0].split(' of ')[0]}"
+
+
+def other_effects(effects: Iterable[str]) -> list[str]:
+    """What has to be said where a dataset holds other effects than friction wear."""
+    others = sorted(set(effects) - {HEALTHY, "friction_wear", "coulomb_friction"})
+    if not others:
+        return []
+    return [
+        f"{', '.join(others)}: our isolators look for friction wear (Coulomb and static friction); "
+        "on other effects they may name a wrong axis with certainty."
+    ]
+
+
 def table(result: Isolation) -> str:
     """Table 6.2's form in Markdown: robot and task x wear x method, thesis figures beside."""
     cells = {(t.robot, t.task, t.effect, t.level, t.method): t for t in result.tallies}
@@ -110,7 +131,7 @@ def table(result: Isolation) -> str:
         f"Axis isolated, percent [95 % Wilson interval]; {drawn} '{result.sensors}' noise"
         + ("; thesis' figure after the slash." if beside else "."),
         "",
-        "| robot | task | effect | wear % | answers | right by axis, TE 10 bins | "
+        "| robot | task | effect | severity | answers | right by axis, TE 10 bins | "
         + " | ".join(methods)
         + " |",
         "|" + " --- |" * (6 + len(methods)),
@@ -128,7 +149,7 @@ def table(result: Isolation) -> str:
             f"{axis}:{100 * first.right_by_axis[axis] / count:.0f}"
             for axis, count in sorted(first.total_by_axis.items())
         )
-        wear = f"{100 * level:g}" if level else "-"
+        wear = shown_level(effect, level)
         lines.append(
             f"| {robot} | {task} | {effect} | {wear} | {first.total} | {by_axis} | "
             + " | ".join(shown)
@@ -142,7 +163,9 @@ def table(result: Isolation) -> str:
         if axes:
             lines += [f"{place}: axes {axes} never turn within the speed window; left out."]
     for place, reason in result.left_out.items():
-        lines += ["", f"{place}: our isolators are left out: {reason}"]
+        lines += ["", f"{place}: {reason}"]
+    for said in other_effects(t.effect for t in result.tallies):
+        lines += ["", said]
     return "\n".join(lines)
 
 

@@ -1,0 +1,61 @@
+"""`faultgen detect`: what is counted, and what is said where detectors cannot learn."""
+
+import numpy as np
+import pytest
+
+from faultgen.dataset import open_dataset
+from faultgen.errors import InputError
+from faultgen.experiment import make_experiment
+from faultgen.studies.detection import detect, detection_table
+from faultgen.studies.wear_model import FRICTION
+from faultgen.sweep import generate
+
+
+@pytest.fixture(scope="module")
+def made(tiny_robot_path, tiny_task_path, tmp_path_factory):
+    def make(name, **changes):
+        out = tmp_path_factory.mktemp(name)
+        base = {"robot": tiny_robot_path, "task": tiny_task_path, "axis": [1], "cycles": 30}
+        generate(make_experiment(base | changes), out, progress=False)
+        return open_dataset(out)
+
+    return make
+
+
+def test_wear_is_detected_and_the_healthy_robot_stands_beside(made):
+    """Noise drawn anew: the best detector finds 20 % wear in every draw, seldom the healthy one."""
+    result = detect(made("plain"), seeds=4, levels=(0.1, 0.2), progress=False)
+    cells = {(row["method"], row["level"]): row for row in result.results}
+    assert cells[FRICTION, 0.2]["alarms"] == cells[FRICTION, 0.2]["total"] == 4
+    assert cells[FRICTION, 0.0]["alarms"] <= 1
+    assert set(result.healthy_cycles.values()) == {300}
+    # an alarm stays: by a higher level there are at least as many
+    for method in {row["method"] for row in result.results}:
+        assert cells[method, 0.1]["alarms"] <= cells[method, 0.2]["alarms"]
+    text = detection_table(result)
+    assert "300 cycles" in text and "| 20 % |" in text
+
+
+def test_stored_noise_learns_from_other_seeds(made):
+    """With realistic noise a run is judged by healthy runs of other seeds only."""
+    dataset = made("stored", sensors="realistic", repetitions=3)
+    result = detect(dataset, progress=False)
+    assert not result.redrawn and result.seeds == 3
+    assert set(result.healthy_cycles.values()) == {60}
+    with pytest.raises(InputError, match="'realistic' runs differ in their motion"):
+        detect(dataset, sensors="thesis", progress=False)
+
+
+def test_what_is_missing_is_said(made):
+    """One seed with stored noise; no healthy run; no torque in the files; other effects."""
+    with pytest.raises(InputError, match="of another seed to learn from"):
+        detect(made("one", sensors="realistic"), progress=False)
+    with pytest.raises(InputError, match="no healthy run to learn from"):
+        detect(made("worn", healthy=False), progress=False)
+    bare = detect(made("bare", sensors="realistic", repetitions=3, signals="none"), progress=False)
+    assert FRICTION not in {row["method"] for row in bare.results}
+    assert any(FRICTION in reason for reason in bare.left_out.values())
+    other = detect(made("other", effect="backlash", severity=1e-3), seeds=2, progress=False)
+    text = detection_table(other)
+    assert "backlash: our isolators look for friction wear" in text and "| 0.001 rad |" in text
+    assert np.isfinite([row["share"] for row in other.results]).all()
