@@ -96,7 +96,7 @@ def test_isolate_prints_the_form_of_table_6_2(dataset):
     text = faultgen("isolate", dataset, "--seeds", "3").stdout
     assert "| robot | task | effect | severity | answers |" in text
     for wear in ("1", "5", "10", "15"):
-        assert f"| tiny | swing | friction_wear | {wear} | 6 |" in text
+        assert f"| tiny | swing | friction_wear | {wear} % | 6 |" in text
     assert "| tiny | swing | healthy | - | 3 |" in text
     rows = json.loads(faultgen("isolate", dataset, "--seeds", "3", "--json").stdout)["results"]
     row = next(r for r in rows if r["level"] == 0.15 and r["method"] == "TE 5 bins")

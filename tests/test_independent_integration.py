@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from independent import TOLERANCE, from_busy_move, integrate
 
-from faultgen import simulate
 from faultgen.motion import Motion, plan
 from faultgen.robot import COULOMB, STICTION, Robot, load_robot
 from faultgen.servo import control_signal
-from faultgen.simulate import Cycle
+from faultgen.simulate import Cycle, simulate
 from faultgen.tasks import load_task
 
 SECONDS = 2.5
@@ -48,11 +47,9 @@ def both(name: str, wear: bool) -> tuple[Cycle, Cycle]:
     model = worn(motion.robot) if wear else motion.robot.model
     step = model.opt.timestep
     control = control_signal(motion, step)
-    with pytest.MonkeyPatch.context() as patch:
-        # begin one step before the motion, at rest
-        patch.setattr(simulate, "LEAD_IN", step)
-        run = simulate.simulate(motion.robot, control, [model], sample_period=SAMPLE_PERIOD)
-        whole = next(run)
+    # begin one step before the motion, at rest
+    run = simulate(motion.robot, control, [model], sample_period=SAMPLE_PERIOD, lead_in=step)
+    whole = next(run)
     cycle = Cycle(**{channel: values[: len(TIMES)] for channel, values in vars(whole).items()})
     return cycle, integrate(motion, model, TIMES, start=-step)
 

@@ -13,7 +13,7 @@ def coloured(rng, n, memory, deviation):
 def test_noise_under_a_slow_effect():
     """White and coloured noise are found although an effect ten times as large lies under them."""
     rng = np.random.default_rng(0)
-    n, parts = 20_000, [slice(0, 8000), slice(8000, 20_000)]
+    n, parts = 100_000, [slice(0, 8000), slice(8000, 100_000)]
     time = np.arange(n) * 0.004
     effect = 10 * np.sin(2 * np.pi * 0.5 * time)
     gap = np.stack([coloured(rng, n, m, d) for m, d in ((0.0, 1.0), (0.6, 1.0), (0.8, 0.5))], 1)

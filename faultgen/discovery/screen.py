@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from joblib import Parallel, delayed
+from tqdm import tqdm
 
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.replay import replay
@@ -82,7 +83,10 @@ def sensitivities(
     steps = [get_effect(name).step for name, _ in names]
     runs: list[list[tuple[str, int, float]]] = [[]]
     runs += [[(name, axis, step)] for (name, axis), step in zip(names, steps, strict=True)]
-    torque = Parallel(n_jobs=workers)(delayed(replay)(recording, robot, run) for run in runs)
+    done = Parallel(n_jobs=workers, return_as="generator")(
+        delayed(replay)(recording, robot, run) for run in runs
+    )
+    torque = list(tqdm(done, total=len(runs), unit="replay", desc="probing", disable=None))
     return np.stack([(t - torque[0]) / step for t, step in zip(torque[1:], steps, strict=True)])
 
 

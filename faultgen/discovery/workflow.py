@@ -78,7 +78,7 @@ def discover(
         result["gap"]["validation"] = _validation(other, model, naming)
     result["seconds"] = round(time.monotonic() - started, 1)
     if out is not None:
-        from faultgen.discovery.report import write_discovery_report
+        from faultgen.report.discovery_report import write_discovery_report
 
         folder = Path(out)
         folder.mkdir(parents=True, exist_ok=True)
