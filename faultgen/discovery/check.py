@@ -13,7 +13,7 @@ from scipy.signal import savgol_filter
 
 from faultgen.arm import Arm
 from faultgen.discovery.recording import Recording
-from faultgen.robot import Robot
+from faultgen.robot import STRIBECK_VELOCITY, Robot
 from faultgen.servo import motor_torque
 
 _SMOOTHING = 0.06  # window of the derivatives [s]
@@ -196,7 +196,7 @@ def _velocity(recording: Recording, derived: np.ndarray) -> list[Finding]:
 def _excitation(recording: Recording, robot: Robot, q: np.ndarray, qd: np.ndarray) -> list[Finding]:
     findings = []
     friction = robot.ids("actuator", "friction")
-    stribeck = robot.model.actuator_biasprm[friction, 5]
+    stribeck = robot.model.actuator_biasprm[friction, STRIBECK_VELOCITY]
     speed = np.abs(qd * robot.gear_ratio)
     for axis in range(robot.n_axes):
         if np.ptp(q[:, axis]) < _STILL:

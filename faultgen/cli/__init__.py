@@ -1,0 +1,49 @@
+"""The command line. Results go to stdout, progress and messages to stderr.
+
+Exit status: 0 done, 1 failed while running, 2 bad input (one line), 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+from faultgen.cli import data, judge, lists
+from faultgen.cli.app import app
+from faultgen.errors import InputError, SimulationFailed
+
+__all__ = ["data", "judge", "lists", "main"]
+
+_INTERRUPTED = 130
+
+
+def main() -> None:
+    """Run the command line and exit with its status."""
+    try:
+        status = app(standalone_mode=False)
+        if status == _INTERRUPTED:  # the command-line library has caught Ctrl-C
+            raise KeyboardInterrupt
+    except InputError as error:
+        _fail(str(error), 2)
+    except KeyboardInterrupt:
+        _fail("stopped; run the same command again to go on", _INTERRUPTED)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+    except (SimulationFailed, OSError) as error:
+        _fail(" ".join(str(error).split()), 1)
+    except Exception as error:
+        # usage errors of the command-line library
+        if not hasattr(error, "format_message"):
+            raise
+        message = error.format_message()
+        if message.startswith("Usage:"):  # no command given: the help page
+            print(message)
+            sys.exit(2)
+        _fail(" ".join(message.split()), 2)
+    sys.exit(status if isinstance(status, int) else 0)
+
+
+def _fail(message: str, status: int) -> None:
+    print(f"faultgen: {message}", file=sys.stderr)
+    sys.exit(status)

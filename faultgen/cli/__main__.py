@@ -1,0 +1,5 @@
+"""python -m faultgen.cli."""
+
+from faultgen.cli import main
+
+main()

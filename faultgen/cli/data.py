@@ -1,0 +1,211 @@
+"""Commands that make and describe datasets."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from faultgen.cli.app import Folder, Json, Out, Workers, app, print_json, print_table, worker_count
+from faultgen.errors import InputError, SimulationFailed
+
+
+@app.command()
+def generate(
+    experiment: Annotated[
+        Path | None, typer.Argument(help="Experiment file (TOML); or else give the flags.")
+    ] = None,
+    out: Out = Path("dataset"),
+    robot: Annotated[
+        str | None, typer.Option(help="Robot, or the path of an MJCF; several: a,b.")
+    ] = None,
+    task: Annotated[
+        str | None, typer.Option(help="Task, or the path of a task file; several: a,b.")
+    ] = None,
+    axis: Annotated[
+        str | None, typer.Option(help="Axes that wear, one run each: 1,2,3; at once: 2+3.")
+    ] = None,
+    effect: Annotated[str | None, typer.Option(help="Effect; several: a,b. See: effects.")] = None,
+    severity: Annotated[
+        str | None, typer.Option(help="Final severity, 0.1 = 10 %; several: 0.1,0.2.")
+    ] = None,
+    schedule: Annotated[
+        str | None,
+        typer.Option(help="exponential (thesis 6.6), sigmoid (3.7), linear, step or constant."),
+    ] = None,
+    cycles: Annotated[int | None, typer.Option(help="Cycles a run.")] = None,
+    sensors: Annotated[str | None, typer.Option(help="none, thesis or realistic.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the first repetition.")] = None,
+    repetitions: Annotated[
+        int | None, typer.Option(help="Repeat everything with so many seeds.")
+    ] = None,
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Generate a labelled dataset; run the same command again to resume.
+
+    Every combination of robot, task, effect, axis and severity is a run, and the healthy robot is
+    one more. Without flags of their own, axes are 1 to 6, the effect is friction_wear, the severity
+    0.2, the schedule exponential, 100 cycles, no noise.
+
+    \b
+    faultgen generate --robot irb6700 --task spot_weld --axis 3 --cycles 50 -o out
+    faultgen generate experiment.toml -o out
+    """  # noqa: D301
+    from faultgen.experiment import load_experiment, make_experiment
+    from faultgen.sweep import generate as run_generate
+
+    flags: dict[str, Any] = {
+        "robot": _split(robot),
+        "task": _split(task),
+        "axis": _axes(axis),
+        "effect": _split(effect),
+        "severity": _numbers(severity),
+        "schedule": schedule,
+        "cycles": cycles,
+        "sensors": sensors,
+        "seed": seed,
+        "repetitions": repetitions,
+    }
+    given = {name: value for name, value in flags.items() if value is not None}
+    if experiment is not None and given:
+        raise InputError(f"give an experiment file or flags, not both: --{next(iter(given))}")
+    if experiment is not None:
+        chosen = load_experiment(experiment)
+    else:
+        for name in ("robot", "task"):
+            if name not in given:
+                raise InputError(f"give an experiment file, or --robot and --task: no --{name}")
+        chosen = make_experiment(given)
+    summary = run_generate(chosen, out, workers=worker_count(workers))
+    if as_json:
+        print_json(asdict(summary))
+    else:
+        print(
+            f"{out}: {summary.planned} runs, {summary.done} made now, {summary.kept} there before, "
+            f"{len(summary.failed)} failed"
+        )
+        for run_id, reason in summary.failed.items():
+            print(f"failed: {run_id}: {reason}")
+    if summary.failed:
+        raise typer.Exit(1)
+
+
+@app.command()
+def info(folder: Folder, as_json: Json = False) -> None:
+    """Tell what a dataset holds, and whether it is complete and intact."""
+    from faultgen.dataset import open_dataset
+
+    dataset = open_dataset(folder)
+    damaged = dataset.damaged()
+    broken = {Path(name).stem for name in damaged}
+    rows = []
+    for run_id, parameters in dataset.planned.items():
+        state = "missing" if run_id in dataset.missing else "ok"
+        state = "failed" if run_id in dataset.failed else state
+        state = "damaged" if run_id in broken else state
+        rows.append(
+            {
+                "run": run_id,
+                "robot": Path(parameters["robot"]).stem,
+                "task": Path(parameters["task"]).stem,
+                "effect": parameters["effect"],
+                "axes": "+".join(map(str, parameters["axes"])) or "-",
+                "severity": parameters["severity"],
+                "cycles": parameters["cycles"],
+                "sensors": parameters["sensors"],
+                "seed": parameters["seed"],
+                "state": state,
+            }
+        )
+    merged = folder / "dataset.h5"
+    whole = not damaged and not dataset.missing and merged.is_file()
+    result = {
+        "folder": str(folder),
+        "complete": not dataset.missing and merged.is_file(),
+        "intact": not damaged,
+        "runs": rows,
+        "missing": dataset.missing,
+        "failed": dataset.failed,
+        "damaged": damaged,
+    }
+    if as_json:
+        print_json(result)
+    else:
+        print_table(rows)
+        print(f"{len(rows)} runs planned, {len(dataset.missing)} missing, {len(damaged)} damaged")
+        for run_id, reason in dataset.failed.items():
+            print(f"failed: {run_id}: {reason}")
+        for name, reason in damaged.items():
+            print(f"damaged: {name}: {reason}")
+        if not merged.is_file():
+            print("dataset.h5 is missing")
+        print("complete and intact" if whole else "not whole: run the generate command again")
+    if not whole:
+        raise typer.Exit(1)
+
+
+@app.command()
+def report(folder: Folder, as_json: Json = False) -> None:
+    """Write report.html, self-contained: figures of a dataset and what isolators answer."""
+    from faultgen.report import write_report
+
+    path = write_report(folder)
+    print_json({"report": str(path)}) if as_json else print(path)
+
+
+@app.command()
+def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = False) -> None:
+    """The main job in under a minute: wear sweep, dataset, isolators, report."""
+    from faultgen.dataset import open_dataset
+    from faultgen.experiment import make_experiment
+    from faultgen.report import write_report
+    from faultgen.studies.isolation import isolate as run_isolate
+    from faultgen.studies.tally import save, table, to_dict
+    from faultgen.sweep import generate as run_generate
+
+    chosen = make_experiment(
+        {
+            "robot": "puma560",
+            "task": "pick_and_place",
+            "cycles": 30,
+            "signals": ["signals/motor_velocity", "signals/motor_torque"],
+        }
+    )
+    summary = run_generate(chosen, out, workers=worker_count(workers))
+    if summary.failed:
+        raise SimulationFailed("; ".join(summary.failed.values()))
+    result = run_isolate(open_dataset(out), progress=False)
+    save(result, out)
+    path = write_report(out, result)
+    if as_json:
+        print_json({**asdict(summary), "isolation": to_dict(result), "report": str(path)})
+        return
+    print(table(result))
+    print(f"\ndataset: {out / 'dataset.h5'}\nreport:  {path}")
+
+
+def _split(text: str | None) -> list[str] | None:
+    return None if text is None else [part.strip() for part in text.split(",")]
+
+
+def _axes(text: str | None) -> list[list[int]] | None:
+    if text is None:
+        return None
+    try:
+        return [[int(axis) for axis in part.split("+")] for part in text.split(",")]
+    except ValueError:
+        raise InputError(
+            f"axis '{text}': give numbers such as 1,2,3, or 2+3 for two at once"
+        ) from None
+
+
+def _numbers(text: str | None) -> list[float] | None:
+    if text is None:
+        return None
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(f"severity '{text}': give numbers such as 0.1,0.2") from None

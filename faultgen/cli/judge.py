@@ -1,0 +1,130 @@
+"""Commands that judge: detectors, isolators, studies, discovery."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from faultgen.cli.app import Folder, Json, Out, Workers, app, print_json, worker_count
+
+
+@app.command()
+def detect(
+    folder: Folder,
+    sensors: Annotated[
+        str | None,
+        typer.Option(help="Noise to draw anew; default: thesis, or the noise the data has."),
+    ] = None,
+    seeds: Annotated[int, typer.Option(help="Draws of the noise for each run.")] = 20,
+    as_json: Json = False,
+) -> None:
+    """Tell by every detector whether anything is worn, by task and wear.
+
+    Detectors learn from healthy cycles: of the dataset's healthy run with other noise, or, where
+    the noise is stored, of healthy runs of other seeds (generate with repetitions). Shares have
+    95 % Wilson intervals. The result is also written to detection.json in the folder.
+    """
+    from faultgen.dataset import open_dataset
+    from faultgen.studies.detection import detect as run_detect
+    from faultgen.studies.detection import detection_table, save_detection
+
+    result = run_detect(open_dataset(folder), sensors=sensors, seeds=seeds)
+    save_detection(result, folder)
+    print_json(vars(result)) if as_json else print(detection_table(result))
+
+
+@app.command()
+def isolate(
+    folder: Folder,
+    sensors: Annotated[
+        str | None,
+        typer.Option(help="Noise to draw anew; default: thesis, or the noise the data has."),
+    ] = None,
+    seeds: Annotated[int, typer.Option(help="Draws of the noise for each run.")] = 20,
+    as_json: Json = False,
+) -> None:
+    """Name the worn axis of every run by each isolator, in the form of thesis table 6.2.
+
+    Ours learn from healthy cycles: of the dataset's healthy run with other noise, or, where the
+    noise is stored, of healthy runs of other seeds (generate with repetitions). Shares of right
+    answers have 95 % Wilson intervals; rows 'healthy' tell how often an axis is named though none
+    is worn. The result is also written to isolation.json in the folder.
+    """
+    from faultgen.dataset import open_dataset
+    from faultgen.studies.isolation import isolate as run_isolate
+    from faultgen.studies.tally import save, table, to_dict
+
+    result = run_isolate(open_dataset(folder), sensors=sensors, seeds=seeds)
+    save(result, folder)
+    print_json(to_dict(result)) if as_json else print(table(result))
+
+
+@app.command()
+def study(
+    name: Annotated[str, typer.Argument(help="detection or isolation.")],
+    out: Out = Path("study-out"),
+    quick: Annotated[bool, typer.Option(help="Fewer seeds, for a first look.")] = False,
+    seed: Annotated[int, typer.Option(help="Root of all draws; docs/ reports the default.")] = 2026,
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Run a whole study: simulate, judge every method, write tables and figures.
+
+    The folder gets results.json, tables.md and figures/. Simulated cycles stay there, and are used
+    again by the next call.
+    """
+    from faultgen.studies.study import run_study
+
+    result = run_study(name, out, quick=quick, seed=seed, workers=worker_count(workers))
+    if as_json:
+        print_json(result)
+        return
+    for goal in result["goals"]:
+        print(f"{goal['name']}: {goal['measured']} (goal {goal['goal']}; thesis {goal['thesis']})")
+    print(f"\ntables:  {out / 'tables.md'}\nfigures: {out / 'figures'}")
+
+
+@app.command()
+def discover(
+    measured: Annotated[Path, typer.Argument(help="Recording of the robot (HDF5 or CSV).")],
+    robot: Annotated[str, typer.Option(help="Robot, or the path of an MJCF.")],
+    healthy: Annotated[
+        Path | None, typer.Option(help="Recording of the same motions before the change.")
+    ] = None,
+    validate: Annotated[
+        Path | None, typer.Option(help="Recording of other motions, for scoring only.")
+    ] = None,
+    out: Out = Path("discovery-out"),
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Name the effect that a measured robot has and its healthy twin lacks.
+
+    The folder gets discovery.json, model.xml (the robot with the effects in it) and report.html.
+    A first version: it needs --healthy, and its answers were tried on simulated recordings only.
+    """
+    from faultgen.discovery import discover as run_discover
+
+    result = run_discover(
+        measured, robot, healthy, validate, out=out, workers=worker_count(workers)
+    )
+    for warning in result["warnings"]:
+        print(f"faultgen: {warning}", file=sys.stderr)
+    if as_json:
+        print_json(result)
+        return
+    print(result["verdict"])
+    for one in result["effects"]:
+        low, high = one["interval"]["severity"]
+        print(
+            f"{one['effect']} on axis {one['axis']}: {one['parameters']['severity']:.4g} "
+            f"[{low:.4g}, {high:.4g}], {one['parameters']['unit']}; "
+            f"confidence {one['confidence']:.2f}"
+        )
+    if result["unexplained"]:
+        print(result["unexplained"])
+    gap = result["gap"]
+    print(f"gap {gap['before']:.4f}, after {gap['after']:.4f}, floor {gap['floor']:.4f}")

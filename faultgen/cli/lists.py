@@ -1,0 +1,78 @@
+"""Commands that list what there is."""
+
+from __future__ import annotations
+
+from faultgen.cli.app import Json, app, print_json, print_table
+
+
+@app.command()
+def robots(as_json: Json = False) -> None:
+    """List the robots, with their limits by axis."""
+    from faultgen.robot import load_robot, robot_names
+
+    rows = []
+    for name in robot_names():
+        robot = load_robot(name)
+        rows += [
+            {
+                "robot": name,
+                "axis": axis + 1,
+                "gear_ratio": round(float(robot.gear_ratio[axis]), 4),
+                "range [deg]": "{:.0f} to {:.0f}".format(*robot.joint_range[axis] * 57.29578),
+                "motor_speed [rad/s]": float(robot.motor_velocity_limit[axis]),
+                "motor_torque [N m]": float(robot.motor_torque_limit[axis]),
+            }
+            for axis in range(robot.n_axes)
+        ]
+    print_json(rows) if as_json else print_table(rows)
+
+
+@app.command()
+def tasks(as_json: Json = False) -> None:
+    """List the tasks of each robot, with cycle time and time in the speed window."""
+    from faultgen.motion import plan
+    from faultgen.robot import load_robot, robot_names
+    from faultgen.tasks import load_task, task_names
+
+    rows = []
+    for name in robot_names():
+        robot = load_robot(name)
+        for task_name in task_names(name):
+            task = load_task(name, task_name)
+            motion = plan(task, robot)
+            share = " ".join(f"{100 * value:.0f}" for value in motion.window_share)
+            rows.append(
+                {
+                    "robot": name,
+                    "task": task_name,
+                    "cycle [s]": round(motion.period, 2),
+                    "window share [%], axis 1 to 6": share,
+                    "description": task.description,
+                }
+            )
+    print_json(rows) if as_json else print_table(rows)
+
+
+@app.command()
+def effects(as_json: Json = False) -> None:
+    """List the effects: what each does, its unit, its signature, what carries it in MuJoCo."""
+    from faultgen.effects import EFFECTS
+
+    rows = [
+        {
+            "effect": effect.name,
+            "severity": effect.unit,
+            "description": effect.description,
+            "signature": effect.signature,
+            "element": effect.element,
+            "source": effect.source,
+        }
+        for effect in EFFECTS.values()
+    ]
+    if as_json:
+        print_json(rows)
+        return
+    for row in rows:
+        print(row.pop("effect"))
+        for name, value in row.items():
+            print(f"  {name + ':':13} {value}")
