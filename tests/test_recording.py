@@ -198,5 +198,8 @@ def test_bad_csv(tmp_path):
     (tmp_path / "w.csv").write_text("time,a\n0,x\n")
     with pytest.raises(InputError, match="not a table of numbers"):
         read_recording(tmp_path / "w.csv")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="no such file"):
         read_recording(tmp_path / "none.h5")
+    (tmp_path / "n.h5").write_text("not HDF5")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_recording(tmp_path / "n.h5")

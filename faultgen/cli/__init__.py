@@ -19,6 +19,8 @@ _INTERRUPTED = 130
 
 def main() -> None:
     """Run the command line and exit with its status."""
+    # when interrupted, two processes of joblib may clear up the same folder, and one complains
+    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
     try:
         status = app(standalone_mode=False)
         if status == _INTERRUPTED:  # the command-line library has caught Ctrl-C

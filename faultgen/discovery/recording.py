@@ -80,6 +80,8 @@ def read_recording(path: str | Path) -> Recording:
             one line.
     """
     path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
     try:
         named, attributes = _read_csv(path) if path.suffix == ".csv" else _read_hdf5(path)
     except OSError as error:
