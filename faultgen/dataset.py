@@ -38,7 +38,7 @@ class StoredRun:
     def attributes(self) -> dict[str, Any]:
         """Root attributes of the run file."""
         with self._open() as file:
-            return {name: _plain(value) for name, value in file.attrs.items()}
+            return {name: plain_value(value) for name, value in file.attrs.items()}
 
     def __getitem__(self, name: str) -> Any:
         return self.attributes[name]
@@ -72,7 +72,8 @@ class StoredRun:
             yield file
 
 
-def _plain(value: Any) -> Any:
+def plain_value(value: Any) -> Any:
+    """An attribute as Python has it: scalars of numpy become numbers."""
     return value.item() if isinstance(value, np.generic) else value
 
 

@@ -20,7 +20,6 @@ import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import h5py
 import mujoco
@@ -29,11 +28,13 @@ from joblib import Parallel, delayed
 from tqdm import tqdm
 
 from faultgen.condition import Condition, model_at
+from faultgen.dataset import plain_value
 from faultgen.effects.friction import TEMPERATURE_RANGE
 from faultgen.errors import InputError
 from faultgen.robot import load_robot
 from faultgen.run import nominal
 from faultgen.simulate import simulate
+from faultgen.storage import write_arrays
 
 CHANNELS = ("motor_position", "motor_velocity", "motor_torque")
 """What is interpolated."""
@@ -145,15 +146,9 @@ class Surrogate:
 
     def save(self, path: Path) -> None:
         """Write the surrogate to an HDF5 file, whole or not at all."""
-        path.parent.mkdir(parents=True, exist_ok=True)
-        unfinished = path.with_suffix(".part")
-        with h5py.File(unfinished, "w") as file:
-            for name, value in vars(self).items():
-                if isinstance(value, np.ndarray):
-                    file[name] = value
-                else:
-                    file.attrs[name] = value
-        unfinished.replace(path)
+        arrays = {k: v for k, v in vars(self).items() if isinstance(v, np.ndarray)}
+        plain = {k: v for k, v in vars(self).items() if k not in arrays}
+        write_arrays(path, arrays, plain)
 
     @classmethod
     def load(cls, path: Path) -> Surrogate:
@@ -165,14 +160,10 @@ class Surrogate:
         try:
             with h5py.File(path, "r") as file:
                 arrays = {name: file[name][()] for name in file}
-                plain = {name: _plain(value) for name, value in file.attrs.items()}
+                plain = {name: plain_value(value) for name, value in file.attrs.items()}
                 return cls(**arrays, **plain)
         except (OSError, TypeError) as error:
             raise InputError(f"{path}: not a surrogate ({error}); delete it") from None
-
-
-def _plain(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) else value
 
 
 def _lagrange(nodes: Iterable[float], x: np.ndarray) -> np.ndarray:

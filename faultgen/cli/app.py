@@ -44,6 +44,11 @@ Workers = Annotated[
     int | None,
     typer.Option(help="Processes that simulate; default: one a core. No effect on data."),
 ]
+Sensors = Annotated[
+    str | None,
+    typer.Option(help="Noise to draw anew; default: thesis, or the noise the data has."),
+]
+Seeds = Annotated[int, typer.Option(help="Draws of the noise for each run.")]
 Folder = Annotated[Path, typer.Argument(help="Folder of a dataset, as generate writes it.")]
 
 

@@ -8,17 +8,24 @@ from typing import Annotated
 
 import typer
 
-from faultgen.cli.app import Folder, Json, Out, Workers, app, print_json, worker_count
+from faultgen.cli.app import (
+    Folder,
+    Json,
+    Out,
+    Seeds,
+    Sensors,
+    Workers,
+    app,
+    print_json,
+    worker_count,
+)
 
 
 @app.command()
 def detect(
     folder: Folder,
-    sensors: Annotated[
-        str | None,
-        typer.Option(help="Noise to draw anew; default: thesis, or the noise the data has."),
-    ] = None,
-    seeds: Annotated[int, typer.Option(help="Draws of the noise for each run.")] = 20,
+    sensors: Sensors = None,
+    seeds: Seeds = 20,
     as_json: Json = False,
 ) -> None:
     """Tell by every detector whether anything is worn, by task and wear.
@@ -39,11 +46,8 @@ def detect(
 @app.command()
 def isolate(
     folder: Folder,
-    sensors: Annotated[
-        str | None,
-        typer.Option(help="Noise to draw anew; default: thesis, or the noise the data has."),
-    ] = None,
-    seeds: Annotated[int, typer.Option(help="Draws of the noise for each run.")] = 20,
+    sensors: Sensors = None,
+    seeds: Seeds = 20,
     as_json: Json = False,
 ) -> None:
     """Name the worn axis of every run by each isolator, in the form of thesis table 6.2.

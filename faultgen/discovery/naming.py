@@ -7,14 +7,14 @@ probed by re-simulation, screened to first order, and their severities refined b
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 from joblib import Parallel, delayed
 
 from faultgen.discovery.noise import Noise, noise_of
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.replay import Effects, replay, settled
+from faultgen.discovery.replay import Effects, relative_error, replay, settled
 from faultgen.discovery.screen import Candidate, sensitivities
 from faultgen.effects import get_effect
 from faultgen.robot import STRIBECK_VELOCITY, Robot
@@ -54,7 +54,7 @@ class Named:
     """Candidates that the data do not exclude in its place, and their probability."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Naming:
     """What was found."""
 
@@ -72,8 +72,10 @@ class Naming:
     """The same with the effects in the model."""
     excess_error: float
     """Standard deviation of either by chance."""
-    by_axis: tuple[float, ...] = field(default=())
+    by_axis: tuple[float, ...]
     """Share of each axis in the gap before."""
+    change: np.ndarray
+    """Torque that the effects make, on the recorded motions, shape (samples, n_axes)."""
 
     @property
     def significant(self) -> bool:
@@ -160,11 +162,12 @@ def name_effects(
         effects=tuple(chosen),
         gap_before=problem.relative(gap),
         gap_after=problem.relative(gap - explained),
-        floor=problem.floor(),
+        floor=problem.relative(noise.deviation),
         excess_before=first,
         excess_after=problem.excess(problem.white(gap - explained)),
         excess_error=float(np.sqrt(2 / max((choosing[:, None] & problem.counted).sum(), 1))),
         by_axis=tuple((energy / max(energy.sum(), 1e-300)).tolist()),
+        change=explained,
     )
 
 
@@ -250,19 +253,10 @@ def _with_alternatives(
                 worse.append((name, more))
         odds = np.exp([-max(more, 0.0) / 2 for _, more in worse])
         total = 1 + float(odds.sum())
-        out.append(
-            Named(
-                effect=one.effect,
-                axis=one.axis,
-                severity=one.severity,
-                error=one.error,
-                confidence=1 / total,
-                gap_after=one.gap_after,
-                alternatives=tuple(
-                    (name, float(odd) / total) for (name, _), odd in zip(worse, odds, strict=True)
-                ),
-            )
+        others = tuple(
+            (name, float(odd) / total) for (name, _), odd in zip(worse, odds, strict=True)
         )
+        out.append(replace(one, confidence=1 / total, alternatives=others))
     return out
 
 
@@ -295,17 +289,7 @@ class _Problem:
     def relative(self, error: np.ndarray) -> float:
         """RMS error over RMS torque on the choosing samples, root mean square over the axes."""
         use = self.inside & self.choosing[:, None]
-        torque = (np.where(use, self.recording.torque, 0.0) ** 2).sum(axis=0)
-        wrong = (np.where(use, error, 0.0) ** 2).sum(axis=0)
-        seen = torque > 0
-        return float(np.sqrt(np.mean(wrong[seen] / torque[seen])))
-
-    def floor(self) -> float:
-        use = self.inside & self.choosing[:, None]
-        torque = (np.where(use, self.recording.torque, 0.0) ** 2).sum(axis=0)
-        seen = torque > 0
-        noise = self.noise.deviation**2 * use.sum(axis=0)
-        return float(np.sqrt(np.mean(noise[seen] / torque[seen])))
+        return relative_error(error**2, self.recording, use)
 
     def refine(
         self, gap: np.ndarray, base: np.ndarray, named: Sequence[Candidate], start: np.ndarray

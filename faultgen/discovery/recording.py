@@ -14,7 +14,7 @@ optional. A CSV file has a column ``time`` [s] instead of the period, and may ha
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ import h5py
 import numpy as np
 
 from faultgen.errors import InputError
+from faultgen.storage import write_arrays
 
 _ARRAYS = ("position", "torque", "velocity", "reference_position", "temperature")
 _UNEVEN = 0.05  # share of the sample period by which times may scatter
@@ -203,14 +204,16 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     """
     side = recording.side
     own = {"position", "torque", "velocity"}
-    with h5py.File(path, "w") as file:
-        for field in fields(recording):
-            value = getattr(recording, field.name)
-            if field.name in _ARRAYS and value is not None:
-                name = f"{side}_{field.name}" if field.name in own else field.name
-                file[name] = value
-        file.attrs["robot"] = recording.robot
-        file.attrs["sample_period"] = recording.sample_period
-        file.attrs["segments"] = recording.segments
-        if recording.payload_mass is not None:
-            file.attrs["payload_mass"] = recording.payload_mass
+    arrays = {
+        f"{side}_{name}" if name in own else name: getattr(recording, name)
+        for name in _ARRAYS
+        if getattr(recording, name) is not None
+    }
+    attributes: dict[str, Any] = {
+        "robot": recording.robot,
+        "sample_period": recording.sample_period,
+        "segments": recording.segments,
+    }
+    if recording.payload_mass is not None:
+        attributes["payload_mass"] = recording.payload_mass
+    write_arrays(Path(path), arrays, attributes)

@@ -80,6 +80,20 @@ def replay(recording: Recording, robot: Robot, effects: Effects = ()) -> np.ndar
     return torque if recording.side == "motor" else torque * ratio
 
 
+def relative_error(square: np.ndarray, recording: Recording, inside: np.ndarray) -> float:
+    """RMS error over RMS torque, root mean square over the axes.
+
+    Args:
+        square: Squared error of each sample, or of each axis; shape (samples, n_axes) or (n_axes,).
+        recording: Where the torque is taken from.
+        inside: Samples that count, shape (samples, n_axes).
+    """
+    torque = (np.where(inside, recording.torque, 0.0) ** 2).sum(axis=0)
+    wrong = np.where(inside, square, 0.0).sum(axis=0)
+    seen = torque > 0
+    return float(np.sqrt(np.mean(wrong[seen] / torque[seen])))
+
+
 def settled(recording: Recording, robot: Robot) -> np.ndarray:
     """Samples that a replay can be compared at, as a mask of shape (samples, n_axes).
 

@@ -16,7 +16,7 @@ import numpy as np
 from faultgen.discovery.check import check_recording
 from faultgen.discovery.naming import Naming, name_effects, to_probe
 from faultgen.discovery.recording import Recording, read_recording
-from faultgen.discovery.replay import replay, settled
+from faultgen.discovery.replay import relative_error, replay, settled
 from faultgen.discovery.screen import candidates
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
@@ -83,7 +83,10 @@ def discover(
         folder = Path(out)
         folder.mkdir(parents=True, exist_ok=True)
         write_text(folder / "model.xml", _model_xml(model, result))
-        write_discovery_report(folder / "report.html", result, worn, twin, model)
+        change = naming.change if result["effects"] else np.zeros_like(worn.torque)
+        write_discovery_report(
+            folder / "report.html", result, worn.torque - twin.torque, change, worn.sample_period
+        )
         write_text(folder / "discovery.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
     return result
 
@@ -182,10 +185,8 @@ def _validation(recording: Recording, robot: Robot, naming: Naming) -> dict[str,
     inside = settled(recording, robot)
 
     def gap(chosen: list[tuple[str, int, float]]) -> float:
-        error = np.where(inside, recording.torque - replay(recording, robot, chosen), 0.0)
-        torque = np.where(inside, recording.torque, 0.0)
-        size = (torque**2).sum(axis=0)
-        return float(np.sqrt(np.mean((error**2).sum(axis=0)[size > 0] / size[size > 0])))
+        error = recording.torque - replay(recording, robot, chosen)
+        return relative_error(error**2, recording, inside)
 
     return {"before": gap([]), "after": gap(effects)}
 

@@ -40,6 +40,17 @@ class Effect:
     edit: Callable[[mujoco.MjSpec, int, float], None]
     """Changes the model in place: (spec, axis from 1, severity)."""
 
+    @property
+    def in_fractions(self) -> bool:
+        """Whether severity is a fraction of a nominal value."""
+        return self.unit == _FRACTION
+
+    def shown(self, severity: float) -> str:
+        """A severity for people, with its unit."""
+        if self.in_fractions:
+            return f"{100 * severity:g} %"
+        return f"{severity:g} {self.unit.split(',')[0].split(' of ')[0]}"
+
     def apply(self, spec: mujoco.MjSpec, axis: int, severity: float) -> None:
         """Put the effect into a model. Severity 0 leaves the model exactly as it is."""
         if severity != 0:

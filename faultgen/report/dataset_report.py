@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from analysis.plots import plot_accuracy, plot_net_transfer_entropy, plot_series, style
 from analysis.transfer_entropy import net_transfer_entropy
 from faultgen.dataset import Dataset, StoredRun, open_dataset
+from faultgen.effects import get_effect
 from faultgen.report.page import image, page
 from faultgen.storage import write_text
 from faultgen.studies.isolation import isolate
@@ -99,7 +100,8 @@ def _wear_figure(runs: list[StoredRun]) -> Figure:
 def _name(run: StoredRun) -> str:
     if run["axis"] == 0:
         return "healthy"
-    return f"{run['effect']} {100 * run['severity']:g} %, seed {run['seed']}"
+    shown = get_effect(run["effect"]).shown(run["severity"])
+    return f"{run['effect']} {shown}, seed {run['seed']}"
 
 
 def _isolation_figure(runs: list[StoredRun], result: Isolation, robot: str, task: str) -> Figure:

@@ -15,27 +15,22 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from analysis.plots import COLOURS, style
-from faultgen.discovery.recording import Recording
-from faultgen.discovery.replay import replay
 from faultgen.report.page import image, page
-from faultgen.robot import Robot
 from faultgen.storage import write_text
 
 
 def write_discovery_report(
-    path: Path, result: dict[str, Any], worn: Recording, twin: Recording, robot: Robot
+    path: Path, result: dict[str, Any], gap: np.ndarray, change: np.ndarray, sample_period: float
 ) -> None:
     """Write a self-contained HTML page.
 
     Args:
         path: The file.
         result: Content of ``discovery.json``.
-        worn: The measured recording.
-        twin: That of the healthy twin.
-        robot: The model.
+        gap: Torque measured less that of the healthy twin, shape (samples, n_axes), in [N m].
+        change: What the effects make of it, same shape.
+        sample_period: Time between samples [s].
     """
-    effects = [(e["effect"], e["axis"], e["parameters"]["severity"]) for e in result["effects"]]
-    change = replay(twin, robot, effects) - replay(twin, robot) if effects else 0 * twin.torque
     parts = [
         f"<h1>Verdict: {html.escape(result['verdict'])}</h1>",
         _effects_table(result["effects"], "Effects, in the order added"),
@@ -43,12 +38,12 @@ def write_discovery_report(
         f"<p>{html.escape(result['unexplained'])}</p>",
         _gap_table(result["gap"]),
         image(
-            _overlay(worn.torque - twin.torque, change, worn.sample_period),
+            _overlay(gap, change, sample_period),
             "Torque measured less that of the healthy twin, and what the effects explain of it.",
         ),
         *(f"<p>{html.escape(text)}</p>" for text in result["warnings"]),
     ]
-    write_text(path, page(f"discover: {worn.source}", "\n".join(parts)))
+    write_text(path, page("faultgen discover", "\n".join(parts)))
 
 
 def _effects_table(rows: list[dict[str, Any]], title: str) -> str:

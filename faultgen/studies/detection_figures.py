@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
-
-import matplotlib
-
-matplotlib.use("Agg")  # no display needed
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -20,39 +15,11 @@ from analysis.monitoring_plots import (
     plot_divergence,
     plot_scores,
 )
-from analysis.plots import style
 from faultgen.studies.detection_study import NOISES, TRAINING, WORN
 from faultgen.studies.detectors import KL_EWMA, KL_Q, TORQUE_PCA, WEAR, WEAR_CUSUM
+from faultgen.studies.figures import Figures
 
 _SHOWN = (KL_Q, KL_EWMA, TORQUE_PCA, WEAR_CUSUM, WEAR)
-
-
-def draw(result: dict[str, Any], folder: Path) -> list[Path]:
-    """Draw all figures into a folder.
-
-    Args:
-        result: Of `run_detection`.
-        folder: Where the PNG files go.
-
-    Returns:
-        Their paths.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    figures = {
-        "divergence": _divergence,
-        "control_charts": _charts,
-        "scores": _scores,
-        "detection_delay": _delay,
-    }
-    paths = []
-    for name, make in figures.items():
-        with style():
-            figure = make(result)
-            path = folder / f"{name}.png"
-            figure.savefig(path, dpi=150)
-            plt.close(figure)
-            paths.append(path)
-    return paths
 
 
 def _divergence(result: dict[str, Any]) -> Figure:
@@ -112,3 +79,12 @@ def _delay(result: dict[str, Any]) -> Figure:
         axes.set(ylabel="")
     panels[0, 1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
     return figure
+
+
+FIGURES: Figures = {
+    "divergence": _divergence,
+    "control_charts": _charts,
+    "scores": _scores,
+    "detection_delay": _delay,
+}
+"""What draws each figure, by name."""

@@ -9,7 +9,7 @@ import numpy as np
 from faultgen.studies.counts import share
 from faultgen.studies.detection_study import IN_A_ROW, NOISES, OPERATING, TASKS, WEARS
 from faultgen.studies.detectors import DETECTORS, WEAR
-from faultgen.studies.markdown import percent, table
+from faultgen.studies.markdown import goals_table, percent, table
 
 Rows = list[dict[str, Any]]
 
@@ -95,13 +95,7 @@ def tables(result: dict[str, Any]) -> str:
         f"its torque is sampled: {', '.join(still) or 'none'}; such runs are in the tables by cell "
         "and in no total.",
         "## Goals",
-        table(
-            ["", "thesis", "goal", "measured", "reached"],
-            [
-                [g["name"], g["thesis"], g["goal"], g["measured"], "yes" if g["reached"] else "no"]
-                for g in goals(result)
-            ],
-        ),
+        goals_table(goals(result)),
         "## Table 3.5: the thesis' procedure",
         f"KL, PCA, Q above its 95 % limit in {IN_A_ROW} consecutive hours (assumed), lags. "
         "Runs detected / also located with negative lags as worded / by the letter of eq. 3.5, of "

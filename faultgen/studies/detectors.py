@@ -8,7 +8,6 @@ import numpy as np
 
 from analysis.detection import CUSUMChart, EWMAChart
 from analysis.divergence import HistogramDivergence
-from analysis.isolation import ChangeIsolator
 from analysis.pca import PCAMonitor
 from faultgen.studies.hourly import HourlyMonitored, Record
 
@@ -115,17 +114,8 @@ def _ewma(healthy: np.ndarray, test: np.ndarray) -> np.ndarray:
 def _wear(
     robot: HourlyMonitored, places: np.ndarray, training: int, temperature_varies: bool
 ) -> dict[str, Scored]:
-    extra = int(temperature_varies)
-
-    def widened(vectors: np.ndarray) -> np.ndarray:
-        return np.concatenate([vectors, np.zeros((*vectors.shape[:-1], extra))], axis=-1)
-
-    isolator = ChangeIsolator(
-        directions=widened(robot.directions.value),
-        spread=widened(robot.directions.spread),
-        condition=places.shape[1] - 1 if temperature_varies else None,
-        window=_WINDOW,
-    ).fit([places[:training]])
+    isolator = robot.directions.isolator(temperature_varies=temperature_varies, window=_WINDOW)
+    isolator.fit([places[:training]])
     ends = range(training + 1, len(places) + 1)
     z = np.array([isolator.isolate(places[k - _WINDOW : k]).z for k in ends])
     z = np.where(robot.turning, z, -np.inf)

@@ -115,7 +115,7 @@ def _answers(
 
 def in_fractions(effect: str) -> bool:
     """Whether the severity of an effect is a fraction of nominal, to which levels apply."""
-    return effect == HEALTHY or get_effect(effect).unit.startswith("fraction of nominal")
+    return effect == HEALTHY or get_effect(effect).in_fractions
 
 
 def cuts(run: StoredRun, levels: tuple[float, ...]) -> Iterator[tuple[float, int]]:

@@ -2,52 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
-
-import matplotlib
-
-matplotlib.use("Agg")  # no display needed
 
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
-from analysis.plots import plot_accuracy, plot_net_transfer_entropy, style
+from analysis.plots import plot_accuracy, plot_net_transfer_entropy
+from faultgen.studies.figures import Figures
 from faultgen.studies.isolation import LEVELS
 from faultgen.studies.isolation_tables import pooled
 from faultgen.studies.series import NOISES
 from faultgen.studies.wear_model import ALL_TORQUES, FRICTION, OWN_TORQUE
 
 _SHOWN = ("TE 10 bins", "CC, eq. 3.5", OWN_TORQUE, ALL_TORQUES, FRICTION)
-
-
-def draw(result: dict[str, Any], folder: Path) -> list[Path]:
-    """Draw all figures into a folder.
-
-    Args:
-        result: Of `run_isolation`.
-        folder: Where the PNG files go.
-
-    Returns:
-        Their paths.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    figures: dict[str, Callable[[dict[str, Any]], Figure]] = {
-        "net_transfer_entropy": _heat_maps,
-        "bins": _bins,
-        "accuracy": _accuracy,
-        "severity": _severity,
-    }
-    paths = []
-    for name, make in figures.items():
-        with style():
-            figure = make(result)
-            path = folder / f"{name}.png"
-            figure.savefig(path, dpi=150)
-            plt.close(figure)
-            paths.append(path)
-    return paths
 
 
 def _heat_maps(result: dict[str, Any]) -> Figure:
@@ -146,3 +113,12 @@ def _severity(result: dict[str, Any]) -> Figure:
     panels[0].set_ylabel("RMS error of severity [percentage points]")
     panels[-1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
     return figure
+
+
+FIGURES: Figures = {
+    "net_transfer_entropy": _heat_maps,
+    "bins": _bins,
+    "accuracy": _accuracy,
+    "severity": _severity,
+}
+"""What draws each figure, by name."""

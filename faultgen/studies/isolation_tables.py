@@ -8,7 +8,7 @@ import numpy as np
 
 from faultgen.studies.counts import share
 from faultgen.studies.isolation import LEVELS, METHODS
-from faultgen.studies.markdown import percent, table
+from faultgen.studies.markdown import goals_table, percent, table
 from faultgen.studies.series import NOISES
 from faultgen.studies.tally import THESIS
 from faultgen.studies.wear_model import FRICTION, ISOLATORS
@@ -121,13 +121,7 @@ def tables(result: dict[str, Any]) -> str:
         "Shares in percent with 95 % Wilson intervals. Noise levels: a tenth of the thesis', the "
         "thesis', and `realistic`. Unless said otherwise wear is 20 % after 100 cycles, eq. 6.6.",
         f"## Goals (`realistic` noise, method '{FRICTION}', unless said otherwise)",
-        table(
-            ["", "thesis", "goal", "measured", "reached"],
-            [
-                [g["name"], g["thesis"], g["goal"], g["measured"], "yes" if g["reached"] else "no"]
-                for g in goals(result)
-            ],
-        ),
+        goals_table(goals(result)),
         "## Axis isolated, all robots, tasks and axes",
         table(
             ["noise", "wear %", *EVERY_METHOD],

@@ -12,6 +12,17 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
 
 
+def goals_table(goals: Sequence[dict[str, Any]]) -> str:
+    """Goals of a study beside the thesis and what was measured."""
+    return table(
+        ["", "thesis", "goal", "measured", "reached"],
+        [
+            [g["name"], g["thesis"], g["goal"], g["measured"], "yes" if g["reached"] else "no"]
+            for g in goals
+        ],
+    )
+
+
 def percent(row: dict[str, Any]) -> str:
     """A share with its interval, in percent."""
     return f"{100 * row['share']:.1f} [{100 * row['low']:.1f}, {100 * row['high']:.1f}]"

@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 
 from faultgen.sensors import SENSORS, Sensors
+from faultgen.storage import write_arrays
 from faultgen.studies.monitored import Monitored
 from faultgen.studies.wear_model import Observed
 from faultgen.surrogate import Surrogate
@@ -129,10 +130,5 @@ def make_series(block: Block, surrogate: Path, folder: Path) -> Series:
         friction=np.array([s.friction for s in seen]),
         temperature=np.array([s.temperature for s in seen]),
     )
-    folder.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_suffix(".part")
-    with h5py.File(unfinished, "w") as file:
-        for name, value in vars(series).items():
-            file[name] = value
-    unfinished.replace(path)
+    write_arrays(path, vars(series), {})
     return series

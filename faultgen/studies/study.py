@@ -12,6 +12,7 @@ from typing import Any
 
 from faultgen.errors import InputError
 from faultgen.storage import write_text
+from faultgen.studies.figures import Figures, draw
 
 STUDIES = {
     "detection": "chapter 3: from which hour on wear is detected and located, PUMA 560",
@@ -27,7 +28,7 @@ Parts = tuple[
     Callable[..., dict[str, Any]],
     Callable[[dict[str, Any]], list[dict[str, Any]]],
     Callable[[dict[str, Any]], str],
-    Callable[[dict[str, Any], Path], list[Path]],
+    Figures,
 ]
 """Run, goals, tables, figures."""
 
@@ -61,7 +62,7 @@ def run_study(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{out}: cannot be used as a folder ({error.strerror})") from None
-    run, goals, tables, draw = _detection(quick) if name == "detection" else _isolation(quick)
+    run, goals, tables, figures = _detection(quick) if name == "detection" else _isolation(quick)
     found = run(out, seed=seed, workers=workers)
     result = {
         "study": name,
@@ -71,7 +72,7 @@ def run_study(
         **found,
     }
     write_text(out / "tables.md", tables(result))
-    draw(result, out / "figures")
+    draw(figures, result, out / "figures")
     result["seconds"] = round(time.monotonic() - started, 1)
     write_text(out / "results.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
     return result
@@ -79,17 +80,17 @@ def run_study(
 
 def _detection(quick: bool) -> Parts:
     from faultgen.studies import detection_study as study
-    from faultgen.studies.detection_figures import draw
+    from faultgen.studies.detection_figures import FIGURES
     from faultgen.studies.detection_tables import goals, tables
 
     size = study.QUICK if quick else study.FULL
-    return partial(study.run_detection, size=size), goals, tables, draw
+    return partial(study.run_detection, size=size), goals, tables, FIGURES
 
 
 def _isolation(quick: bool) -> Parts:
     from faultgen.studies import isolation_study as study
-    from faultgen.studies.isolation_figures import draw
+    from faultgen.studies.isolation_figures import FIGURES
     from faultgen.studies.isolation_tables import goals, tables
 
     size = study.QUICK if quick else study.FULL
-    return partial(study.run_isolation, size=size), goals, tables, draw
+    return partial(study.run_isolation, size=size), goals, tables, FIGURES

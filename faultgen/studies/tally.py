@@ -8,10 +8,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from statsmodels.stats.proportion import proportion_confint
-
 from faultgen.effects import HEALTHY, get_effect
 from faultgen.storage import write_text
+from faultgen.studies.counts import wilson
 
 # Thesis table 6.2, percent right of six axes, one simulation each; columns TE 10, TE 5 and CC
 THESIS = {
@@ -65,8 +64,7 @@ class Tally:
     @property
     def interval(self) -> tuple[float, float]:
         """Wilson interval of the accuracy, 95 %."""
-        low, high = proportion_confint(self.right, self.total, method="wilson")
-        return float(low), float(high)
+        return wilson(self.right, self.total)
 
     def add(self, answer: int, worn: tuple[int, ...]) -> None:
         """Count one answer (axis from 1, 0 for none)."""
@@ -102,11 +100,7 @@ class Isolation:
 
 def shown_level(effect: str, level: float) -> str:
     """A severity in the unit of its effect; '-' for the healthy robot."""
-    if not level:
-        return "-"
-    if get_effect(effect).unit.startswith("fraction of nominal"):
-        return f"{100 * level:g} %"
-    return f"{level:g} {get_effect(effect).unit.split(',')[0].split(' of ')[0]}"
+    return get_effect(effect).shown(level) if level else "-"
 
 
 def other_effects(effects: Iterable[str]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -50,6 +51,21 @@ class Directions:
     spread: np.ndarray
     """How it differs at other temperatures and severities, shape (n_axes, vectors, features)."""
 
+    def isolator(self, *, temperature_varies: bool, **options: Any) -> ChangeIsolator:
+        """An isolator by these directions, not fitted.
+
+        Args:
+            temperature_varies: Whether the temperature is given as one more feature, the last.
+            options: For `ChangeIsolator`.
+        """
+        extra = int(temperature_varies)
+        return ChangeIsolator(
+            directions=_widened(self.value, extra),
+            spread=_widened(self.spread, extra),
+            condition=self.value.shape[1] if temperature_varies else None,
+            **options,
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class WearModel:
@@ -69,22 +85,12 @@ class WearModel:
             temperature_varies: Whether the temperature is measured, and says something.
         """
         n_axes = len(self.mean_torque.value)
-        extra = 1 if temperature_varies else 0
-
-        def made(directions: Directions) -> ChangeIsolator:
-            features = directions.value.shape[1]
-            return ChangeIsolator(
-                directions=_widened(directions.value, extra),
-                spread=_widened(directions.spread, extra),
-                condition=features if temperature_varies else None,
-            )
-
         own = np.zeros((n_axes, n_axes))
         np.fill_diagonal(own, np.diagonal(self.mean_torque.value))
         return {
             OWN_TORQUE: ChangeIsolator(directions=own, covariance="diagonal"),
-            ALL_TORQUES: made(self.mean_torque),
-            FRICTION: made(self.friction),
+            ALL_TORQUES: self.mean_torque.isolator(temperature_varies=temperature_varies),
+            FRICTION: self.friction.isolator(temperature_varies=temperature_varies),
         }
 
 
