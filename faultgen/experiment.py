@@ -20,6 +20,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from faultgen.effects import HEALTHY, get_effect
 from faultgen.errors import InputError
+from faultgen.machine import check_axis
 from faultgen.robot import Robot, load_robot
 from faultgen.sensors import get_sensors
 from faultgen.simulate import decimation
@@ -107,7 +108,7 @@ class Experiment(BaseModel):
             if "severity" in self.model_fields_set:
                 raise InputError("severity: an array as schedule has the severities; leave it out")
             self.severity = self.schedule[-1:]
-        get_sensors(self.sensors)
+        warms = get_sensors(self.sensors).temperature_wander > 0
         highest = max(self.severity, default=0.0)
         if not isinstance(self.schedule, str):
             highest = max(self.schedule, default=0.0)
@@ -117,6 +118,11 @@ class Experiment(BaseModel):
                 raise InputError(
                     f"severity: {name} takes up to {effect.largest:g} ({effect.unit}), "
                     f"not {highest:g}"
+                )
+            if name != HEALTHY and "temperature" in get_effect(name).parameters and not warms:
+                raise InputError(
+                    f"effect: {name} needs a temperature that changes, which sensors "
+                    f"'{self.sensors}' do not have; choose realistic"
                 )
         severities(self.schedule, 0.0, self.cycles)
         for name in self.kept_signals:
@@ -285,6 +291,9 @@ def _check_axes(experiment: Experiment, robot: Robot) -> None:
                     f"axis {axis}: robot {robot.name} has axes 1 to {robot.n_axes} "
                     f"(for the healthy robot alone: effect {HEALTHY})"
                 )
+            for name in experiment.effect:
+                if name != HEALTHY:
+                    check_axis(get_effect(name), axis, robot)
         if len(set(axes)) != len(axes):
             raise InputError(f"axis {axes}: the same axis twice")
 

@@ -27,9 +27,9 @@ import numpy as np
 from joblib import Parallel, delayed
 from tqdm import tqdm
 
-from faultgen.condition import Condition, model_at
+from faultgen.condition import Condition, machine_at
 from faultgen.dataset import plain_value
-from faultgen.effects.friction import TEMPERATURE_RANGE
+from faultgen.effects.temperature import TEMPERATURE_RANGE
 from faultgen.errors import InputError
 from faultgen.robot import load_robot
 from faultgen.run import nominal
@@ -213,8 +213,8 @@ def simulate_at(
     """
     control = nominal(controller or robot, task, sample_period).control
     simulated = load_robot(robot)
-    model = model_at(simulated, simulated.spec(), condition)
-    cycle = next(simulate(simulated, control, [model], sample_period=sample_period))
+    machine = machine_at(simulated, simulated.spec(), condition)
+    cycle = next(simulate(simulated, control, [machine], sample_period=sample_period))
     return np.stack([getattr(cycle, name) for name in CHANNELS])
 
 
@@ -233,7 +233,8 @@ def build_surrogate(
     Args:
         robot: Name of the robot, or path of an MJCF file.
         task: Name of the task, or path of a task file.
-        effect: Effect whose severity is interpolated, from 0 to 0.2.
+        effect: Effect whose severity is interpolated, from 0 to 0.2; it must act on every axis and
+            count in fractions of nominal.
         sample_period: Time between samples [s].
         controller: Robot for which motion and feed-forward are planned; default: the robot itself.
         workers: Processes; no effect on the result.

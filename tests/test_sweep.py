@@ -4,15 +4,16 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
-import faultgen.condition as condition_module
 import faultgen.sweep as sweep
 from faultgen.dataset import open_dataset
+from faultgen.effects import EFFECTS, get_effect
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.experiment import make_experiment, plan_runs, to_toml
 from faultgen.storage import file_sha256
@@ -234,18 +235,51 @@ def test_killed_sweeps_are_finished_by_running_again(small, made, tmp_path):
     assert contents(out) == contents(made)
 
 
+BESIDE_THE_MODEL = {  # and a severity that shows
+    "torque_ripple": 0.02,
+    "transmission_error": 1e-4,
+    "load_friction": 0.1,
+    "temperature_friction": 1.0,
+    "wrist_coupling_friction": 2.0,
+    "torque_constant": 0.1,
+    "encoder_offset": 0.02,
+    "delay": 0.01,
+}
+
+
+@pytest.mark.parametrize("effect", BESIDE_THE_MODEL)
+def test_every_effect_grows_in_a_dataset(small, tmp_path, effect):
+    """At severity 0 the run is the healthy one, bit for bit, and after that it is not."""
+    severity = BESIDE_THE_MODEL[effect]
+    experiment = small(
+        effect=effect, axis=[2], severity=severity, schedule="step", sensors="realistic"
+    )
+    generate(experiment, tmp_path, progress=False)
+    healthy, worn = open_dataset(tmp_path).runs
+    torque = worn.read("truth/motor_torque") - healthy.read("truth/motor_torque")
+    severities = worn.read("cycle/severity")
+    assert (torque[severities == 0] == 0).all()
+    assert severities[-1] == severity
+    assert np.abs(torque[-1, :, 1]).max() > 1e-4
+
+
+def test_temperature_effects_need_a_temperature(small):
+    """Where it is always that of the friction parameters, a fault would be none."""
+    with pytest.raises(InputError, match="temperature_friction needs a temperature that changes"):
+        small(effect="temperature_friction", sensors="none")
+
+
 def test_failed_runs_are_recorded_and_do_not_stop_the_sweep(small, tmp_path, monkeypatch):
     """The others are made; the reason is kept, and the run is tried again the next time."""
-    real = condition_module.get_effect("friction_wear").edit
+    real = get_effect("friction_wear")
     broken = {"on": True}
 
-    class Fragile:
-        def apply(self, spec, axis, severity):
-            real(spec, axis, severity)
-            if broken["on"] and axis == 1 and severity > 0.2:
-                spec.tendon("gearbox1").stiffness[0] = 1e12
+    def fragile(spec, axis, severity):
+        real.edit(spec, axis, severity)
+        if broken["on"] and axis == 1 and severity > 0.2:
+            spec.tendon("gearbox1").stiffness[0] = 1e12
 
-    monkeypatch.setattr(condition_module, "get_effect", lambda name: Fragile())
+    monkeypatch.setitem(EFFECTS, "friction_wear", replace(real, edit=fragile))
     summary = generate(small(), tmp_path, progress=False)
     assert (summary.done, len(summary.failed)) == (2, 1)
     (reason,) = open_dataset(tmp_path).failed.values()

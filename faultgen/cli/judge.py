@@ -102,18 +102,31 @@ def discover(
         Path | None, typer.Option(help="Recording of other motions, for scoring only.")
     ] = None,
     out: Out = Path("discovery-out"),
+    cache: Annotated[
+        Path | None,
+        typer.Option(help="Folder that keeps sensitivities for other recordings of one program."),
+    ] = None,
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
-    """Name the effect that a measured robot has and its healthy twin lacks.
+    """Name the effect that a measured robot has and its model, or its healthy twin, lacks.
 
-    The folder gets discovery.json, model.xml (the robot with the effects in it) and report.html.
-    A first version: it needs --healthy, and its answers were tried on simulated recordings only.
+    With --healthy, two recordings of the same motions are subtracted, and small changes show.
+    Without, the model is calibrated on the recording, and an effect has to be larger than what
+    models are usually wrong by. The answer is: no missing effect, named, ambiguous (with the
+    motion that would decide it), or unknown effect. The folder gets discovery.json, model.xml
+    (the robot with the effects in it), report.html and, if ambiguous, next_experiment.toml.
     """
     from faultgen.discovery import discover as run_discover
 
     result = run_discover(
-        measured, robot, healthy, validate, out=out, workers=worker_count(workers)
+        measured,
+        robot,
+        healthy,
+        validate,
+        out=out,
+        workers=worker_count(workers),
+        cache=cache,
     )
     for warning in result["warnings"]:
         print(f"faultgen: {warning}", file=sys.stderr)
@@ -128,7 +141,14 @@ def discover(
             f"[{low:.4g}, {high:.4g}], {one['parameters']['unit']}; "
             f"confidence {one['confidence']:.2f}"
         )
+    for one in result["alternatives"]:
+        print(f"not excluded: {one['effect']} on axis {one['axis']} ({one['confidence']:.2f})")
+    if result["next_experiment"]:
+        print(f"to tell them apart, run {out / 'next_experiment.toml'}")
     if result["unexplained"]:
         print(result["unexplained"])
     gap = result["gap"]
-    print(f"gap {gap['before']:.4f}, after {gap['after']:.4f}, floor {gap['floor']:.4f}")
+    print(
+        f"gap {gap['before']:.4f}, calibrated {gap['calibrated']:.4f}, "
+        f"after {gap['after']:.4f}, floor {gap['floor']:.4f}"
+    )

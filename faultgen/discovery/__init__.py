@@ -8,21 +8,19 @@ gap = recording.torque - replay(recording, robot)
 
 from faultgen.discovery.check import Finding, check_recording
 from faultgen.discovery.recording import Recording, read_recording, write_recording
-from faultgen.discovery.replay import replay, settled
-from faultgen.discovery.screen import Rank, candidates, screen, sensitivities
-from faultgen.discovery.workflow import discover
+from faultgen.discovery.replay import Replay, replay, settled
+from faultgen.discovery.workflow import Discovery, discover, investigate
 
 __all__ = [
+    "Discovery",
     "Finding",
-    "Rank",
     "Recording",
-    "candidates",
+    "Replay",
     "check_recording",
     "discover",
+    "investigate",
     "read_recording",
     "replay",
-    "screen",
-    "sensitivities",
     "settled",
     "write_recording",
 ]

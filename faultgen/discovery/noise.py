@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
+from scipy.signal import lfilter
 
 _LARGEST = 0.98  # autocorrelation; beyond it noise cannot be told from a drift
 
@@ -101,3 +102,78 @@ def _memory(ratio: float) -> float:
     if excess(_LARGEST) <= 0:
         return _LARGEST
     return float(brentq(excess, 0.0, _LARGEST))
+
+
+@dataclass(frozen=True, eq=False)
+class Autoregression:
+    """Noise x_t = sum of a_k x_(t-k) + e_t, by axis."""
+
+    coefficients: np.ndarray
+    """Shape (n_axes, order)."""
+    innovation: np.ndarray
+    """Standard deviation of e, shape (n_axes,)."""
+
+    @property
+    def deviation(self) -> np.ndarray:
+        """Standard deviation of the noise, shape (n_axes,)."""
+        response = np.array([lfilter([1], [1, *-a], _IMPULSE) for a in self.coefficients])
+        return self.innovation * np.sqrt((response**2).sum(axis=1))
+
+    def whiten(self, x: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+        """Innovations over their standard deviation; 0 in the first samples of each part.
+
+        Args:
+            x: Shape (..., samples, n_axes), in the unit of the noise.
+            parts: Separate recordings.
+        """
+        out = np.zeros_like(x)
+        order = self.coefficients.shape[1]
+        for part in parts:
+            for axis, (a, scale) in enumerate(zip(self.coefficients, self.innovation, strict=True)):
+                b = (np.concatenate([[1.0], -a]) / scale).astype(x.dtype)
+                new = lfilter(b, np.ones(1, x.dtype), x[..., part, axis], axis=-1)
+                new[..., :order] = 0
+                out[..., part, axis] = new
+        return out
+
+
+def autoregression(
+    residual: np.ndarray, inside: np.ndarray, parts: Sequence[slice], order: int = 3
+) -> Autoregression:
+    """Fit an autoregression to what is left of a gap.
+
+    Args:
+        residual: Shape (samples, n_axes).
+        inside: Samples that may be used, same shape.
+        parts: Separate recordings.
+        order: Of the autoregression.
+
+    Returns:
+        The noise; the innovation's scale is that of its median size, so that rare jumps do not
+        count.
+
+    Raises:
+        ValueError: An axis has fewer than 50 usable samples.
+    """
+    axes = residual.shape[1]
+    coefficients, innovation = np.zeros((axes, order)), np.zeros(axes)
+    for axis in range(axes):
+        rows, targets = [], []
+        for part in parts:
+            x, use = residual[part, axis], inside[part, axis]
+            if len(x) <= order:
+                continue
+            windows = np.lib.stride_tricks.sliding_window_view(x, order + 1)
+            usable = np.lib.stride_tricks.sliding_window_view(use, order + 1).all(axis=1)
+            rows.append(windows[usable, -2::-1])
+            targets.append(windows[usable, -1])
+        design, target = np.concatenate(rows), np.concatenate(targets)
+        if len(target) < 50:
+            raise ValueError(f"axis {axis + 1}: fewer than 50 samples in which it moves")
+        coefficients[axis], *_ = np.linalg.lstsq(design, target, rcond=None)
+        new = target - design @ coefficients[axis]
+        innovation[axis] = max(1.4826 * float(np.median(np.abs(new))), 1e-12)
+    return Autoregression(coefficients, innovation)
+
+
+_IMPULSE = np.concatenate([[1.0], np.zeros(4095)])

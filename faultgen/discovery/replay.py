@@ -9,8 +9,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from faultgen.discovery.recording import Recording
-from faultgen.effects import get_effect
-from faultgen.errors import InputError
+from faultgen.discovery.terms import INERTIA, Term, apply_inertia
+from faultgen.effects import Applied
+from faultgen.machine import Machine, assemble
 from faultgen.robot import Robot
 from faultgen.servo import control_signal
 from faultgen.simulate import simulate
@@ -22,8 +23,8 @@ TURN = 0.2
 """Motor angle after which friction has forgotten how the axis came to rest [rad]: assumed, some ten
 times the reach of the bristles."""
 
-Effects = Sequence[tuple[str, int, float]]
-"""Name, axis from 1, severity."""
+Changes = Sequence[tuple[Term, float]]
+"""Terms and their values."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,16 +39,112 @@ class _Motion:
         return self.spline(times), self.spline(times, 1), self.spline(times, 2)
 
 
-def replay(recording: Recording, robot: Robot, effects: Effects = ()) -> np.ndarray:
-    """Simulate the recorded motion with effects in the model.
+class Replay:
+    """A recording's motion, to be simulated with this or that changed in the model.
 
     The commanded positions are tracked by the model's own servo; where they were not recorded, the
-    measured ones stand in for them.
+    measured ones stand in for them. The controller is always that of the model as it is.
+    """
+
+    def __init__(self, recording: Recording, robot: Robot) -> None:
+        """Compute what the controller commands.
+
+        Args:
+            recording: The measured data.
+            robot: The model.
+        """
+        self.recording = recording
+        self.robot = robot
+        timestep = robot.model.opt.timestep
+        ratio = robot.gear_ratio
+        reference = recording.reference_position
+        if reference is None:
+            reference = recording.position / (ratio if recording.side == "motor" else 1.0)
+        self.controls = []
+        for part in recording.parts:
+            times = np.arange(part.stop - part.start) * recording.sample_period
+            motion = _Motion(robot, times[-1] + timestep, CubicSpline(times, reference[part]))
+            self.controls.append(control_signal(motion, timestep))  # type: ignore[arg-type]
+
+    def torque(self, changes: Changes = (), disturbance: np.ndarray | None = None) -> np.ndarray:
+        """Simulate the recorded motion.
+
+        Args:
+            changes: What to change in the model.
+            disturbance: Torque on the rotors that is not the drives', shape (samples, n_axes), in
+                [N m].
+
+        Returns:
+            Torque that would have been measured, on the recording's side, shape (samples, n_axes).
+
+        Raises:
+            InputError: No such effect or axis.
+            SimulationFailed: The simulation diverged.
+        """
+        recording, robot = self.recording, self.robot
+        torque = np.empty_like(recording.torque)
+        timestep = robot.model.opt.timestep
+        for part, control in zip(recording.parts, self.controls, strict=True):
+            machine = self._machine(changes, part)
+            if disturbance is not None:
+                control = self._pushed(control, disturbance[part])
+            every = _whole(recording.sample_period / timestep)
+            (run,) = simulate(
+                robot, control, [machine], sample_period=every * timestep, lead_in=0.0
+            )
+            if every > 1 or np.isclose(recording.sample_period, timestep):
+                torque[part] = run.motor_torque[: part.stop - part.start]
+                continue
+            times = np.arange(part.stop - part.start) * recording.sample_period
+            simulated = np.arange(len(run.motor_torque)) * timestep
+            for axis in range(robot.n_axes):
+                torque[part, axis] = np.interp(times, simulated, run.motor_torque[:, axis])
+        if disturbance is not None:  # it went in as feed-forward, which the drive logs
+            torque -= disturbance
+        return torque if recording.side == "motor" else torque * robot.gear_ratio
+
+    def _pushed(self, control: np.ndarray, disturbance: np.ndarray) -> np.ndarray:
+        """Control with a torque added to the feed-forward."""
+        model = self.robot.model
+        at = model.actuator_ctrladr[self.robot.ids("actuator", "drive")] + 2
+        steps = np.arange(len(control)) * model.opt.timestep
+        times = np.arange(len(disturbance)) * self.recording.sample_period
+        control = control.copy()
+        for axis, column in enumerate(at):
+            control[:, column] += np.interp(steps, times, disturbance[:, axis])
+        return control
+
+    def _machine(self, changes: Changes, part: slice) -> Machine:
+        recording, robot = self.recording, self.robot
+        spec = robot.spec()
+        apply_inertia(spec, robot, [change for change in changes if change[0].name == INERTIA])
+        effects = [
+            Applied(term.name, term.axis, value, dict(term.parameters))
+            for term, value in changes
+            if term.is_effect
+        ]
+        temperature = None
+        if recording.temperature is not None:
+            times = np.arange(part.stop - part.start) * recording.sample_period
+            temperature = times, recording.temperature[part]
+        return assemble(robot, effects, temperature=temperature, spec=spec)
+
+
+def _whole(steps: float) -> int:
+    """Steps a sample, or 1 where they are not a whole number."""
+    whole = round(steps)
+    return whole if whole >= 1 and abs(steps - whole) < 1e-6 else 1
+
+
+def replay(
+    recording: Recording, robot: Robot, effects: Sequence[tuple[str, int, float]] = ()
+) -> np.ndarray:
+    """Simulate a recorded motion once.
 
     Args:
         recording: The measured data.
         robot: The model without the effects.
-        effects: Effects to put into it.
+        effects: Effects to put into it: name, axis from 1, severity.
 
     Returns:
         Torque that would have been measured, on the recording's side, shape (samples, n_axes).
@@ -56,28 +153,8 @@ def replay(recording: Recording, robot: Robot, effects: Effects = ()) -> np.ndar
         InputError: No such effect or axis.
         SimulationFailed: The simulation diverged.
     """
-    spec = robot.spec()
-    for name, axis, severity in effects:
-        if not 1 <= axis <= robot.n_axes:
-            raise InputError(f"axis {axis}: robot {robot.name} has axes 1 to {robot.n_axes}")
-        get_effect(name).apply(spec, axis, severity)
-    model = spec.compile()
-    ratio = robot.gear_ratio
-    reference = recording.reference_position
-    if reference is None:
-        reference = recording.position / (ratio if recording.side == "motor" else 1.0)
-    torque = np.empty_like(recording.torque)
-    timestep = model.opt.timestep
-    for part in recording.parts:
-        count = part.stop - part.start
-        times = np.arange(count) * recording.sample_period
-        motion = _Motion(robot, times[-1] + timestep, CubicSpline(times, reference[part]))
-        control = control_signal(motion, timestep)  # type: ignore[arg-type]
-        (run,) = simulate(robot, control, [model], sample_period=timestep, lead_in=0.0)
-        simulated = np.arange(len(run.motor_torque)) * timestep
-        for axis in range(robot.n_axes):
-            torque[part, axis] = np.interp(times, simulated, run.motor_torque[:, axis])
-    return torque if recording.side == "motor" else torque * ratio
+    changes = [(Term(name, axis, 0.0, 0.0), severity) for name, axis, severity in effects]
+    return Replay(recording, robot).torque(changes)
 
 
 def relative_error(square: np.ndarray, recording: Recording, inside: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""From two recordings to a named effect, a model with it, and a report.
+"""From a recording to a named effect, a model with it, and a report.
 
 result = discover("measured.h5", "puma560", healthy="healthy.h5", out="out")
 result["verdict"], result["effects"]
@@ -8,24 +8,50 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
+from faultgen.discovery.answer import AMBIGUOUS, Answer, answer
 from faultgen.discovery.check import check_recording
-from faultgen.discovery.naming import Naming, name_effects, to_probe
+from faultgen.discovery.choose import Choice, choose
+from faultgen.discovery.columns import columns, own_columns
+from faultgen.discovery.forms import form_columns, form_terms
+from faultgen.discovery.next_experiment import Experiment, next_experiment
+from faultgen.discovery.orders import find_orders
+from faultgen.discovery.problem import Problem, pose
 from faultgen.discovery.recording import Recording, read_recording
-from faultgen.discovery.replay import relative_error, replay, settled
-from faultgen.discovery.screen import candidates
-from faultgen.effects import get_effect
+from faultgen.discovery.replay import Replay
+from faultgen.discovery.terms import (
+    ORDERS,
+    PERIODIC,
+    SAME_MOTIONS,
+    Term,
+    effect_terms,
+    inertia_terms,
+    periodic_terms,
+    with_tolerance,
+)
 from faultgen.errors import InputError
 from faultgen.robot import Robot, load_robot
-from faultgen.storage import write_text
 
-MEASURE = (
-    "RMS torque error over RMS torque, root mean square over the axes, healthy twin subtracted"
-)
+
+@dataclass(frozen=True, eq=False)
+class Discovery:
+    """Everything that was found, for reports and further questions."""
+
+    problem: Problem
+    """The gap and the terms."""
+    choice: Choice
+    """The sets that were chosen among."""
+    answer: Answer
+    """What is said of them."""
+    experiment: Experiment | None
+    """A motion that tells apart what this one does not."""
 
 
 def discover(
@@ -36,63 +62,154 @@ def discover(
     *,
     out: str | Path | None = None,
     workers: int = 1,
+    exclude: Collection[str] = (),
+    cache: str | Path | None = None,
 ) -> dict[str, Any]:
-    """Find the effect that a measured robot has and its healthy twin lacks.
+    """Find the effect that a measured robot has and its model, or its healthy twin, lacks.
 
     Args:
         measured: Recording of the robot, see docs/measured.md.
         robot: Name of the robot, or path of its MJCF.
-        healthy: Recording of the same motions before the change. Needed: naming without it is not
-            there yet.
+        healthy: Recording of the same motions before the change; None: the model is calibrated on
+            the recording itself, and an effect has to be larger than the tolerances of the model.
         validate: Recording of other motions with the effect, for scoring only.
         out: Folder for ``discovery.json``, ``model.xml`` and ``report.html``; None: none written.
         workers: Processes; no effect on the result.
+        exclude: Effects that are not considered.
+        cache: Folder that keeps sensitivities for other recordings of the same program.
 
     Returns:
         The content of ``discovery.json``.
 
     Raises:
         InputError: A recording cannot be used, or the two are not of the same motions.
-        SimulationFailed: A simulation diverged.
+        SimulationFailed: The model diverges on the recorded motion.
     """
     started = time.monotonic()
-    if healthy is None:
-        raise InputError(
-            "healthy: give a recording of the same motions before the change (--healthy); "
-            "discovery without one is not there yet"
-        )
     model = load_robot(str(robot))
-    worn, warnings = _usable(measured, model)
-    twin, more = _usable(healthy, model)
-    _check_same_motion(worn, twin)
-    try:
-        naming = name_effects(
-            worn.torque - twin.torque, twin, model, to_probe(candidates(model)), workers=workers
-        )
-    except ValueError as error:
-        raise InputError(f"{twin.source}: {error}") from None
-    result = _result(naming)
-    result["warnings"] = [*warnings, *more]
+    recording, warnings = usable(measured, model)
+    twin = None
+    if healthy is not None:
+        twin, more = usable(healthy, model)
+        warnings += more
+        check_same_motion(recording, twin)
+    other = None
     if validate is not None:
-        other, _ = _usable(validate, model)
-        result["gap"]["validation"] = _validation(other, model, naming)
+        other, more = usable(validate, model)
+        warnings += more
+    with threadpool_limits(limits=1):
+        found = investigate(
+            recording, model, twin, workers=workers, exclude=exclude, cache=_path(cache)
+        )
+        result = _result(found, other)
+    result["warnings"] = warnings
     result["seconds"] = round(time.monotonic() - started, 1)
     if out is not None:
-        from faultgen.report.discovery_report import write_discovery_report
+        from faultgen.report.discovery_report import write_discovery
 
-        folder = Path(out)
-        folder.mkdir(parents=True, exist_ok=True)
-        write_text(folder / "model.xml", _model_xml(model, result))
-        change = naming.change if result["effects"] else np.zeros_like(worn.torque)
-        write_discovery_report(
-            folder / "report.html", result, worn.torque - twin.torque, change, worn.sample_period
-        )
-        write_text(folder / "discovery.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
+        write_discovery(Path(out), result, found)
     return result
 
 
-def _usable(path: str | Path, robot: Robot) -> tuple[Recording, list[str]]:
-    """A recording that no check refuses, and what it is warned of."""
+def investigate(
+    recording: Recording,
+    robot: Robot,
+    twin: Recording | None = None,
+    *,
+    workers: int = 1,
+    exclude: Collection[str] = (),
+    cache: Path | None = None,
+) -> Discovery:
+    """All stages, on recordings that were checked.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+        twin: The same motions before the change, or None.
+        workers: Processes; no effect on the result.
+        exclude: Effects that are not considered.
+        cache: Folder that keeps sensitivities.
+
+    Raises:
+        InputError: Too little of the recording can be used.
+        SimulationFailed: The model diverges on the recorded motion.
+    """
+    replay = Replay(recording, robot)
+    terms = effect_terms(robot, exclude) + inertia_terms(robot)
+    terms += _waves(robot, "transmission_error", exclude)
+    base, raw = columns(replay, terms, workers=workers, cache=cache)
+    forms = form_terms(robot)
+    ripples = _waves(robot, "torque_ripple", exclude)
+    raw = np.concatenate(
+        [
+            raw,
+            form_columns(replay, forms, base, workers=workers, cache=cache),
+            own_columns(replay, ripples, base, workers=workers, cache=cache),
+        ]
+    )
+    terms += forms + ripples
+    gap = recording.torque - (base if twin is None else twin.torque)
+    if twin is not None:
+        terms = with_tolerance(terms, SAME_MOTIONS)
+    try:
+        problem = pose(replay, terms, base, raw, gap, twin=twin is not None)
+    except ValueError as error:
+        raise InputError(f"{recording.source}: {error}") from None
+    problem = _with_orders(problem, workers, exclude)
+    choice = choose(problem)
+    told = answer(problem, choice)
+    experiment = next_experiment(problem, choice) if told.verdict == AMBIGUOUS else None
+    return Discovery(problem, choice, told, experiment)
+
+
+def _waves(robot: Robot, name: str, exclude: Collection[str]) -> list[Term]:
+    """A periodic effect at the orders that are always probed."""
+    axes = range(1, robot.n_axes + 1) if name not in exclude else ()
+    return [
+        term
+        for order in ORDERS
+        for axis in axes
+        for term in periodic_terms(robot, name, axis, order)
+    ]
+
+
+def _with_orders(problem: Problem, workers: int, exclude: Collection[str]) -> Problem:
+    """With periodic effects at the orders that the gap shows."""
+    solution, _, _ = problem.evidence().solve()
+    error = problem.whiten(problem.gap) - np.tensordot(solution, problem.white, axes=1)
+    known = {(t.axis, dict(t.parameters).get("order")) for t in problem.terms}
+    new: list[Term] = []
+    for found in find_orders(problem, error):
+        if (found.axis, round(found.order, 2)) in known:
+            continue
+        for name in PERIODIC:
+            if name not in exclude:
+                new += periodic_terms(problem.robot, name, found.axis, found.order)
+    if not new:
+        return problem
+    _, raw = columns(problem.replay, new, workers=workers)
+    if problem.twin:
+        new = with_tolerance(new, SAME_MOTIONS)
+    return pose(
+        problem.replay,
+        [*problem.terms, *new],
+        problem.base,
+        np.concatenate([problem.raw, raw]),
+        problem.gap,
+        twin=problem.twin,
+    )
+
+
+def _path(folder: str | Path | None) -> Path | None:
+    return None if folder is None else Path(folder)
+
+
+def usable(path: str | Path, robot: Robot) -> tuple[Recording, list[str]]:
+    """A recording that no check refuses, and what it is warned of.
+
+    Raises:
+        InputError: The file cannot be used, in one line.
+    """
     recording = read_recording(path)
     findings = check_recording(recording, robot)
     for finding in findings:
@@ -102,7 +219,12 @@ def _usable(path: str | Path, robot: Robot) -> tuple[Recording, list[str]]:
     return recording, [f"{path}: {finding}" for finding in findings]
 
 
-def _check_same_motion(worn: Recording, twin: Recording) -> None:
+def check_same_motion(worn: Recording, twin: Recording) -> None:
+    """Refuse two recordings that cannot be subtracted.
+
+    Raises:
+        InputError: They are not of the same motions, sample by sample.
+    """
     same = (
         worn.position.shape == twin.position.shape
         and worn.side == twin.side
@@ -120,83 +242,36 @@ def _check_same_motion(worn: Recording, twin: Recording) -> None:
         )
 
 
-def _result(naming: Naming) -> dict[str, Any]:
-    """The contract of discovery.json."""
-    ambiguous = [one for one in naming.effects if one.alternatives]
-    if naming.effects and naming.explained:
-        verdict = "ambiguous" if ambiguous else "named"
-    elif naming.significant or naming.effects:
-        verdict = "unknown effect"
-    else:
-        verdict = "no missing effect"
-    known = verdict in ("named", "ambiguous")
-    parts = [
-        {
-            "effect": one.effect,
-            "axis": one.axis,
-            "parameters": {"severity": one.severity, "unit": get_effect(one.effect).unit},
-            "interval": {
-                "severity": [one.severity - 1.96 * one.error, one.severity + 1.96 * one.error]
-            },
-            "confidence": one.confidence,
-            "gap_after": one.gap_after,
+def _result(found: Discovery, validate: Recording | None) -> dict[str, Any]:
+    result = found.answer.contract()
+    if found.experiment is not None:
+        result["next_experiment"] = {
+            "task": found.experiment.task,
+            "file": "next_experiment.toml",
+            "separates": [{"effect": e, "axis": a} for e, a in found.experiment.separates],
+            "distance": found.experiment.distance,
+            "now": found.experiment.now,
         }
-        for one in naming.effects
-    ]
-    others = [
-        {"effect": name, "axis": axis, "confidence": odds}
-        for one in naming.effects
-        for (name, axis), odds in one.alternatives
-    ]
-    unexplained = ""
-    if verdict == "unknown effect":
-        worst = int(np.argmax(naming.by_axis)) + 1
-        left = 100 * max(naming.excess_after, 0) / max(naming.excess_before, 1e-9)
-        unexplained = (
-            f"the catalogue leaves {left:.0f} % of the gap's excess over the noise; most of it is "
-            f"on axis {worst}"
-        )
-    return {
-        "verdict": verdict,
-        "effects": parts if known else [],
-        "alternatives": others if known else parts,
-        "gap": {
-            "before": naming.gap_before,
-            "calibrated": naming.gap_before,
-            "after": naming.gap_after if known else naming.gap_before,
-            "floor": naming.floor,
-            "measure": MEASURE + ", on the last third of the motions, on which effects are chosen",
-            "per_axis": list(naming.by_axis),
-        },
-        "where": [
-            {"axis": axis, "regime": "all", "share": share}
-            for axis, share in enumerate(naming.by_axis, start=1)
-            if share > 0.05
-        ],
-        "calibration": {},
-        "next_experiment": None,
-        "unexplained": unexplained,
-    }
+    if validate is not None:
+        result["gap"]["validation"] = _validation(found, validate)
+    return result
 
 
-def _validation(recording: Recording, robot: Robot, naming: Naming) -> dict[str, float]:
-    """Gap on motions that played no part, against the model alone: no healthy twin of them."""
-    effects = [(one.effect, one.axis, one.severity) for one in naming.effects]
-    inside = settled(recording, robot)
+def _validation(found: Discovery, validate: Recording) -> dict[str, float]:
+    """Gap on motions that played no part, against the model without twin."""
+    from faultgen.discovery.replay import relative_error, settled
 
-    def gap(chosen: list[tuple[str, int, float]]) -> float:
-        error = recording.torque - replay(recording, robot, chosen)
-        return relative_error(error**2, recording, inside)
+    problem = found.problem
+    replay = Replay(replace(validate), problem.robot)
+    inside = settled(validate, problem.robot)
 
-    return {"before": gap([]), "after": gap(effects)}
+    def gap(changes: list[tuple[Term, float]]) -> float:
+        error = validate.torque - replay.torque(changes)
+        return relative_error(error**2, validate, inside)
+
+    return {"before": gap([]), "after": gap(found.answer.changes)}
 
 
-def _model_xml(robot: Robot, result: dict[str, Any]) -> str:
-    """The robot's MJCF with the effects in it."""
-    if not result["effects"]:
-        return robot.xml
-    spec = robot.spec()
-    for one in result["effects"]:
-        get_effect(one["effect"]).apply(spec, one["axis"], one["parameters"]["severity"])
-    spec.compile()
-    return spec.to_xml()
+def dump(result: dict[str, Any]) -> str:
+    """The content of ``discovery.json``."""
+    return json.dumps(result, indent=1, allow_nan=False) + "\n"

@@ -1,4 +1,4 @@
-"""The page that tells what was discovered."""
+"""The files of a discovery: result, model, next experiment and the page that tells it."""
 
 from __future__ import annotations
 
@@ -15,35 +15,78 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from analysis.plots import COLOURS, style
+from faultgen.discovery.regimes import kinematics
+from faultgen.discovery.terms import INERTIA, apply_inertia
+from faultgen.discovery.workflow import Discovery, dump
+from faultgen.effects import get_effect
 from faultgen.report.page import image, page
 from faultgen.storage import write_text
 
 
-def write_discovery_report(
-    path: Path, result: dict[str, Any], gap: np.ndarray, change: np.ndarray, sample_period: float
-) -> None:
-    """Write a self-contained HTML page.
+def write_discovery(folder: Path, result: dict[str, Any], found: Discovery) -> None:
+    """Write ``discovery.json``, ``model.xml``, ``report.html``, and the next experiment if any.
 
     Args:
-        path: The file.
+        folder: Where to; made if it is not there.
         result: Content of ``discovery.json``.
-        gap: Torque measured less that of the healthy twin, shape (samples, n_axes), in [N m].
-        change: What the effects make of it, same shape.
-        sample_period: Time between samples [s].
+        found: What it was made from.
     """
+    folder.mkdir(parents=True, exist_ok=True)
+    write_text(folder / "model.xml", model_xml(found))
+    if found.experiment is not None:
+        write_text(folder / "next_experiment.toml", found.experiment.toml)
+    write_text(folder / "report.html", _report(result, found))
+    write_text(folder / "discovery.json", dump(result))
+
+
+def model_xml(found: Discovery) -> str:
+    """The robot's MJCF with calibration and effects in it, as far as a model can carry them."""
+    robot, changes = found.problem.robot, found.answer.changes
+    if not changes:
+        return robot.xml
+    spec = robot.spec()
+    apply_inertia(spec, robot, [change for change in changes if change[0].name == INERTIA])
+    effects = [(get_effect(term.name), term, value) for term, value in changes if term.is_effect]
+    for effect, term, value in sorted(effects, key=lambda one: one[0].last):
+        effect.apply(spec, term.axis, value, **dict(term.parameters))
+    spec.compile()
+    return spec.to_xml()
+
+
+def _report(result: dict[str, Any], found: Discovery) -> str:
+    problem, told = found.problem, found.answer
+    of = (
+        "Torque measured less that of the healthy twin"
+        if problem.twin
+        else ("Torque measured less that of the model as it was given")
+    )
     parts = [
         f"<h1>Verdict: {html.escape(result['verdict'])}</h1>",
-        _effects_table(result["effects"], "Effects, in the order added"),
-        _effects_table(result["alternatives"], "Not excluded, or part of what was tried"),
         f"<p>{html.escape(result['unexplained'])}</p>",
-        _gap_table(result["gap"]),
-        image(
-            _overlay(gap, change, sample_period),
-            "Torque measured less that of the healthy twin, and what the effects explain of it.",
+        _effects_table(result["effects"], "Effects, in the order added"),
+        _effects_table(
+            result["alternatives"],
+            "Not excluded by the data"
+            if result["effects"]
+            else "What explains it best, but leaves too much",
         ),
+        _beside_the_model(found),
+        _experiment(result["next_experiment"]),
+        _gap_tables(result),
+        image(_steps(result), "Gap on motions used neither for fitting nor for choosing."),
+        image(_overlay(found), f"{of}, and what calibration and effects explain of it."),
+        image(
+            _maps(found),
+            "Gap by joint angle and motor speed before (left) and after (right), in standard "
+            "deviations of the noise; each axis in its own row.",
+        ),
+        _where_table(result["where"]),
+        _calibration(result["calibration"]),
         *(f"<p>{html.escape(text)}</p>" for text in result["warnings"]),
+        f"<p>p of the gap after calibration by noise alone: {told.p_value:.2g}. "
+        f"{result['seconds']:g} s.</p>",
     ]
-    write_text(path, page("faultgen discover", "\n".join(parts)))
+    return page("faultgen discover", "\n".join(part for part in parts if part))
 
 
 def _effects_table(rows: list[dict[str, Any]], title: str) -> str:
@@ -57,6 +100,11 @@ def _effects_table(rows: list[dict[str, Any]], title: str) -> str:
             low, high = row["interval"]["severity"]
             unit = html.escape(parameters["unit"])
             shown = f"{parameters['severity']:.4g} [{low:.4g}, {high:.4g}], {unit}"
+            shown += "".join(
+                f"; {name} {value:.4g}"
+                for name, value in parameters.items()
+                if name not in ("severity", "unit")
+            )
         lines.append(
             f"<tr><td>{html.escape(row['effect'])}</td><td>{row['axis']}</td><td>{shown}</td>"
             f"<td>{row['confidence']:.2f}</td></tr>"
@@ -64,25 +112,167 @@ def _effects_table(rows: list[dict[str, Any]], title: str) -> str:
     return f"<h2>{title}</h2><table>{''.join(lines)}</table>"
 
 
-def _gap_table(gap: dict[str, Any]) -> str:
-    cells = "".join(
-        f"<tr><td>{name}</td><td>{gap[name]:.4f}</td></tr>" for name in ("before", "after", "floor")
+def _beside_the_model(found: Discovery) -> str:
+    names = sorted(
+        {
+            term.name
+            for term, _ in found.answer.changes
+            if term.is_effect and get_effect(term.name).edit is None
+        }
+        & {one.effect for one in found.answer.effects}
     )
-    return f"<h2>Gap</h2><table>{cells}</table><p>{html.escape(gap['measure'])}</p>"
+    if not names:
+        return ""
+    return (
+        f"<p>No element of MuJoCo carries {', '.join(names)}: model.xml has the rest, and "
+        "<code>faultgen.machine.assemble</code> adds it.</p>"
+    )
 
 
-def _overlay(gap: np.ndarray, change: np.ndarray, period: float) -> Figure:
+def _experiment(experiment: dict[str, Any] | None) -> str:
+    if experiment is None:
+        return ""
+    pair = " and ".join(f"{one['effect']} of axis {one['axis']}" for one in experiment["separates"])
+    return (
+        f"<h2>Next experiment</h2><p>Task <b>{html.escape(experiment['task'])}</b> "
+        f"(next_experiment.toml) puts {html.escape(pair)} {experiment['distance']:.0f} standard "
+        f"deviations apart; here it is {experiment['now']:.1f}.</p>"
+    )
+
+
+def _gap_tables(result: dict[str, Any]) -> str:
+    gap = result["gap"]
+    steps = [("before", gap["before"]), ("calibrated", gap["calibrated"])]
+    steps += [
+        (f"with {one['effect']} of axis {one['axis']}", one["gap_after"])
+        for one in result["effects"]
+    ]
+    steps += [("after", gap["after"]), ("floor (noise)", gap["floor"])]
+    rows = "".join(f"<tr><td>{name}</td><td>{value:.4f}</td></tr>" for name, value in steps)
+    names = ("axis", "before", "calibrated", "after", "floor")
+    axes = "".join(
+        "<tr>"
+        + "".join(f"<td>{one[n] if n == 'axis' else f'{one[n]:.4f}'}</td>" for n in names)
+        + "</tr>"
+        for one in gap["per_axis"]
+    )
+    head = "".join(f"<th>{name}</th>" for name in names)
+    return (
+        f"<h2>Gap</h2><table>{rows}</table><p>{html.escape(gap['measure'])}</p>"
+        f"<table><tr>{head}</tr>{axes}</table>"
+    )
+
+
+def _where_table(rows: list[dict[str, Any]]) -> str:
+    if not rows:
+        return ""
+    lines = [
+        "<tr><th>axis</th><th>regime</th><th>share of the gap</th>"
+        "<th>density, axis = 1</th><th>p</th></tr>"
+    ]
+    lines += [
+        f"<tr><td>{one['axis']}</td><td>{one['regime']}</td><td>{one['share']:.2f}</td>"
+        f"<td>{one['intensity']:.2f}</td><td>{one['p_value']:.2g}</td></tr>"
+        for one in rows
+    ]
+    return (
+        "<h2>Where the gap is, after calibration</h2>"
+        f"<table>{''.join(lines)}</table><p>Regimes overlap; false discoveries held to 5 %.</p>"
+    )
+
+
+def _calibration(values: dict[str, dict[str, float]]) -> str:
+    if not values:
+        return ""
+    rows = "".join(
+        f"<tr><td>{name}</td><td>{axis}</td><td>{value:.4g}</td></tr>"
+        for name, axes in values.items()
+        for axis, value in axes.items()
+    )
+    return (
+        "<h2>Calibration: numbers off by more than half their tolerance</h2>"
+        f"<table><tr><th>effect</th><th>axis</th><th>by</th></tr>{rows}</table>"
+    )
+
+
+def _steps(result: dict[str, Any]) -> Figure:
+    gap = result["gap"]
+    names = [
+        "before",
+        "calibrated",
+        *(f"+ {one['effect']} {one['axis']}" for one in result["effects"]),
+    ]
+    values = [gap["before"], gap["calibrated"], *(one["gap_after"] for one in result["effects"])]
+    with style():
+        figure, axes = plt.subplots(figsize=(7, 0.5 * len(names) + 1))
+        axes.barh(range(len(names)), values, color=COLOURS[0])
+        axes.axvline(gap["floor"], color=COLOURS[1], label="noise")
+        axes.set_yticks(range(len(names)), names)
+        axes.invert_yaxis()
+        axes.set(xlabel="RMS torque error over RMS torque")
+        axes.legend()
+    return figure
+
+
+def _overlay(found: Discovery) -> Figure:
+    problem, told = found.problem, found.answer
+    gap = problem.gap
     n_axes = gap.shape[1]
-    time = np.arange(len(gap)) * period
+    time = np.arange(len(gap)) * problem.recording.sample_period
+    explained = gap - told.left_torque
+    side = "joint" if problem.recording.side == "joint" else "motor"
     with style():
         figure, grid = plt.subplots(
             n_axes, 1, figsize=(9, 1.6 * n_axes + 0.6), sharex=True, squeeze=False
         )
         for axis, axes in enumerate(grid[:, 0]):
-            axes.plot(time, gap[:, axis], color="0.6", lw=0.5, label="measured difference")
-            axes.plot(time, change[:, axis], color=COLOURS[1], lw=1.0, label="effects")
+            inside = problem.inside[:, axis]
+            axes.plot(
+                time, np.where(inside, gap[:, axis], np.nan), color="0.6", lw=0.5, label="gap"
+            )
+            axes.plot(
+                time,
+                np.where(inside, explained[:, axis], np.nan),
+                color=COLOURS[1],
+                lw=0.8,
+                label="explained",
+            )
+            for p in problem.scoring:
+                part = problem.parts[p]
+                axes.axvspan(time[part.start], time[part.stop - 1], color="0.92", zorder=0)
             axes.set(ylabel=f"axis {axis + 1}")
         grid[0, 0].legend(loc="upper right", ncols=2, fontsize=8)
-        grid[-1, 0].set(xlabel="time [s]")
-        figure.supylabel("torque [N m]")
+        grid[-1, 0].set(xlabel="time [s]; grey: motions for scoring only")
+        figure.supylabel(f"torque, {side} side [N m]")
+    return figure
+
+
+def _maps(found: Discovery) -> Figure:
+    """Mean whitened-scale error over joint angle and motor speed, before and after."""
+    problem, told = found.problem, found.answer
+    motion = kinematics(problem)
+    n_axes = problem.gap.shape[1]
+    with style():
+        figure, grid = plt.subplots(n_axes, 2, figsize=(9, 1.5 * n_axes + 0.6), squeeze=False)
+        for axis in range(n_axes):
+            rows = problem.inside[:, axis]
+            if not rows.any():
+                continue
+            x = motion.position[rows, axis] / problem.robot.gear_ratio[axis]
+            y = motion.velocity[rows, axis]
+            edges = [np.linspace(v.min(), v.max() + 1e-9, 25) for v in (x, y)]
+            number = np.histogram2d(x, y, edges)[0]
+            shown = []
+            for torque in (problem.gap, told.left_torque):
+                z = torque[rows, axis] / problem.noise.deviation[axis]
+                total = np.histogram2d(x, y, edges, weights=z)[0]
+                shown.append(np.where(number >= 3, total / np.maximum(number, 1), np.nan))
+            largest = max(float(np.nanmax(np.abs(shown[0]))), 1e-9)
+            for axes, values in zip(grid[axis], shown, strict=True):
+                mesh = axes.pcolormesh(*edges, values.T, cmap="PuOr_r", vmin=-largest, vmax=largest)
+                axes.grid(False)
+            figure.colorbar(mesh, ax=grid[axis].tolist())
+            grid[axis, 0].set(ylabel=f"axis {axis + 1}\n[rad/s]")
+        for axes in grid[-1]:
+            axes.set(xlabel="joint angle [rad]")
     return figure

@@ -1,0 +1,436 @@
+"""What is said of a gap: nothing missing, named, ambiguous, or unknown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import norm
+
+from faultgen.discovery.choose import Choice
+from faultgen.discovery.fit import Fit, Group
+from faultgen.discovery.problem import Problem
+from faultgen.discovery.regimes import Pattern, Share, patterns, where
+from faultgen.discovery.replay import relative_error
+from faultgen.discovery.terms import Term
+from faultgen.effects import get_effect
+
+NONE, NAMED, AMBIGUOUS, UNKNOWN = (
+    "no missing effect",
+    "named",
+    "ambiguous",
+    "unknown effect",
+)
+
+LEFT = 0.10
+"""Share of a gap with a pattern from which the catalogue does not explain it: chosen on development
+cases."""
+
+UNLIKELY = 1e-4
+"""Probability of a pattern by noise below which it counts."""
+
+PATTERN_OF_TORQUE = 0.01
+"""RMS of a pattern over RMS torque of its axis, below which a calibrated model without twin is as
+good as models are: chosen on development cases."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """One effect of the answer."""
+
+    effect: str
+    """Name."""
+    axis: int
+    """From 1."""
+    severity: float
+    """In the unit of the effect."""
+    error: float
+    """Standard error."""
+    parameters: dict[str, float]
+    """Further parameters of the effect."""
+    confidence: float
+    """Probability against what is not excluded in its place."""
+    gap_after: float
+    """Relative torque error with this effect and those before it, on the scoring motions."""
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """The answer and what it rests on."""
+
+    verdict: str
+    """One of the four."""
+    effects: tuple[Named, ...]
+    """In the order added."""
+    alternatives: tuple[tuple[str, int, float], ...]
+    """Effect, axis and probability of what is not excluded."""
+    before: float
+    """Relative torque error of the model as it is, on the scoring motions."""
+    calibrated: float
+    """With the model's own numbers calibrated."""
+    after: float
+    """With the effects as well."""
+    floor: float
+    """Of noise alone."""
+    per_axis: tuple[dict[str, float], ...]
+    """The same by axis."""
+    p_value: float
+    """Probability of the gap after calibration by noise alone."""
+    where: tuple[Share, ...]
+    """Where the gap is."""
+    left: tuple[Pattern, ...]
+    """Patterns in what is left."""
+    changes: list[tuple[Term, float]]
+    """All that is changed in the model, effects and calibration."""
+    calibration: dict[str, dict[str, float]]
+    """Values of the model's own numbers, off by so much."""
+    calibrated_torque: np.ndarray
+    """Gap less calibration, shape (samples, n_axes)."""
+    left_torque: np.ndarray
+    """Gap after calibration and effects."""
+
+    def contract(self) -> dict[str, Any]:
+        """The content of ``discovery.json``."""
+        return {
+            "verdict": self.verdict,
+            "effects": [
+                {
+                    "effect": one.effect,
+                    "axis": one.axis,
+                    "parameters": {
+                        "severity": one.severity,
+                        "unit": get_effect(one.effect).unit,
+                        **one.parameters,
+                    },
+                    "interval": {
+                        "severity": [
+                            one.severity - 1.96 * one.error,
+                            one.severity + 1.96 * one.error,
+                        ]
+                    },
+                    "confidence": one.confidence,
+                    "gap_after": one.gap_after,
+                }
+                for one in self.effects
+            ],
+            "alternatives": [
+                {"effect": name, "axis": axis, "confidence": odds}
+                for name, axis, odds in self.alternatives
+            ],
+            "gap": {
+                "before": self.before,
+                "calibrated": self.calibrated,
+                "after": self.after,
+                "floor": self.floor,
+                "measure": MEASURE,
+                "p_value": self.p_value,
+                "per_axis": list(self.per_axis),
+            },
+            "where": [
+                {
+                    "axis": one.axis,
+                    "regime": one.regime,
+                    "share": one.share,
+                    "intensity": one.intensity,
+                    "p_value": one.p_value,
+                }
+                for one in self.where
+            ],
+            "calibration": self.calibration,
+            "next_experiment": None,
+            "unexplained": self.unexplained(),
+        }
+
+    def unexplained(self) -> str:
+        """What is left, in words."""
+        if self.verdict != UNKNOWN or not self.left:
+            return ""
+        units = {
+            "joint angle": "rad",
+            "motor turn": "rad of the motor's turn",
+            "speed": "rad/s motor side",
+            "acceleration": "rad/s^2 motor side",
+            "time": "s",
+            "motion": "rad/s motor side",
+        }
+        told = [
+            f"axis {one.axis} along {one.along}, strongest at {one.place:.3g} {units[one.along]}"
+            for one in self.left[:3]
+            if one.p_value < UNLIKELY
+        ]
+        return "a pattern that no effect of the catalogue makes: " + (
+            "; ".join(told) or f"most on axis {self.left[0].axis}"
+        )
+
+
+MEASURE = "RMS torque error over RMS torque, on motions used neither for fitting nor for choosing"
+
+
+def answer(problem: Problem, choice: Choice) -> Answer:
+    """Weigh what was chosen.
+
+    Args:
+        problem: The gap and the terms.
+        choice: The sets that were chosen among.
+    """
+    empty, best = choice.fits[0], choice.best
+    calibrated, base_values = _left(problem, empty)
+    left, values = _left(problem, best)
+    white = problem.whiten(left)
+    own = [(problem.terms[t].axis, problem.white[t]) for t in best.terms]
+    found = patterns(problem, white, problem.fitting, own)
+    shown = left + best.change  # the gap that is to be explained, less calibration
+    shares = where(problem, problem.whiten(shown))
+    p_value = significance(problem, problem.whiten(calibrated))
+    verdict = _verdict(problem, choice, found, shown)
+    known = verdict in (NAMED, AMBIGUOUS)
+    effects, alternatives = _named(problem, choice)
+    changes = _calibration(problem, best if known else empty, values if known else base_values)
+    scores = [_score(problem, x) for x in (problem.gap, calibrated, left)]
+    floor = _score(problem, np.broadcast_to(problem.noise.deviation, problem.gap.shape))
+    after = scores[2] if known else scores[1]
+    return Answer(
+        verdict=verdict,
+        effects=effects if known else (),
+        alternatives=alternatives
+        if known
+        else tuple((one.effect, one.axis, one.confidence) for one in effects),
+        before=scores[0][0],
+        calibrated=scores[1][0],
+        after=after[0],
+        floor=floor[0],
+        per_axis=tuple(
+            {"axis": k + 1, "before": a, "calibrated": b, "after": c, "floor": d}
+            for k, (a, b, c, d) in enumerate(
+                zip(scores[0][1], scores[1][1], after[1], floor[1], strict=True)
+            )
+        ),
+        p_value=p_value,
+        where=tuple(shares),
+        left=tuple(found),
+        changes=changes,
+        calibration=_told(problem, empty if not known else best, changes),
+        calibrated_torque=shown,
+        left_torque=left if known else calibrated,
+    )
+
+
+def _left(problem: Problem, fitted: Fit) -> tuple[np.ndarray, np.ndarray]:
+    """Torque that a set and the calibration leave, and values of all terms in tolerances."""
+    free = fitted.terms
+    solution, _, _ = fitted.evidence.solve(free)
+    solution = solution.copy()
+    solution[free] = 0.0  # at the fit already
+    scale = np.array([term.tolerance for term in problem.terms])
+    explained = np.tensordot((solution * scale).astype(np.float32), problem.raw, axes=1)
+    return problem.gap - fitted.change - explained, solution
+
+
+def _score(problem: Problem, error: np.ndarray) -> tuple[float, list[float]]:
+    """Relative error on the scoring motions: all axes, and each."""
+    use = np.zeros(len(error), bool)
+    for p in problem.scoring:
+        use[problem.parts[p]] = True
+    inside = problem.inside & use[:, None]
+    axes = range(error.shape[1])
+    by_axis = [
+        relative_error(error[:, [k]] ** 2, _column(problem, k), inside[:, [k]])
+        if inside[:, k].any()
+        else 0.0
+        for k in axes
+    ]
+    return relative_error(error**2, problem.recording, inside), by_axis
+
+
+def _column(problem: Problem, axis: int) -> Any:
+    from dataclasses import replace
+
+    recording = problem.recording
+    return replace(
+        recording,
+        position=recording.position[:, [axis]],
+        torque=recording.torque[:, [axis]],
+        velocity=None,
+        reference_position=None,
+    )
+
+
+def significance(problem: Problem, white: np.ndarray, draws: int = 200, seed: int = 0) -> float:
+    """Probability by noise of the largest mean square of any motion and axis.
+
+    Blocks of what is steady in the error stand for noise (circular block bootstrap, Politis and
+    Romano 1992), so that its tails and what correlation is left count.
+
+    Args:
+        problem: The recording.
+        white: Whitened error, shape (samples, n_axes).
+        draws: Bootstrap samples.
+        seed: Of the bootstrap.
+    """
+    rng = np.random.default_rng(seed)
+    length = max(5, round(0.1 / problem.recording.sample_period))
+    z_seen, means, spreads = [], [], []
+    for part in problem.parts:
+        for axis in range(white.shape[1]):
+            rows = problem.inside[part, axis]
+            if rows.sum() < 4 * length:
+                continue
+            squares = white[part, axis][rows] ** 2
+            blocks = squares[: len(squares) // length * length].reshape(-1, length).mean(axis=1)
+            z_seen.append(blocks.mean() - 1)
+            means.append(len(blocks))
+            spreads.append(min(float(blocks.std()), 3 * np.sqrt(2 / length)))
+    if not z_seen:
+        return 1.0
+    error = np.array(spreads) / np.sqrt(means) + 1e-12
+    largest = float(np.max(np.array(z_seen) / error))
+    del rng, draws
+    return float(1 - norm.cdf(largest) ** len(z_seen))
+
+
+def _verdict(
+    problem: Problem,
+    choice: Choice,
+    found: list[Pattern],
+    shown: np.ndarray,
+) -> str:
+    strange = unexplained_share(problem, found, shown)
+    if strange > LEFT:
+        return UNKNOWN
+    if not choice.best.groups:
+        return NONE
+    if _contrived(problem, choice.best):
+        return UNKNOWN
+    return AMBIGUOUS if choice.rivals else NAMED
+
+
+_FRICTION = (
+    "coulomb_friction",
+    "friction_wear",
+    "static_friction",
+    "stribeck_velocity",
+    "viscous_friction",
+    "quadratic_viscous_friction",
+    "load_friction",
+    "temperature_friction",
+)
+
+
+def _contrived(problem: Problem, best: Fit) -> bool:
+    """Whether two kinds of friction of one axis stand against each other.
+
+    Friction that grows in one way and falls in another is a curve that the catalogue does not have.
+    """
+    by_axis: dict[int, list[float]] = {}
+    for t, value in zip(best.terms, best.values, strict=True):
+        term = problem.terms[t]
+        if term.name in _FRICTION:
+            by_axis.setdefault(term.axis, []).append(float(value))
+    return any(min(values) < 0 < max(values) for values in by_axis.values())
+
+
+def unexplained_share(problem: Problem, found: list[Pattern], shown: np.ndarray) -> float:
+    """Share of the gap that is left with a pattern; 0 where a pattern is small or chance."""
+    white = problem.whiten(shown)
+    gap = max(float((white[problem.inside] ** 2).sum()) - problem.inside.sum(), 1.0)
+    strange = [one for one in found if one.p_value < UNLIKELY and _is_large(problem, one)]
+    return max((one.strength / gap for one in strange), default=0.0)
+
+
+def _is_large(problem: Problem, pattern: Pattern) -> bool:
+    """Whether a pattern is larger than what a model may be wrong by."""
+    if problem.twin:
+        return True
+    axis = pattern.axis - 1
+    rows = problem.inside[:, axis]
+    torque = float(np.sqrt(np.mean(problem.recording.torque[rows, axis] ** 2)))
+    size = np.sqrt(max(pattern.strength, 0.0) / rows.sum()) * problem.noise.deviation[axis]
+    return bool(size > PATTERN_OF_TORQUE * torque)
+
+
+def _named(
+    problem: Problem, choice: Choice
+) -> tuple[tuple[Named, ...], tuple[tuple[str, int, float], ...]]:
+    best = choice.best
+    effects, others = [], []
+    at = 0
+    steps = {len(one.groups): one for one in choice.fits}
+    for place, group in enumerate(best.groups):
+        rivals = [(g, worse) for where, g, worse in choice.rivals if where == place]
+        odds = np.exp([-max(worse, 0.0) / 2 for _, worse in rivals])
+        total = 1 + float(odds.sum())
+        others += [
+            (*problem.terms[g[0]].key, float(odd) / total)
+            for (g, _), odd in zip(rivals, odds, strict=True)
+        ]
+        values = best.values[at : at + len(group)]
+        errors = best.errors[at : at + len(group)]
+        at += len(group)
+        until = steps.get(place + 1, best)
+        effects.append(
+            _one(
+                problem,
+                group,
+                values,
+                errors,
+                1 / total,
+                _score(problem, _left(problem, until)[0])[0],
+            )
+        )
+    own = {(one.effect, one.axis) for one in effects}
+    return tuple(effects), tuple(one for one in others if (one[0], one[1]) not in own)
+
+
+def _one(
+    problem: Problem,
+    group: Group,
+    values: np.ndarray,
+    errors: np.ndarray,
+    confidence: float,
+    after: float,
+) -> Named:
+    term = problem.terms[group[0]]
+    parameters = dict(term.parameters)
+    severity, error = float(values[0]), float(errors[0])
+    if len(group) == 2:  # sine and cosine
+        severity = float(np.hypot(*values))
+        error = float(np.hypot(*(values * errors)) / max(severity, 1e-300))
+        parameters["phase"] = float(np.arctan2(values[1], values[0]))
+    return Named(term.name, term.axis, severity, error, parameters, confidence, after)
+
+
+def _calibration(problem: Problem, fitted: Fit, solution: np.ndarray) -> list[tuple[Term, float]]:
+    """All that is changed in the model."""
+    effects = [
+        (problem.terms[t], float(v)) for t, v in zip(fitted.terms, fitted.values, strict=True)
+    ]
+    if problem.twin:
+        return effects
+    numbers = [
+        (term, float(value * term.tolerance))
+        for term, value in zip(problem.terms, solution, strict=True)
+        if abs(value) > 1e-3
+    ]
+    return effects + [(term, value) for term, value in numbers if _possible(term, value)]
+
+
+def _possible(term: Term, value: float) -> bool:
+    """Whether a model can have it: a calibrated play may come out below none."""
+    if not term.is_effect or term.parameters:
+        return True
+    return value > get_effect(term.name).smallest
+
+
+def _told(
+    problem: Problem, fitted: Fit, changes: list[tuple[Term, float]]
+) -> dict[str, dict[str, float]]:
+    """Calibrated numbers that are off by more than half their tolerance."""
+    del fitted
+    told: dict[str, dict[str, float]] = {}
+    if problem.twin:
+        return told
+    for term, value in changes:
+        if term.is_effect and not term.parameters and abs(value) > 0.5 * term.tolerance:
+            told.setdefault(term.name, {})[str(term.axis)] = value
+    return told

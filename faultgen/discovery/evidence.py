@@ -1,0 +1,130 @@
+"""Which terms explain a gap, given that every term may be off a little anyhow.
+
+The whitened gap is g = X b + n, with one column of X a term and n white. In a healthy robot each b
+is normal with its tolerance; a term that is taken as a missing effect is free. Columns are in units
+of the tolerance, so that the prior of b is the unit matrix, and the misfit of a set is
+
+    min over b of |g - X b|^2 + sum of b^2 over the terms that are not in the set.
+
+Source: Bayesian linear regression (Bishop 2006, 3.3) with the healthy spread as prior, the linear
+case of the discrepancy model of Kennedy and O'Hagan (2001).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+_FREE = 1e-4  # weight of the prior of a free term: it may be off by 100 tolerances
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Inner products of whitened columns and gap, for each separate recording."""
+
+    gram: np.ndarray
+    """Shape (parts, terms, terms)."""
+    right: np.ndarray
+    """Columns times gap, shape (parts, terms)."""
+    energy: np.ndarray
+    """Gap times gap, shape (parts,)."""
+
+    @staticmethod
+    def of(columns: np.ndarray, gap: np.ndarray, parts: Sequence[slice]) -> Evidence:
+        """Compute the products.
+
+        Args:
+            columns: Whitened, in units of the tolerances, shape (terms, samples, n_axes).
+            gap: Whitened, shape (samples, n_axes).
+            parts: Separate recordings.
+        """
+        gram, right, energy = [], [], []
+        for part in parts:
+            x = columns[:, part].reshape(len(columns), -1).astype(float)
+            y = gap[part].ravel().astype(float)
+            gram.append(x @ x.T)
+            right.append(x @ y)
+            energy.append(float(y @ y))
+        return Evidence(np.array(gram), np.array(right), np.array(energy))
+
+    def only(self, parts: Sequence[int]) -> Evidence:
+        """The same for some of the recordings."""
+        chosen = list(parts)
+        return Evidence(self.gram[chosen], self.right[chosen], self.energy[chosen])
+
+    def solve(
+        self, free: Sequence[int] = (), held: Sequence[int] = ()
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """Fit all terms.
+
+        Args:
+            free: Terms without prior.
+            held: Terms that stay zero.
+
+        Returns:
+            Values in units of the tolerances, shape (terms,); the inverse of the posterior's
+            precision, shape (terms, terms); and the misfit.
+        """
+        weight = np.ones(len(self.right[0]))
+        weight[list(free)] = _FREE
+        weight[list(held)] = 1e12
+        precision = self.gram.sum(axis=0)
+        precision[np.diag_indices_from(precision)] += weight
+        right = self.right.sum(axis=0)
+        factor = cho_factor(precision)
+        value = cho_solve(factor, right)
+        inverse = cho_solve(factor, np.eye(len(right)))
+        return value, inverse, float(self.energy.sum() - right @ value)
+
+    def gains(
+        self, groups: Sequence[Sequence[int]], free: Sequence[int] = (), held: Sequence[int] = ()
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What freeing each group of terms takes off the misfit.
+
+        Args:
+            groups: Indices of the terms that are freed together.
+            free: Terms that are free already.
+            held: Terms that stay zero.
+
+        Returns:
+            Gains, shape (groups,), and the value of the first term of each group, in units of
+            its tolerance, once freed.
+        """
+        value, inverse, _ = self.solve(free, held)
+        gain, first = np.zeros(len(groups)), np.zeros(len(groups))
+        for k, group in enumerate(groups):
+            index = list(group)
+            block = inverse[np.ix_(index, index)]
+            # taking the unit prior of a block away: Woodbury's identity
+            left = np.linalg.solve(np.eye(len(index)) * (1 + 1e-9) - block, value[index])
+            gain[k] = value[index] @ left
+            first[k] = (value[index] + block @ left)[0]
+        return gain, first
+
+    def score(self, free: Sequence[int]) -> float:
+        """Misfit of recordings that were not fitted, and penalty of the terms that are not free."""
+        value, _, _ = self.solve(free)
+        others = np.delete(value, list(free))
+        return float(self.held_out(free).sum() + others @ others)
+
+    def held_out(self, free: Sequence[int], held: Sequence[int] = ()) -> np.ndarray:
+        """Misfit of each recording with values that were fitted to the others.
+
+        Args:
+            free: Terms without prior.
+            held: Terms that stay zero.
+
+        Returns:
+            Squared whitened error, shape (parts,).
+        """
+        errors = np.empty(len(self.energy))
+        every = range(len(self.energy))
+        for part in every:
+            value, _, _ = self.only([p for p in every if p != part]).solve(free, held)
+            errors[part] = (
+                self.energy[part] - 2 * value @ self.right[part] + value @ self.gram[part] @ value
+            )
+        return errors

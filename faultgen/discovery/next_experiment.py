@@ -1,0 +1,162 @@
+"""Which safe motion would tell apart what a recording does not?"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from importlib import resources
+
+import numpy as np
+
+from faultgen.discovery.choose import Choice
+from faultgen.discovery.fit import Group
+from faultgen.discovery.problem import Problem
+from faultgen.discovery.recording import Recording
+from faultgen.discovery.replay import Replay, settled
+from faultgen.errors import InputError, SimulationFailed
+from faultgen.motion import plan
+from faultgen.robot import Robot
+from faultgen.tasks import Task, load_task, task_names
+
+_LONGEST = 20.0  # time of a motion that is looked at [s]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A motion that tells two explanations apart."""
+
+    task: str
+    """Name of the task."""
+    toml: str
+    """The task file."""
+    separates: tuple[tuple[str, int], tuple[str, int]]
+    """Effect and axis of the pair that is hardest to tell apart."""
+    distance: float
+    """Their distance on this motion, in standard deviations of the noise, after refitting."""
+    now: float
+    """The same on the recording."""
+
+
+def next_experiment(problem: Problem, choice: Choice) -> Experiment | None:
+    """Choose a motion for an ambiguous answer.
+
+    The motions are those that come with the robot, and three that stay within the joint angles and
+    the speeds of the recording. The one is chosen whose closest pair is furthest apart (Hunter and
+    Reiner 1965, with severities refitted).
+
+    Args:
+        problem: The gap and the terms.
+        choice: The answer and its rivals.
+
+    Returns:
+        The best motion; None without rivals, or if none is better than the recording.
+    """
+    pairs = []
+    starts = np.cumsum([0, *(len(g) for g in choice.best.groups)])
+    for place, rival, worse in choice.rivals:
+        own = choice.best.groups[place]
+        values = choice.best.values[starts[place] : starts[place + 1]]
+        pairs.append((own, values, rival, max(worse, 0.0)))
+    best: Experiment | None = None
+    for name, toml in _library(problem) if pairs else ():
+        try:
+            replay = Replay(_recording(problem, name, toml), problem.robot)
+            base = replay.torque()
+            distances = [
+                _distance(problem, replay, base, own, values, rival)
+                for own, values, rival, _ in pairs
+            ]
+        except (InputError, SimulationFailed):
+            continue
+        k = int(np.argmin(distances))
+        if best is None or distances[k] > best.distance:
+            keys = problem.terms[pairs[k][0][0]].key, problem.terms[pairs[k][2][0]].key
+            best = Experiment(name, toml, keys, distances[k], float(np.sqrt(pairs[k][3])))
+    return best
+
+
+def _distance(
+    problem: Problem,
+    replay: Replay,
+    base: np.ndarray,
+    own: Group,
+    values: np.ndarray,
+    rival: Group,
+) -> float:
+    """Whitened distance of two effects on a motion, the rival's severity refitted."""
+    recording = replay.recording
+    inside = settled(recording, problem.robot)
+    if not inside.any():
+        return 0.0
+
+    def white(changes: list) -> np.ndarray:
+        change = replay.torque(changes) - base
+        return (problem.noise.whiten(change, recording.parts) * inside).ravel()
+
+    terms = problem.terms
+    target = white([(terms[t], float(v)) for t, v in zip(own, values, strict=True)])
+    others = np.stack([white([(terms[t], terms[t].step)]) for t in rival], axis=1)
+    answer, *_ = np.linalg.lstsq(others, target, rcond=None)
+    return float(np.linalg.norm(target - others @ answer))
+
+
+def _recording(problem: Problem, name: str, toml: str) -> Recording:
+    robot = problem.robot
+    task = Task(**{"name": name, "robot": robot.name, **tomllib.loads(toml)})
+    motion = plan(task, robot)
+    period = problem.recording.sample_period
+    times = np.arange(int(min(motion.period, _LONGEST) / period)) * period
+    reference = motion(times)[0]
+    ratio = robot.gear_ratio if problem.recording.side == "motor" else 1.0
+    temperature = problem.recording.temperature
+    return replace(
+        problem.recording,
+        source=name,
+        position=reference * ratio,
+        torque=np.zeros_like(reference),
+        velocity=None,
+        reference_position=reference,
+        temperature=None if temperature is None else np.full(len(times), temperature.mean()),
+        segments=(0,),
+    )
+
+
+def _library(problem: Problem) -> Iterator[tuple[str, str]]:
+    """Names and texts of safe motions."""
+    robot = problem.robot
+    for name in task_names(robot.name):
+        load_task(robot.name, name)
+        folder = resources.files("robots").joinpath(robot.name, "tasks")
+        yield name, folder.joinpath(f"{name}.toml").read_text()
+    yield from _own(problem, robot)
+
+
+def _own(problem: Problem, robot: Robot) -> Iterator[tuple[str, str]]:
+    """Moves between joint angles within those of the recording."""
+    recording = problem.recording
+    ratio = robot.gear_ratio if recording.side == "motor" else 1.0
+    joints = np.degrees(recording.position / ratio)
+    low, middle, high = np.quantile(joints, [0.15, 0.5, 0.85], axis=0)
+
+    def task(text: str, moves: list[tuple[np.ndarray, float, float]]) -> str:
+        lines = [f'description = "{text}"', "[start]", f"joints = {_list(middle)}"]
+        for pose, speed, dwell in [*moves, (middle, 0.5, 0.2)]:
+            lines += ["", "[[move]]", f"joints = {_list(pose)}", f"speed = {speed}"]
+            lines += [f"dwell = {dwell}"] if dwell else []
+        return "\n".join(lines) + "\n"
+
+    slow = middle + 0.2 * (high - low)
+    yield (
+        "slow_reversals",
+        task("Slow moves that turn round", [(slow, 0.1, 0.5), (middle, 0.1, 0.5)] * 2),
+    )
+    ladder = [(pose, speed, 0.0) for speed in (0.1, 0.3, 0.6, 1.0) for pose in (high, low)]
+    yield "speed_ladder", task("The same way at four speeds", ladder)
+    corners = [np.where(np.arange(len(low)) % 2 == k, low, high) for k in (0, 1)]
+    poses = [(pose, 0.7, 0.6) for pose in (low, corners[0], high, corners[1])]
+    yield "poses", task("Rests in poses of different load, reached from both sides", poses * 2)
+
+
+def _list(values: np.ndarray) -> str:
+    return "[" + ", ".join(f"{value:.3f}" for value in values) + "]"

@@ -1,0 +1,210 @@
+"""A gap, made ready: masked, whitened, with the columns of every term beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from faultgen.discovery.evidence import Evidence
+from faultgen.discovery.noise import Autoregression, autoregression, noise_of
+from faultgen.discovery.recording import Recording
+from faultgen.discovery.replay import Replay, settled
+from faultgen.discovery.terms import Term
+from faultgen.robot import STRIBECK_VELOCITY, Robot
+
+_JUMP = 0.05  # time around a change of direction in which the noise is not looked for [s]
+_PRESLIDING = 0.1  # time from rest or reversal until friction has settled [s]: assumed
+_FEWEST = 50  # samples of a regime from which its weight is told
+_BLOCKS = 6  # into which a single recording is cut, to fit on some and choose on others
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A gap and the terms that may explain it. Arrays of samples have shape (samples, n_axes)."""
+
+    replay: Replay
+    """The recording and the model."""
+    terms: list[Term]
+    """All terms, with tolerances of this comparison."""
+    base: np.ndarray
+    """Torque of the model as it is."""
+    gap: np.ndarray
+    """Torque to be explained."""
+    inside: np.ndarray
+    """Samples that count."""
+    parts: list[slice]
+    """Separate recordings, or blocks of a single one."""
+    scoring: list[int]
+    """Parts that are used neither for fitting nor for choosing."""
+    raw: np.ndarray
+    """Change of the torque a unit of each term, shape (terms, samples, n_axes)."""
+    noise: Autoregression
+    """Of the gap."""
+    trust: np.ndarray
+    """Weight of each sample: 1, or less where models of friction are usually wrong."""
+    white: np.ndarray
+    """Whitened columns in units of the tolerances, shape (terms, samples, n_axes)."""
+    twin: bool
+    """Whether the gap is the difference of two recordings."""
+
+    @property
+    def fitting(self) -> list[int]:
+        """Parts on which terms are fitted and chosen."""
+        return [p for p in range(len(self.parts)) if p not in self.scoring]
+
+    @property
+    def recording(self) -> Recording:
+        """The recording."""
+        return self.replay.recording
+
+    @property
+    def robot(self) -> Robot:
+        """The model."""
+        return self.replay.robot
+
+    def whiten(self, x: np.ndarray) -> np.ndarray:
+        """Whitened, masked and weighted, shape (..., samples, n_axes)."""
+        return self.noise.whiten(x, self.parts) * (self.inside * self.trust).astype(x.dtype)
+
+    def evidence(self, gap: np.ndarray | None = None) -> Evidence:
+        """Inner products on the parts for fitting, of this gap or of another one."""
+        target = self.whiten(self.gap if gap is None else gap)
+        return Evidence.of(self.white, target, [self.parts[p] for p in self.fitting])
+
+
+def blocks(recording: Recording) -> list[slice]:
+    """Parts of a recording; a single one is cut into blocks."""
+    parts = recording.parts
+    if len(parts) > 2:
+        return parts
+    count = -(-_BLOCKS // len(parts))
+    cut = []
+    for part in parts:
+        edges = np.linspace(part.start, part.stop, count + 1).round().astype(int)
+        cut += [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return cut
+
+
+def pose(
+    replay: Replay,
+    terms: Sequence[Term],
+    base: np.ndarray,
+    raw: np.ndarray,
+    gap: np.ndarray,
+    *,
+    twin: bool,
+) -> Problem:
+    """Estimate the noise of a gap and whiten everything with it.
+
+    The noise is what no combination of the terms explains, as an autoregression. In slow motion,
+    where that is more than at speed, samples count less: there friction of any real robot has
+    another form than a model's. Without a twin, rest and the moments after it do not count at all.
+
+    Args:
+        replay: The recording and the model.
+        terms: All terms.
+        base: Torque of the model as it is.
+        raw: Columns, shape (terms, samples, n_axes).
+        gap: What is to be explained.
+        twin: Whether the gap is the difference of two recordings.
+
+    Raises:
+        ValueError: Too little of the recording can be used.
+    """
+    recording, robot = replay.recording, replay.robot
+    parts = blocks(recording)
+    inside = settled(recording, robot)
+    if not twin:
+        inside &= rolling(recording, robot)
+    steady = inside & ~near_reversal(recording, robot)
+    tolerances = np.array([term.tolerance for term in terms], np.float32)[:, None, None]
+    scale = tolerances[:, 0, 0]
+
+    def unexplained(white: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        evidence = Evidence.of(white(raw) * tolerances, white(gap), parts)
+        value, _, _ = evidence.solve(free=range(len(terms)))
+        return gap - np.tensordot((value * scale).astype(np.float32), raw, axes=1)
+
+    first = noise_of(gap, steady, parts)
+    mask = inside.astype(np.float32)
+    noise = autoregression(unexplained(lambda x: first.whiten(x, parts) * mask), steady, parts)
+    left = noise.whiten(unexplained(lambda x: noise.whiten(x, parts) * mask), parts)
+    trust = _trust(recording, robot, left, inside)
+    weight = (mask * trust).astype(np.float32)
+    count = len(parts)
+    scoring = list(range(count - max(1, count // 5), count))
+    return Problem(
+        replay=replay,
+        terms=list(terms),
+        base=base,
+        gap=gap,
+        inside=inside,
+        parts=parts,
+        scoring=scoring,
+        raw=raw,
+        noise=noise,
+        trust=trust,
+        white=noise.whiten(raw, parts) * weight * tolerances,
+        twin=twin,
+    )
+
+
+def rolling(recording: Recording, robot: Robot) -> np.ndarray:
+    """Samples that are `_PRESLIDING` away from rest and reversal, shape (samples, n_axes).
+
+    Before, the torque of an axis depends on how its bristles bent, which no two models agree on.
+    """
+    moving = _moving(recording, robot)
+    count = max(1, round(_PRESLIDING / recording.sample_period))
+    for part in recording.parts:
+        turned = np.zeros(moving[part].shape, bool)
+        position = recording.position[part]
+        direction = np.sign(np.gradient(position, axis=0))
+        turned[1:] = direction[1:] != direction[:-1]
+        disturbed = turned | ~moving[part]
+        for axis in range(robot.n_axes):
+            after = np.convolve(disturbed[:, axis].astype(int), np.ones(count, int))
+            moving[part, axis] = after[: len(position)] == 0
+    return moving
+
+
+def _trust(recording: Recording, robot: Robot, left: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Weights by which what is left is as large in slow motion as noise is, by axis."""
+    slow = near_reversal(recording, robot)
+    trust = np.ones(left.shape)
+    for axis in range(robot.n_axes):
+        moving = _moving(recording, robot)[:, axis]
+        for regime in (slow[:, axis] & moving, ~moving):
+            rows = regime & inside[:, axis]
+            if rows.sum() >= _FEWEST:
+                trust[rows, axis] = 1 / np.sqrt(max(float(np.mean(left[rows, axis] ** 2)), 1.0))
+    return trust
+
+
+def _moving(recording: Recording, robot: Robot) -> np.ndarray:
+    """Samples at which axes do not rest, shape (samples, n_axes)."""
+    ratio = np.ones(robot.n_axes) if recording.side == "motor" else np.abs(robot.gear_ratio)
+    slow = robot.model.actuator_biasprm[robot.ids("actuator", "friction"), STRIBECK_VELOCITY]
+    moving = np.zeros(recording.position.shape, bool)
+    for part in recording.parts:
+        speed = np.gradient(recording.position[part], recording.sample_period, axis=0) * ratio
+        moving[part] = np.abs(speed) > 0.1 * slow
+    return moving
+
+
+def near_reversal(recording: Recording, robot: Robot) -> np.ndarray:
+    """Samples about a change of direction, where friction jumps; shape (samples, n_axes)."""
+    ratio = np.ones(robot.n_axes) if recording.side == "motor" else np.abs(robot.gear_ratio)
+    friction = robot.ids("actuator", "friction")
+    slow = 3 * robot.model.actuator_biasprm[friction, STRIBECK_VELOCITY]
+    width = max(1, round(_JUMP / recording.sample_period))
+    near = np.zeros(recording.position.shape, bool)
+    for part in recording.parts:
+        speed = np.gradient(recording.position[part], recording.sample_period, axis=0) * ratio
+        still = np.abs(speed) < slow
+        for axis in range(robot.n_axes):
+            spread = np.convolve(still[:, axis].astype(int), np.ones(2 * width + 1, int), "same")
+            near[part, axis] = spread > 0
+    return near

@@ -1,0 +1,240 @@
+"""What may differ between a robot and its model: effects, and numbers that the model has wrong.
+
+Each term is one number that is zero in the model. How far it may be from zero in a healthy robot is
+its tolerance; an effect is missing where its term is further off than that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from faultgen.effects import EFFECTS, Effect
+from faultgen.robot import COULOMB, Robot
+
+INERTIA = "inertia"
+"""Name of the terms of a link's mass, centre of mass and inertia."""
+
+FORM = "friction_form"
+"""Name of the terms of friction's form near zero speed; they are not simulated."""
+
+PERIODIC = ("torque_ripple", "transmission_error")
+"""Effects that are probed at the orders that a recording shows."""
+
+ORDERS = (1.0, 2.0, 4.0, 6.0)
+"""Orders of periodic effects that are always probed, cycles a motor turn: rotor, pole pairs and
+wave generators have them. Others are probed where a recording shows them."""
+
+SAME_MOTIONS = 0.01
+"""Tolerance between two recordings of one robot, over that between a robot and its model:
+assumed."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """One number that may be off."""
+
+    name: str
+    """An effect of the catalogue, `INERTIA` or `FORM`."""
+    axis: int
+    """From 1; of inertias the link, the payload being the last."""
+    step: float
+    """Severity that it is probed with."""
+    tolerance: float
+    """Standard deviation of it among healthy robots, as a severity: assumed."""
+    parameters: tuple[tuple[str, float], ...] = ()
+    """Further parameters of the effect."""
+
+    @property
+    def key(self) -> tuple[str, int]:
+        """What an answer says of it: effect and axis."""
+        return self.name, self.axis
+
+    @property
+    def is_effect(self) -> bool:
+        """Whether it can be an answer."""
+        return self.name not in (INERTIA, FORM)
+
+
+# Standard deviation of healthy robots about their model, as severities of the catalogue: assumed.
+# Numbers of a data sheet are off by some per cent; what a model lacks is small in a new robot.
+_FRACTIONS = {
+    "coulomb_friction": 0.035,
+    "friction_wear": 0.002,  # coulomb and static have their own
+    "static_friction": 0.2,
+    "stribeck_velocity": 0.15,
+    "viscous_friction": 0.05,
+    "quadratic_viscous_friction": 0.005,
+    "friction_asymmetry": 0.005,
+    "temperature_friction": 0.015,
+    "gear_stiffness": 0.06,
+    "stiffness_hardening": 0.25,
+    "rotor_inertia": 0.035,
+    "torque_constant": 0.004,
+    "load_friction": 0.0005,
+    "payload_mass": 0.035,
+    "payload_offset": 2e-3,
+    "backlash": 5e-6,
+    "encoder_offset": 1e-4,
+    "delay": 3e-4,
+}
+_BENT = {"backlash": (3e-4, 2e-3), "stribeck_velocity": (0.3, 2.0)}
+_PROBE = 50  # tolerances that effects which are a torque are probed with
+# Of the motor torque limit, for effects that are a torque; transmission error by its torque.
+_OF_TORQUE = {
+    "torque_offset": 4e-4,
+    "torque_ripple": 4e-5,
+    "transmission_error": 4e-5,
+    "gravity_spring": 8e-5,
+    "wrist_coupling_friction": 2e-4,
+}
+
+
+def tolerance(name: str, robot: Robot, axis: int) -> float:
+    """Standard deviation of an effect's severity among healthy robots: assumed.
+
+    Args:
+        name: Effect.
+        robot: The robot.
+        axis: Axis, from 1.
+    """
+    if name in _FRACTIONS:
+        return _FRACTIONS[name]
+    limit = min(float(robot.motor_torque_limit[axis - 1]), _largest_friction(robot, axis))
+    small = _OF_TORQUE.get(name, 4e-4) * limit
+    ratio = abs(float(robot.gear_ratio[axis - 1]))
+    if name == "transmission_error":
+        gearbox = robot.ids("tendon", "gearbox")[axis - 1]
+        return small * ratio / float(robot.model.tendon_stiffness[gearbox])
+    joint_side = name in ("gravity_spring", "wrist_coupling_friction")
+    return small * ratio if joint_side else small
+
+
+def _largest_friction(robot: Robot, axis: int) -> float:
+    """Torque limit to reckon with where the motor has none [N m]: assumed."""
+    friction = robot.ids("actuator", "friction")[axis - 1]
+    return 20 * float(robot.model.actuator_biasprm[friction, COULOMB])
+
+
+def effect_terms(robot: Robot, exclude: Collection[str] = ()) -> list[Term]:
+    """Every effect of the catalogue on every axis that can have it.
+
+    Args:
+        robot: The robot.
+        exclude: Effects that are not considered.
+    """
+    payload = robot.spec().body("payload") is not None
+    terms = []
+    for effect in EFFECTS.values():
+        name = effect.name
+        if name in (*exclude, *PERIODIC) or effect.same_as:
+            continue
+        if name.startswith("payload") and not payload:
+            continue
+        for axis in effect.axes(robot.n_axes):
+            size = tolerance(name, robot, axis)
+            terms += [Term(name, axis, step, size) for step in _steps(effect, size)]
+    return terms
+
+
+def _steps(effect: Effect, size: float) -> tuple[float, ...]:
+    """Severities that show; several of effects that are far from linear."""
+    if effect.name in _BENT:
+        return _BENT[effect.name]
+    return (effect.step,) if effect.name in _FRACTIONS else (_PROBE * size,)
+
+
+def periodic_terms(robot: Robot, name: str, axis: int, order: float) -> tuple[Term, Term]:
+    """Sine and cosine of a periodic effect at one order [cycles a motor turn]."""
+    size = tolerance(name, robot, axis)
+
+    def one(phase: float) -> Term:
+        return Term(name, axis, 10 * _PROBE * size, size, (("order", order), ("phase", phase)))
+
+    return one(0.0), one(np.pi / 2)
+
+
+_COMPONENTS = 10
+_OFF = 0.03  # of mass, size and place of links: assumed
+
+
+def inertia_terms(robot: Robot) -> list[Term]:
+    """Ten terms for each link that moves and for the payload.
+
+    Source: pseudo-inertia of Wensing, Kim and Slotine (2018); its upper triangular factor is
+    perturbed as in Rucker and Wensing (2022), so that every value is a body that can exist.
+    """
+    spec = robot.spec()
+    terms = []
+    for link, body in enumerate(_bodies(spec, robot), start=1):
+        size = _size(body)
+        for k in range(_COMPONENTS):
+            tolerance = 0.5 * _OFF if k in _DIAGONAL else _OFF
+            tolerance = 2 * _OFF * size if k in _SHIFT else tolerance
+            terms.append(Term(INERTIA, link, 2 * tolerance, tolerance, (("component", float(k)),)))
+    return terms
+
+
+_PAIRS = ((0, 0), (1, 1), (2, 2), (3, 3), (0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
+_DIAGONAL = (0, 1, 2, 3)
+_SHIFT = (7, 8, 9)
+
+
+def _bodies(spec: mujoco.MjSpec, robot: Robot) -> list[mujoco.MjsBody]:
+    bodies = [spec.joint(f"joint{axis}").parent for axis in range(1, robot.n_axes + 1)]
+    payload = spec.body("payload")
+    return bodies if payload is None else [*bodies, payload]
+
+
+def _size(body: mujoco.MjsBody) -> float:
+    """Distance that a link's centre of mass may be off by, over the tolerance [m]."""
+    gyration = float(np.sqrt(np.sum(body.inertia) / 2 / max(body.mass, 1e-9)))
+    return max(gyration, float(np.linalg.norm(body.ipos)))
+
+
+def apply_inertia(spec: mujoco.MjSpec, robot: Robot, changes: Sequence[tuple[Term, float]]) -> None:
+    """Change links in place.
+
+    Args:
+        spec: The robot.
+        robot: Where its links are told from.
+        changes: Inertia terms and their values.
+    """
+    bodies = _bodies(spec, robot)
+    for link, body in enumerate(bodies, start=1):
+        factor = np.eye(4)
+        for term, value in changes:
+            if term.axis == link:
+                factor[_PAIRS[int(dict(term.parameters)["component"])]] += value
+        if np.any(factor != np.eye(4)):
+            _transform(body, factor)
+
+
+def _transform(body: mujoco.MjsBody, factor: np.ndarray) -> None:
+    """Pseudo-inertia P about the centre of mass becomes F P F'."""
+    inertia = np.array(body.inertia)
+    second = np.diag(np.append(inertia.sum() / 2 - inertia, body.mass))
+    second = factor @ second @ factor.T
+    mass = second[3, 3]
+    shift = second[:3, 3] / mass
+    about = second[:3, :3] - mass * np.outer(shift, shift)
+    tensor = np.trace(about) * np.eye(3) - about
+    values, axes = np.linalg.eigh(tensor)
+    if np.linalg.det(axes) < 0:
+        axes[:, 0] *= -1
+    w, x, y, z = body.iquat
+    frame = Rotation.from_quat([x, y, z, w])
+    turned = (frame * Rotation.from_matrix(axes)).as_quat()
+    body.ipos = np.array(body.ipos) + frame.apply(shift)
+    body.iquat = turned[[3, 0, 1, 2]]
+    # a plate has A + B = C, which rounding must not turn round
+    body.mass, body.inertia = float(mass), values + 1e-9 * values.sum()
+
+
+def with_tolerance(terms: Sequence[Term], factor: float) -> list[Term]:
+    """The same terms with tolerances times a factor."""
+    return [replace(term, tolerance=factor * term.tolerance) for term in terms]

@@ -1,0 +1,71 @@
+"""Linear algebra of naming, against brute force."""
+
+import numpy as np
+import pytest
+
+from faultgen.discovery.evidence import Evidence
+
+PARTS = [slice(0, 40), slice(40, 100), slice(100, 160)]
+
+
+@pytest.fixture(scope="module")
+def data():
+    rng = np.random.default_rng(0)
+    columns = rng.normal(size=(7, 160, 2))
+    gap = 3 * columns[2] + 0.5 * columns[5] + rng.normal(size=(160, 2))
+    return columns, gap, Evidence.of(columns, gap, PARTS)
+
+
+def ridge(columns, gap, weight):
+    """Minimum over b of |g - X b|^2 + b' W b, written out."""
+    x, y = columns.reshape(len(columns), -1).T, gap.ravel()
+    value = np.linalg.solve(x.T @ x + np.diag(weight), x.T @ y)
+    return value, float(np.sum((y - x @ value) ** 2) + value @ (weight * value))
+
+
+def test_a_fit_is_the_minimum_of_its_misfit(data):
+    columns, gap, evidence = data
+    weight = np.ones(7)
+    weight[[2, 4]] = 1e-4
+    expected, least = ridge(columns, gap, weight)
+    value, inverse, misfit = evidence.solve(free=[2, 4])
+    np.testing.assert_allclose(value, expected, rtol=1e-9)
+    assert misfit == pytest.approx(least, rel=1e-9)
+    x = columns.reshape(7, -1).T
+    np.testing.assert_allclose(inverse, np.linalg.inv(x.T @ x + np.diag(weight)), rtol=1e-9)
+
+
+def test_what_is_held_stays_zero(data):
+    _, _, evidence = data
+    value, _, _ = evidence.solve(held=[2])
+    assert abs(value[2]) < 1e-6 and abs(value[5]) > 0.1
+
+
+def test_gains_are_those_of_fits(data):
+    """Freeing a group takes off the misfit what two fits differ by."""
+    _, _, evidence = data
+    groups = [(2,), (5,), (0, 1)]
+    gains, first = evidence.gains(groups, free=[6])
+    _, _, before = evidence.solve(free=[6])
+    for group, gain, value in zip(groups, gains, first, strict=True):
+        solution, _, after = evidence.solve(free=[6, *group])
+        assert gain == pytest.approx(before - after, rel=1e-2, abs=1e-3)
+        assert value == pytest.approx(solution[group[0]], rel=1e-2)
+
+
+def test_a_part_is_predicted_from_the_others(data):
+    columns, gap, evidence = data
+    errors = evidence.held_out(free=[2])
+    weight = np.ones(7)
+    weight[2] = 1e-4
+    others = np.r_[0:40, 100:160]
+    value, _ = ridge(columns[:, others], gap[others], weight)
+    left = gap[PARTS[1]] - np.tensordot(value, columns[:, PARTS[1]], axes=1)
+    assert errors[1] == pytest.approx(np.sum(left**2), rel=1e-9)
+
+
+def test_a_true_term_is_worth_more_than_any_other(data):
+    _, _, evidence = data
+    gains, _ = evidence.gains([(k,) for k in range(7)])
+    assert np.argmax(gains) == 2
+    assert evidence.score([2]) < evidence.score([0])

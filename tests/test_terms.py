@@ -1,0 +1,65 @@
+"""What may differ between a robot and its model."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from faultgen.discovery.terms import (
+    INERTIA,
+    apply_inertia,
+    effect_terms,
+    inertia_terms,
+    periodic_terms,
+    with_tolerance,
+)
+from faultgen.effects import EFFECTS
+from faultgen.robot import load_robot
+
+LEFT_OUT = {"brake_drag", "torque_ripple", "transmission_error"}
+
+
+def test_every_effect_is_a_term_of_every_axis_that_can_have_it():
+    robot = load_robot("puma560")
+    keys = {term.key for term in effect_terms(robot)}
+    assert {name for name, _ in keys} == set(EFFECTS) - LEFT_OUT
+    assert keys >= {("viscous_friction", axis) for axis in range(1, 7)}
+    assert {axis for name, axis in keys if name == "payload_mass"} == {6}
+    without = {term.name for term in effect_terms(robot, exclude=["backlash"])}
+    assert "backlash" not in without
+
+
+def test_tolerances_and_steps_are_positive(tiny_robot):
+    terms = effect_terms(tiny_robot) + inertia_terms(tiny_robot)
+    terms += periodic_terms(tiny_robot, "torque_ripple", 1, 3.5)
+    assert all(term.tolerance > 0 and term.step > 0 for term in terms)
+    assert with_tolerance(terms, 0.1)[3].tolerance == pytest.approx(0.1 * terms[3].tolerance)
+
+
+def test_inertias_are_those_of_bodies_that_exist(tiny_robot):
+    """Any values, far beyond the tolerances, give a model that compiles."""
+    rng = np.random.default_rng(1)
+    terms = inertia_terms(tiny_robot)
+    assert {term.axis for term in terms} == {1, 2, 3}  # two links and the payload
+    for _ in range(20):
+        spec = tiny_robot.spec()
+        apply_inertia(spec, tiny_robot, [(t, 10 * t.tolerance * rng.normal()) for t in terms])
+        model = spec.compile()
+        a, b, c = np.sort(model.body_inertia[1:], axis=1).T
+        assert (model.body_mass[1:] > 0).all() and (a > 0).all() and (a + b >= c * (1 - 1e-6)).all()
+
+
+def test_a_mass_and_a_shift_are_what_they_say(tiny_robot):
+    """(1 + v)^2 of the mass at the same place; a shift moves the centre of mass by v."""
+    by = {(t.axis, dict(t.parameters)["component"]): t for t in inertia_terms(tiny_robot)}
+    spec = tiny_robot.spec()
+    apply_inertia(spec, tiny_robot, [(by[2, 3.0], 0.1), (by[1, 7.0], 0.03)])
+    model, before = spec.compile(), tiny_robot.model
+
+    def body(name):
+        return mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+
+    one, two = body("link1"), body("link2")
+    assert model.body_mass[two] == pytest.approx(1.21 * before.body_mass[two])
+    np.testing.assert_allclose(model.body_ipos[two], before.body_ipos[two], atol=1e-9)
+    np.testing.assert_allclose(model.body_ipos[one] - before.body_ipos[one], [0.03, 0, 0])
+    assert all(term.name == INERTIA for term in by.values())
