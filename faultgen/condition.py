@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import mujoco
 
-from faultgen.effects import get_effect, set_temperature
+from faultgen.effects import Applied, set_temperature
+from faultgen.machine import Machine, assemble
 from faultgen.robot import Robot
 
 
@@ -24,8 +25,8 @@ class Condition:
     """Worn axes, from 1, and the severity of each."""
 
 
-def model_at(robot: Robot, healthy: mujoco.MjSpec, condition: Condition) -> mujoco.MjModel:
-    """Compile the robot as it is at a condition.
+def machine_at(robot: Robot, healthy: mujoco.MjSpec, condition: Condition) -> Machine:
+    """Assemble the robot as it is at a condition.
 
     Args:
         robot: The healthy robot.
@@ -33,8 +34,11 @@ def model_at(robot: Robot, healthy: mujoco.MjSpec, condition: Condition) -> mujo
         condition: The condition.
 
     Returns:
-        The model; that of the healthy robot, bit for bit, at its reference temperature, nominal
-        payload and severity 0.
+        The machine; its model is that of the healthy robot, bit for bit, at its reference
+        temperature, nominal payload and severity 0.
+
+    Raises:
+        InputError: No such effect, or it does not act on a worn axis.
     """
     spec = healthy.copy()
     reference = robot.friction_temperature
@@ -45,6 +49,5 @@ def model_at(robot: Robot, healthy: mujoco.MjSpec, condition: Condition) -> mujo
     if payload is not None and condition.payload_factor != 1:
         payload.mass *= condition.payload_factor
         payload.inertia *= condition.payload_factor
-    for axis, severity in condition.wear:
-        get_effect(condition.effect).apply(spec, axis, severity)
-    return spec.compile()
+    effects = [Applied(condition.effect, axis, severity) for axis, severity in condition.wear]
+    return assemble(robot, effects, temperature=condition.temperature, spec=spec)

@@ -20,6 +20,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 
 from faultgen.effects import HEALTHY, get_effect
 from faultgen.errors import InputError
+from faultgen.machine import check_axis
 from faultgen.robot import Robot, load_robot
 from faultgen.sensors import get_sensors
 from faultgen.simulate import decimation
@@ -285,6 +286,9 @@ def _check_axes(experiment: Experiment, robot: Robot) -> None:
                     f"axis {axis}: robot {robot.name} has axes 1 to {robot.n_axes} "
                     f"(for the healthy robot alone: effect {HEALTHY})"
                 )
+            for name in experiment.effect:
+                if name != HEALTHY:
+                    check_axis(get_effect(name), axis, robot)
         if len(set(axes)) != len(axes):
             raise InputError(f"axis {axes}: the same axis twice")
 

@@ -106,11 +106,16 @@ class Robot:
         """Hash of the MJCF text."""
         return hashlib.sha256(self.xml.encode()).hexdigest()
 
-    def ids(self, kind: str, name: str) -> np.ndarray:
-        """Ids of the elements ``name1`` ... ``name{n_axes}``; kind is 'actuator' or 'tendon'."""
-        return np.array(
-            [_id(self.name, self.model, kind, f"{name}{i + 1}") for i in range(self.n_axes)]
-        )
+    def ids(self, kind: str, name: str, model: mujoco.MjModel | None = None) -> np.ndarray:
+        """Ids of the elements ``name1`` ... ``name{n_axes}``, in the robot or an edit of it.
+
+        Args:
+            kind: 'actuator' or 'tendon'.
+            name: Name without the number of the axis.
+            model: Where the ids hold; default: the healthy robot.
+        """
+        where = self.model if model is None else model
+        return np.array([_id(self.name, where, kind, f"{name}{i + 1}") for i in range(self.n_axes)])
 
     def _gear_ratio(self, model: mujoco.MjModel, axis: int) -> float:
         tendon = _id(self.name, model, "tendon", f"gearbox{axis + 1}")

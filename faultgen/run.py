@@ -12,9 +12,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from faultgen.condition import Condition, model_at
+from faultgen.condition import Condition, machine_at
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.experiment import Run
+from faultgen.machine import Machine
 from faultgen.monitoring import BINS, Limits, monitor
 from faultgen.motion import plan
 from faultgen.robot import Robot, load_robot
@@ -94,8 +95,8 @@ def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], object] |
     writer = RunWriter(folder, run.id, _attributes(run, shared), robot.xml)
     try:
         _create_arrays(writer, run, shared, around, growth)
-        models = _models(run, robot, around, growth)
-        cycles = simulate(robot, shared.control, models, sample_period=run.sample_period)
+        machines = _machines(run, robot, around, growth)
+        cycles = simulate(robot, shared.control, machines, sample_period=run.sample_period)
         for index, cycle in enumerate(cycles):
             seen = measure(
                 sensors,
@@ -130,13 +131,13 @@ def _growth(run: Run) -> np.ndarray:
     return severities(run.schedule, run.severity, run.cycles)
 
 
-def _models(
+def _machines(
     run: Run, robot: Robot, around: Surroundings, growth: np.ndarray
-) -> Iterator[mujoco.MjModel]:
-    """The robot as it is in each cycle; compiled anew only where something changed."""
+) -> Iterator[Machine]:
+    """The robot as it is in each cycle; assembled anew only where something changed."""
     healthy = robot.spec()
     before: Condition | None = None
-    model = robot.model
+    machine = Machine(robot.model)
     for severity, temperature, load in zip(
         growth, around.temperature, around.payload_factor, strict=True
     ):
@@ -147,9 +148,9 @@ def _models(
             wear=tuple((axis, float(severity)) for axis in run.axes),
         )
         if now != before:
-            model = model_at(robot, healthy, now)
+            machine = machine_at(robot, healthy, now)
             before = now
-        yield model
+        yield machine
 
 
 def _attributes(run: Run, nominal: Nominal) -> dict[str, Any]:

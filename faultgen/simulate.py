@@ -2,7 +2,8 @@
 
 `simulate` runs one robot through its cycles, one after another and without a break; the model may
 change at the boundary of two cycles (wear, temperature, payload). It yields a cycle at a time, so
-memory does not grow with the number of cycles. Python does nothing within a chunk of steps.
+memory does not grow with the number of cycles. Python does nothing within a chunk of steps, but for
+machines with effects that act between steps; those are stepped a few at a time.
 
     for cycle in simulate(robot, control, models, sample_period=0.004):
         cycle.motor_torque.shape  # (samples, n_axes)
@@ -10,6 +11,7 @@ memory does not grow with the number of cycles. Python does nothing within a chu
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,7 +21,10 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 
 from faultgen.arm import Arm
+from faultgen.effects.base import Moment
 from faultgen.errors import InputError, SimulationFailed
+from faultgen.gearbox import gearbox_torque
+from faultgen.machine import Machine
 from faultgen.robot import Robot
 
 RECORD = ("actuator_length", "actuator_velocity", "actuator_force", "ten_length", "ten_velocity")
@@ -74,108 +79,205 @@ def decimation(timestep: float, sample_period: float) -> int:
 def simulate(
     robot: Robot,
     control: np.ndarray,
-    models: Iterable[mujoco.MjModel],
+    machines: Iterable[Machine | mujoco.MjModel],
     *,
     sample_period: float,
     lead_in: float = LEAD_IN,
 ) -> Iterator[Cycle]:
-    """Simulate cycles, each with its own model, as one uninterrupted run.
+    """Simulate cycles, each with its own machine, as one uninterrupted run.
 
     Args:
         robot: The healthy robot.
         control: Control of one cycle, shape (steps, n_controls), from `servo.control_signal`.
-        models: The robot as it is in each cycle; all compiled from edits of `robot`.
+        machines: The robot as it is in each cycle, from `machine.assemble`, or models compiled from
+            edits of `robot`.
         sample_period: Time between samples [s].
         lead_in: Time before the first cycle [s], of the end of the cycle before; 0 for a motion
             that does not repeat.
 
     Yields:
-        One `Cycle` for each model.
+        One `Cycle` for each machine.
 
     Raises:
         SimulationFailed: The state became bad (not finite or huge), or MuJoCo raised an error.
         InputError: The sample period does not fit the step.
     """
-    every = decimation(robot.model.opt.timestep, sample_period)
+    timestep = robot.model.opt.timestep
+    every = decimation(timestep, sample_period)
     control = np.ascontiguousarray(control)
-    batch = Batch(robot.model, 1, 1)
-    recorder = _Recorder(robot, every)
-    for index, model in enumerate(models):
-        batch.set_models(model)
-        if index == 0:
-            lead = min(len(control), round(lead_in / model.opt.timestep))
-            _start(robot, batch, control[-lead])  # the first one without a lead
-            for _ in recorder.run(batch, control[len(control) - lead :], 0):
+    lead = min(len(control), round(lead_in / timestep))
+    stepper = _Stepper(robot, every)
+    machine: Machine | None = None
+    for index, given in enumerate(machines):
+        before, machine = machine, given if isinstance(given, Machine) else Machine(given)
+        if before is None or machine is not before:
+            stepper.use(machine)
+            command = np.ascontiguousarray(machine.command(control, lead > 0))
+        if before is None:
+            _start(robot, stepper.batch, command[-lead])  # the first one without a lead
+            for _ in stepper.run(command[len(command) - lead :], 0, -lead):
                 pass
-        yield recorder.cycle(batch, model, control, index + 1)
+        yield machine.log(stepper.cycle(command, index + 1))
 
 
-class _Recorder:
+class _Stepper:
     """Rolls a batch of one out, chunk by chunk, into arrays that are used again."""
+
+    batch: Batch
+    machine: Machine
 
     def __init__(self, robot: Robot, every: int) -> None:
         self.robot = robot
         self.every = every
-        self.chunk = max(1, _CHUNK // every) * every
-        self.out: dict[int, dict[str, np.ndarray]] = {}
-        self.drive = robot.ids("actuator", "drive")
-        self.friction = robot.ids("actuator", "friction")
-        self.gearbox = robot.ids("tendon", "gearbox")
 
-    def run(self, batch: Batch, control: np.ndarray, cycle: int) -> Iterator[dict[str, np.ndarray]]:
-        """Step through a control signal; yield what was recorded, chunk by chunk."""
+    def use(self, machine: Machine) -> None:
+        """Go on with another machine, from the state that there is."""
+        model = machine.model
+        before = getattr(self, "batch", None)
+        if before is None or machine.updates or self.machine.updates or not self._fits(model):
+            self.batch = Batch(model, 1, 1)
+            self.out: dict[int, dict[str, np.ndarray]] = {}
+            if before is not None:
+                _carry(before, self.batch)
+        else:
+            self.batch.set_models(model)
+        self.machine = machine
+        self.drive = model.actuator_outadr[self.robot.ids("actuator", "drive", model)]
+        self.friction = self.robot.ids("actuator", "friction", model)
+        self.gearbox = self.robot.ids("tendon", "gearbox", model)
+        # steps between two updates; all of a chunk where there are none
+        self.stride = round(machine.interval / model.opt.timestep) if machine.updates else _CHUNK
+        self.stride = max(1, self.stride)
+        whole = math.lcm(self.every, self.stride) if machine.updates else self.every
+        self.chunk = max(1, _CHUNK // whole) * whole
+
+    def _fits(self, model: mujoco.MjModel) -> bool:
+        """Whether a model has the elements of the batch's."""
+        return bool(model.names == self.batch.model.names)
+
+    def run(
+        self, control: np.ndarray, cycle: int, first: int = 0
+    ) -> Iterator[tuple[dict[str, np.ndarray], np.ndarray]]:
+        """Step through a control signal, chunk by chunk.
+
+        Args:
+            control: Shape (steps, n_controls).
+            cycle: Number for messages.
+            first: Number of the first step; 0 is the start of a cycle.
+
+        Yields:
+            What was recorded, and the viscous friction of each axis, shape (n_axes,) or
+            (steps, n_axes).
+        """
         for start in range(0, len(control), self.chunk):
             part = control[None, start : start + self.chunk]
             steps = part.shape[1]
             try:
                 with _quiet():
-                    out = batch.rollout(steps, part, record=RECORD, out=self.out.get(steps))
+                    if self.machine.updates:
+                        out, damping = self._update_and_step(part, first + start)
+                    else:
+                        out = self.batch.rollout(
+                            steps, part, record=RECORD, out=self.out.get(steps)
+                        )
+                        damping = self.machine.model.actuator_damping[self.friction]
             except SimulationError as error:
                 raise SimulationFailed(f"cycle {cycle}: {error}") from None
             self.out[steps] = out
             for warning, what in _BAD:
-                if batch.warning[0, int(warning), 1]:  # (last info, count)
-                    seconds = (start + steps) * batch.model.opt.timestep
+                if self.batch.warning[0, int(warning), 1]:  # (last info, count)
+                    seconds = (start + steps) * self.batch.model.opt.timestep
                     raise SimulationFailed(
                         f"cycle {cycle}: the simulation diverged before {seconds:.2f} s of the "
                         f"cycle: bad {what}"
                     )
-            yield out
+            yield out, damping
 
-    def cycle(self, batch: Batch, model: mujoco.MjModel, control: np.ndarray, number: int) -> Cycle:
+    def _update_and_step(
+        self, control: np.ndarray, first: int
+    ) -> tuple[dict[str, np.ndarray], np.ndarray]:
+        """Step through a chunk, with the machine's updates between every `stride` steps."""
+        batch, model, steps = self.batch, self.machine.model, control.shape[1]
+        out = self.out.get(steps) or {
+            "actuator_length": np.empty((1, steps, model.nout)),
+            "actuator_velocity": np.empty((1, steps, model.nout)),
+            "actuator_force": np.empty((1, steps, model.nout)),
+            "ten_length": np.empty((1, steps, model.ntendon)),
+            "ten_velocity": np.empty((1, steps, model.ntendon)),
+        }
+        damping = np.empty((steps, self.robot.n_axes))
+        moment = Moment(
+            time=0.0,
+            qpos=batch.qpos,
+            qvel=batch.qvel,
+            biasprm=batch.expand("actuator_biasprm"),
+            damping=batch.expand("actuator_damping"),
+        )
+        for at in range(0, steps, self.stride):
+            moment.time = (first + at) * model.opt.timestep
+            moment.biasprm[:] = model.actuator_biasprm
+            moment.damping[:] = model.actuator_damping
+            for update in self.machine.updates:
+                update(moment)
+            part = slice(at, min(at + self.stride, steps))
+            damping[part] = moment.damping[0, self.friction]
+            into = {name: values[:, part] for name, values in out.items()}
+            batch.rollout(part.stop - at, control[:, part], record=RECORD, out=into)
+        return out, damping
+
+    def cycle(self, control: np.ndarray, number: int) -> Cycle:
         """Simulate one cycle and keep its samples."""
         samples = -(-len(control) // self.every)
         kept: dict[str, np.ndarray] = {}
+        damping = np.empty((samples, self.robot.n_axes))
         at = 0
-        for out in self.run(batch, control, number):
+        for out, damped in self.run(control, number):
             for name in RECORD:
                 part = out[name][0, :: self.every]
                 if name not in kept:
                     kept[name] = np.empty((samples, part.shape[1]))
                 kept[name][at : at + len(part)] = part
+            damping[at : at + len(part)] = damped if damped.ndim == 1 else damped[:: self.every]
             at += len(part)
-        return self._channels(model, kept)
+        return self._channels(kept, damping)
 
-    def _channels(self, model: mujoco.MjModel, kept: dict[str, np.ndarray]) -> Cycle:
-        drive = model.actuator_outadr[self.drive]
-        friction = model.actuator_outadr[self.friction]
-        position = kept["actuator_length"][:, drive]
-        velocity = kept["actuator_velocity"][:, drive]
+    def _channels(self, kept: dict[str, np.ndarray], damping: np.ndarray) -> Cycle:
+        model = self.machine.model
+        position = kept["actuator_length"][:, self.drive]
+        velocity = kept["actuator_velocity"][:, self.drive]
         twist = kept["ten_length"][:, self.gearbox]
         twist_rate = kept["ten_velocity"][:, self.gearbox]
         # MuJoCo applies an actuator's damping apart from its force
-        viscous = -model.actuator_damping[self.friction] * velocity
+        viscous = -damping * velocity
         for power, coefficient in enumerate(model.actuator_dampingpoly[self.friction].T, start=1):
             viscous = viscous - coefficient * velocity * np.abs(velocity) ** power
+        friction = model.actuator_outadr[self.friction]
         return Cycle(
             motor_position=position,
             motor_velocity=velocity,
-            motor_torque=kept["actuator_force"][:, drive],
+            motor_torque=kept["actuator_force"][:, self.drive],
             friction_torque=kept["actuator_force"][:, friction] + viscous,
             gear_torque=gearbox_torque(model, self.gearbox, twist, twist_rate),
             joint_position=position / self.robot.gear_ratio - twist,
             joint_velocity=velocity / self.robot.gear_ratio - twist_rate,
         )
+
+
+def _carry(before: Batch, after: Batch) -> None:
+    """Copy the state to a batch whose model may have more or fewer actuators."""
+    if before.model.names == after.model.names:
+        after.state[:] = before.state
+        return
+    for name in ("time", "qpos", "qvel", "qacc_warmstart"):
+        getattr(after, name)[:] = getattr(before, name)
+    old, new = before.model, after.model
+    there = {old.actuator(k).name: k for k in range(old.nactuator)}
+    for k in range(new.nactuator):
+        source = there.get(new.actuator(k).name)
+        if source is not None and new.actuator_actnum[k]:
+            at, to = old.actuator_actadr[source], new.actuator_actadr[k]
+            count = new.actuator_actnum[k]
+            after.act[:, to : to + count] = before.act[:, at : at + count]
 
 
 @contextmanager
@@ -187,31 +289,6 @@ def _quiet() -> Iterator[None]:
         yield
     finally:
         mujoco.set_mju_user_warning(before)
-
-
-def gearbox_torque(
-    model: mujoco.MjModel, gearbox: np.ndarray, twist: np.ndarray, twist_rate: np.ndarray
-) -> np.ndarray:
-    """Torque of gearboxes on their joints, thesis eq. 6.2a with MuJoCo's dead band and polynomials.
-
-    Args:
-        model: The robot as simulated.
-        gearbox: Tendon ids, shape (n_axes,).
-        twist: q_motor / n - q_joint, shape (samples, n_axes), in [rad].
-        twist_rate: Its rate, same shape, in [rad/s].
-
-    Returns:
-        Torque, shape (samples, n_axes), in [N m].
-    """
-    low, high = model.tendon_lengthspring[gearbox].T
-    stretch = twist - np.clip(twist, low, high)
-    stiffness = model.tendon_stiffness[gearbox] * stretch
-    for power, coefficient in enumerate(model.tendon_stiffnesspoly[gearbox].T, start=2):
-        stiffness = stiffness + coefficient * stretch**power
-    damping = model.tendon_damping[gearbox] * twist_rate
-    for power, coefficient in enumerate(model.tendon_dampingpoly[gearbox].T, start=1):
-        damping = damping + coefficient * twist_rate * np.abs(twist_rate) ** power
-    return stiffness + damping
 
 
 def _start(robot: Robot, batch: Batch, control: np.ndarray) -> None:

@@ -27,9 +27,9 @@ import numpy as np
 from joblib import Parallel, delayed
 from tqdm import tqdm
 
-from faultgen.condition import Condition, model_at
+from faultgen.condition import Condition, machine_at
 from faultgen.dataset import plain_value
-from faultgen.effects.friction import TEMPERATURE_RANGE
+from faultgen.effects.temperature import TEMPERATURE_RANGE
 from faultgen.errors import InputError
 from faultgen.robot import load_robot
 from faultgen.run import nominal
@@ -213,8 +213,8 @@ def simulate_at(
     """
     control = nominal(controller or robot, task, sample_period).control
     simulated = load_robot(robot)
-    model = model_at(simulated, simulated.spec(), condition)
-    cycle = next(simulate(simulated, control, [model], sample_period=sample_period))
+    machine = machine_at(simulated, simulated.spec(), condition)
+    cycle = next(simulate(simulated, control, [machine], sample_period=sample_period))
     return np.stack([getattr(cycle, name) for name in CHANNELS])
 
 

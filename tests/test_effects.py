@@ -2,8 +2,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from faultgen.effects import EFFECTS, get_effect, set_temperature
+from faultgen.effects import EFFECTS, Applied, get_effect, set_temperature
 from faultgen.errors import InputError
+from faultgen.machine import assemble
 from faultgen.motion import plan
 from faultgen.robot import COULOMB, OFFSET, STICTION, STRIBECK_VELOCITY
 from faultgen.servo import control_signal
@@ -21,16 +22,11 @@ def fields(model):
 def test_severity_zero_leaves_the_model_as_it_is(robot, effect):
     """At severity 0 every field of the compiled model is that of the healthy one, bit for bit."""
     spec = robot.spec()
-    for axis in range(1, 7):
+    for axis in effect.axes(6):
         effect.apply(spec, axis, 0.0)
     healthy, worn = fields(robot.model), fields(spec.compile())
     for name, value in healthy.items():
         assert np.array_equal(value, worn[name], equal_nan=True), name
-
-
-def axis_of(effect, axis, last):
-    """Payload effects belong to the last axis."""
-    return last if effect.name.startswith("payload") else axis
 
 
 SIZES = {  # where 0.3 is not a sensible severity
@@ -39,6 +35,8 @@ SIZES = {  # where 0.3 is not a sensible severity
     "backlash": 1e-3,
     "payload_offset": 0.05,
     "gravity_spring": 5.0,
+    "transmission_error": 1e-4,
+    "delay": 5e-3,
 }
 
 
@@ -48,9 +46,9 @@ def test_severity_zero_leaves_the_run_as_it_is(tiny_robot, tiny_task_path):
     control = control_signal(motion, tiny_robot.model.opt.timestep)
 
     def torque(effect, severity):
-        spec = tiny_robot.spec()
-        effect.apply(spec, axis_of(effect, 2, 2), severity)
-        cycles = list(simulate(tiny_robot, control, [spec.compile()] * 2, sample_period=0.004))
+        applied = [Applied(effect.name, 2, severity)]
+        machine = assemble(tiny_robot, applied, temperature=60.0)
+        cycles = list(simulate(tiny_robot, control, [machine] * 2, sample_period=0.004))
         return cycles[1].motor_torque
 
     healthy = torque(get_effect("friction_wear"), 0.0)

@@ -27,7 +27,7 @@ def ranked(measured, twin, robot, effects, seed=2):
 def test_candidates_are_the_catalogue_by_axis(tiny_robot):
     names = candidates(tiny_robot)
     assert {name for name, _ in names} == set(EFFECTS)
-    assert len(names) == 2 * len(EFFECTS) - 2  # payload effects on the last axis only
+    assert len(names) == 2 * len(EFFECTS) - 3  # payload effects and coupling on the last axis only
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from faultgen.condition import Condition, model_at
+from faultgen.condition import Condition, machine_at
 from faultgen.dataset import open_dataset
 from faultgen.errors import InputError
 from faultgen.experiment import make_experiment
@@ -147,9 +147,9 @@ def test_another_controller_keeps_the_motion(where, tmp_path):
 
 def test_healthy_at_reference_is_the_robot_itself(tiny_robot):
     """No edit at reference temperature, nominal payload and no wear."""
-    model = model_at(tiny_robot, tiny_robot.spec(), Condition(40.0))
+    model = machine_at(tiny_robot, tiny_robot.spec(), Condition(40.0)).model
     np.testing.assert_array_equal(model.actuator_biasprm, tiny_robot.model.actuator_biasprm)
     np.testing.assert_array_equal(model.body_mass, tiny_robot.model.body_mass)
-    warm = model_at(tiny_robot, tiny_robot.spec(), Condition(50.0, 1.1))
+    warm = machine_at(tiny_robot, tiny_robot.spec(), Condition(50.0, 1.1)).model
     assert (warm.actuator_biasprm != tiny_robot.model.actuator_biasprm).any()
     assert warm.body_mass.sum() > tiny_robot.model.body_mass.sum()

@@ -4,15 +4,16 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
-import faultgen.condition as condition_module
 import faultgen.sweep as sweep
 from faultgen.dataset import open_dataset
+from faultgen.effects import EFFECTS, get_effect
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.experiment import make_experiment, plan_runs, to_toml
 from faultgen.storage import file_sha256
@@ -236,16 +237,15 @@ def test_killed_sweeps_are_finished_by_running_again(small, made, tmp_path):
 
 def test_failed_runs_are_recorded_and_do_not_stop_the_sweep(small, tmp_path, monkeypatch):
     """The others are made; the reason is kept, and the run is tried again the next time."""
-    real = condition_module.get_effect("friction_wear").edit
+    real = get_effect("friction_wear")
     broken = {"on": True}
 
-    class Fragile:
-        def apply(self, spec, axis, severity):
-            real(spec, axis, severity)
-            if broken["on"] and axis == 1 and severity > 0.2:
-                spec.tendon("gearbox1").stiffness[0] = 1e12
+    def fragile(spec, axis, severity):
+        real.edit(spec, axis, severity)
+        if broken["on"] and axis == 1 and severity > 0.2:
+            spec.tendon("gearbox1").stiffness[0] = 1e12
 
-    monkeypatch.setattr(condition_module, "get_effect", lambda name: Fragile())
+    monkeypatch.setitem(EFFECTS, "friction_wear", replace(real, edit=fragile))
     summary = generate(small(), tmp_path, progress=False)
     assert (summary.done, len(summary.failed)) == (2, 1)
     (reason,) = open_dataset(tmp_path).failed.values()

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from faultgen.discovery.recording import Recording
-from faultgen.effects import get_effect
-from faultgen.errors import InputError
+from faultgen.effects import Applied
+from faultgen.machine import assemble
 from faultgen.robot import Robot
 from faultgen.servo import control_signal
 from faultgen.simulate import simulate
@@ -56,24 +56,19 @@ def replay(recording: Recording, robot: Robot, effects: Effects = ()) -> np.ndar
         InputError: No such effect or axis.
         SimulationFailed: The simulation diverged.
     """
-    spec = robot.spec()
-    for name, axis, severity in effects:
-        if not 1 <= axis <= robot.n_axes:
-            raise InputError(f"axis {axis}: robot {robot.name} has axes 1 to {robot.n_axes}")
-        get_effect(name).apply(spec, axis, severity)
-    model = spec.compile()
+    machine = assemble(robot, [Applied(*effect) for effect in effects])
     ratio = robot.gear_ratio
     reference = recording.reference_position
     if reference is None:
         reference = recording.position / (ratio if recording.side == "motor" else 1.0)
     torque = np.empty_like(recording.torque)
-    timestep = model.opt.timestep
+    timestep = robot.model.opt.timestep
     for part in recording.parts:
         count = part.stop - part.start
         times = np.arange(count) * recording.sample_period
         motion = _Motion(robot, times[-1] + timestep, CubicSpline(times, reference[part]))
         control = control_signal(motion, timestep)  # type: ignore[arg-type]
-        (run,) = simulate(robot, control, [model], sample_period=timestep, lead_in=0.0)
+        (run,) = simulate(robot, control, [machine], sample_period=timestep, lead_in=0.0)
         simulated = np.arange(len(run.motor_torque)) * timestep
         for axis in range(robot.n_axes):
             torque[part, axis] = np.interp(times, simulated, run.motor_torque[:, axis])

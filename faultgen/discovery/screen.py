@@ -46,17 +46,15 @@ class Rank:
 
 
 def candidates(robot: Robot) -> list[Candidate]:
-    """Every effect of the catalogue on every axis; those of the payload on the last one.
+    """Every effect of the catalogue on the axes that it can act on.
 
     An effect that cannot be put into the robot (no payload) is left out.
     """
     payload = robot.spec().body("payload") is not None
     found: list[Candidate] = []
     for name in EFFECTS:
-        if name.startswith("payload"):
-            found += [(name, robot.n_axes)] if payload else []
-        else:
-            found += [(name, axis) for axis in range(1, robot.n_axes + 1)]
+        if payload or not name.startswith("payload"):
+            found += [(name, axis) for axis in EFFECTS[name].axes(robot.n_axes)]
     return found
 
 

@@ -1,6 +1,15 @@
-"""The catalogue of effects: named, parametrised edits of a robot's MJCF."""
+"""The catalogue of effects: named, parametrised changes of a robot."""
 
-from faultgen.effects.catalogue import EFFECTS, HEALTHY, Effect, get_effect
-from faultgen.effects.friction import set_temperature
+from faultgen.effects.base import HEALTHY, Applied, Effect, Temperature
+from faultgen.effects.catalogue import EFFECTS, get_effect
+from faultgen.effects.temperature import set_temperature
 
-__all__ = ["EFFECTS", "HEALTHY", "Effect", "get_effect", "set_temperature"]
+__all__ = [
+    "EFFECTS",
+    "HEALTHY",
+    "Applied",
+    "Effect",
+    "Temperature",
+    "get_effect",
+    "set_temperature",
+]

@@ -14,18 +14,13 @@ import math
 
 import mujoco
 
+from faultgen.effects.base import FRACTION, Effect
 from faultgen.robot import COULOMB, OFFSET, STICTION, STRIBECK_VELOCITY
 
-# Bittencourt et al. (IROS 2010), ABB joint; torque over the largest torque, motor speed, deg C.
-# Figures as in the literature list of docs/physics.md; the Coulomb term does not depend on T.
-_STRIBECK_HEIGHT = (-2.5e-2, 1.6e-3)
-_STRIBECK_VELOCITY = (-24.8, 0.98)
-_VISCOUS = (1.3e-4, 1.32e-3, 20.7)
 QUADRATIC_SPEED = 100.0
 """Motor speed at which quadratic viscous friction is measured [rad/s]: assumed."""
 
-TEMPERATURE_RANGE = (30.0, 80.0)
-"""Temperatures [deg C] for which the law is used; measured from 33 to 80."""
+_STRIBECK = "LuGre friction with Stribeck curve, thesis eq. 6.3"
 
 
 def scale_coulomb_and_static(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
@@ -92,30 +87,98 @@ def add_offset(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
     actuator.biasprm[OFFSET + 2] = math.pi / 2
 
 
-def set_temperature(spec: mujoco.MjSpec, axis: int, temperature: float, reference: float) -> None:
-    """Bring the friction of an axis to another gearbox temperature.
-
-    Viscous friction, the Stribeck height and the Stribeck velocity change by the ratios of
-    Bittencourt's law at the two temperatures.
-
-    Args:
-        spec: The robot, edited in place.
-        axis: Axis, from 1.
-        temperature: Gearbox temperature [deg C], held within `TEMPERATURE_RANGE`.
-        reference: Temperature at which the model's friction holds [deg C].
-    """
-    low, high = TEMPERATURE_RANGE
-    hot = min(max(temperature, low), high)
-
-    def ratio(law: tuple[float, float]) -> float:
-        return (law[0] + law[1] * hot) / (law[0] + law[1] * reference)
-
-    def viscous(t: float) -> float:
-        return _VISCOUS[0] + _VISCOUS[1] * math.exp(-t / _VISCOUS[2])
-
-    actuator = spec.actuator(f"friction{axis}")
-    coulomb = actuator.biasprm[COULOMB]
-    height = actuator.biasprm[STICTION] - coulomb
-    actuator.biasprm[STICTION] = coulomb + height * ratio(_STRIBECK_HEIGHT)
-    actuator.biasprm[STRIBECK_VELOCITY] *= ratio(_STRIBECK_VELOCITY)
-    actuator.damping[0] *= viscous(hot) / viscous(reference)
+EFFECTS = (
+    Effect(
+        name="friction_wear",
+        description="Coulomb and static friction of the motor side grow together",
+        unit=FRACTION,
+        signature="more torque against the motion, the same at every speed",
+        element="friction{i}, dcmotor lugre: coulomb and static",
+        source="thesis 6.3.1; " + _STRIBECK,
+        smallest=-0.9,
+        edit=scale_coulomb_and_static,
+    ),
+    Effect(
+        name="coulomb_friction",
+        description="Coulomb friction grows",
+        unit=FRACTION,
+        signature="more torque against the motion, the same at every speed",
+        element="friction{i}, dcmotor lugre: coulomb and static by the same torque",
+        source="thesis eq. 3.7; " + _STRIBECK,
+        smallest=-0.9,
+        edit=scale_coulomb,
+    ),
+    Effect(
+        name="static_friction",
+        description="static friction (the height of the Stribeck curve) grows",
+        unit=FRACTION,
+        signature="more torque when starting, reversing and creeping",
+        element="friction{i}, dcmotor lugre: static",
+        source=_STRIBECK,
+        smallest=-0.9,
+        edit=scale_static,
+    ),
+    Effect(
+        name="viscous_friction",
+        description="viscous friction grows, as with stiff or old grease",
+        unit=FRACTION,
+        signature="more torque against the motion, in proportion to speed",
+        element="friction{i}, dcmotor damping",
+        source="thesis eq. 6.3",
+        smallest=-0.9,
+        edit=scale_viscous,
+    ),
+    Effect(
+        name="stribeck_velocity",
+        description="the Stribeck curve reaches to higher speeds, as with thinner oil",
+        unit=FRACTION,
+        signature="more torque against the motion at low speed, about the Stribeck velocity",
+        element="friction{i}, dcmotor lugre: Stribeck velocity",
+        source=_STRIBECK,
+        smallest=-0.9,
+        edit=scale_stribeck_velocity,
+    ),
+    Effect(
+        name="quadratic_viscous_friction",
+        description="friction that grows with the square of speed",
+        unit=f"fraction of Coulomb friction, at {QUADRATIC_SPEED:g} rad/s motor side",
+        signature="more torque against the motion at high speed, in proportion to its square",
+        element="friction{i}, dcmotor damping, second coefficient",
+        source="w |w| term of extended friction models; the reference speed is assumed",
+        smallest=-1.0,
+        edit=add_quadratic_viscous,
+    ),
+    Effect(
+        name="friction_asymmetry",
+        description="Coulomb friction grows in one direction, as with a worn screw or seal",
+        unit="fraction of Coulomb friction, where the motor turns forward",
+        signature="more torque against the motion in one direction, none in the other",
+        element="friction{i}, dcmotor lugre and cogging without poles",
+        source="direction-dependent friction of the EMPS benchmark (Janot et al. 2019)",
+        smallest=-0.9,
+        edit=add_asymmetry,
+    ),
+    Effect(
+        name="torque_offset",
+        description="a constant torque on the rotor, as of a drifting current sensor",
+        unit="N m, motor side, positive with forward motion",
+        signature="the same torque at all times, also at rest",
+        element="friction{i}, dcmotor cogging without poles",
+        source="definition",
+        smallest=-10.0,
+        step=0.01,
+        edit=add_offset,
+    ),
+    Effect(
+        name="brake_drag",
+        description="the brake does not lift wholly: added Coulomb friction on the rotor",
+        unit="N m, motor side",
+        signature="more torque against the motion, the same at every speed",
+        element="friction{i}, dcmotor lugre: coulomb and static by the same torque",
+        source="definition",
+        same_as="coulomb_friction",
+        step=0.01,
+        edit=add_coulomb,
+    ),
+)
+"""Effects of this family."""

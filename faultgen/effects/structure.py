@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from faultgen.effects.base import FRACTION, Effect, last_axis
 from faultgen.errors import InputError
 
 
@@ -33,3 +34,43 @@ def _payload(spec: mujoco.MjSpec, axis: int) -> mujoco.MjsBody:
     if payload is None:
         raise InputError("payload effects need a body 'payload' in the robot's MJCF")
     return payload
+
+
+EFFECTS = (
+    Effect(
+        name="payload_mass",
+        description="the payload is heavier; belongs to the last axis",
+        unit=FRACTION,
+        signature="gravity and inertia on several axes, by the pose",
+        element="body payload, mass and inertia",
+        source="definition",
+        smallest=-0.9,
+        axes=last_axis,
+        edit=scale_payload,
+    ),
+    Effect(
+        name="payload_offset",
+        description="the payload sits off its place; belongs to the last axis",
+        unit="m, along the flange's x",
+        signature="gravity on the wrist by the tool's orientation",
+        element="body payload, inertial pos",
+        source="definition",
+        smallest=-10.0,
+        axes=last_axis,
+        step=0.02,
+        edit=move_payload,
+    ),
+    Effect(
+        name="gravity_spring",
+        description="a balancing device pulls the joint to its zero angle",
+        unit="N m/rad, joint side",
+        signature="torque in proportion to the angle of the joint, at all speeds",
+        element="joint{i}, stiffness",
+        source="linear spring",
+        largest=1e6,
+        smallest=-1e6,
+        step=2.0,
+        edit=add_gravity_spring,
+    ),
+)
+"""Effects of this family."""

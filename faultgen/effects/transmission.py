@@ -1,4 +1,4 @@
-"""Edits of a robot's gearboxes and rotors.
+"""Edits of a robot's gearboxes.
 
 Gearbox i carries torque = stiffness x + damping x', where x is the twist q_motor / n - q_joint
 beyond the dead band; in [N m] and [rad], joint side. Axes count from 1.
@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+
+from faultgen.effects.base import Effect
 
 REFERENCE_TWIST = 1e-3
 """Twist at which hardening is measured [rad, joint side]: assumed, some 3 arc minutes."""
@@ -33,7 +35,38 @@ def harden(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
     gearbox.stiffness[2] += severity * gearbox.stiffness[0] / REFERENCE_TWIST**2
 
 
-def scale_rotor_inertia(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Inertia of the rotor times 1 + severity."""
-    rotor = spec.joint(f"motor{axis}").parent
-    rotor.inertia *= 1 + severity
+EFFECTS = (
+    Effect(
+        name="backlash",
+        description="teeth have play: the gearbox turns freely over an angle",
+        unit="rad, joint side, whole play",
+        signature="a jump and ringing where the torque of the gearbox changes sign",
+        element="gearbox{i}, tendon springlength (dead band)",
+        source="definition",
+        step=3e-4,
+        edit=add_backlash,
+    ),
+    Effect(
+        name="gear_stiffness",
+        description="the gearbox loses stiffness",
+        unit="fraction of nominal that is lost, below 1",
+        signature="lower resonance; more twist, which the motor's encoder hardly sees",
+        element="gearbox{i}, tendon stiffness",
+        source="thesis eq. 6.2a",
+        largest=0.95,
+        smallest=-4.0,
+        step=0.2,
+        edit=lose_stiffness,
+    ),
+    Effect(
+        name="stiffness_hardening",
+        description="the gearbox gets stiffer with load",
+        unit=f"fraction of the torque, at a twist of {REFERENCE_TWIST:g} rad",
+        signature="resonance rises with load",
+        element="gearbox{i}, tendon stiffness, cubic coefficient",
+        source="cubic gear stiffness as in Moberg et al.; the reference twist is assumed",
+        step=0.3,
+        edit=harden,
+    ),
+)
+"""Effects of this family."""

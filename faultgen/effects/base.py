@@ -1,0 +1,182 @@
+"""What an effect is: facts about it, and hooks at the four places where a simulation can change.
+
+==========  ==========================================================================
+`edit`      the model, once
+`command`   the control signal: what the controller sends to the drives
+`log`       the channels: what the controller logs
+`between`   friction parameters, between steps: what no element of MuJoCo expresses
+==========  ==========================================================================
+
+Severity 0 calls none of them, so it is the healthy robot bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import mujoco
+import numpy as np
+
+from faultgen.errors import InputError
+
+if TYPE_CHECKING:
+    from faultgen.robot import Robot
+    from faultgen.simulate import Cycle
+
+HEALTHY = "healthy"
+"""Effect name of runs without a fault."""
+
+FRACTION = "fraction of nominal (0.1 = 10 % more)"
+"""Unit of effects that scale a nominal value."""
+
+Temperature: TypeAlias = float | tuple[np.ndarray, np.ndarray] | None
+"""Gearbox temperature [deg C]: constant, or (times [s] from the start of the control, values); None
+for the temperature at which the model's friction holds."""
+
+
+@dataclass(frozen=True)
+class Applied:
+    """One effect on one axis of a robot."""
+
+    effect: str
+    """Name in the catalogue."""
+    axis: int
+    """From 1."""
+    severity: float
+    """In the unit of the effect."""
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    """Those that differ from the effect's defaults."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """What a hook is told: where an effect acts, and how much."""
+
+    robot: Robot
+    """The healthy robot."""
+    model: mujoco.MjModel
+    """The robot with all its effects, compiled."""
+    axis: int
+    """From 1."""
+    severity: float
+    """Not 0."""
+    parameters: Mapping[str, Any]
+    """All of them, defaults included."""
+
+    def element(self, kind: str, name: str) -> int:
+        """Id in `model` of an actuator or tendon of the axis, as of ("tendon", "gearbox")."""
+        return int(self.robot.ids(kind, name, self.model)[self.axis - 1])
+
+
+@dataclass(eq=False)
+class Moment:
+    """State and friction of nsim simulations between two steps.
+
+    Arrays are live; hooks change `biasprm` and `damping`, which are the model's before the first
+    hook, and leave the state alone.
+    """
+
+    time: float
+    """Since the start of the cycle [s]; negative in the lead-in."""
+    qpos: np.ndarray
+    """Shape (nsim, nq)."""
+    qvel: np.ndarray
+    """Shape (nsim, nv)."""
+    biasprm: np.ndarray
+    """mjModel.actuator_biasprm, shape (nsim, nactuator, 10)."""
+    damping: np.ndarray
+    """mjModel.actuator_damping, shape (nsim, nactuator)."""
+
+
+Update = Callable[[Moment], None]
+"""Changes friction parameters between two steps."""
+
+
+def _all_axes(n_axes: int) -> range:
+    return range(1, n_axes + 1)
+
+
+def last_axis(n_axes: int) -> range:
+    """Axes of effects that belong to the payload."""
+    return range(n_axes, n_axes + 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effect:
+    """One physical effect and how it changes a robot."""
+
+    name: str
+    """Name in commands and files."""
+    description: str
+    """What happens in the robot."""
+    unit: str
+    """What severity 1 means."""
+    signature: str
+    """How it shows in the motor's torque."""
+    element: str
+    """What carries it: the MuJoCo element, or the hook."""
+    source: str
+    """Where the law comes from."""
+    largest: float = 10.0
+    """Largest severity that is sensible."""
+    smallest: float = 0.0
+    """Smallest severity that is sensible; negative where the effect has two directions."""
+    step: float = 0.1
+    """Severity that shows clearly and is still near to linear, for sensitivities."""
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    """Further numbers and choices, by name, with their defaults."""
+    same_as: str = ""
+    """Name of an effect that changes the robot in the same way, in another unit."""
+    axes: Callable[[int], range] = _all_axes
+    """Axes that it can act on, from the number of axes."""
+    edit: Callable[..., None] | None = None
+    """Changes the spec in place: (spec, axis, severity, **parameters)."""
+    last: bool = False
+    """Edit after the other effects: the edit depends on the gearbox that it finds."""
+    command: Callable[[np.ndarray, Place, bool], np.ndarray] | None = None
+    """Control as it reaches the drives: (control, place, whether it repeats); a new array."""
+    log: Callable[[Cycle, Cycle, Place], Cycle] | None = None
+    """Channels as they are logged: (cycle as simulated, as logged so far, place)."""
+    between: Callable[[Place], Update | None] | None = None
+    """Makes the function that is called between steps; None where nothing changes in time."""
+    interval: float = 2e-3
+    """Time between those calls [s]."""
+
+    @property
+    def in_fractions(self) -> bool:
+        """Whether severity is a fraction of a nominal value."""
+        return self.unit == FRACTION
+
+    @property
+    def signed(self) -> bool:
+        """Whether negative severities are meaningful."""
+        return self.smallest < 0
+
+    def shown(self, severity: float) -> str:
+        """A severity for people, with its unit."""
+        if self.in_fractions:
+            return f"{100 * severity:g} %"
+        return f"{severity:g} {self.unit.split(',')[0].split(' of ')[0]}"
+
+    def complete(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """Parameters with the defaults for those that are not given.
+
+        Raises:
+            InputError: The effect has no such parameter.
+        """
+        for name in parameters:
+            if name not in self.parameters:
+                known = ", ".join(self.parameters) or "none"
+                raise InputError(f"{self.name} has no parameter '{name}': choose {known}")
+        return {**self.parameters, **parameters}
+
+    def apply(self, spec: mujoco.MjSpec, axis: int, severity: float, **parameters: Any) -> None:
+        """Put the effect's edit into a model. Severity 0 leaves the model exactly as it is.
+
+        Effects that act on more than the model need `faultgen.machine.assemble`.
+        """
+        values = self.complete(parameters)
+        if severity != 0 and self.edit is not None:
+            self.edit(spec, axis, severity, **values)

@@ -1,0 +1,77 @@
+"""Effects of the motor and its drive."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from faultgen.effects.base import FRACTION, Effect, Place
+from faultgen.errors import InputError
+
+if TYPE_CHECKING:
+    from faultgen.simulate import Cycle
+
+_GAINS = slice(4, 7)  # kp, ki, kd of a dcmotor in mjModel.actuator_gainprm
+_FEED_FORWARD = 2  # column of a drive's control
+
+
+def scale_rotor_inertia(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
+    """Inertia of the rotor times 1 + severity."""
+    rotor = spec.joint(f"motor{axis}").parent
+    rotor.inertia *= 1 + severity
+
+
+def lose_torque(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
+    """Gains and torque limit of the drive times 1 - severity, as the rotor feels them."""
+    if severity >= 1:
+        raise InputError(f"torque_constant: severity must be below 1, not {severity:g}")
+    drive = spec.actuator(f"drive{axis}")
+    drive.gainprm[_GAINS] *= 1 - severity
+    drive.forcerange = np.array(drive.forcerange) * (1 - severity)
+
+
+def lose_feed_forward(control: np.ndarray, place: Place, repeats: bool) -> np.ndarray:
+    """Feed-forward torque times 1 - severity, as the rotor feels it."""
+    control = control.copy()
+    at = place.model.actuator_ctrladr[place.element("actuator", "drive")]
+    control[:, at + _FEED_FORWARD] *= 1 - place.severity
+    return control
+
+
+def log_believed_torque(truth: Cycle, logged: Cycle, place: Place) -> Cycle:
+    """The torque that the drive believes in: that of the motor over 1 - severity."""
+    torque = logged.motor_torque.copy()
+    torque[:, place.axis - 1] /= 1 - place.severity
+    return replace(logged, motor_torque=torque)
+
+
+EFFECTS = (
+    Effect(
+        name="rotor_inertia",
+        description="the rotor is heavier than the model says",
+        unit=FRACTION,
+        signature="more torque in proportion to acceleration",
+        element="body of motor{i}, inertia",
+        source="definition",
+        smallest=-0.9,
+        edit=scale_rotor_inertia,
+    ),
+    Effect(
+        name="torque_constant",
+        description="the motor gives less torque than its drive believes, as with weaker magnets",
+        unit="fraction of nominal that is lost, below 1",
+        signature="every torque of the axis is larger in the log, by the same factor",
+        element="drive{i}, gains and limit; control and log",
+        source="torque = (1 - severity) of the logged one; magnets lose 0.1 to 0.2 % a kelvin",
+        largest=0.9,
+        smallest=-1.0,
+        step=0.05,
+        edit=lose_torque,
+        command=lose_feed_forward,
+        log=log_believed_torque,
+    ),
+)
+"""Effects of this family."""

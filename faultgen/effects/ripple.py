@@ -1,0 +1,113 @@
+"""Effects that repeat with the angle of the motor: torque ripple and error of the gearbox."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from faultgen.effects.base import Effect, Place
+from faultgen.effects.elements import add_cogging, add_tendon, gear_ratio
+from faultgen.errors import InputError
+
+if TYPE_CHECKING:
+    from faultgen.simulate import Cycle
+
+_WAVE = {"order": 2.0, "phase": 0.0, "per": "motor"}
+
+
+def motor_order(order: float, per: str, ratio: float) -> float:
+    """Periods a turn of the motor.
+
+    Args:
+        order: Periods a turn of the motor or of the joint; any positive number.
+        per: 'motor' or 'joint': which of them.
+        ratio: Gear ratio, signed.
+
+    Raises:
+        InputError: `per` is neither, or the order is not positive.
+    """
+    if per not in ("motor", "joint"):
+        raise InputError(f"per: choose motor or joint, not '{per}'")
+    if not (np.isfinite(order) and order > 0):
+        raise InputError(f"order: must be positive, not {order}")
+    return order if per == "motor" else order / ratio
+
+
+def add_ripple(
+    spec: mujoco.MjSpec, axis: int, severity: float, *, order: float, phase: float, per: str
+) -> None:
+    """Add the torque severity sin(order angle + phase) on the rotor."""
+    poles = motor_order(order, per, gear_ratio(spec, axis))
+    add_cogging(spec, f"torque_ripple{axis}", f"motor{axis}", severity, poles, phase)
+
+
+def add_transmission_error(
+    spec: mujoco.MjSpec, axis: int, severity: float, *, order: float, phase: float, per: str
+) -> None:
+    """Let the gearbox stretch by twist + e, e = severity sin(order q_m + phase) [rad, joint side].
+
+    The elastic energy k (twist + e)^2 / 2 gives beside that of the healthy gearbox
+
+        on the joint   k e
+        on the rotor   -k e / n  -  k twist de/dq_m  -  k e de/dq_m
+
+    Two cogging motors on tendons of length q_m + b q and q_m - b q carry k e / b each, against one
+    another: what is left of them on the rotor is the middle term. Two on the rotor are the others.
+    Damping stays that of the twist alone.
+    """
+    ratio = gear_ratio(spec, axis)
+    poles = motor_order(order, per, ratio)
+    stiffness = float(spec.tendon(f"gearbox{axis}").stiffness[0])
+    name, rotor = f"transmission_error{axis}", f"motor{axis}"
+    # small, so that the phase on the tendon is that of the motor up to order b twist
+    b = 1.0 / max(1.0, abs(poles))
+    for side in (b, -b):
+        tendon = add_tendon(spec, name, {rotor: 1.0, f"joint{axis}": side})
+        force = stiffness * severity / (2 * side)
+        add_cogging(spec, name, tendon, force, poles / (1 + side / ratio), phase)
+    add_cogging(spec, name, rotor, -stiffness * severity / ratio, poles, phase)
+    double = stiffness * severity**2 * poles / 2
+    add_cogging(spec, name, rotor, -double, 2 * poles, 2 * phase)
+
+
+def log_transmission_error(truth: Cycle, logged: Cycle, place: Place) -> Cycle:
+    """Add the torque of the error to that of the gearbox."""
+    given, i = place.parameters, place.axis - 1
+    poles = motor_order(given["order"], given["per"], place.robot.gear_ratio[i])
+    error = place.severity * np.sin(poles * truth.motor_position[:, i] + given["phase"])
+    torque = logged.gear_torque.copy()
+    torque[:, i] += place.model.tendon_stiffness[place.element("tendon", "gearbox")] * error
+    return replace(logged, gear_torque=torque)
+
+
+EFFECTS = (
+    Effect(
+        name="torque_ripple",
+        description="torque of the motor ripples with its angle: cogging, uneven currents",
+        unit="N m, motor side, amplitude",
+        signature="a sine over the motor's angle, at all speeds, also at rest",
+        element="torque_ripple{i}, passive dcmotor with cogging",
+        source="amplitude sin(order q_m + phase); 0.5 to 2 % of the rated torque are usual",
+        step=0.01,
+        parameters=_WAVE,
+        edit=add_ripple,
+    ),
+    Effect(
+        name="transmission_error",
+        description="teeth are not where they should be: the gearbox leads and lags by the angle",
+        unit="rad, joint side, amplitude",
+        signature="a sine over the motor's angle, strongest where it meets a resonance",
+        element="transmission_error{i}, four passive dcmotors with cogging",
+        source="kinematic error of harmonic drives, 0.3 to 1 arc minute, twice a motor turn",
+        largest=0.01,
+        step=3e-5,
+        parameters=_WAVE,
+        edit=add_transmission_error,
+        last=True,
+        log=log_transmission_error,
+    ),
+)
+"""Effects of this family."""

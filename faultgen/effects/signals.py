@@ -1,0 +1,78 @@
+"""Effects of the controller's signals: its encoder's zero and its clock."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from faultgen.effects.base import Effect, Place
+
+if TYPE_CHECKING:
+    from faultgen.simulate import Cycle
+
+
+def shift_position(control: np.ndarray, place: Place, repeats: bool) -> np.ndarray:
+    """Set point of the position as the true angle that the encoder takes for it."""
+    control = control.copy()
+    at = place.model.actuator_ctrladr[place.element("actuator", "drive")]
+    control[:, at] += place.severity * place.robot.gear_ratio[place.axis - 1]
+    return control
+
+
+def log_encoder(truth: Cycle, logged: Cycle, place: Place) -> Cycle:
+    """The motor's position as its encoder tells it."""
+    position = logged.motor_position.copy()
+    position[:, place.axis - 1] -= place.severity * place.robot.gear_ratio[place.axis - 1]
+    return replace(logged, motor_position=position)
+
+
+def delay_control(control: np.ndarray, place: Place, repeats: bool) -> np.ndarray:
+    """Set points and feed-forward of the axis, late by severity [s], linear between steps.
+
+    Before the start, and after the end, comes the other end of a control that repeats, else the
+    first or last row.
+    """
+    control = control.copy()
+    drive = place.element("actuator", "drive")
+    columns = place.model.actuator_ctrladr[drive] + np.arange(place.model.actuator_ctrlnum[drive])
+    steps = len(control)
+    at = np.arange(steps) - place.severity / place.model.opt.timestep
+    whole = np.floor(at)
+    share = (at - whole)[:, None]
+    rows = np.stack([whole, whole + 1]).astype(np.int64)
+    rows = rows % steps if repeats else np.clip(rows, 0, steps - 1)
+    source = control[:, columns]
+    control[:, columns] = (1 - share) * source[rows[0]] + share * source[rows[1]]
+    return control
+
+
+EFFECTS = (
+    Effect(
+        name="encoder_offset",
+        description="the zero of the motor's encoder is off: true angle = logged angle + severity",
+        unit="rad, joint side",
+        signature="gravity of another pose, on this axis and those before it",
+        element="control and log of position",
+        source="definition",
+        largest=0.5,
+        smallest=-0.5,
+        step=0.01,
+        command=shift_position,
+        log=log_encoder,
+    ),
+    Effect(
+        name="delay",
+        description="set points and feed-forward reach the drive late, or the log's clock is off",
+        unit="s, positive where the drive is late",
+        signature="torque shifts in time: a gap in proportion to the change of torque",
+        element="control of drive{i}",
+        source="definition",
+        largest=0.1,
+        smallest=-0.1,
+        step=2e-3,
+        command=delay_control,
+    ),
+)
+"""Effects of this family."""
