@@ -1,4 +1,4 @@
-"""The torque of a gearbox, from its twist."""
+"""Torque of gearboxes from their twist: thesis eq. 6.2a with dead band and polynomials."""
 
 from __future__ import annotations
 
@@ -6,26 +6,43 @@ import mujoco
 import numpy as np
 
 
-def gearbox_torque(
-    model: mujoco.MjModel, gearbox: np.ndarray, twist: np.ndarray, twist_rate: np.ndarray
-) -> np.ndarray:
-    """Torque of gearboxes on their joints, thesis eq. 6.2a with MuJoCo's dead band and polynomials.
+class Gearbox:
+    """The law of some gearboxes of a model, read once.
 
     Args:
         model: The robot as simulated.
-        gearbox: Tendon ids, shape (n_axes,).
-        twist: q_motor / n - q_joint, shape (samples, n_axes), in [rad].
-        twist_rate: Its rate, same shape, in [rad/s].
-
-    Returns:
-        Torque, shape (samples, n_axes), in [N m].
+        gearbox: Tendon ids, shape (gearboxes,).
     """
-    low, high = model.tendon_lengthspring[gearbox].T
-    stretch = twist - np.clip(twist, low, high)
-    stiffness = model.tendon_stiffness[gearbox] * stretch
-    for power, coefficient in enumerate(model.tendon_stiffnesspoly[gearbox].T, start=2):
-        stiffness = stiffness + coefficient * stretch**power
-    damping = model.tendon_damping[gearbox] * twist_rate
-    for power, coefficient in enumerate(model.tendon_dampingpoly[gearbox].T, start=1):
-        damping = damping + coefficient * twist_rate * np.abs(twist_rate) ** power
-    return stiffness + damping
+
+    def __init__(self, model: mujoco.MjModel, gearbox: np.ndarray) -> None:
+        low, high = model.tendon_lengthspring[gearbox].T
+        self._band = (low, high) if np.any(low) or np.any(high) else None
+        self.stiffness = model.tendon_stiffness[gearbox]
+        """Linear stiffness, shape (gearboxes,), in [N m/rad]."""
+        self._damping = model.tendon_damping[gearbox]
+        self._stiffer = _powers(model.tendon_stiffnesspoly[gearbox], 2)
+        self._damper = _powers(model.tendon_dampingpoly[gearbox], 1)
+
+    def torque(self, twist: np.ndarray, twist_rate: np.ndarray) -> np.ndarray:
+        """Torque on the joints.
+
+        Args:
+            twist: q_motor / n - q_joint, shape (samples, gearboxes), in [rad].
+            twist_rate: Its rate, same shape, in [rad/s].
+
+        Returns:
+            Torque, same shape, in [N m].
+        """
+        stretch = twist if self._band is None else twist - np.clip(twist, *self._band)
+        torque = self.stiffness * stretch
+        for power, coefficient in self._stiffer:
+            torque = torque + coefficient * stretch**power
+        damping = self._damping * twist_rate
+        for power, coefficient in self._damper:
+            damping = damping + coefficient * twist_rate * np.abs(twist_rate) ** power
+        return torque + damping
+
+
+def _powers(polynomial: np.ndarray, first: int) -> list[tuple[int, np.ndarray]]:
+    """Power and coefficients of the terms that are there."""
+    return [(k, c) for k, c in enumerate(polynomial.T, start=first) if np.any(c)]

@@ -19,7 +19,7 @@ from faultgen.errors import InputError
 from faultgen.robot import Robot
 
 if TYPE_CHECKING:
-    from faultgen.simulate import Cycle
+    from faultgen.channels import Cycle
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,18 +98,14 @@ def assemble(
         (effect, Place(robot, model, one.axis, one.severity, parameters))
         for effect, one, parameters in chosen
     )
-    made = [
-        (effect.interval, effect.between(place))
-        for effect, place in placed
-        if effect.between is not None
-    ]
-    changing = [(interval, update) for interval, update in made if update is not None]
-    return Machine(
-        model,
-        placed,
-        tuple(update for _, update in changing),
-        min((interval for interval, _ in changing), default=0.0),
-    )
+    updates, intervals = [], []
+    for effect in {effect.name: effect for effect, _ in placed}.values():
+        if effect.between is not None:
+            update = effect.between([place for of, place in placed if of is effect])
+            if update is not None:
+                updates.append(update)
+                intervals.append(effect.interval)
+    return Machine(model, placed, tuple(updates), min(intervals, default=0.0))
 
 
 def check_axis(effect: Effect, axis: int, robot: Robot) -> None:

@@ -14,21 +14,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch, SimulationError
 
 from faultgen.arm import Arm
+from faultgen.channels import RECORD, Channels, Cycle
 from faultgen.effects.base import Moment
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.gearbox import gearbox_torque
 from faultgen.machine import Machine
 from faultgen.robot import Robot
-
-RECORD = ("actuator_length", "actuator_velocity", "actuator_force", "ten_length", "ten_velocity")
-"""What is recorded: derived fields, which all describe the state before the step."""
 
 LEAD_IN = 2.0
 """Time before the first cycle [s], simulated and not recorded: the end of the cycle before."""
@@ -40,26 +36,6 @@ _BAD = (
     (mujoco.mjtWarning.mjWARN_BADQACC, "acceleration"),
     (mujoco.mjtWarning.mjWARN_BADCTRL, "control"),
 )
-
-
-@dataclass(frozen=True)
-class Cycle:
-    """What happened in one cycle, free of noise. Arrays have shape (samples, n_axes), SI units."""
-
-    motor_position: np.ndarray
-    """[rad], motor side."""
-    motor_velocity: np.ndarray
-    """[rad/s], motor side."""
-    motor_torque: np.ndarray
-    """Torque of the drive, which a controller logs [N m]."""
-    friction_torque: np.ndarray
-    """Friction on the rotor, against the motion [N m]."""
-    gear_torque: np.ndarray
-    """Torque of the gearbox on the joint, arm side [N m]."""
-    joint_position: np.ndarray
-    """[rad], arm side."""
-    joint_velocity: np.ndarray
-    """[rad/s], arm side."""
 
 
 def decimation(timestep: float, sample_period: float) -> int:
@@ -142,9 +118,7 @@ class _Stepper:
         else:
             self.batch.set_models(model)
         self.machine = machine
-        self.drive = model.actuator_outadr[self.robot.ids("actuator", "drive", model)]
-        self.friction = self.robot.ids("actuator", "friction", model)
-        self.gearbox = self.robot.ids("tendon", "gearbox", model)
+        self.channels = Channels(self.robot, model)
         # steps between two updates; all of a chunk where there are none
         self.stride = round(machine.interval / model.opt.timestep) if machine.updates else _CHUNK
         self.stride = max(1, self.stride)
@@ -166,7 +140,7 @@ class _Stepper:
             first: Number of the first step; 0 is the start of a cycle.
 
         Yields:
-            What was recorded, and the viscous friction of each axis, shape (n_axes,) or
+            What was recorded, and the viscous damping of each axis, shape (n_axes,) or
             (steps, n_axes).
         """
         for start in range(0, len(control), self.chunk):
@@ -180,7 +154,7 @@ class _Stepper:
                         out = self.batch.rollout(
                             steps, part, record=RECORD, out=self.out.get(steps)
                         )
-                        damping = self.machine.model.actuator_damping[self.friction]
+                        damping = self.machine.model.actuator_damping[self.channels.friction]
             except SimulationError as error:
                 raise SimulationFailed(f"cycle {cycle}: {error}") from None
             self.out[steps] = out
@@ -206,21 +180,23 @@ class _Stepper:
             "ten_velocity": np.empty((1, steps, model.ntendon)),
         }
         damping = np.empty((steps, self.robot.n_axes))
+        nominal = model.actuator_biasprm, model.actuator_dynprm, model.actuator_damping
         moment = Moment(
             time=0.0,
+            interval=self.stride * model.opt.timestep,
             qpos=batch.qpos,
             qvel=batch.qvel,
             biasprm=batch.expand("actuator_biasprm"),
+            dynprm=batch.expand("actuator_dynprm"),
             damping=batch.expand("actuator_damping"),
         )
         for at in range(0, steps, self.stride):
             moment.time = (first + at) * model.opt.timestep
-            moment.biasprm[:] = model.actuator_biasprm
-            moment.damping[:] = model.actuator_damping
+            moment.biasprm[:], moment.dynprm[:], moment.damping[:] = nominal
             for update in self.machine.updates:
                 update(moment)
             part = slice(at, min(at + self.stride, steps))
-            damping[part] = moment.damping[0, self.friction]
+            damping[part] = moment.damping[0, self.channels.friction]
             into = {name: values[:, part] for name, values in out.items()}
             batch.rollout(part.stop - at, control[:, part], record=RECORD, out=into)
         return out, damping
@@ -239,28 +215,7 @@ class _Stepper:
                 kept[name][at : at + len(part)] = part
             damping[at : at + len(part)] = damped if damped.ndim == 1 else damped[:: self.every]
             at += len(part)
-        return self._channels(kept, damping)
-
-    def _channels(self, kept: dict[str, np.ndarray], damping: np.ndarray) -> Cycle:
-        model = self.machine.model
-        position = kept["actuator_length"][:, self.drive]
-        velocity = kept["actuator_velocity"][:, self.drive]
-        twist = kept["ten_length"][:, self.gearbox]
-        twist_rate = kept["ten_velocity"][:, self.gearbox]
-        # MuJoCo applies an actuator's damping apart from its force
-        viscous = -damping * velocity
-        for power, coefficient in enumerate(model.actuator_dampingpoly[self.friction].T, start=1):
-            viscous = viscous - coefficient * velocity * np.abs(velocity) ** power
-        friction = model.actuator_outadr[self.friction]
-        return Cycle(
-            motor_position=position,
-            motor_velocity=velocity,
-            motor_torque=kept["actuator_force"][:, self.drive],
-            friction_torque=kept["actuator_force"][:, friction] + viscous,
-            gear_torque=gearbox_torque(model, self.gearbox, twist, twist_rate),
-            joint_position=position / self.robot.gear_ratio - twist,
-            joint_velocity=velocity / self.robot.gear_ratio - twist_rate,
-        )
+        return self.channels.cycle(kept, damping)
 
 
 def _carry(before: Batch, after: Batch) -> None:

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from faultgen import simulate
 from faultgen.arm import Arm
+from faultgen.gearbox import Gearbox
 from faultgen.motion import plan
 from faultgen.robot import Robot, load_robot
 from faultgen.servo import control_signal
@@ -366,8 +367,8 @@ def test_gearbox_acts_equally_on_both_sides(any_robot: Robot) -> None:
             np.testing.assert_allclose(
                 force[motors] * robot.gear_ratio, -force[joints], atol=1e-12 * scale
             )
-            logged = simulate.gearbox_torque(
-                model, gearbox, data.ten_length[gearbox], data.ten_velocity[gearbox]
+            logged = Gearbox(model, gearbox).torque(
+                data.ten_length[gearbox], data.ten_velocity[gearbox]
             )
             np.testing.assert_allclose(logged, force[joints], atol=1e-12 * scale)
 

@@ -12,7 +12,7 @@ Severity 0 calls none of them, so it is the healthy robot bit for bit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -22,8 +22,8 @@ import numpy as np
 from faultgen.errors import InputError
 
 if TYPE_CHECKING:
+    from faultgen.channels import Cycle
     from faultgen.robot import Robot
-    from faultgen.simulate import Cycle
 
 HEALTHY = "healthy"
 """Effect name of runs without a fault."""
@@ -74,18 +74,22 @@ class Place:
 class Moment:
     """State and friction of nsim simulations between two steps.
 
-    Arrays are live; hooks change `biasprm` and `damping`, which are the model's before the first
-    hook, and leave the state alone.
+    Arrays are live; hooks change `biasprm`, `dynprm` and `damping`, which are the model's before
+    the first hook, and leave the state alone.
     """
 
     time: float
     """Since the start of the cycle [s]; negative in the lead-in."""
+    interval: float
+    """Until the next call [s]."""
     qpos: np.ndarray
     """Shape (nsim, nq)."""
     qvel: np.ndarray
     """Shape (nsim, nv)."""
     biasprm: np.ndarray
     """mjModel.actuator_biasprm, shape (nsim, nactuator, 10)."""
+    dynprm: np.ndarray
+    """mjModel.actuator_dynprm, same shape."""
     damping: np.ndarray
     """mjModel.actuator_damping, shape (nsim, nactuator)."""
 
@@ -139,8 +143,9 @@ class Effect:
     """Control as it reaches the drives: (control, place, whether it repeats); a new array."""
     log: Callable[[Cycle, Cycle, Place], Cycle] | None = None
     """Channels as they are logged: (cycle as simulated, as logged so far, place)."""
-    between: Callable[[Place], Update | None] | None = None
-    """Makes the function that is called between steps; None where nothing changes in time."""
+    between: Callable[[Sequence[Place]], Update | None] | None = None
+    """Makes the function that is called between steps, for all places of the effect at once; None
+    where nothing changes in time."""
     interval: float = 2e-3
     """Time between those calls [s]."""
 

@@ -7,6 +7,7 @@ Figures as in the literature list of docs/physics.md; the Coulomb term does not 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -75,22 +76,28 @@ def follow_constant(
         set_temperature(spec, axis, temperature, reference, severity)
 
 
-def follow_course(place: Place) -> Update | None:
+def follow_course(places: Sequence[Place]) -> Update | None:
     """Friction at a temperature that changes along the motion."""
-    temperature = place.parameters["temperature"]
-    if not isinstance(temperature, tuple):
+    followed = []
+    for place in places:
+        temperature = place.parameters["temperature"]
+        if isinstance(temperature, tuple):
+            friction = place.element("actuator", "friction")
+            times, values = (np.asarray(part, float) for part in temperature)
+            followed.append((friction, place.severity, times, values))
+    if not followed:
         return None
-    times, values = (np.asarray(part, float) for part in temperature)
-    reference = place.robot.friction_temperature
-    friction = place.element("actuator", "friction")
+    reference = places[0].robot.friction_temperature
 
     def update(moment: Moment) -> None:
-        now = float(np.interp(moment.time, times, values))
-        height, velocity, viscous = (r**place.severity for r in friction_ratios(now, reference))
-        bias = moment.biasprm[:, friction]
-        bias[:, STICTION] = bias[:, COULOMB] + (bias[:, STICTION] - bias[:, COULOMB]) * height
-        bias[:, STRIBECK_VELOCITY] *= velocity
-        moment.damping[:, friction] *= viscous
+        middle = moment.time + moment.interval / 2
+        for friction, share, times, values in followed:
+            ratios = friction_ratios(float(np.interp(middle, times, values)), reference)
+            height, velocity, viscous = (r**share for r in ratios)
+            bias = moment.biasprm[:, friction]
+            bias[:, STICTION] = bias[:, COULOMB] + (bias[:, STICTION] - bias[:, COULOMB]) * height
+            bias[:, STRIBECK_VELOCITY] *= velocity
+            moment.damping[:, friction] *= viscous
 
     return update
 
