@@ -108,7 +108,7 @@ class Experiment(BaseModel):
             if "severity" in self.model_fields_set:
                 raise InputError("severity: an array as schedule has the severities; leave it out")
             self.severity = self.schedule[-1:]
-        get_sensors(self.sensors)
+        warms = get_sensors(self.sensors).temperature_wander > 0
         highest = max(self.severity, default=0.0)
         if not isinstance(self.schedule, str):
             highest = max(self.schedule, default=0.0)
@@ -118,6 +118,11 @@ class Experiment(BaseModel):
                 raise InputError(
                     f"severity: {name} takes up to {effect.largest:g} ({effect.unit}), "
                     f"not {highest:g}"
+                )
+            if name != HEALTHY and "temperature" in get_effect(name).parameters and not warms:
+                raise InputError(
+                    f"effect: {name} needs a temperature that changes, which sensors "
+                    f"'{self.sensors}' do not have; choose realistic"
                 )
         severities(self.schedule, 0.0, self.cycles)
         for name in self.kept_signals:

@@ -52,7 +52,11 @@ def test_lists_are_json_too():
     assert len(robots) == 12
     effects = json.loads(faultgen("effects", "--json").stdout)
     assert {"friction_wear", "viscous_friction"} <= {row["effect"] for row in effects}
-    assert "friction_wear" in faultgen("effects").stdout
+    (ripple,) = (row for row in effects if row["effect"] == "torque_ripple")
+    assert ripple["parameters"] == {"order": 2.0, "phase": 0.0, "per": "motor"}
+    text = faultgen("effects").stdout
+    assert "friction_wear" in text
+    assert "order = 2.0, phase = 0.0, per = motor" in text
     tasks = json.loads(faultgen("tasks", "--json").stdout)
     assert len(tasks) == 9
     assert "chapter3_task1" in faultgen("tasks").stdout

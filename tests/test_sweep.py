@@ -235,6 +235,40 @@ def test_killed_sweeps_are_finished_by_running_again(small, made, tmp_path):
     assert contents(out) == contents(made)
 
 
+BESIDE_THE_MODEL = {  # and a severity that shows
+    "torque_ripple": 0.02,
+    "transmission_error": 1e-4,
+    "load_friction": 0.1,
+    "temperature_friction": 1.0,
+    "wrist_coupling_friction": 2.0,
+    "torque_constant": 0.1,
+    "encoder_offset": 0.02,
+    "delay": 0.01,
+}
+
+
+@pytest.mark.parametrize("effect", BESIDE_THE_MODEL)
+def test_every_effect_grows_in_a_dataset(small, tmp_path, effect):
+    """At severity 0 the run is the healthy one, bit for bit, and after that it is not."""
+    severity = BESIDE_THE_MODEL[effect]
+    experiment = small(
+        effect=effect, axis=[2], severity=severity, schedule="step", sensors="realistic"
+    )
+    generate(experiment, tmp_path, progress=False)
+    healthy, worn = open_dataset(tmp_path).runs
+    torque = worn.read("truth/motor_torque") - healthy.read("truth/motor_torque")
+    severities = worn.read("cycle/severity")
+    assert (torque[severities == 0] == 0).all()
+    assert severities[-1] == severity
+    assert np.abs(torque[-1, :, 1]).max() > 1e-4
+
+
+def test_temperature_effects_need_a_temperature(small):
+    """Where it is always that of the friction parameters, a fault would be none."""
+    with pytest.raises(InputError, match="temperature_friction needs a temperature that changes"):
+        small(effect="temperature_friction", sensors="none")
+
+
 def test_failed_runs_are_recorded_and_do_not_stop_the_sweep(small, tmp_path, monkeypatch):
     """The others are made; the reason is kept, and the run is tried again the next time."""
     real = get_effect("friction_wear")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from faultgen.cli.app import Json, app, print_json, print_table
 
 
@@ -55,13 +57,16 @@ def tasks(as_json: Json = False) -> None:
 
 @app.command()
 def effects(as_json: Json = False) -> None:
-    """List the effects: what each does, its unit, its signature, what carries it in MuJoCo."""
+    """List the effects: what each does, its unit, range, parameters and what carries it."""
     from faultgen.effects import EFFECTS
 
-    rows = [
+    rows: list[dict[str, Any]] = [
         {
             "effect": effect.name,
             "severity": effect.unit,
+            "smallest": effect.smallest,
+            "largest": effect.largest,
+            "parameters": dict(effect.parameters),
             "description": effect.description,
             "signature": effect.signature,
             "element": effect.element,
@@ -74,5 +79,10 @@ def effects(as_json: Json = False) -> None:
         return
     for row in rows:
         print(row.pop("effect"))
+        row["range"] = f"{row.pop('smallest'):g} to {row.pop('largest'):g}"
+        given = row.pop("parameters")
+        if given:
+            shown = {name: "of the gearbox" if v is None else v for name, v in given.items()}
+            row["parameters"] = ", ".join(f"{name} = {value}" for name, value in shown.items())
         for name, value in row.items():
             print(f"  {name + ':':13} {value}")

@@ -65,7 +65,7 @@ EFFECTS = (
     Effect(
         name="load_friction",
         description="Coulomb friction of the motor side grows with the torque of the gearbox",
-        unit="N m of friction a N m of load, motor side",
+        unit="fraction of the gearbox's torque, motor side (N m a N m)",
         signature="more torque against the motion where the gearbox carries more",
         element="load_friction{i}, passive dcmotor lugre, told the load between steps",
         source="load term of Bittencourt et al. 2010, F_c + 0.023 |load|",
