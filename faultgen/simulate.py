@@ -36,6 +36,7 @@ _BAD = (
     (mujoco.mjtWarning.mjWARN_BADQACC, "acceleration"),
     (mujoco.mjtWarning.mjWARN_BADCTRL, "control"),
 )
+_BAD_IDS = [int(warning) for warning, _ in _BAD]
 
 
 def decimation(timestep: float, sample_period: float) -> int:
@@ -199,6 +200,8 @@ class _Stepper:
             damping[part] = moment.damping[0, self.channels.friction]
             into = {name: values[:, part] for name, values in out.items()}
             batch.rollout(part.stop - at, control[:, part], record=RECORD, out=into)
+            if batch.warning[0, _BAD_IDS, 1].any():
+                break  # told by `run`
         return out, damping
 
     def cycle(self, control: np.ndarray, number: int) -> Cycle:

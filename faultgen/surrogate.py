@@ -233,7 +233,8 @@ def build_surrogate(
     Args:
         robot: Name of the robot, or path of an MJCF file.
         task: Name of the task, or path of a task file.
-        effect: Effect whose severity is interpolated, from 0 to 0.2.
+        effect: Effect whose severity is interpolated, from 0 to 0.2; it must act on every axis and
+            count in fractions of nominal.
         sample_period: Time between samples [s].
         controller: Robot for which motion and feed-forward are planned; default: the robot itself.
         workers: Processes; no effect on the result.

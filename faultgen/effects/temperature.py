@@ -70,7 +70,7 @@ def follow_constant(
     spec: mujoco.MjSpec, axis: int, severity: float, *, temperature: Temperature
 ) -> None:
     """Friction at a temperature that does not change; nothing where it does."""
-    if isinstance(temperature, int | float):
+    if temperature is not None and not isinstance(temperature, tuple):
         told = spec.numeric("friction_temperature")
         reference = _REFERENCE if told is None else float(told.data[0])
         set_temperature(spec, axis, temperature, reference, severity)
