@@ -29,6 +29,8 @@ class Chain:
     """Centres of mass in their link's frame (payload: the last link's), shape (n_axes + 1, 3)."""
     inertia: np.ndarray
     """About the centres of mass, same frames, shape (n_axes + 1, 3, 3), in [kg m^2]."""
+    payload_x: np.ndarray
+    """Direction of the payload's x, in the last link's frame, shape (3,)."""
     spring: np.ndarray
     """Balancing springs, shape (springs, 10): link, point, link, point, stiffness, rest length."""
     gravity: np.ndarray
@@ -115,7 +117,9 @@ def read_chain(robot: Robot) -> Chain:
                 continue
             at = place[body] + turn[body] @ model.body_ipos[body]
             axis = turn[body] @ _matrix(model.body_iquat[body])
-            parts.append((model.body_mass[body], at, axis @ np.diag(model.body_inertia[body]) @ axis.T))
+            parts.append(
+                (model.body_mass[body], at, axis @ np.diag(model.body_inertia[body]) @ axis.T)
+            )
         mass[into] = sum(part[0] for part in parts)
         com[into] = sum(part[0] * part[1] for part in parts) / mass[into]
         for m, at, tensor in parts:
@@ -130,13 +134,16 @@ def read_chain(robot: Robot) -> Chain:
             site = model.wrap_objid[wrap]
             body = int(model.site_bodyid[site])
             ends += [float(link[body]), *(place[body] + turn[body] @ model.site_pos[site])]
-        springs.append([*ends, model.tendon_stiffness[tendon], model.tendon_lengthspring[tendon, 0]])
+        springs.append(
+            [*ends, model.tendon_stiffness[tendon], model.tendon_lengthspring[tendon, 0]]
+        )
     return Chain(
         rotation=rotation,
         origin=origin,
         mass=mass,
         com=com,
         inertia=inertia,
+        payload_x=turn[model.body("payload").id][:, 0],
         spring=np.array(springs).reshape(-1, 10),
         gravity=np.array(model.opt.gravity),
     )

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 from numba import njit
+
 from sealed.columns import INDEX
 from sealed.rigid import mass_and_bias, solve
 
@@ -167,7 +168,12 @@ def _setpoints(table, period, t, p, out):  # type: ignore[no-untyped-def]
             k, f = last, 0.0
         before, after, beyond = max(k - 1, 0), min(k + 1, last), min(k + 2, last)
         for c in range(3):
-            a, b, d, e = table[before, c, i], table[k, c, i], table[after, c, i], table[beyond, c, i]
+            a, b, d, e = (
+                table[before, c, i],
+                table[k, c, i],
+                table[after, c, i],
+                table[beyond, c, i],
+            )
             out[c, i] = b + 0.5 * f * (
                 d - a + f * (2 * a - 5 * b + 4 * d - e + f * (3 * (b - d) + e - a))
             )
@@ -256,7 +262,9 @@ def integrate(body, p, table, period, slow, state, step, every, lead):  # type: 
             t = (sample * every + k) * step
             _setpoints(table, period, t + step / 2, p, middle)
             _setpoints(table, period, t + step, p, end)
-            _rates(body, p, s, now, y, y, z, znew, lagged, 0.0, dy, matrix, bias, torque, work, seen)
+            _rates(
+                body, p, s, now, y, y, z, znew, lagged, 0.0, dy, matrix, bias, torque, work, seen
+            )
             if k == 0 and sample >= 0:
                 for i in range(n):
                     out[sample, i, 0] = y[2, i] - p[i, N] * p[i, ENCODER]
@@ -269,19 +277,72 @@ def integrate(body, p, table, period, slow, state, step, every, lead):  # type: 
                     out[sample, i, 5], out[sample, i, 6] = y[0, i], y[1, i]
             total[:] = dy
             trial[:] = y + 0.5 * step * dy
-            _rates(body, p, s, middle, trial, y, z, znew, lagged, 0.5 * step, dy, matrix, bias, torque, work, seen)  # noqa: E501
+            _rates(
+                body,
+                p,
+                s,
+                middle,
+                trial,
+                y,
+                z,
+                znew,
+                lagged,
+                0.5 * step,
+                dy,
+                matrix,
+                bias,
+                torque,
+                work,
+                seen,
+            )  # noqa: E501
             total += 2 * dy
             trial[:] = y + 0.5 * step * dy
-            _rates(body, p, s, middle, trial, y, z, znew, lagged, 0.5 * step, dy, matrix, bias, torque, work, seen)  # noqa: E501
+            _rates(
+                body,
+                p,
+                s,
+                middle,
+                trial,
+                y,
+                z,
+                znew,
+                lagged,
+                0.5 * step,
+                dy,
+                matrix,
+                bias,
+                torque,
+                work,
+                seen,
+            )  # noqa: E501
             total += 2 * dy
             trial[:] = y + step * dy
-            _rates(body, p, s, end, trial, y, z, znew, lagged, step, dy, matrix, bias, torque, work, seen)  # noqa: E501
+            _rates(
+                body,
+                p,
+                s,
+                end,
+                trial,
+                y,
+                z,
+                znew,
+                lagged,
+                step,
+                dy,
+                matrix,
+                bias,
+                torque,
+                work,
+                seen,
+            )  # noqa: E501
             total += dy
             trial[:] = y + step / 6 * total
             # bristles at the new state
             for i in range(n):
                 load = seen[2, i] / p[i, N]
-                level = friction_level(p[i], s[i], trial[3, i], trial[2, i], trial[0, i], load, lagged[i])  # noqa: E501
+                level = friction_level(
+                    p[i], s[i], trial[3, i], trial[2, i], trial[0, i], load, lagged[i]
+                )  # noqa: E501
                 mean = 0.5 * (trial[3, i] + y[3, i])
                 bristles(p[i], level, trial[3, i], mean, trial[2, i] - y[2, i], step, z[i], znew[i])
                 for c in range(3):

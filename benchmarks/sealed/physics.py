@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+
+from faultgen.robot import COULOMB, OFFSET, STICTION, STRIBECK_VELOCITY, Robot
 from sealed.chain import Chain, read_chain
 from sealed.columns import INDEX, NAMES
 from sealed.dynamics import SLOWLY, STEP, integrate
 from sealed.rigid import body_arrays, inverse_dynamics
-
-from faultgen.robot import COULOMB, OFFSET, STICTION, STRIBECK_VELOCITY, Robot
 
 SAMPLE_PERIOD = 0.004
 """Of recordings [s]."""
@@ -70,9 +70,7 @@ def nominal_physics(robot: Robot) -> Physics:
     model = robot.model
     drive, friction = robot.ids("actuator", "drive"), robot.ids("actuator", "friction")
     gearbox = robot.ids("tendon", "gearbox")
-    bodies = model.jnt_bodyid[
-        [model.joint(f"motor{i + 1}").id for i in range(robot.n_axes)]
-    ]
+    bodies = model.jnt_bodyid[[model.joint(f"motor{i + 1}").id for i in range(robot.n_axes)]]
     bias, dyn = model.actuator_biasprm[friction], model.actuator_dynprm[friction]
     if bias[:, OFFSET + 1].any():
         raise ValueError(f"robot {robot.name}: cogging with poles is not written out here")
@@ -111,9 +109,7 @@ def set_points(nominal: Physics, reference: Reference) -> np.ndarray:
         Position [rad], velocity [rad/s] and feed-forward [N m], motor side, every `GRID`; shape
         (times, 3, n_axes).
     """
-    load = inverse_dynamics(
-        body_arrays(nominal.chain), reference.q, reference.qd, reference.qdd
-    )
+    load = inverse_dynamics(body_arrays(nominal.chain), reference.q, reference.qd, reference.qdd)
     ratio = nominal.column("N")
     speed = ratio * reference.qd
     share = np.tanh(speed / nominal.column("VS"))
@@ -166,5 +162,3 @@ def simulate(
     if not np.isfinite(run).all():
         raise FloatingPointError("the sealed simulation diverged")
     return run
-
-
