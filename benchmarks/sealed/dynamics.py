@@ -12,7 +12,49 @@ import math
 import numpy as np
 from numba import njit
 
-from sealed.columns import INDEX
+from sealed.columns import (
+    CLIP,
+    CLIP_W,
+    CONSTANT,
+    CONSTANT_SLOPE,
+    COUPLING,
+    COUPLING_W,
+    DELAY,
+    ENCODER,
+    F0,
+    FV,
+    HARD,
+    HARD_FROM,
+    KD,
+    KP,
+    LAG,
+    LAG_TIME,
+    LIMIT,
+    PLAY,
+    PLAY_SOFT,
+    QUADRATIC,
+    QUADRATIC_EXP,
+    RIPPLE,
+    RIPPLE_ORDER,
+    RIPPLE_PHASE,
+    SOFT,
+    SOFT_TWIST,
+    SPRING,
+    SPRING_RATE,
+    TOOTH,
+    TOOTH_AT,
+    TOOTH_WIDTH,
+    VISCOUS,
+    VISCOUS_EXP,
+    WAVE,
+    WAVE_ORDER,
+    WAVE_PHASE,
+    D,
+    J,
+    K,
+    N,
+)
+from sealed.friction import bristles, friction_level, power
 from sealed.rigid import mass_and_bias, solve
 
 STEP = 1e-4
@@ -29,90 +71,6 @@ CHANNELS = (
 """What `integrate` returns, in this order; gear torque and joints are arm side."""
 SLOWLY = ("viscous", "height", "stribeck", "drag", "offset")
 """What may change with time: three factors, a friction level [N m], a torque on the rotor [N m]."""
-
-# columns as constants, for numba
-N, J, K, D, KP, KD, LIMIT, MODE, FC, FS, VS, EXPONENT, FV, F0, S0, S1, W0 = range(17)
-_C = INDEX
-COULOMB, COULOMB_W = _C["COULOMB"], _C["COULOMB_W"]
-STATIC, STATIC_EXP = _C["STATIC"], _C["STATIC_EXP"]
-STRIBECK, STRIBECK_EXP = _C["STRIBECK"], _C["STRIBECK_EXP"]
-VISCOUS, VISCOUS_EXP = _C["VISCOUS"], _C["VISCOUS_EXP"]
-QUADRATIC, QUADRATIC_EXP = _C["QUADRATIC"], _C["QUADRATIC_EXP"]
-ASYMMETRY, ASYMMETRY_W = _C["ASYMMETRY"], _C["ASYMMETRY_W"]
-LOAD, LOAD_EXP = _C["LOAD"], _C["LOAD_EXP"]
-PLAY, PLAY_SOFT = _C["PLAY"], _C["PLAY_SOFT"]
-HARD, HARD_FROM = _C["HARD"], _C["HARD_FROM"]
-SOFT, SOFT_TWIST = _C["SOFT"], _C["SOFT_TWIST"]
-WAVE, WAVE_ORDER, WAVE_PHASE = _C["WAVE"], _C["WAVE_ORDER"], _C["WAVE_PHASE"]
-RIPPLE, RIPPLE_ORDER, RIPPLE_PHASE = _C["RIPPLE"], _C["RIPPLE_ORDER"], _C["RIPPLE_PHASE"]
-CONSTANT, CONSTANT_SLOPE = _C["CONSTANT"], _C["CONSTANT_SLOPE"]
-SPRING, SPRING_RATE = _C["SPRING"], _C["SPRING_RATE"]
-COUPLING, COUPLING_W = _C["COUPLING"], _C["COUPLING_W"]
-DELAY, ENCODER = _C["DELAY"], _C["ENCODER"]
-SPOT, SPOT_AT, SPOT_WIDTH = _C["SPOT"], _C["SPOT_AT"], _C["SPOT_WIDTH"]
-TOOTH, TOOTH_AT, TOOTH_WIDTH = _C["TOOTH"], _C["TOOTH_AT"], _C["TOOTH_WIDTH"]
-PERIODIC, PERIODIC_ORDER = _C["PERIODIC"], _C["PERIODIC_ORDER"]
-LAG, LAG_TIME, LAG_W = _C["LAG"], _C["LAG_TIME"], _C["LAG_W"]
-CLIP, CLIP_W = _C["CLIP"], _C["CLIP_W"]
-
-_STIFF = (0.5, 0.3, 0.2)  # shares of the bristle stiffness of the elastic-plastic elements
-_YIELD = (0.25, 0.35, 0.4)  # shares of the friction level at which they slip
-
-
-@njit(cache=True)
-def _power(base, exponent):  # type: ignore[no-untyped-def]
-    return math.exp(exponent * math.log(base)) if base > 1e-12 else 0.0
-
-
-@njit(cache=True)
-def friction_level(p, slow, w, th, q, load, lagged):  # type: ignore[no-untyped-def]
-    """Torque at which friction slips [N m], of one axis."""
-    speed = abs(w)
-    sign = 1.0 if w >= 0 else -1.0
-    level = p[FC] + (p[FS] - p[FC]) * slow[1] * math.exp(
-        -_power(speed / (p[VS] * slow[2]), p[EXPONENT])
-    )
-    if p[COULOMB] != 0:
-        level += p[COULOMB] * speed / (speed + p[COULOMB_W])
-    if p[STATIC] != 0:
-        level += p[STATIC] * math.exp(-_power(speed / p[VS], p[STATIC_EXP]))
-    if p[STRIBECK] != 0:
-        wider = math.exp(-_power(speed / (p[VS] * (1 + p[STRIBECK])), p[STRIBECK_EXP]))
-        narrow = math.exp(-_power(speed / p[VS], p[STRIBECK_EXP]))
-        level += (p[FS] - p[FC]) * (wider - narrow)
-    if p[ASYMMETRY] != 0:
-        level += p[ASYMMETRY] * 0.5 * (1 + math.tanh(w / p[ASYMMETRY_W]))
-    if p[LOAD] != 0:
-        level += p[LOAD] * _power(abs(load), p[LOAD_EXP])
-    if p[SPOT] != 0:
-        level += p[SPOT] * math.exp(-(((q - p[SPOT_AT]) / p[SPOT_WIDTH]) ** 2))
-    if p[PERIODIC] != 0:
-        level += p[PERIODIC] * math.cos(p[PERIODIC_ORDER] * th)
-    if p[LAG] != 0:
-        level += p[LAG] * math.tanh(sign * (w - lagged) / p[LAG_W])
-    level += slow[3]
-    return max(level, 1e-2 * p[FC])
-
-
-@njit(cache=True)
-def bristles(p, level, w, mean_w, turned, time, z, out):  # type: ignore[no-untyped-def]
-    """Friction of the sliding kind [N m], after `time` and `turned` [rad] since bristles were z."""
-    mode = int(p[MODE])
-    if mode == 0:
-        ends = level / p[S0]
-        rate = abs(mean_w) / ends
-        settled = ends if mean_w >= 0 else -ends
-        out[0] = settled + (z[0] - settled) * math.exp(-rate * time)
-        return p[S0] * out[0] + p[S1] * (w - abs(w) * out[0] / ends)
-    if mode == 1:
-        torque = 0.0
-        for k in range(3):
-            stiffness = _STIFF[k] * p[S0]
-            ends = _YIELD[k] * level / stiffness
-            out[k] = min(max(z[k] + turned, -ends), ends)
-            torque += stiffness * out[k]
-        return torque
-    return level * math.tanh(w / p[W0])
 
 
 @njit(cache=True)
@@ -193,9 +151,9 @@ def _rates(body, p, slow, sp, y, base, z, znew, lagged, time, dy, matrix, bias, 
         friction += p[i, FV] * slow[i, 0] * w
         sign = 1.0 if w >= 0 else -1.0
         if p[i, VISCOUS] != 0:
-            friction += p[i, VISCOUS] * sign * _power(abs(w), p[i, VISCOUS_EXP])
+            friction += p[i, VISCOUS] * sign * power(abs(w), p[i, VISCOUS_EXP])
         if p[i, QUADRATIC] != 0:
-            friction += p[i, QUADRATIC] * sign * _power(abs(w), p[i, QUADRATIC_EXP])
+            friction += p[i, QUADRATIC] * sign * power(abs(w), p[i, QUADRATIC_EXP])
         friction -= p[i, F0] + slow[i, 4]
         if p[i, RIPPLE] != 0:
             phase = p[i, RIPPLE_ORDER] * th + p[i, RIPPLE_PHASE]

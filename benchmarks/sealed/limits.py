@@ -40,7 +40,7 @@ DETECTED = 4.0
 """d' of the limit."""
 REPEATABILITY = 1e-3
 """Of two runs of a robot, white, over RMS torque: assumed."""
-ORDERS = (1, 2, 3, 4, 5, 6)
+ORDERS = (1, 2, 4, 6)
 """Waves a motor turn of transmission errors and torque ripple."""
 WAVES = ("transmission_error", "torque_ripple")
 _STEP = 2e-4  # of the sensitivities' integration [s]; changes torques by 1e-3 of them at most
@@ -69,31 +69,31 @@ def _scales(where: Context, name: str, axis: int) -> tuple[float, float]:
     x = where.axis(axis)
     moved = abs(x.N)
     table = {
-        "temperature_friction": (0.2, 1.0),
-        "load_friction": (0.02, 0.3),
-        "backlash": (3e-4, 3e-3),
-        "gear_stiffness": (0.1, 0.6),
-        "stiffness_hardening": (0.1, 3.0),
-        "transmission_error": (1e-4, 2e-3),
-        "torque_ripple": (0.05 * x.FC, min(1.0 * x.FC, 0.2 * x.LIMIT)),
-        "torque_offset": (0.05 * x.FC, 0.2 * x.LIMIT),
-        "torque_constant": (0.02, 0.4),
-        "rotor_inertia": (0.05, 2.0),
-        "payload_mass": (0.02, 1.0),
-        "payload_offset": (0.005, 0.1),
-        "gravity_spring": (0.01 * x.LIMIT * moved, 0.3 * x.LIMIT * moved),
-        "wrist_coupling_friction": (0.05 * x.FC * moved, 2.0 * x.FC * moved),
-        "delay": (0.001, 0.02),
-        "encoder_offset": (2e-3, 0.05),
-        "servo_gain": (0.1, 0.8),
-        "current_clipping": (0.1, 0.6),
+        "temperature_friction": (0.03, 1.0),
+        "load_friction": (0.002, 0.3),
+        "backlash": (1e-5, 3e-3),
+        "gear_stiffness": (0.02, 0.6),
+        "stiffness_hardening": (0.03, 3.0),
+        "transmission_error": (3e-6, 2e-3),
+        "torque_ripple": (0.008 * x.FC, min(1.0 * x.FC, 0.2 * x.LIMIT)),
+        "torque_offset": (0.008 * x.FC, 0.2 * x.LIMIT),
+        "torque_constant": (0.005, 0.4),
+        "rotor_inertia": (0.01, 2.0),
+        "payload_mass": (0.002, 1.0),
+        "payload_offset": (0.0005, 0.1),
+        "gravity_spring": (0.001 * x.LIMIT * moved, 0.3 * x.LIMIT * moved),
+        "wrist_coupling_friction": (0.008 * x.FC * moved, 2.0 * x.FC * moved),
+        "delay": (1e-4, 0.02),
+        "encoder_offset": (5e-4, 0.05),
+        "servo_gain": (0.03, 0.8),
+        "current_clipping": (0.05, 0.6),
         "sensor_dropout": (0.02, 0.3),
         "sensor_stuck": (0.02, 0.3),
         "torque_lowpass": (0.004, 0.05),
     }
     if name in table:
         return table[name]
-    return (0.1 * x.FC, 2.0 * x.FC) if name in UNLISTED else (0.1, 2.0)
+    return (0.015 * x.FC, 2.0 * x.FC) if name in UNLISTED else (0.015, 2.0)
 
 
 def torque_of(
@@ -193,7 +193,7 @@ class Limits:
                 better = float(
                     np.clip(DETECTED / max(size, 1e-9) * severity, 1e-3 * largest, largest)
                 )
-                if 1 / 3 < better / severity < 3:
+                if 1 / 5 < better / severity < 5:
                     break
                 severity = better
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -218,6 +218,7 @@ class Limits:
             ]
             path.parent.mkdir(parents=True, exist_ok=True)
             np.save(path, np.array(columns, np.float32))
+        _ = self.healthy  # goes to the processes with this object
         wanted = [c for c in combos(len(self.rms)) if not self._file(c).is_file()]
         Parallel(n_jobs=jobs)(delayed(_store)(self, combo) for combo in wanted)
 
