@@ -1,4 +1,4 @@
-"""The sealed simulator against MuJoCo and an independent integration, and the cases made with it."""
+"""The sealed simulator against MuJoCo and another integration, and the cases made with it."""
 
 from __future__ import annotations
 
