@@ -31,7 +31,7 @@ from sealed.effects import (
 )
 from sealed.physics import SAMPLE_PERIOD, Physics, simulate
 from sealed.recording import BITS, LEVELS
-from sealed.robots import OFF, baseline, perturbed
+from sealed.robots import OFF, baseline, other_forms, perturbed
 from sealed.unlisted import UNLISTED, apply_unlisted, sensed
 
 MODES = ("twin", "alone")
@@ -142,11 +142,10 @@ def typical_temperatures(where: Context) -> list[np.ndarray]:
     return [np.full(len(run), t) for run, t in zip(where.runs, at, strict=True)]
 
 
-def _seen(
-    robot: str, effects: list[Effect], change: dict[tuple[str, int, int], float]
-) -> np.ndarray:
+def _seen(robot: str, effects: list[Effect], physics: Physics | None = None) -> np.ndarray:
+    """Torque of the protocol, shape (samples, n_axes), in [N m]."""
     where = context(robot)
-    physics = perturbed(where.nominal, change) if change else where.nominal
+    physics = where.nominal if physics is None else physics
     seen = torque_of(effects, physics, where, typical_temperatures(where), step=_STEP)[1]
     return np.concatenate(seen)
 
@@ -171,10 +170,16 @@ class Limits:
     @cached_property
     def healthy(self) -> np.ndarray:
         """Nominal torque at the sensitivities' step, shape (samples, n_axes), in [N m]."""
-        return _seen(self.robot, [], {})
+        return _seen(self.robot, [])
 
     def _file(self, combo: Combo) -> Path:
         return self.cache / self.robot / ("_".join(str(part) for part in combo) + ".npz")
+
+    @property
+    def _nuisance_files(self) -> tuple[Path, Path]:
+        """What wrong parameters change, and other forms of friction: rows of one sigma each."""
+        folder = self.cache / self.robot
+        return folder / "baseline.npy", folder / "forms.npy"
 
     def response(self, combo: Combo) -> tuple[float, np.ndarray]:
         """Severity and the change of torque that it makes, shape (samples, n_axes), in [N m].
@@ -188,7 +193,7 @@ class Limits:
             for _ in range(2):
                 details = {"order": float(order)} if order else {}
                 effect = Effect(name, axis, severity, details)
-                change = _seen(self.robot, [effect], {}) - self.healthy
+                change = _seen(self.robot, [effect]) - self.healthy
                 size = float(np.linalg.norm(self._whitened(change, LEVELS[1], "twin")))
                 better = float(
                     np.clip(DETECTED / max(size, 1e-9) * severity, 1e-3 * largest, largest)
@@ -203,11 +208,13 @@ class Limits:
 
     def compute(self, jobs: int = 1) -> None:
         """Compute all sensitivities that the cache lacks."""
-        path = self.cache / self.robot / "baseline.npy"
+        path, forms = self._nuisance_files
+        nominal = self.where.nominal
         if not path.is_file():
-            names = baseline(self.where.nominal)
+            names = baseline(nominal)
             changed = Parallel(n_jobs=jobs)(
-                delayed(_seen)(self.robot, [], {name: _DIFFERENCE}) for name in names
+                delayed(_seen)(self.robot, [], perturbed(nominal, {name: _DIFFERENCE}))
+                for name in names
             )
             spread = np.sqrt((OFF[1] ** 3 - OFF[0] ** 3) / (OFF[1] - OFF[0]) / 3)
             columns = [
@@ -218,6 +225,11 @@ class Limits:
             ]
             path.parent.mkdir(parents=True, exist_ok=True)
             np.save(path, np.array(columns, np.float32))
+        if not forms.is_file():
+            changed = Parallel(n_jobs=jobs)(
+                delayed(_seen)(self.robot, [], physics) for physics in other_forms(nominal)
+            )
+            np.save(forms, np.array(changed, np.float32) - self.healthy.astype(np.float32))
         _ = self.healthy  # goes to the processes with this object
         wanted = [c for c in combos(len(self.rms)) if not self._file(c).is_file()]
         Parallel(n_jobs=jobs)(delayed(_store)(self, combo) for combo in wanted)
@@ -258,7 +270,7 @@ class Limits:
 
     def _nuisance(self, level: float) -> tuple[np.ndarray, np.ndarray]:
         if level not in self._nuisances:
-            stored = np.load(self.cache / self.robot / "baseline.npy").astype(float)
+            stored = np.concatenate([np.load(path) for path in self._nuisance_files]).astype(float)
             columns = np.array([self._whitened(column, level, "alone") for column in stored])
             self._nuisances[level] = columns, np.eye(len(columns)) + columns @ columns.T
         return self._nuisances[level]

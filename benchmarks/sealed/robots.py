@@ -12,6 +12,7 @@ import numpy as np
 
 from sealed.chain import Chain
 from sealed.columns import INDEX
+from sealed.dynamics import STEP
 from sealed.physics import Physics
 
 OFF = (0.01, 0.05)
@@ -90,6 +91,28 @@ def perturbed(physics: Physics, changes: dict[Parameter, float]) -> Physics:
     return Physics(chain=replace(chain, mass=mass, com=com, inertia=inertia), table=table)
 
 
+def steepest_tanh(physics: Physics) -> np.ndarray:
+    """Speed of the steepest tanh that the step still follows, shape (n_axes,), in [rad/s]."""
+    return physics.column("FS") * STEP / (1.5 * physics.column("J"))
+
+
+def other_forms(nominal: Physics) -> list[Physics]:
+    """The nominal robot with friction that is another at rest, axis by axis.
+
+    Elastic-plastic elements, the same 1.2 times as stiff, and the tanh, on each axis in turn.
+    """
+    steepest = steepest_tanh(nominal)
+    forms = []
+    for row in range(len(nominal.table)):
+        stiffer = 1.2 * float(nominal.column("S0")[row])
+        forms += [
+            nominal.changed(row + 1, MODE=ELASTIC_PLASTIC),
+            nominal.changed(row + 1, MODE=ELASTIC_PLASTIC, S0=stiffer),
+            nominal.changed(row + 1, MODE=TANH, W0=2 * float(steepest[row])),
+        ]
+    return forms
+
+
 def random_robot(nominal: Physics, rng: np.random.Generator) -> Physics:
     """A healthy robot unlike the model: parameters off, another friction law.
 
@@ -110,7 +133,5 @@ def random_robot(nominal: Physics, rng: np.random.Generator) -> Physics:
     for axis in range(axes):
         table[axis, INDEX["EXPONENT"]] = rng.uniform(*EXPONENTS[int(rng.integers(2))])
     table[:, INDEX["S0"]] *= rng.uniform(0.7, 1.4, axes)
-    # the steepest tanh that the step still follows
-    steepest = table[:, INDEX["FS"]] * 1e-4 / (1.5 * table[:, INDEX["J"]])
-    table[:, INDEX["W0"]] = steepest * rng.uniform(1.0, 1.5, axes)
+    table[:, INDEX["W0"]] = steepest_tanh(robot) * rng.uniform(1.0, 1.5, axes)
     return robot
