@@ -42,9 +42,10 @@ Workers = Annotated[int, typer.Option(help="Processes.")]
 Cache = Annotated[Path, typer.Option(help="Folder where sensitivities are kept.")]
 
 
-def _limits(cache: Path, workers: int) -> dict[str, Limits]:
+def _limits(cache: Path, workers: int, every: bool = True) -> dict[str, Limits]:
+    """Limits by robot; with `every`, all sensitivities are computed at once."""
     limits = {robot: Limits(robot, cache) for robot in ROBOTS}
-    for one in limits.values():
+    for one in limits.values() if every else ():
         one.compute(workers)
     return limits
 
@@ -59,8 +60,11 @@ def generate(
     cache: Cache = CACHE,
 ) -> None:
     """Make cases; the truth goes to the folder `sealed`, its SHA-256 is printed."""
-    cases = plan_cases(seeds.value, mode.value, _limits(cache, workers))
-    chosen = sample(cases, count) if count else cases
+    known = _limits(cache, workers, every=count == 0)
+    if count:
+        chosen = sample(count, seeds.value, mode.value, known)
+    else:
+        chosen = plan_cases(seeds.value, mode.value, known)
     digest = write_truth(chosen, out / SEALED)
     made = Parallel(n_jobs=workers, return_as="generator_unordered")(
         delayed(make_case)(case, out / CASES) for case in chosen

@@ -19,6 +19,7 @@ from sealed.rigid import body_arrays, inverse_dynamics
 from sealed.robots import baseline, random_robot
 from sealed.score import markdown, score
 from sealed.unlisted import UNLISTED
+from typer.testing import CliRunner
 
 from faultgen.arm import Arm
 from faultgen.discovery import check_recording, read_recording
@@ -147,8 +148,8 @@ def test_plan_is_balanced() -> None:
     other = plan_cases("report", "twin", LIMITS)
     assert not {c.seed for c in cases} & {c.seed for c in other}
     assert plan_cases("development", "twin", LIMITS) == cases
-    few = sample(cases, 4)
-    assert [c.kind for c in few] == ["single", "clean", "unknown", "pair"]
+    few = sample(4, "development", "twin", LIMITS)
+    assert sorted(c.kind for c in few) == ["clean", "pair", "single", "unknown"]
 
 
 def test_every_combination_can_be_drawn() -> None:
@@ -200,7 +201,7 @@ def test_files_carry_no_label_and_runs_resume(tmp_path: Path) -> None:
 
 def test_truth_is_sealed(tmp_path: Path) -> None:
     """A truth that was changed after its digest was taken is refused."""
-    cases = sample(plan_cases("development", "alone", LIMITS), 8)
+    cases = sample(8, "development", "alone", LIMITS)
     digest = write_truth(cases, tmp_path)
     assert (tmp_path / "truth.sha256").read_text().strip() == digest
     assert set(read_truth(tmp_path)) == {case.name for case in cases}
@@ -211,7 +212,7 @@ def test_truth_is_sealed(tmp_path: Path) -> None:
 
 def test_scores(tmp_path: Path) -> None:
     """A perfect answer to everything scores 100 %, silence 0 %."""
-    cases = sample(plan_cases("development", "twin", LIMITS), 40)
+    cases = sample(40, "development", "twin", LIMITS)
     write_truth(cases, tmp_path)
     truth = read_truth(tmp_path)
     perfect, silent = {}, {}
@@ -242,6 +243,25 @@ def test_scores(tmp_path: Path) -> None:
     none = {row.measure: row for row in score(truth, silent)}
     assert none["effect and axis right, first answer, >= 2 x limit"].value == 0.0
     assert "| measure |" in markdown(list(rows.values()))
+
+
+@pytest.mark.slow
+def test_a_trial_from_end_to_end(tmp_path: Path) -> None:
+    """Cases are generated, run and scored by the commands."""
+    runner = CliRunner()
+    trial, cache = str(tmp_path / "trial"), str(tmp_path / "cache")
+    made = runner.invoke(
+        blind_discovery.app, ["generate", "-o", trial, "--count", "4", "--cache", cache]
+    )
+    assert made.exit_code == 0, made.output
+    digest = (tmp_path / "trial" / "sealed" / "truth.sha256").read_text().strip()
+    assert digest in made.output
+    function = f"{oracle.__module__}:oracle"
+    assert not runner.invoke(blind_discovery.app, ["run", trial, "--function", function]).exit_code
+    scored = runner.invoke(blind_discovery.app, ["score", trial])
+    assert scored.exit_code == 0, scored.output
+    assert "| clean robots given an effect | 0.0 %" in scored.output
+    assert (tmp_path / "trial" / "confusion.png").is_file()
 
 
 ALIKE = {

@@ -208,6 +208,13 @@ class Limits:
 
     def compute(self, jobs: int = 1) -> None:
         """Compute all sensitivities that the cache lacks."""
+        self._compute_nuisance(jobs)
+        _ = self.healthy  # goes to the processes with this object
+        wanted = [c for c in combos(len(self.rms)) if not self._file(c).is_file()]
+        Parallel(n_jobs=jobs)(delayed(_store)(self, combo) for combo in wanted)
+
+    def _compute_nuisance(self, jobs: int = 1) -> None:
+        """Compute what wrong parameters and other forms of friction change."""
         path, forms = self._nuisance_files
         nominal = self.where.nominal
         if not path.is_file():
@@ -230,9 +237,6 @@ class Limits:
                 delayed(_seen)(self.robot, [], physics) for physics in other_forms(nominal)
             )
             np.save(forms, np.array(changed, np.float32) - self.healthy.astype(np.float32))
-        _ = self.healthy  # goes to the processes with this object
-        wanted = [c for c in combos(len(self.rms)) if not self._file(c).is_file()]
-        Parallel(n_jobs=jobs)(delayed(_store)(self, combo) for combo in wanted)
 
     @cached_property
     def _counted(self) -> np.ndarray:
@@ -270,6 +274,7 @@ class Limits:
 
     def _nuisance(self, level: float) -> tuple[np.ndarray, np.ndarray]:
         if level not in self._nuisances:
+            self._compute_nuisance()
             stored = np.concatenate([np.load(path) for path in self._nuisance_files]).astype(float)
             columns = np.array([self._whitened(column, level, "alone") for column in stored])
             self._nuisances[level] = columns, np.eye(len(columns)) + columns @ columns.T

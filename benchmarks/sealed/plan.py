@@ -1,13 +1,12 @@
 """Which cases there are: kinds, effects, axes, severities and noise, balanced by design.
 
 plan = plan_cases("development", "twin", limits)  # 560 of them
-few = sample(plan, 40)
+few = sample(40, "development", "twin", limits)
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -30,11 +29,13 @@ _PAIR_MULTIPLES = (2.0, 5.0)  # drawn in between
 _AXES = 6
 
 MIMICS = {
-    "coulomb_friction": ("brake_drag", "friction_wear"),
+    "coulomb_friction": ("brake_drag", "friction_wear", "friction_asymmetry"),
     "friction_wear": ("coulomb_friction", "brake_drag"),
+    "static_friction": ("friction_wear",),
     "friction_asymmetry": ("torque_offset",),
+    "torque_offset": ("friction_asymmetry",),
 }
-"""What else is left out with an effect, as it would make the effect up exactly with others."""
+"""What else is left out with an effect, as it would make the effect up, alone or with others."""
 
 
 @dataclass(frozen=True)
@@ -109,22 +110,30 @@ class _Draw:
         return None
 
 
-def plan_cases(seeds: str, mode: str, limits: Mapping[str, Limits]) -> list[Case]:
+def plan_cases(
+    seeds: str,
+    mode: str,
+    limits: Mapping[str, Limits],
+    counts: Mapping[str, int] = COUNTS,
+    multiples: tuple[float, ...] = MULTIPLES,
+) -> list[Case]:
     """All cases of a set of seeds and a mode, in random order.
 
     Args:
         seeds: Of `SEEDS`.
         mode: Of `limits.MODES`.
         limits: By robot.
+        counts: Cases of each kind.
+        multiples: Severities of single effects over the limit.
 
     Returns:
-        The cases; every kind as often as `COUNTS` has it.
+        The cases.
     """
     base = SEEDS[seeds] + 1000 * MODES.index(mode)
     rng = np.random.default_rng(base)
     draw = _Draw(mode, limits, rng)
     robots, levels = _Cycle(ROBOTS, rng), _Cycle(LEVELS, rng)
-    names, multiples = _Cycle(CATALOGUE, rng), _Cycle(MULTIPLES, rng)
+    names, severities = _Cycle(CATALOGUE, rng), _Cycle(multiples, rng)
     listed, unlisted = _Cycle(CATALOGUE, rng), _Cycle(UNLISTED, rng)
     strong = _Cycle(UNKNOWN_MULTIPLES, rng)
     cases: list[Case] = []
@@ -134,14 +143,14 @@ def plan_cases(seeds: str, mode: str, limits: Mapping[str, Limits]) -> list[Case
         seed = base * 1000 + len(cases)
         cases.append(Case(f"case_{token}", mode, robot, kind, level, seed, effects, many, **rest))
 
-    for kind, count in COUNTS.items():
+    for kind, count in counts.items():
         number = 0
         while number < count:
             robot, level = robots.next(), levels.next()
             if kind == "clean":
                 add(kind, (), ())
             elif kind == "single":
-                multiple = multiples.next()
+                multiple = severities.next()
                 effect = draw.effect(names.next(), robot, level, multiple)
                 if effect is None:
                     continue
@@ -170,36 +179,28 @@ def plan_cases(seeds: str, mode: str, limits: Mapping[str, Limits]) -> list[Case
     return [cases[k] for k in rng.permutation(len(cases))]
 
 
-def sample(cases: list[Case], count: int) -> list[Case]:
-    """A balanced few: kinds, robots and severities in turn.
+def sample(
+    count: int,
+    seeds: str,
+    mode: str,
+    limits: Mapping[str, Limits],
+    multiples: tuple[float, ...] = MULTIPLES,
+) -> list[Case]:
+    """A balanced few, for which only some sensitivities have to be computed.
 
     Args:
-        cases: Of `plan_cases`.
-        count: How many.
+        count: How many; at least 4. Two of five are single effects.
+        seeds: Of `SEEDS`.
+        mode: Of `limits.MODES`.
+        limits: By robot.
+        multiples: Severities of single effects over the limit.
 
     Returns:
-        So many cases, or all of them; twice as many single ones as of each other kind.
+        The cases; other ones than `plan_cases` draws for all.
     """
-
-    def turn(kind: str) -> Iterator[Case]:
-        mine = [case for case in cases if case.kind == kind]
-        groups: dict[tuple[str, tuple[float, ...]], list[Case]] = {}
-        for case in mine:
-            key = (case.robot, case.multiples if kind != "pair" else ())
-            groups.setdefault(key, []).append(case)
-        # severe ones first, robots in turn
-        ordered = [groups[k] for k in sorted(groups, key=lambda k: (tuple(-m for m in k[1]), k[0]))]
-        for row in itertools.zip_longest(*ordered):
-            yield from (case for case in row if case is not None)
-
-    turns = {kind: turn(kind) for kind in COUNTS}
-    chosen: list[Case] = []
-    order = itertools.cycle(("single", "clean", "unknown", "pair", "single"))
-    while len(chosen) < min(count, len(cases)):
-        case = next(turns[next(order)], None)
-        if case is not None:
-            chosen.append(case)
-    return chosen
+    least = max(1, count // 5)
+    counts = {"single": count - 3 * least, "clean": least, "unknown": least, "pair": least}
+    return plan_cases(seeds, mode, limits, counts, multiples)
 
 
 def left_out(limits: Limits, mode: str) -> list[tuple[str, int, int, float]]:
