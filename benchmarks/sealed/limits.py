@@ -47,7 +47,8 @@ _STEP = 2e-4  # of the sensitivities' integration [s]; changes torques by 1e-3 o
 _TURN = 0.2  # angle that a motor has to turn before its torque counts [rad]
 _EXPONENT_SPREAD = 0.4  # of the Stribeck exponent, about 2
 _COLOUR = (0.5, 0.018)  # mean share and time constant [s] of the coloured noise
-_LEAST = {"sensor_dropout": 0.01, "sensor_stuck": 0.01}  # one burst a motion
+# one burst a motion; a sample
+_LEAST = {"sensor_dropout": 0.01, "sensor_stuck": 0.01, "torque_lowpass": 0.004}
 _DIFFERENCE = 0.02  # of parameters, for the baseline's sensitivities
 
 Combo = tuple[str, int, int]
@@ -195,9 +196,8 @@ class Limits:
                 effect = Effect(name, axis, severity, details)
                 change = _seen(self.robot, [effect]) - self.healthy
                 size = float(np.linalg.norm(self._whitened(change, LEVELS[1], "twin")))
-                better = float(
-                    np.clip(DETECTED / max(size, 1e-9) * severity, 1e-3 * largest, largest)
-                )
+                least = max(1e-3 * largest, _LEAST.get(name, 0.0))
+                better = float(np.clip(DETECTED / max(size, 1e-9) * severity, least, largest))
                 if 1 / 5 < better / severity < 5:
                     break
                 severity = better

@@ -71,12 +71,11 @@ def apply_unlisted(
             KD=float(physics.column("KD")[row]) * (1 - s),
         )
     elif effect.name == "current_clipping":
-        # severity: share of the peak torque of the nominal protocol that is cut off at its speed
-        peak = int(np.argmax(np.abs(x.torque) * (1 + np.abs(x.w) / np.abs(x.w).max())))
+        # a limit that falls with speed; at severity 0 it touches the nominal protocol's torques
+        speed = np.maximum(np.abs(x.w), 1e-3)
+        peak = int(np.argmin((1 - np.abs(x.torque) / x.LIMIT) / speed))
         allowed = (1 - s) * abs(x.torque[peak]) / x.LIMIT
-        physics = physics.changed(
-            axis, CLIP=float(1 - allowed), CLIP_W=float(max(abs(x.w[peak]), 1e-3))
-        )
+        physics = physics.changed(axis, CLIP=float(1 - allowed), CLIP_W=float(speed[peak]))
     elif effect.name == "brake_drag_intermittent":
         slow = [part.copy() for part in slow]
         rng = np.random.default_rng(int(effect.details.get("seed", 1)))
