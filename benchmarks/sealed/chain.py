@@ -63,8 +63,8 @@ class Chain:
 def _turned(axis: np.ndarray) -> np.ndarray:
     """A rotation that takes z to the axis."""
     z = axis / np.linalg.norm(axis)
-    helper = np.eye(3)[int(np.argmin(np.abs(z)))]
-    x = np.cross(helper, z)
+    aside = np.eye(3)[int(np.argmin(np.abs(z)))]
+    x = np.cross(aside, z)
     x /= np.linalg.norm(x)
     return np.stack([x, np.cross(z, x), z], axis=1)
 
