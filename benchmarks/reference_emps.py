@@ -135,8 +135,8 @@ def main() -> None:
     train, test = (Signals(folder / EMPS_FILES[name]) for name in ("identification", "validation"))
     print("| terms beyond mass, viscous, offset | delay [ms] | cross-validated | train | test |")
     print("| --- | --- | --- | --- | --- |")
-    ladder = (["Coulomb"], ["Coulomb", "viscous asymmetry"])
-    ladder += (["Coulomb", "viscous asymmetry", "quadratic"],)
+    ladder = [["Coulomb"], ["Coulomb", "viscous asymmetry"]]
+    ladder += [["Coulomb", "viscous asymmetry", "quadratic"]]
     for names in ladder:
         for delays in (DELAYS[:1], DELAYS):
             row(train, test, ["linear", *names], delays)

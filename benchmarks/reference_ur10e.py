@@ -21,7 +21,11 @@ from measured_data import UR10E_PERIOD, read_ur10e
 
 GRAVITY = 9.81
 MASS = (7.369, 13.051, 3.989, 2.1, 1.98, 0.615)
-CENTRE = ((0.021, 0, 0.027), (0.38, 0, 0.158), (0.24, 0, 0.068))
+CENTRE: tuple[tuple[float, float, float], ...] = (
+    (0.021, 0, 0.027),
+    (0.38, 0, 0.158),
+    (0.24, 0, 0.068),
+)
 CENTRE += ((0, 0.007, 0.018), (0, 0.007, 0.018), (0, 0, -0.026))
 """Masses [kg] and centres in the frame at each link's far end [m]: Universal Robots."""
 SMOOTH = 0.01
@@ -296,13 +300,51 @@ def print_payload(folder: Path, pairs: Sequence[str]) -> None:
                     print(f"| {row} | {centre} |")
 
 
+def print_ripple(folder: Path) -> None:
+    """Largest waves of what the model leaves, against the angle, at the raw samples.
+
+    Every sample has its own angle, so that waves above half the sample rate are seen too.
+    """
+    train = Run(folder, "train_40s_feb12")
+    terms = (*BASE, "load friction 2, 3")
+    values = solve(design(train, terms), train.signals[3] * train.gain)
+    print(
+        "\n| run | axis | rms left [N m] | periods a joint turn: amplitude [N m] |\n"
+        + "|---" * 4
+        + "|"
+    )
+    for name in (train.name, "test_50s_feb12"):
+        run = Run(folder, name)
+        model = design(run, terms) @ values
+        with np.load(folder / f"{name}.npz") as raw:
+            first, last = run.published["cut_idx"][name]
+            inside = slice(first + 5, last - 5)
+            time, q, qd, current = (raw[key][inside] for key in ("t", "q", "qd", "i"))
+            even = np.arange(raw["t"][0], raw["t"][-1], UR10E_PERIOD)
+            even = even[even >= raw["t"][first]][: len(model)]
+        orders = np.arange(20.0, 640.0, 0.25)
+        for axis in range(6):
+            moving = np.abs(qd[:, axis]) > 0.1
+            left = current[:, axis] * run.gain[axis] - np.interp(time, even, model[:, axis])
+            left = left[moving] - left[moving].mean()
+            waves = np.exp(-1j * np.outer(orders, q[moving, axis]))
+            amplitude = 2 * np.abs(waves @ left) / len(left)
+            top = np.argsort(-amplitude)[:1]
+            shown = ", ".join(f"{orders[k]:g}: {amplitude[k]:.2f}" for k in top)
+            print(f"| {name} | {axis + 1} | {left.std():.2f} | {shown} |")
+
+
 def main() -> None:
     """Print all tables."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--pair", choices=("14harm", "15harm"), help="this payload table only")
+    parser.add_argument("--ripple", action="store_true", help="the ripple only")
     args = parser.parse_args()
     folder = args.data / "ur10e"
+    if args.ripple:
+        print_ripple(folder)
+        return
     if args.pair:
         print_payload(folder, (args.pair,))
         return
