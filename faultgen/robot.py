@@ -52,6 +52,8 @@ class Robot:
     """Largest acceleration that motions are planned with, joint side, in [rad/s^2]."""
     encoder_counts: np.ndarray = field(init=False)
     """Encoder counts a motor turn; 0 means no quantisation."""
+    set_points: np.ndarray = field(init=False)
+    """Share of the set points that the controller commands: position, velocity, feed-forward."""
     friction_temperature: float = field(init=False)
     """Temperature at which the friction parameters hold, in [deg C]."""
 
@@ -82,6 +84,7 @@ class Robot:
         put(self, "motor_velocity_limit", self._numeric(model, "motor_velocity_limit", np.inf))
         put(self, "joint_acceleration_limit", self._numeric(model, "joint_acceleration_limit", 5.0))
         put(self, "encoder_counts", self._numeric(model, "encoder_counts", 0.0))
+        put(self, "set_points", self._numeric(model, "servo_set_points", 1.0, 3))
         put(
             self,
             "friction_temperature",
