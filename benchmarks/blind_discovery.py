@@ -93,13 +93,14 @@ def load_function(path: str) -> Callable[..., dict[str, Any]]:
     return function
 
 
-def answer(case: Path, results: Path, function: str) -> None:
+def answer(case: Path, results: Path, function: str, cache: Path) -> None:
     """Run discovery on one case and store its answer, unless it is there.
 
     Args:
         case: Folder of the case; it holds no label.
         results: Folder of the answers.
         function: 'module:name' of what is tried, with the signature of `faultgen.discover`.
+        cache: Folder for the sensitivities, which cases of one robot share.
     """
     target = results / f"{case.name}.json"
     if target.is_file():
@@ -113,6 +114,7 @@ def answer(case: Path, results: Path, function: str) -> None:
             told["robot"],
             healthy=healthy if healthy.is_file() else None,
             exclude=[name for name in told["exclude"] if name in EFFECTS],
+            cache=cache,
         )
     except Exception as error:  # noqa: BLE001 - a failure is a verdict
         result = {"verdict": FAILED, "effects": [], "alternatives": [], "error": repr(error)}
@@ -126,11 +128,15 @@ def run(
     trial: Trial,
     workers: Workers = 1,
     function: Annotated[str, typer.Option(help="What is tried.")] = "faultgen:discover",
+    cache: Annotated[
+        Path | None, typer.Option(help="Folder for sensitivities; default: in the trial's folder.")
+    ] = None,
 ) -> None:
     """Run discovery on every case that has no answer yet."""
+    kept = trial / "sensitivities" if cache is None else cache
     folders = sorted(path.parent for path in (trial / CASES).glob(f"*/{CASE_FILE}"))
     done = Parallel(n_jobs=workers, return_as="generator_unordered")(
-        delayed(answer)(folder, trial / RESULTS, function) for folder in folders
+        delayed(answer)(folder, trial / RESULTS, function, kept) for folder in folders
     )
     for _ in tqdm(done, total=len(folders), unit="case"):
         pass

@@ -193,7 +193,7 @@ def test_files_carry_no_label_and_runs_resume(tmp_path: Path) -> None:
     (folder.parent / "case_bad" / "case.json").write_text(told)
     for _ in range(2):
         for name in ("case_a", "case_bad"):
-            blind_discovery.answer(folder.parent / name, tmp_path / "results", function)
+            blind_discovery.answer(folder.parent / name, tmp_path / "results", function, tmp_path)
     answers = blind_discovery.read_answers(tmp_path)
     assert answers["case_a"]["verdict"] == "no missing effect"
     assert answers["case_bad"]["verdict"] == "failed"

@@ -13,7 +13,7 @@ from faultgen.discovery.fit import Fit, Group
 from faultgen.discovery.problem import Problem
 from faultgen.discovery.regimes import Pattern, Share, patterns, where
 from faultgen.discovery.replay import relative_error
-from faultgen.discovery.terms import Term
+from faultgen.discovery.terms import FRICTION, PERIODIC, Term
 from faultgen.effects import get_effect
 
 NONE, NAMED, AMBIGUOUS, UNKNOWN = (
@@ -23,16 +23,23 @@ NONE, NAMED, AMBIGUOUS, UNKNOWN = (
     "unknown effect",
 )
 
-LEFT = 0.10
-"""Share of a gap with a pattern from which the catalogue does not explain it: chosen on development
+LEFT = 0.05
+"""Share of a gap with a pattern from which effects do not explain it: chosen on development
 cases."""
 
-UNLIKELY = 1e-4
+UNLIKELY = 1e-5
 """Probability of a pattern by noise below which it counts."""
 
-PATTERN_OF_TORQUE = 0.01
-"""RMS of a pattern over RMS torque of its axis, below which a calibrated model without twin is as
-good as models are: chosen on development cases."""
+BAND = {
+    "time": 0.004,
+    "joint angle": 0.0036,
+    "motor turn": 0.0025,
+    "speed": 0.0026,
+    "acceleration": 0.0026,
+    "motion": np.inf,
+}
+"""RMS of a pattern over RMS torque of its axis up to which a calibrated model without twin is as
+good as models are: 1.35 times the largest of healthy development cases."""
 
 
 @dataclass(frozen=True)
@@ -295,47 +302,37 @@ def _verdict(
     found: list[Pattern],
     shown: np.ndarray,
 ) -> str:
-    strange = unexplained_share(problem, found, shown)
-    if strange > LEFT:
-        return UNKNOWN
+    strange = strange_patterns(problem, found)
     if not choice.best.groups:
-        return NONE
+        return UNKNOWN if strange else NONE
     if _contrived(problem, choice.best):
+        return UNKNOWN
+    white = problem.whiten(shown)
+    gap = max(float((white[problem.inside] ** 2).sum()) - problem.inside.sum(), 1.0)
+    if strange and strange[0].strength > LEFT * gap:
         return UNKNOWN
     return AMBIGUOUS if choice.rivals else NAMED
 
 
-_FRICTION = (
-    "coulomb_friction",
-    "friction_wear",
-    "static_friction",
-    "stribeck_velocity",
-    "viscous_friction",
-    "quadratic_viscous_friction",
-    "load_friction",
-    "temperature_friction",
-)
-
-
 def _contrived(problem: Problem, best: Fit) -> bool:
-    """Whether two kinds of friction of one axis stand against each other.
+    """Whether one axis has several kinds of friction by speed, or several periodic effects.
 
-    Friction that grows in one way and falls in another is a curve that the catalogue does not have.
+    Together they make a curve, or a wave, that no single effect of the catalogue has.
     """
-    by_axis: dict[int, list[float]] = {}
-    for t, value in zip(best.terms, best.values, strict=True):
-        term = problem.terms[t]
-        if term.name in _FRICTION:
-            by_axis.setdefault(term.axis, []).append(float(value))
-    return any(min(values) < 0 < max(values) for values in by_axis.values())
+    kinds = []
+    for group in best.groups:
+        term = problem.terms[group[0]]
+        if term.name in FRICTION:
+            kinds.append(("friction", term.axis))
+        elif term.parameters and term.name in PERIODIC:
+            kinds.append(("periodic", term.axis))
+    return len(set(kinds)) < len(kinds)
 
 
-def unexplained_share(problem: Problem, found: list[Pattern], shown: np.ndarray) -> float:
-    """Share of the gap that is left with a pattern; 0 where a pattern is small or chance."""
-    white = problem.whiten(shown)
-    gap = max(float((white[problem.inside] ** 2).sum()) - problem.inside.sum(), 1.0)
+def strange_patterns(problem: Problem, found: list[Pattern]) -> list[Pattern]:
+    """Patterns that neither noise nor what models are usually wrong by explains, largest first."""
     strange = [one for one in found if one.p_value < UNLIKELY and _is_large(problem, one)]
-    return max((one.strength / gap for one in strange), default=0.0)
+    return sorted(strange, key=lambda one: -one.strength)
 
 
 def _is_large(problem: Problem, pattern: Pattern) -> bool:
@@ -346,7 +343,7 @@ def _is_large(problem: Problem, pattern: Pattern) -> bool:
     rows = problem.inside[:, axis]
     torque = float(np.sqrt(np.mean(problem.recording.torque[rows, axis] ** 2)))
     size = np.sqrt(max(pattern.strength, 0.0) / rows.sum()) * problem.noise.deviation[axis]
-    return bool(size > PATTERN_OF_TORQUE * torque)
+    return bool(size > BAND[pattern.along] * torque)
 
 
 def _named(

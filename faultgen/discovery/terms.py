@@ -22,6 +22,16 @@ INERTIA = "inertia"
 FORM = "friction_form"
 """Name of the terms of friction's form near zero speed; they are not simulated."""
 
+FRICTION = (
+    "coulomb_friction",
+    "friction_wear",
+    "static_friction",
+    "stribeck_velocity",
+    "viscous_friction",
+    "quadratic_viscous_friction",
+)
+"""Kinds of friction that are functions of speed."""
+
 PERIODIC = ("torque_ripple", "transmission_error")
 """Effects that are probed at the orders that a recording shows."""
 
@@ -65,32 +75,32 @@ class Term:
 _FRACTIONS = {
     "coulomb_friction": 0.035,
     "friction_wear": 0.002,  # coulomb and static have their own
-    "static_friction": 0.2,
+    "static_friction": 0.15,
     "stribeck_velocity": 0.15,
     "viscous_friction": 0.05,
-    "quadratic_viscous_friction": 0.005,
-    "friction_asymmetry": 0.005,
-    "temperature_friction": 0.015,
-    "gear_stiffness": 0.06,
+    "quadratic_viscous_friction": 0.003,
+    "friction_asymmetry": 0.003,
+    "temperature_friction": 0.005,
+    "gear_stiffness": 0.05,
     "stiffness_hardening": 0.25,
     "rotor_inertia": 0.035,
-    "torque_constant": 0.004,
-    "load_friction": 0.0005,
+    "torque_constant": 0.002,
+    "load_friction": 0.0003,
     "payload_mass": 0.035,
     "payload_offset": 2e-3,
-    "backlash": 5e-6,
-    "encoder_offset": 1e-4,
+    "backlash": 2e-6,
+    "encoder_offset": 5e-5,
     "delay": 3e-4,
 }
 _BENT = {"backlash": (3e-4, 2e-3), "stribeck_velocity": (0.3, 2.0)}
-_PROBE = 50  # tolerances that effects which are a torque are probed with
+_PROBE = 100  # tolerances that effects which are a torque are probed with
 # Of the motor torque limit, for effects that are a torque; transmission error by its torque.
 _OF_TORQUE = {
-    "torque_offset": 4e-4,
-    "torque_ripple": 4e-5,
-    "transmission_error": 4e-5,
-    "gravity_spring": 8e-5,
-    "wrist_coupling_friction": 2e-4,
+    "torque_offset": 2e-4,
+    "torque_ripple": 2e-5,
+    "transmission_error": 2e-5,
+    "gravity_spring": 4e-5,
+    "wrist_coupling_friction": 1e-4,
 }
 
 
