@@ -167,6 +167,7 @@ def oracle(
     validate: Path | None = None,
     *,
     exclude: tuple[str, ...] = (),
+    cache: Path | None = None,
 ) -> dict:
     """A stand-in for discovery that knows the truth of clean and unknown cases only."""
     if measured.parent.name.endswith("bad"):

@@ -414,7 +414,7 @@ def _calibration(problem: Problem, fitted: Fit, solution: np.ndarray) -> list[tu
 
 def _possible(term: Term, value: float) -> bool:
     """Whether a model can have it: a calibrated play may come out below none."""
-    if not term.is_effect or term.parameters:
+    if not term.is_effect or term.name in PERIODIC:
         return True
     return value > get_effect(term.name).smallest
 

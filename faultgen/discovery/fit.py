@@ -9,6 +9,7 @@ import numpy as np
 
 from faultgen.discovery.evidence import Evidence
 from faultgen.discovery.problem import Problem
+from faultgen.discovery.terms import PERIODIC
 from faultgen.effects import get_effect
 from faultgen.errors import SimulationFailed
 
@@ -160,7 +161,7 @@ def _bounded(problem: Problem, terms: Sequence[int], value: np.ndarray) -> np.nd
 
 def _smallest(problem: Problem, index: int) -> float:
     term = problem.terms[index]
-    if term.parameters:  # sine and cosine of a periodic effect
+    if term.name in PERIODIC:  # sine and cosine
         return -get_effect(term.name).largest
     return get_effect(term.name).smallest
 

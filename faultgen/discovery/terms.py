@@ -92,6 +92,10 @@ _FRACTIONS = {
     "encoder_offset": 5e-5,
     "delay": 3e-4,
 }
+# Coupled wrists rub on the sum or on the difference of two speeds, by how they are built.
+_VARIANTS: dict[str, tuple[tuple[tuple[str, float], ...], ...]] = {
+    "wrist_coupling_friction": ((("ratio", 1.0),), (("ratio", -1.0),)),
+}
 _BENT = {"backlash": (3e-4, 2e-3), "stribeck_velocity": (0.3, 2.0)}
 _PROBE = 100  # tolerances that effects which are a torque are probed with
 # Of the motor torque limit, for effects that are a torque; transmission error by its torque.
@@ -147,7 +151,11 @@ def effect_terms(robot: Robot, exclude: Collection[str] = ()) -> list[Term]:
             continue
         for axis in effect.axes(robot.n_axes):
             size = tolerance(name, robot, axis)
-            terms += [Term(name, axis, step, size) for step in _steps(effect, size)]
+            terms += [
+                Term(name, axis, step, size, parameters)
+                for step in _steps(effect, size)
+                for parameters in _VARIANTS.get(name, ((),))
+            ]
     return terms
 
 
