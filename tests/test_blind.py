@@ -1,0 +1,67 @@
+"""Discovery on sealed cases: other functional forms, robots that are off, an own integrator."""
+
+import numpy as np
+import pytest
+from sealed.cases import make_recordings
+from sealed.effects import Effect
+from sealed.plan import Case
+
+from faultgen.discovery import investigate
+from faultgen.robot import load_robot
+
+RIPPLE = {"order": 2.0, "phase": 1.0}
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    """Discovery of a sealed PUMA with a twin; cases share their sensitivities."""
+    cache = tmp_path_factory.mktemp("sensitivities")
+    robot = load_robot("puma560")
+
+    def run(seed, *effects, exclude=()):
+        case = Case("x", "twin", "puma560", "single", 0.01, seed, effects, (5.0,) * len(effects))
+        measured, healthy = make_recordings(case)
+        return investigate(measured, robot, healthy, workers=2, exclude=exclude, cache=cache).answer
+
+    return run
+
+
+def test_a_clean_robot(found):
+    answer = found(1)
+    assert (answer.verdict, answer.effects) == ("no missing effect", ())
+    assert answer.before == pytest.approx(answer.floor, rel=0.1)
+
+
+def test_a_single_effect(found):
+    """A gearbox that lost a fifth of its stiffness; the gap closes on motions not used."""
+    answer = found(2, Effect("gear_stiffness", 2, 0.2))
+    (one,) = answer.effects
+    assert (answer.verdict, one.effect, one.axis) == ("named", "gear_stiffness", 2)
+    assert one.severity == pytest.approx(0.2, rel=0.2)
+    assert answer.after < 1.1 * answer.floor < answer.before
+
+
+def test_two_effects(found):
+    """Viscous friction, which here is a power of speed, and ripple, which has a harmonic."""
+    answer = found(3, Effect("viscous_friction", 3, 0.15), Effect("torque_ripple", 1, 0.02, RIPPLE))
+    keys = {(one.effect, one.axis): one for one in answer.effects}
+    assert set(keys) == {("viscous_friction", 3), ("torque_ripple", 1)}
+    assert keys["viscous_friction", 3].severity == pytest.approx(0.15, rel=0.15)
+    assert keys["torque_ripple", 1].severity == pytest.approx(0.02, rel=0.15)
+    assert keys["torque_ripple", 1].parameters["order"] == 2.0
+
+
+def test_an_effect_that_nobody_coded(found):
+    """Friction over a small range of angle is no effect of the catalogue."""
+    answer = found(4, Effect("seizing_spot", 2, 0.2))
+    assert answer.verdict == "unknown effect" and not answer.effects
+    strange = answer.left[0]
+    assert strange.axis == 2 and strange.p_value < 1e-5
+
+
+def test_names_do_not_matter(found):
+    """A severity and its sign follow the data: twice the effect, twice the answer."""
+    one, two = (found(5, Effect("torque_offset", 3, s)).effects[0] for s in (0.01, -0.02))
+    assert (one.effect, two.effect) == ("torque_offset", "torque_offset")
+    assert two.severity == pytest.approx(-2 * one.severity, rel=0.1)
+    assert np.sign(one.severity) == 1
