@@ -75,7 +75,7 @@ def main(
                 experiment = Experiment(
                     robot=[name],
                     task=TASKS,
-                    axis=[axis],
+                    axis=[[axis]],
                     severity=[severity],
                     schedule=[severity] * 2,
                     cycles=2,

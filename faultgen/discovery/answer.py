@@ -13,7 +13,7 @@ from faultgen.discovery.fit import Fit, Group
 from faultgen.discovery.problem import Problem
 from faultgen.discovery.regimes import Pattern, Share, patterns, where
 from faultgen.discovery.replay import relative_error
-from faultgen.discovery.terms import FRICTION, PERIODIC, Term
+from faultgen.discovery.terms import FRICTION, INERTIA, PERIODIC, Term
 from faultgen.effects import get_effect
 
 NONE, NAMED, AMBIGUOUS, UNKNOWN = (
@@ -413,21 +413,23 @@ def _calibration(problem: Problem, fitted: Fit, solution: np.ndarray) -> list[tu
 
 
 def _possible(term: Term, value: float) -> bool:
-    """Whether a model can have it: a calibrated play may come out below none."""
-    if not term.is_effect or term.name in PERIODIC:
-        return True
-    return value > get_effect(term.name).smallest
+    """Whether a model is given it: no waves that nobody named, no play below none."""
+    if not term.is_effect:
+        return term.name == INERTIA
+    return term.name not in PERIODIC and value > get_effect(term.name).smallest
 
 
 def _told(
     problem: Problem, fitted: Fit, changes: list[tuple[Term, float]]
 ) -> dict[str, dict[str, float]]:
     """Calibrated numbers that are off by more than half their tolerance."""
-    del fitted
+    named = {problem.terms[t].key for t in fitted.terms}
     told: dict[str, dict[str, float]] = {}
     if problem.twin:
         return told
     for term, value in changes:
-        if term.is_effect and not term.parameters and abs(value) > 0.5 * term.tolerance:
+        if not term.is_effect or term.parameters or term.key in named:
+            continue
+        if abs(value) > 0.5 * term.tolerance:
             told.setdefault(term.name, {})[str(term.axis)] = value
     return told

@@ -84,8 +84,11 @@ class Replay:
         recording, robot = self.recording, self.robot
         torque = np.empty_like(recording.torque)
         timestep = robot.model.opt.timestep
+        by_temperature = any(term.name == "temperature_friction" for term, _ in changes)
+        machine = None
         for part, control in zip(recording.parts, self.controls, strict=True):
-            machine = self._machine(changes, part)
+            if machine is None or by_temperature:
+                machine = self._machine(changes, part)
             if disturbance is not None:
                 control = self._pushed(control, disturbance[part])
             every = _whole(recording.sample_period / timestep)

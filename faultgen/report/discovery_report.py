@@ -136,7 +136,8 @@ def _experiment(experiment: dict[str, Any] | None) -> str:
     return (
         f"<h2>Next experiment</h2><p>Task <b>{html.escape(experiment['task'])}</b> "
         f"(next_experiment.toml) puts {html.escape(pair)} {experiment['distance']:.0f} standard "
-        f"deviations apart; here it is {experiment['now']:.1f}.</p>"
+        f"deviations of the noise apart, if all else in the model is right; here, with all else "
+        f"uncertain, it is {experiment['now']:.1f}.</p>"
     )
 
 
@@ -241,7 +242,7 @@ def _overlay(found: Discovery) -> Figure:
                 part = problem.parts[p]
                 axes.axvspan(time[part.start], time[part.stop - 1], color="0.92", zorder=0)
             axes.set(ylabel=f"axis {axis + 1}")
-        grid[0, 0].legend(loc="upper right", ncols=2, fontsize=8)
+        grid[0, 0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, fontsize=8)
         grid[-1, 0].set(xlabel="time [s]; grey: motions for scoring only")
         figure.supylabel(f"torque, {side} side [N m]")
     return figure
