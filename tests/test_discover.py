@@ -91,3 +91,46 @@ def test_what_cannot_be_used_is_refused(files, tiny_robot_path, measured, tmp_pa
     write_recording(turned, tmp_path / "turned.h5")
     with pytest.raises(InputError, match="axis 2: torque has the opposite sign"):
         faultgen.discover(tmp_path / "turned.h5", tiny_robot_path, files / "healthy.h5")
+
+
+def test_the_order_of_the_catalogue_does_not_matter(files, tiny_robot_path, monkeypatch):
+    """Candidates in reverse order give the same answer."""
+    from faultgen.discovery import workflow
+
+    forward = discovered(files, tiny_robot_path, "two")
+    terms = workflow.effect_terms
+    monkeypatch.setattr(workflow, "effect_terms", lambda *given: terms(*given)[::-1])
+    backward = discovered(files, tiny_robot_path, "two")
+    assert forward["verdict"] == backward["verdict"]
+    assert [(one["effect"], one["axis"]) for one in forward["effects"]] == [
+        (one["effect"], one["axis"]) for one in backward["effects"]
+    ]
+    for one, other in zip(forward["effects"], backward["effects"], strict=True):
+        assert one["parameters"]["severity"] == pytest.approx(other["parameters"]["severity"])
+
+
+def test_without_a_twin(files, tiny_robot_path, measured, tmp_path):
+    """A clean recording has no missing effect; a strong one is named against the model alone."""
+    clean = faultgen.discover(files / "clean.h5", tiny_robot_path)
+    assert (clean["verdict"], clean["effects"]) == ("no missing effect", [])
+    path = tmp_path / "off.h5"
+    write_recording(measured([("torque_offset", 1, 0.05)], 8), path)
+    result = faultgen.discover(path, tiny_robot_path, out=tmp_path / "out")
+    assert ("torque_offset", 1) in {(one["effect"], one["axis"]) for one in result["effects"]}
+    gap = result["gap"]
+    assert gap["after"] < 0.5 * gap["before"]
+    assert result["where"][0]["axis"] == 1
+
+
+def test_sensitivities_are_kept(files, tiny_robot_path, tmp_path, monkeypatch):
+    """The second discovery of a program simulates its sensitivities no more."""
+    from faultgen.discovery.replay import Replay
+
+    count = []
+    torque = Replay.torque
+    monkeypatch.setattr(Replay, "torque", lambda *a, **k: (count.append(1), torque(*a, **k))[1])
+    first = discovered(files, tiny_robot_path, "worn", cache=tmp_path)
+    before = len(count)
+    second = discovered(files, tiny_robot_path, "worn", cache=tmp_path)
+    assert len(count) - before < before / 3
+    assert first["effects"] == second["effects"]
