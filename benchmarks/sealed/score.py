@@ -102,6 +102,12 @@ def gap_closed(answer: Answer) -> float:
     return float((before - after) / (before - floor))
 
 
+def gap_closed_by_refit(answer: Answer) -> float:
+    """The same for calibration alone: what refitting the model's own numbers would do."""
+    gap = answer.get("gap") or {}
+    return gap_closed({"gap": {**gap, "after": gap.get("calibrated")}})
+
+
 def severity_error(truth: Truth, answer: Answer) -> float:
     """|estimate - severity| / severity of a single effect named rightly."""
     (effect,) = truth["effects"]
@@ -188,7 +194,11 @@ def score(truth: Mapping[str, Truth], answers: Mapping[str, Answer]) -> list[Row
         _median("seconds a case, median", (a.get("seconds", np.nan) for _, a in pairs)),
         _share("failed", (a["verdict"] == FAILED for _, a in pairs)),
     ]
-    return [*rows, *baselines([t for t, _ in pairs])]
+    refit = _median(
+        "baseline, calibration only: gap closed, median",
+        (gap_closed_by_refit(a) for t, a in clear if right(t, a)),
+    )
+    return [*rows, refit, *baselines([t for t, _ in pairs])]
 
 
 def _all(
