@@ -22,8 +22,9 @@ from scipy.signal import butter, decimate, filtfilt
 
 from analysis.plots import COLOURS, style
 from faultgen.discovery import Recording, Replay, investigate
-from faultgen.discovery.calibrate import WIDTHS, changed, plain, refined
+from faultgen.discovery.calibrate import WIDTHS, changed, refined
 from faultgen.discovery.choose import SURE
+from faultgen.discovery.problem import plain
 from faultgen.discovery.replay import Changes
 from faultgen.report.discovery_report import write_discovery
 from faultgen.robot import Robot, load_robot
@@ -92,13 +93,13 @@ def emps(data: Path, out: Path) -> None:
     problem = plain(following.problem)
     print("\n| model | train | test | closed loop, train | test |")
     print("| --- | --- | --- | --- | --- |")
-    steps = [("published symmetric", None)]
-    steps += [("calibrated", [])]
+    steps: list[tuple[str, list | None]] = [("published symmetric", None), ("calibrated", [])]
     count = 0
     for group in best.groups:
         count += len(group)
         steps.append((f"+ {found.problem.terms[group[0]].name}", effects[:count]))
-    model = robot
+    model, told = robot, ""
+    changes: Changes = ()
     for name, start in steps:
         changes = () if start is None else refined(problem, start)
         row = [emps_error(one, robot, changes) for one in (train, test)]
@@ -106,8 +107,9 @@ def emps(data: Path, out: Path) -> None:
         print(f"| {name} | " + " | ".join(f"{x:.2f}" for x in row) + " |", flush=True)
         if start:
             model = changed(robot, changes)
-            told = [f"{t.name} {v:.4g}" for t, v in changes if abs(v) > 0.5 * t.tolerance]
-    print("\nlast, off by more than half the tolerance:", ", ".join(told))
+            large = [(t, v) for t, v in changes if abs(v) > 0.5 * t.tolerance]
+            told = ", ".join(f"{t.name} {v:.4g}" for t, v in large)
+    print("\nlast, off by more than half the tolerance:", told)
     out.mkdir(parents=True, exist_ok=True)
     (out / "emps_model.xml").write_text(model.xml)
     result = found.answer.contract() | {"warnings": [], "seconds": 0.0}
@@ -128,7 +130,9 @@ def emps_picture(
             at = np.digitize(speed, edges)
             for k, (label, what) in enumerate((("symmetric model", ()), ("with effects", changes))):
                 error = (one.torque - Replay(one, robot).torque(what))[:, 0]
-                mean = [error[at == b].mean() if (at == b).sum() > 20 else np.nan for b in range(32)]
+                mean = [
+                    error[at == b].mean() if (at == b).sum() > 20 else np.nan for b in range(32)
+                ]
                 middle = np.concatenate([[np.nan], (edges[1:] + edges[:-1]) / 2, [np.nan]])
                 axes.plot(1000 * middle, mean, marker=".", color=COLOURS[k], label=label)
             axes.set(xlabel="speed [mm/s]", ylabel="mean force left [N]")

@@ -18,8 +18,7 @@ import numpy as np
 from faultgen.discovery.columns import columns
 from faultgen.discovery.evidence import Evidence
 from faultgen.discovery.forms import form_columns, form_terms
-from faultgen.discovery.noise import Autoregression
-from faultgen.discovery.problem import Problem, pose
+from faultgen.discovery.problem import Problem, plain, pose
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.terms import (
@@ -39,7 +38,7 @@ from faultgen.robot import Robot
 WIDTHS = (1.0, 3.0, 10.0, 30.0)
 """Tolerances that are tried, over the usual ones."""
 
-_STEPS = 3  # of Gauss-Newton
+_STEPS = 5  # of Gauss-Newton
 _GAIN = "torque_constant"  # which no element of MJCF carries
 
 
@@ -63,6 +62,7 @@ def calibrate(
     *,
     widths: Sequence[float] = WIDTHS,
     exclude: Collection[str] = (),
+    known: Collection[str] = (),
     workers: int = 1,
     cache: Path | None = None,
 ) -> Calibrated:
@@ -72,7 +72,9 @@ def calibrate(
         recording: The measured data.
         robot: The model.
         widths: Tolerances to choose from, over the usual ones.
-        exclude: Numbers that are known.
+        exclude: Numbers that are left as they are.
+        known: Numbers that keep their usual tolerances. Of masses and torque constants one should
+            be known: motions hardly tell them apart.
         workers: Processes; no effect on the result.
         cache: Folder that keeps sensitivities.
 
@@ -89,17 +91,17 @@ def calibrate(
     terms += forms
     gap = recording.torque - base
     try:
-        problem = pose(replay, widened(terms, max(widths)), base, raw, gap, twin=False)
+        problem = pose(replay, widened(terms, max(widths), known), base, raw, gap, twin=False)
     except ValueError as error:
         raise InputError(f"{recording.source}: {error}") from None
     problem = replace(problem, scoring=[])
     count = max(int(problem.inside.sum()), 1)
     held_out = {}
     for width in widths:
-        errors = _with_width(problem, terms, width).evidence().held_out([])
+        errors = _with_tolerances(problem, widened(terms, width, known)).evidence().held_out([])
         held_out[width] = float(errors.sum()) / count
     best = min(held_out, key=lambda width: held_out[width])
-    chosen = refined(_with_width(problem, terms, best))
+    chosen = refined(plain(_with_tolerances(problem, widened(terms, best, known))))
     changes = [(term, value) for term, value in chosen if term.name in NUMBERS]
     values: dict[str, dict[int, float]] = {}
     for term, value in changes:
@@ -108,26 +110,11 @@ def calibrate(
     return Calibrated(changed(robot, changes), best, held_out, values)
 
 
-def _with_width(problem: Problem, terms: Sequence[Term], width: float) -> Problem:
-    """The same problem, its numbers with the usual tolerances times a width."""
-    new = widened(terms, width)
+def _with_tolerances(problem: Problem, new: list[Term]) -> Problem:
+    """The same problem with other tolerances."""
     pairs = zip(new, problem.terms, strict=True)
     scale = np.array([a.tolerance / b.tolerance for a, b in pairs], np.float32)
     return replace(problem, terms=new, white=problem.white * scale[:, None, None])
-
-
-def plain(problem: Problem) -> Problem:
-    """The same problem with noise that is white, of the same deviation and information.
-
-    An autoregression of what a model leaves takes errors that last for noise that drifts: good for
-    telling effects apart, but values are to make the torque right, also where it is steady.
-    """
-    noise = problem.noise
-    longer = noise.deviation / noise.innovation  # root of the samples that one is worth
-    white = Autoregression(0 * noise.coefficients, noise.deviation * longer)
-    new = replace(problem, noise=white, trust=np.ones_like(problem.trust))
-    tolerances = np.array([term.tolerance for term in problem.terms], np.float32)
-    return replace(new, white=new.whiten(problem.raw) * tolerances[:, None, None])
 
 
 def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[tuple[Term, float]]:

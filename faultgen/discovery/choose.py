@@ -54,7 +54,7 @@ def groups_of(problem: Problem) -> list[Group]:
         if not term.is_effect:
             continue
         order = dict(term.parameters).get("order")
-        key = (index,) if order is None else (term.name, term.axis, order)
+        key: tuple = (index,) if order is None else (term.name, term.axis, order)
         if term.name == PAYLOAD and term.parameters:
             key = term.key
         groups.setdefault(key, []).append(index)

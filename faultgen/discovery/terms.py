@@ -202,7 +202,9 @@ def payload_terms(robot: Robot) -> list[Term]:
     ]
 
 
-def payload_of(masses: Sequence[float], places: np.ndarray) -> tuple[float, np.ndarray]:
+def payload_of(
+    masses: Sequence[float] | np.ndarray, places: np.ndarray
+) -> tuple[float, np.ndarray]:
     """Mass [kg] and centre [m] of points."""
     mass = float(np.sum(masses))
     if mass < MASSLESS:
@@ -326,9 +328,16 @@ def with_tolerance(terms: Sequence[Term], factor: float) -> list[Term]:
     return [replace(term, tolerance=factor * term.tolerance) for term in terms]
 
 
-def widened(terms: Sequence[Term], factor: float) -> list[Term]:
-    """The same terms, the tolerances of the model's own numbers times a factor."""
+def widened(terms: Sequence[Term], factor: float, known: Collection[str] = ()) -> list[Term]:
+    """The same terms, the tolerances of the model's own numbers times a factor.
+
+    Args:
+        terms: All terms.
+        factor: Of the tolerances of `NUMBERS`.
+        known: Those that keep theirs.
+    """
+    names = set(NUMBERS) - set(known)
     return [
-        replace(term, tolerance=factor * term.tolerance) if term.name in NUMBERS else term
+        replace(term, tolerance=factor * term.tolerance) if term.name in names else term
         for term in terms
     ]

@@ -23,7 +23,7 @@ from faultgen.discovery.columns import columns, own_columns
 from faultgen.discovery.forms import form_columns, form_terms
 from faultgen.discovery.next_experiment import Experiment, next_experiment
 from faultgen.discovery.orders import find_orders
-from faultgen.discovery.problem import Problem, pose
+from faultgen.discovery.problem import Problem, plain, pose
 from faultgen.discovery.recording import Recording, low_passed, read_recording
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.terms import (
@@ -66,6 +66,7 @@ def discover(
     exclude: Collection[str] = (),
     include: Collection[str] = (),
     width: float = 1.0,
+    steady: bool = False,
     low_pass: float | None = None,
     cache: str | Path | None = None,
 ) -> dict[str, Any]:
@@ -83,6 +84,8 @@ def discover(
         include: Effects beyond the usual ones that are, of `terms.OPTIONAL`.
         width: Tolerance of the model's own numbers (`terms.NUMBERS`) over the usual one: above 1
             for a model that is only roughly known. `calibrate` finds it.
+        steady: Whether errors that last count in full, see `problem.plain`; else a part of them is
+            taken for noise that drifts. For recordings that were filtered.
         low_pass: Cut-off [Hz] of a filter on recordings without a reference, whose measured
             position is followed, see `low_passed`; None: as they are.
         cache: Folder that keeps sensitivities for other recordings of the same program.
@@ -115,6 +118,7 @@ def discover(
             exclude=exclude,
             include=include,
             width=width,
+            steady=steady,
             cache=_path(cache),
         )
         result = _result(found, other)
@@ -136,6 +140,7 @@ def investigate(
     exclude: Collection[str] = (),
     include: Collection[str] = (),
     width: float = 1.0,
+    steady: bool = False,
     cache: Path | None = None,
 ) -> Discovery:
     """All stages, on recordings that were checked.
@@ -149,6 +154,8 @@ def investigate(
         include: Effects beyond the usual ones that are.
         width: Tolerance of the model's own numbers (`terms.NUMBERS`) over the usual one: above 1
             for a model that is only roughly known. `calibrate` finds it.
+        steady: Whether errors that last count in full, see `problem.plain`; else a part of them is
+            taken for noise that drifts. For recordings that were filtered.
         cache: Folder that keeps sensitivities.
 
     Raises:
@@ -179,6 +186,8 @@ def investigate(
     except ValueError as error:
         raise InputError(f"{recording.source}: {error}") from None
     problem = _with_orders(problem, workers, exclude)
+    if steady:
+        problem = plain(problem)
     choice = choose(problem)
     told = answer(problem, choice)
     experiment = next_experiment(problem, choice) if told.verdict == AMBIGUOUS else None

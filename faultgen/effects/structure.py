@@ -8,7 +8,6 @@ import numpy as np
 from faultgen.effects.base import FRACTION, Effect, last_axis
 from faultgen.errors import InputError
 
-
 MASSLESS = 1e-3
 """Mass below which a payload is a place only [kg]."""
 
