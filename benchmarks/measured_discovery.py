@@ -17,15 +17,17 @@ matplotlib.use("Agg")  # no display needed
 
 import matplotlib.pyplot as plt
 import numpy as np
-from measured_data import EXAMPLES, read_emps
+from measured_data import EXAMPLES, read_emps, read_ur10e
 from scipy.signal import butter, decimate, filtfilt
 
 from analysis.plots import COLOURS, style
 from faultgen.discovery import Recording, Replay, investigate
-from faultgen.discovery.calibrate import WIDTHS, changed, refined
-from faultgen.discovery.choose import SURE
-from faultgen.discovery.problem import plain
-from faultgen.discovery.replay import Changes
+from faultgen.discovery.calibrate import WIDTHS, calibrate, changed, refined
+from faultgen.discovery.choose import SURE, groups_of
+from faultgen.discovery.problem import plain, rolling
+from faultgen.discovery.replay import Changes, settled
+from faultgen.discovery.terms import INERTIA, PAYLOAD, payload_of
+from faultgen.discovery.workflow import as_modelled
 from faultgen.report.discovery_report import write_discovery
 from faultgen.robot import Robot, load_robot
 
@@ -142,7 +144,71 @@ def emps_picture(
         figure.savefig(path, dpi=110)
 
 
-RUNS = {"emps": emps}
+UR10E_LEFT_OUT = ("transmission_error", "torque_ripple")
+"""Waves of the motor are above half the sample rate."""
+
+
+def ur10e_errors(recording: Recording, robot: Robot, changes: Changes = ()) -> np.ndarray:
+    """Relative torque error of each axis where it moves [%]."""
+    recording = as_modelled(recording, robot)
+    left = recording.torque - Replay(recording, robot).torque(changes)
+    inside = settled(recording, robot) & rolling(recording, robot)
+    squares = [(np.where(inside, x, 0.0) ** 2).sum(axis=0) for x in (left, recording.torque)]
+    return np.asarray(100 * np.sqrt(squares[0] / squares[1]))
+
+
+def ur10e(data: Path, out: Path) -> None:
+    """Calibrated without payload; the payload found; held out on the other pair."""
+    folder, cache = data / "ur10e", out / "cache"
+    robot = load_robot(EXAMPLES / "ur10e" / "ur10e.xml")
+
+    def row(name: str, errors: np.ndarray) -> None:
+        print(f"| {name} | " + " | ".join(f"{x:.1f}" for x in errors) + " |", flush=True)
+
+    train = read_ur10e(folder, "unloaded_14harm_feb19")
+    found = calibrate(train, robot, known=(INERTIA,), cache=cache)
+    model = found.robot
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "ur10e_calibrated.xml").write_text(model.xml)
+    print("held-out error by width:", found.held_out, "chosen:", found.width)
+    print("gains:", np.round(model.torque_gain, 3))
+    for run in ("unloaded_14harm_feb19", "unloaded_15harm_feb19", "test_50s_feb12"):
+        recording = read_ur10e(folder, run)
+        row(f"{run}, published", ur10e_errors(recording, robot))
+        row(f"{run}, calibrated", ur10e_errors(recording, model))
+    for run in ("loaded_14harm_feb19", "loaded_15harm_feb19"):
+        recording = as_modelled(read_ur10e(folder, run), model)
+        for width in (1.0, 0.3, 0.1):
+            result = investigate(
+                recording, model, width=width, steady=True, exclude=UR10E_LEFT_OUT, cache=cache
+            )
+            told, best = result.answer, result.choice.best
+            print(f"\n{run}, width {width}: {told.verdict}; alternatives {told.alternatives}")
+            problem = plain(result.problem)
+            for one in told.effects:
+                print("-", one.effect, one.axis, f"{one.severity:.4g}", one.parameters)
+            effects = [
+                (problem.terms[t], float(v))
+                for t, v in zip(best.terms, best.values, strict=True)
+            ]
+            payload = [(t, v) for t, v in effects if t.name == PAYLOAD]
+            if payload:
+                places = np.array([[x for _, x in t.parameters] for t, _ in payload])
+                mass, place = payload_of([v for _, v in payload], places)
+                print(f"payload {mass:.3f} kg at {np.round(place, 3)}")
+            row("calibrated", ur10e_errors(read_ur10e(folder, run), model))
+            row("with effects", ur10e_errors(read_ur10e(folder, run), model, effects))
+            left = groups_of(problem)
+            gains, first = best.evidence.gains(left, best.terms)
+            for k in np.argsort(-gains)[:6]:
+                term = problem.terms[left[k][0]]
+                print(f"  next: {term.key} {first[k] * term.tolerance:.3g}, gain {gains[k]:.1f}")
+            if width == 0.3:
+                summary = told.contract() | {"warnings": [], "seconds": 0.0}
+                write_discovery(out / run, summary, result)
+
+
+RUNS = {"emps": emps, "ur10e": ur10e}
 
 
 def main() -> None:

@@ -186,9 +186,7 @@ def investigate(
     except ValueError as error:
         raise InputError(f"{recording.source}: {error}") from None
     problem = _with_orders(problem, workers, exclude)
-    if steady:
-        problem = plain(problem)
-    choice = choose(problem)
+    choice = choose(plain(problem) if steady else problem)
     told = answer(problem, choice)
     experiment = next_experiment(problem, choice) if told.verdict == AMBIGUOUS else None
     return Discovery(problem, choice, told, experiment)
