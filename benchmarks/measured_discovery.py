@@ -17,7 +17,15 @@ matplotlib.use("Agg")  # no display needed
 
 import matplotlib.pyplot as plt
 import numpy as np
-from measured_data import EXAMPLES, read_emps, read_ur10e
+from measured_data import (
+    EXAMPLES,
+    joined,
+    read_emps,
+    read_ur10e,
+    read_xl330,
+    xl330_model,
+    xl330_runs,
+)
 from scipy.signal import butter, decimate, filtfilt
 
 from analysis.plots import COLOURS, style
@@ -188,8 +196,7 @@ def ur10e(data: Path, out: Path) -> None:
             for one in told.effects:
                 print("-", one.effect, one.axis, f"{one.severity:.4g}", one.parameters)
             effects = [
-                (problem.terms[t], float(v))
-                for t, v in zip(best.terms, best.values, strict=True)
+                (problem.terms[t], float(v)) for t, v in zip(best.terms, best.values, strict=True)
             ]
             payload = [(t, v) for t, v in effects if t.name == PAYLOAD]
             if payload:
@@ -208,7 +215,36 @@ def ur10e(data: Path, out: Path) -> None:
                 write_discovery(out / run, summary, result)
 
 
-RUNS = {"emps": emps, "ur10e": ur10e}
+XL330_LEFT_OUT = ("transmission_error", "torque_ripple", "torque_constant")
+
+
+def xl330(data: Path, out: Path) -> None:
+    """What is named at each gain of the firmware that is not the test's."""
+    out.mkdir(parents=True, exist_ok=True)
+    folder = data / "bam_xl330"
+    for gain in (100, 200, 800):
+        path = out / f"xl330_kp{gain}.xml"
+        path.write_text(xl330_model(gain))
+        runs = [name for name, row in xl330_runs(folder).items() if int(row["kp"]) == gain]
+        recording = joined([read_xl330(folder, run) for run in runs])
+        found = investigate(
+            recording,
+            load_robot(path),
+            width=10.0,
+            steady=True,
+            include=("low_speed_friction",),
+            exclude=XL330_LEFT_OUT,
+        )
+        print(f"gain {gain}: {found.answer.verdict}", flush=True)
+        for one in found.choice.fits:
+            effects = [
+                f"{found.problem.terms[t].name} {value:.3g} +- {error:.2g}"
+                for t, value, error in zip(one.terms, one.values, one.errors, strict=True)
+            ]
+            print(f"  {', '.join(effects) or 'calibrated'}: score {one.score:.0f}", flush=True)
+
+
+RUNS = {"emps": emps, "ur10e": ur10e, "xl330": xl330}
 
 
 def main() -> None:

@@ -5,8 +5,10 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
-from faultgen.discovery import Replay
+from faultgen.cli.app import app
+from faultgen.discovery import Replay, write_recording
 from faultgen.discovery.calibrate import calibrate, changed
 from faultgen.discovery.recording import low_passed
 from faultgen.discovery.terms import (
@@ -19,7 +21,7 @@ from faultgen.discovery.terms import (
     widened,
 )
 from faultgen.effects import get_effect
-from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot
+from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot, load_robot
 
 
 def rotor_force(model, dof, speed):
@@ -135,3 +137,16 @@ def test_recordings_are_filtered_and_thinned(measured):
         thin.position[middle], recording.position[::4][: len(thin.position)][middle], atol=0.05
     )
     assert low_passed(recording, rate) is recording
+
+
+def test_the_command_writes_a_calibrated_model(measured, tiny_robot_path, tmp_path):
+    recording = measured([("coulomb_friction", 1, 0.3)], 3)
+    write_recording(recording, tmp_path / "rough.h5")
+    arguments = ["calibrate", str(tmp_path / "rough.h5"), "--robot", tiny_robot_path]
+    out = tmp_path / "model.xml"
+    told = CliRunner().invoke(app, [*arguments, "--known", "inertia", "-o", str(out), "--json"])
+    assert told.exit_code == 0, told.output
+    before, after = load_robot(tiny_robot_path), load_robot(out)
+    friction = before.ids("actuator", "friction")[0]
+    coulomb = [one.model.actuator_biasprm[friction, COULOMB] for one in (before, after)]
+    assert coulomb[1] / coulomb[0] / after.torque_gain[0] == pytest.approx(1.3, rel=0.1)
