@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from faultgen.effects.elements import ONE_WAY
 from faultgen.gearbox import Gearbox
 from faultgen.robot import BRISTLE_STIFFNESS, Robot
 
@@ -83,11 +84,14 @@ class Channels:
 
 
 def _further_friction(robot: Robot, model: mujoco.MjModel) -> list[tuple[int, np.ndarray]]:
-    """Outputs of LuGre elements that effects added, and their lever on each rotor."""
+    """Outputs of friction elements that effects added, and their lever on each rotor."""
     own = set(robot.ids("actuator", "friction", model).tolist())
     lugre = model.actuator_dynprm[:, BRISTLE_STIFFNESS] * (
         model.actuator_dyntype == mujoco.mjtDyn.mjDYN_DCMOTOR
     )
+    for k in range(model.nactuator):
+        if model.actuator(k).name.startswith(ONE_WAY):
+            lugre[k] = 1.0
     found = []
     for k in (k for k in np.flatnonzero(lugre).tolist() if k not in own):
         on_joint = np.zeros(model.njnt)

@@ -54,6 +54,8 @@ class Robot:
     """Encoder counts a motor turn; 0 means no quantisation."""
     set_points: np.ndarray = field(init=False)
     """Share of the set points that the controller commands: position, velocity, feed-forward."""
+    torque_gain: np.ndarray = field(init=False)
+    """Torque that the motors give, over the logged one; 1 unless a calibration found another."""
     friction_temperature: float = field(init=False)
     """Temperature at which the friction parameters hold, in [deg C]."""
 
@@ -85,6 +87,7 @@ class Robot:
         put(self, "joint_acceleration_limit", self._numeric(model, "joint_acceleration_limit", 5.0))
         put(self, "encoder_counts", self._numeric(model, "encoder_counts", 0.0))
         put(self, "set_points", self._numeric(model, "servo_set_points", 1.0, 3))
+        put(self, "torque_gain", self._numeric(model, "torque_gain", 1.0))
         put(
             self,
             "friction_temperature",

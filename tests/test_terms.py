@@ -6,6 +6,7 @@ import pytest
 
 from faultgen.discovery.terms import (
     INERTIA,
+    OPTIONAL,
     apply_inertia,
     effect_terms,
     inertia_terms,
@@ -15,7 +16,7 @@ from faultgen.discovery.terms import (
 from faultgen.effects import EFFECTS
 from faultgen.robot import load_robot
 
-LEFT_OUT = {"brake_drag", "torque_ripple", "transmission_error"}
+LEFT_OUT = {"brake_drag", "torque_ripple", "transmission_error", *OPTIONAL}
 
 
 def test_every_effect_is_a_term_of_every_axis_that_can_have_it():

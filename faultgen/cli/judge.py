@@ -106,6 +106,18 @@ def discover(
         Path | None,
         typer.Option(help="Folder that keeps sensitivities for other recordings of one program."),
     ] = None,
+    include: Annotated[
+        list[str] | None, typer.Option(help="Effect that is a candidate on request only.")
+    ] = None,
+    width: Annotated[
+        float, typer.Option(help="Tolerance of the model's own numbers over the usual one.")
+    ] = 1.0,
+    steady: Annotated[
+        bool, typer.Option(help="Count errors that last in full: for filtered recordings.")
+    ] = False,
+    low_pass: Annotated[
+        float | None, typer.Option(help="Filter of recordings without a reference [Hz].")
+    ] = None,
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
@@ -126,6 +138,10 @@ def discover(
         validate,
         out=out,
         workers=worker_count(workers),
+        include=include or (),
+        width=width,
+        steady=steady,
+        low_pass=low_pass,
         cache=cache,
     )
     for warning in result["warnings"]:
@@ -152,3 +168,39 @@ def discover(
         f"gap {gap['before']:.4f}, calibrated {gap['calibrated']:.4f}, "
         f"after {gap['after']:.4f}, floor {gap['floor']:.4f}"
     )
+
+
+@app.command()
+def calibrate(
+    measured: Annotated[Path, typer.Argument(help="Recording of the robot (HDF5 or CSV).")],
+    robot: Annotated[str, typer.Option(help="Robot, or the path of an MJCF.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="MJCF to write.")] = Path("model.xml"),
+    known: Annotated[
+        list[str] | None, typer.Option(help="Number that is known well: inertia, say.")
+    ] = None,
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Fit the numbers of a model that is only roughly known to a recording.
+
+    Friction, offsets, rotors, torque constants and links get wider tolerances; how wide is told by
+    blocks of the recording that were not fitted. Of torque constants and links (inertia) one should
+    be --known. The model that is written can be given to discover.
+    """
+    from faultgen.discovery.calibrate import calibrate as run_calibrate
+    from faultgen.discovery.workflow import usable
+    from faultgen.robot import load_robot
+    from faultgen.storage import write_text
+
+    model = load_robot(robot)
+    recording, warnings = usable(measured, model)
+    for warning in warnings:
+        print(f"faultgen: {warning}", file=sys.stderr)
+    found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))
+    write_text(out, found.robot.xml)
+    if as_json:
+        print_json({"width": found.width, "held_out": found.held_out, "values": found.values})
+        return
+    print(f"tolerances times {found.width:g}")
+    for name, values in found.values.items():
+        print(f"{name}: " + ", ".join(f"axis {k} {v:+.3g}" for k, v in values.items()))

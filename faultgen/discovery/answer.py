@@ -13,7 +13,7 @@ from faultgen.discovery.fit import Fit, Group
 from faultgen.discovery.problem import Problem
 from faultgen.discovery.regimes import Pattern, Share, patterns, where
 from faultgen.discovery.replay import relative_error
-from faultgen.discovery.terms import FRICTION, INERTIA, PERIODIC, Term
+from faultgen.discovery.terms import FRICTION, INERTIA, PAYLOAD, PERIODIC, Term, payload_of
 from faultgen.effects import get_effect
 
 NONE, NAMED, AMBIGUOUS, UNKNOWN = (
@@ -223,6 +223,11 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     )
 
 
+def model_changes(problem: Problem, fitted: Fit) -> list[tuple[Term, float]]:
+    """All that a set changes in the model: its effects, and the calibration beside them."""
+    return _calibration(problem, fitted, _left(problem, fitted)[1])
+
+
 def _left(problem: Problem, fitted: Fit) -> tuple[np.ndarray, np.ndarray]:
     """Torque that a set and the calibration leave, and values of all terms in tolerances."""
     free = fitted.terms
@@ -390,7 +395,12 @@ def _one(
     term = problem.terms[group[0]]
     parameters = dict(term.parameters)
     severity, error = float(values[0]), float(errors[0])
-    if len(group) == 2:  # sine and cosine
+    if term.name == PAYLOAD and len(group) > 1:
+        places = np.array([[x for _, x in problem.terms[t].parameters] for t in group])
+        severity, place = payload_of(values, places)
+        error = float(np.linalg.norm(errors))  # of masses that offset one another: too large
+        parameters = dict(zip("xyz", place.tolist(), strict=True))
+    elif len(group) == 2:  # sine and cosine
         severity = float(np.hypot(*values))
         error = float(np.hypot(*(values * errors)) / max(severity, 1e-300))
         parameters["phase"] = float(np.arctan2(values[1], values[0]))

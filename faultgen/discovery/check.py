@@ -125,8 +125,11 @@ def _gaps(recording: Recording, robot: Robot, joint: np.ndarray) -> list[Finding
             run = np.convolve(frozen.astype(int), np.ones(length, int), "valid") == length
             if run.any():
                 sample = part.start + int(np.argmax(run))
-                text = f"position is stuck from sample {sample} on while the reference moves"
-                findings.append(Finding("refuse", axis + 1, text))
+                text = (
+                    f"position is stuck from sample {sample} on while the reference moves: "
+                    "stiction, or a dead encoder?"
+                )
+                findings.append(Finding("warn", axis + 1, text))
     return findings
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from faultgen.discovery.fit import Fit, Group, fit
 from faultgen.discovery.problem import Problem
-from faultgen.discovery.terms import FRICTION
+from faultgen.discovery.terms import FRICTION, PAYLOAD
 from faultgen.effects import get_effect
 
 MOST = 3
@@ -52,13 +52,15 @@ class Choice:
 
 
 def groups_of(problem: Problem) -> list[Group]:
-    """Candidates: each effect term, sine and cosine of a periodic effect together."""
+    """Candidates: each effect term; sine and cosine, and the points of a payload, together."""
     groups: dict[tuple, list[int]] = {}
     for index, term in enumerate(problem.terms):
         if not term.is_effect:
             continue
         order = dict(term.parameters).get("order")
-        key = (index,) if order is None else (term.name, term.axis, order)
+        key: tuple = (index,) if order is None else (term.name, term.axis, order)
+        if term.name == PAYLOAD and term.parameters:
+            key = term.key
         groups.setdefault(key, []).append(index)
     return [tuple(group) for group in groups.values()]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -149,6 +149,20 @@ def pose(
         white=noise.whiten(raw, parts) * weight * tolerances,
         twin=twin,
     )
+
+
+def plain(problem: Problem) -> Problem:
+    """The same problem with noise that is white, of the same deviation and information.
+
+    An autoregression of what a model leaves takes errors that last for noise that drifts: good for
+    telling effects apart, but values are to make the torque right, also where it is steady.
+    """
+    noise = problem.noise
+    longer = noise.deviation / noise.innovation  # root of the samples that one is worth
+    white = Autoregression(0 * noise.coefficients, noise.deviation * longer)
+    new = replace(problem, noise=white, trust=np.ones_like(problem.trust))
+    tolerances = np.array([term.tolerance for term in problem.terms], np.float32)
+    return replace(new, white=new.whiten(problem.raw) * tolerances[:, None, None])
 
 
 def rolling(recording: Recording, robot: Robot) -> np.ndarray:

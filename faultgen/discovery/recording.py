@@ -14,12 +14,13 @@ optional. A CSV file has a column ``time`` [s] instead of the period, and may ha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
+from scipy.signal import butter, filtfilt
 
 from faultgen.errors import InputError
 from faultgen.storage import write_arrays
@@ -102,6 +103,41 @@ def read_recording(path: str | Path) -> Recording:
         "temperature": named.get("temperature"),
     }
     return _checked(path, side, arrays, attributes)
+
+
+def low_passed(recording: Recording, cut_off: float) -> Recording:
+    """Filtered, and thinned to the samples that are left: 2.5 of them a period of the cut-off.
+
+    Position and torque get the same filter (Butterworth, 4th order, forward and back), so that they
+    stay in step. For recordings without a reference, whose position is followed.
+
+    Args:
+        recording: What to filter.
+        cut_off: In [Hz]; at 0.4 times the sample rate or above, nothing is done.
+    """
+    every = int(1 / (2.5 * cut_off * recording.sample_period) + 1e-9)
+    if 2.5 * cut_off * recording.sample_period >= 1:
+        return recording
+    b, a = butter(4, 2 * cut_off * recording.sample_period)
+
+    def filtered(values: np.ndarray | None) -> np.ndarray | None:
+        if values is None:
+            return None
+        parts = [filtfilt(b, a, values[part], axis=0)[::every] for part in recording.parts]
+        return np.concatenate(parts)
+
+    position, torque = filtered(recording.position), filtered(recording.torque)
+    assert position is not None and torque is not None
+    lengths = [len(range(part.start, part.stop, every)) for part in recording.parts]
+    return replace(
+        recording,
+        sample_period=every * recording.sample_period,
+        position=position,
+        torque=torque,
+        velocity=filtered(recording.velocity),
+        temperature=filtered(recording.temperature),
+        segments=tuple(int(start) for start in np.cumsum([0, *lengths[:-1]])),
+    )
 
 
 def _checked(

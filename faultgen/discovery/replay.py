@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,8 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.terms import INERTIA, Term, apply_inertia
-from faultgen.effects import Applied
+from faultgen.discovery.terms import INERTIA, Term, applied, apply_inertia
 from faultgen.machine import Machine, assemble
 from faultgen.robot import Robot
 from faultgen.servo import control_signal
@@ -39,11 +39,21 @@ class _Motion:
         return self.spline(times), self.spline(times, 1), self.spline(times, 2)
 
 
+def _following(robot: Robot) -> Robot:
+    """The same robot with all set points commanded."""
+    if np.all(robot.set_points == 1):
+        return robot
+    follower = copy.copy(robot)
+    object.__setattr__(follower, "set_points", np.ones(3))
+    return follower
+
+
 class Replay:
     """A recording's motion, to be simulated with this or that changed in the model.
 
     The commanded positions are tracked by the model's own servo; where they were not recorded, the
-    measured ones stand in for them. The controller is always that of the model as it is.
+    measured ones stand in for them, with all set points, also where the servo does not use them:
+    the motion is to be followed then. The controller is always that of the model as it is.
     """
 
     def __init__(self, recording: Recording, robot: Robot) -> None:
@@ -60,6 +70,7 @@ class Replay:
         reference = recording.reference_position
         if reference is None:
             reference = recording.position / (ratio if recording.side == "motor" else 1.0)
+            robot = _following(robot)
         self.controls = []
         for part in recording.parts:
             times = np.arange(part.stop - part.start) * recording.sample_period
@@ -121,11 +132,7 @@ class Replay:
         recording, robot = self.recording, self.robot
         spec = robot.spec()
         apply_inertia(spec, robot, [change for change in changes if change[0].name == INERTIA])
-        effects = [
-            Applied(term.name, term.axis, value, dict(term.parameters))
-            for term, value in changes
-            if term.is_effect
-        ]
+        effects = applied(changes)
         temperature = None
         if recording.temperature is not None:
             times = np.arange(part.stop - part.start) * recording.sample_period

@@ -13,8 +13,10 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from faultgen.effects import EFFECTS, Effect
-from faultgen.robot import COULOMB, Robot
+from faultgen.effects import EFFECTS, Applied, Effect
+from faultgen.effects.friction import no_static_friction
+from faultgen.effects.structure import MASSLESS
+from faultgen.robot import COULOMB, STRIBECK_VELOCITY, Robot
 
 INERTIA = "inertia"
 """Name of the terms of a link's mass, centre of mass and inertia."""
@@ -38,6 +40,22 @@ PERIODIC = ("torque_ripple", "transmission_error")
 ORDERS = (1.0, 2.0, 4.0, 6.0)
 """Orders of periodic effects that are always probed, cycles a motor turn: rotor, pole pairs and
 wave generators have them. Others are probed where a recording shows them."""
+
+OPTIONAL = ("viscous_asymmetry", "low_speed_friction")
+"""Effects that are candidates on request only."""
+
+NUMBERS = (
+    "coulomb_friction",
+    "viscous_friction",
+    "torque_offset",
+    "rotor_inertia",
+    "torque_constant",
+    INERTIA,
+)
+"""Numbers that every model has and that are off by more where it is only roughly known."""
+
+PAYLOAD = "payload_mass"
+"""Effect that is four terms where the model's payload has no mass: points that carry a mass."""
 
 SAME_MOTIONS = 0.01
 """Tolerance between two recordings of one robot, over that between a robot and its model:
@@ -91,11 +109,16 @@ _FRACTIONS = {
     "backlash": 2e-6,
     "encoder_offset": 5e-5,
     "delay": 3e-4,
+    "viscous_asymmetry": 0.01,
+    "low_speed_friction": 0.01,
 }
 # Coupled wrists rub on the sum or on the difference of two speeds, by how they are built.
 _VARIANTS: dict[str, tuple[tuple[tuple[str, float], ...], ...]] = {
     "wrist_coupling_friction": ((("ratio", 1.0),), (("ratio", -1.0),)),
 }
+_WIDTHS = (0.3, 1.0, 3.0, 10.0, 30.0)  # of low-speed friction, in Stribeck velocities
+_POINTS = 0.02  # mass of a payload that the model says is none [kg]: assumed
+_ARM = 0.1  # distance of the points [m]
 _BENT = {"backlash": (3e-4, 2e-3), "stribeck_velocity": (0.3, 2.0)}
 _PROBE = 100  # tolerances that effects which are a torque are probed with
 # Of the motor torque limit, for effects that are a torque; transmission error by its torque.
@@ -134,12 +157,15 @@ def _largest_friction(robot: Robot, axis: int) -> float:
     return 20 * float(robot.model.actuator_biasprm[friction, COULOMB])
 
 
-def effect_terms(robot: Robot, exclude: Collection[str] = ()) -> list[Term]:
+def effect_terms(
+    robot: Robot, exclude: Collection[str] = (), include: Collection[str] = ()
+) -> list[Term]:
     """Every effect of the catalogue on every axis that can have it.
 
     Args:
         robot: The robot.
         exclude: Effects that are not considered.
+        include: Those of `OPTIONAL` that are.
     """
     payload = robot.spec().body("payload") is not None
     terms = []
@@ -147,16 +173,74 @@ def effect_terms(robot: Robot, exclude: Collection[str] = ()) -> list[Term]:
         name = effect.name
         if name in (*exclude, *PERIODIC) or effect.same_as:
             continue
+        if name in OPTIONAL and name not in include:
+            continue
         if name.startswith("payload") and not payload:
+            continue
+        if name.startswith("payload") and _massless(robot):
+            terms += payload_terms(robot) if name == PAYLOAD else []
             continue
         for axis in effect.axes(robot.n_axes):
             size = tolerance(name, robot, axis)
             terms += [
                 Term(name, axis, step, size, parameters)
                 for step in _steps(effect, size)
-                for parameters in _VARIANTS.get(name, ((),))
+                for parameters in _kinds(robot, name, axis)
             ]
     return terms
+
+
+def _kinds(robot: Robot, name: str, axis: int) -> list[tuple[tuple[str, float], ...]]:
+    """Further parameters that an effect is probed with."""
+    if name in _VARIANTS:
+        return list(_VARIANTS[name])
+    bias = robot.model.actuator_biasprm[robot.ids("actuator", "friction")[axis - 1]]
+    if name != "low_speed_friction" or not no_static_friction(bias):
+        return [()]
+    return [(("width", float(width * bias[STRIBECK_VELOCITY])),) for width in _WIDTHS]
+
+
+def _massless(robot: Robot) -> bool:
+    body = mujoco.mj_name2id(robot.model, mujoco.mjtObj.mjOBJ_BODY, "payload")
+    return body >= 0 and bool(robot.model.body_mass[body] < MASSLESS)
+
+
+def payload_terms(robot: Robot) -> list[Term]:
+    """A payload of unknown mass and place: masses of four points, together one candidate.
+
+    Weight and first moment are linear in them. A mass may be negative; what all of them make is the
+    payload, a point again.
+    """
+    places = np.vstack([np.zeros(3), _ARM * np.eye(3)])
+    return [
+        Term(PAYLOAD, robot.n_axes, 0.1, _POINTS, tuple(zip("xyz", place.tolist(), strict=True)))
+        for place in places
+    ]
+
+
+def payload_of(
+    masses: Sequence[float] | np.ndarray, places: np.ndarray
+) -> tuple[float, np.ndarray]:
+    """Mass [kg] and centre [m] of points."""
+    mass = float(np.sum(masses))
+    if mass < MASSLESS:
+        return 0.0, np.zeros(3)
+    return mass, np.clip(np.asarray(masses) @ places / mass, -1.0, 1.0)
+
+
+def applied(changes: Sequence[tuple[Term, float]]) -> list[Applied]:
+    """Effects among changes, ready for a machine; the points of a payload put together."""
+    effects = [change for change in changes if change[0].is_effect]
+    points = [(t, v) for t, v in effects if t.name == PAYLOAD and t.parameters]
+    made = [
+        Applied(t.name, t.axis, v, dict(t.parameters)) for t, v in effects if (t, v) not in points
+    ]
+    if points:
+        places = np.array([[value for _, value in t.parameters] for t, _ in points])
+        mass, place = payload_of([v for _, v in points], places)
+        at = dict(zip("xyz", place.tolist(), strict=True))
+        made.append(Applied(PAYLOAD, points[0][0].axis, mass, at))
+    return made
 
 
 def _steps(effect: Effect, size: float) -> tuple[float, ...]:
@@ -189,6 +273,8 @@ def inertia_terms(robot: Robot) -> list[Term]:
     spec = robot.spec()
     terms = []
     for link, body in enumerate(_bodies(spec, robot), start=1):
+        if body.mass < MASSLESS:
+            continue  # nothing that could be scaled; a payload is points then
         size = _size(body)
         for k in range(_COMPONENTS):
             tolerance = 0.5 * _OFF if k in _DIAGONAL else _OFF
@@ -256,3 +342,18 @@ def _transform(body: mujoco.MjsBody, factor: np.ndarray) -> None:
 def with_tolerance(terms: Sequence[Term], factor: float) -> list[Term]:
     """The same terms with tolerances times a factor."""
     return [replace(term, tolerance=factor * term.tolerance) for term in terms]
+
+
+def widened(terms: Sequence[Term], factor: float, known: Collection[str] = ()) -> list[Term]:
+    """The same terms, the tolerances of the model's own numbers times a factor.
+
+    Args:
+        terms: All terms.
+        factor: Of the tolerances of `NUMBERS`.
+        known: Those that keep theirs.
+    """
+    names = set(NUMBERS) - set(known)
+    return [
+        replace(term, tolerance=factor * term.tolerance) if term.name in names else term
+        for term in terms
+    ]

@@ -23,8 +23,8 @@ from faultgen.discovery.columns import columns, own_columns
 from faultgen.discovery.forms import form_columns, form_terms
 from faultgen.discovery.next_experiment import Experiment, next_experiment
 from faultgen.discovery.orders import find_orders
-from faultgen.discovery.problem import Problem, pose
-from faultgen.discovery.recording import Recording, read_recording
+from faultgen.discovery.problem import Problem, plain, pose
+from faultgen.discovery.recording import Recording, low_passed, read_recording
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.terms import (
     ORDERS,
@@ -34,6 +34,7 @@ from faultgen.discovery.terms import (
     effect_terms,
     inertia_terms,
     periodic_terms,
+    widened,
     with_tolerance,
 )
 from faultgen.errors import InputError
@@ -63,6 +64,10 @@ def discover(
     out: str | Path | None = None,
     workers: int = 1,
     exclude: Collection[str] = (),
+    include: Collection[str] = (),
+    width: float = 1.0,
+    steady: bool = False,
+    low_pass: float | None = None,
     cache: str | Path | None = None,
 ) -> dict[str, Any]:
     """Find the effect that a measured robot has and its model, or its healthy twin, lacks.
@@ -76,6 +81,13 @@ def discover(
         out: Folder for ``discovery.json``, ``model.xml`` and ``report.html``; None: none written.
         workers: Processes; no effect on the result.
         exclude: Effects that are not considered.
+        include: Effects beyond the usual ones that are, of `terms.OPTIONAL`.
+        width: Tolerance of the model's own numbers (`terms.NUMBERS`) over the usual one: above 1
+            for a model that is only roughly known. `calibrate` finds it.
+        steady: Whether errors that last count in full, see `problem.plain`; else a part of them is
+            taken for noise that drifts. For recordings that were filtered.
+        low_pass: Cut-off [Hz] of a filter on recordings without a reference, whose measured
+            position is followed, see `low_passed`; None: as they are.
         cache: Folder that keeps sensitivities for other recordings of the same program.
 
     Returns:
@@ -87,19 +99,27 @@ def discover(
     """
     started = time.monotonic()
     model = load_robot(str(robot))
-    recording, warnings = usable(measured, model)
+    recording, warnings = usable(measured, model, low_pass)
     twin = None
     if healthy is not None:
-        twin, more = usable(healthy, model)
+        twin, more = usable(healthy, model, low_pass)
         warnings += more
         check_same_motion(recording, twin)
     other = None
     if validate is not None:
-        other, more = usable(validate, model)
+        other, more = usable(validate, model, low_pass)
         warnings += more
     with threadpool_limits(limits=1):
         found = investigate(
-            recording, model, twin, workers=workers, exclude=exclude, cache=_path(cache)
+            recording,
+            model,
+            twin,
+            workers=workers,
+            exclude=exclude,
+            include=include,
+            width=width,
+            steady=steady,
+            cache=_path(cache),
         )
         result = _result(found, other)
     result["warnings"] = warnings
@@ -118,6 +138,9 @@ def investigate(
     *,
     workers: int = 1,
     exclude: Collection[str] = (),
+    include: Collection[str] = (),
+    width: float = 1.0,
+    steady: bool = False,
     cache: Path | None = None,
 ) -> Discovery:
     """All stages, on recordings that were checked.
@@ -128,6 +151,11 @@ def investigate(
         twin: The same motions before the change, or None.
         workers: Processes; no effect on the result.
         exclude: Effects that are not considered.
+        include: Effects beyond the usual ones that are.
+        width: Tolerance of the model's own numbers (`terms.NUMBERS`) over the usual one: above 1
+            for a model that is only roughly known. `calibrate` finds it.
+        steady: Whether errors that last count in full, see `problem.plain`; else a part of them is
+            taken for noise that drifts. For recordings that were filtered.
         cache: Folder that keeps sensitivities.
 
     Raises:
@@ -135,7 +163,7 @@ def investigate(
         SimulationFailed: The model diverges on the recorded motion.
     """
     replay = Replay(recording, robot)
-    terms = effect_terms(robot, exclude) + inertia_terms(robot)
+    terms = effect_terms(robot, exclude, include) + inertia_terms(robot)
     terms += _waves(robot, "transmission_error", exclude)
     base, raw = columns(replay, terms, workers=workers, cache=cache)
     forms = form_terms(robot)
@@ -151,12 +179,14 @@ def investigate(
     gap = recording.torque - (base if twin is None else twin.torque)
     if twin is not None:
         terms = with_tolerance(terms, SAME_MOTIONS)
+    elif width != 1:
+        terms = widened(terms, width)
     try:
         problem = pose(replay, terms, base, raw, gap, twin=twin is not None)
     except ValueError as error:
         raise InputError(f"{recording.source}: {error}") from None
     problem = _with_orders(problem, workers, exclude)
-    choice = choose(problem)
+    choice = choose(plain(problem) if steady else problem)
     told = answer(problem, choice)
     experiment = next_experiment(problem, choice) if told.verdict == AMBIGUOUS else None
     return Discovery(problem, choice, told, experiment)
@@ -204,19 +234,35 @@ def _path(folder: str | Path | None) -> Path | None:
     return None if folder is None else Path(folder)
 
 
-def usable(path: str | Path, robot: Robot) -> tuple[Recording, list[str]]:
+def usable(
+    path: str | Path, robot: Robot, low_pass: float | None = None
+) -> tuple[Recording, list[str]]:
     """A recording that no check refuses, and what it is warned of.
+
+    Args:
+        path: The file.
+        robot: The model.
+        low_pass: Cut-off [Hz] of a filter, where there is no reference.
 
     Raises:
         InputError: The file cannot be used, in one line.
     """
-    recording = read_recording(path)
+    recording = as_modelled(read_recording(path), robot)
+    if low_pass is not None and recording.reference_position is None:
+        recording = low_passed(recording, low_pass)
     findings = check_recording(recording, robot)
     for finding in findings:
         if finding.level == "refuse":
             where = f"axis {finding.axis}: " if finding.axis else ""
             raise InputError(f"{path}: {where}{finding.message}")
     return recording, [f"{path}: {finding}" for finding in findings]
+
+
+def as_modelled(recording: Recording, robot: Robot) -> Recording:
+    """With the torque that the model's motors give where the log has another: `torque_gain`."""
+    if np.all(robot.torque_gain == 1):
+        return recording
+    return replace(recording, torque=recording.torque * robot.torque_gain)
 
 
 def check_same_motion(worn: Recording, twin: Recording) -> None:

@@ -5,8 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import mujoco
+import numpy as np
+
+ONE_WAY = "viscous_asymmetry"
+"""Name of the elements that damp one way."""
 
 _PASSIVE = 16  # mjsActuator.ctrlspec of input="none"
+_ANY = 1e9  # force that is not reached [N m]
 
 
 def gear_ratio(spec: mujoco.MjSpec, axis: int) -> float:
@@ -48,6 +53,25 @@ def add_lugre(spec: mujoco.MjSpec, name: str, target: str, lugre: Sequence[float
     _motor(spec, name, target).set_to_dcmotor(
         motorconst=[0.0, 0.0], resistance=1.0, lugre=list(lugre), ctrlspec=_PASSIVE
     )
+
+
+def add_one_way_damper(
+    spec: mujoco.MjSpec, name: str, target: str, damping: float, *, forward: bool
+) -> None:
+    """Add a damper that acts on one direction of motion: a short-circuited motor, clipped.
+
+    Args:
+        spec: The robot, edited in place.
+        name: Name of the element; a number is added where it is taken.
+        target: Name of the joint.
+        damping: In [N m s/rad].
+        forward: Whether it acts on motion forward, else backward.
+    """
+    constant = float(np.sqrt(damping))  # force = -constant^2 / resistance * speed
+    damper = _motor(spec, name, target)
+    damper.set_to_dcmotor(motorconst=[constant, constant], resistance=1.0, ctrlspec=_PASSIVE)
+    damper.forcelimited = True
+    damper.forcerange = [-_ANY, 0.0] if forward else [0.0, _ANY]
 
 
 def add_tendon(spec: mujoco.MjSpec, name: str, joints: Mapping[str, float]) -> str:

@@ -13,8 +13,10 @@ from __future__ import annotations
 import math
 
 import mujoco
+import numpy as np
 
 from faultgen.effects.base import FRACTION, Effect
+from faultgen.effects.elements import ONE_WAY, add_one_way_damper
 from faultgen.robot import COULOMB, OFFSET, STICTION, STRIBECK_VELOCITY
 
 QUADRATIC_SPEED = 100.0
@@ -69,6 +71,41 @@ def add_asymmetry(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
     half = severity * spec.actuator(f"friction{axis}").biasprm[COULOMB] / 2
     add_coulomb(spec, axis, half)
     add_offset(spec, axis, -half)
+
+
+def add_viscous_asymmetry(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
+    """Viscous friction times 1 + severity where the motor turns forward, as it was backward.
+
+    A damper that acts one way; friction that falls is less both ways and a damper backward.
+    """
+    friction = spec.actuator(f"friction{axis}")
+    grown = severity * friction.damping[0]
+    if grown < 0:
+        friction.damping[0] += grown
+    add_one_way_damper(spec, f"{ONE_WAY}{axis}", f"motor{axis}", abs(grown), forward=grown > 0)
+
+
+def no_static_friction(bias: np.ndarray) -> bool:
+    """Whether a model's static friction is its Coulomb friction, from its biasprm."""
+    return bool(np.isclose(bias[STICTION], bias[COULOMB], rtol=1e-4))
+
+
+def add_low_speed_friction(
+    spec: mujoco.MjSpec, axis: int, severity: float, *, width: float | None
+) -> None:
+    """Add severity times Coulomb friction exp(-(w / width)^2), also negative.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: From 1.
+        severity: Fraction of Coulomb friction.
+        width: Stribeck velocity [rad/s], used where the model has no static friction of its own;
+            None: that of the model.
+    """
+    bias = spec.actuator(f"friction{axis}").biasprm
+    if width is not None and no_static_friction(bias):
+        bias[STRIBECK_VELOCITY] = width
+    bias[STICTION] += severity * bias[COULOMB]
 
 
 def add_coulomb(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
@@ -157,6 +194,27 @@ EFFECTS = (
         source="direction-dependent friction of the EMPS benchmark (Janot et al. 2019)",
         smallest=-0.9,
         edit=add_asymmetry,
+    ),
+    Effect(
+        name="viscous_asymmetry",
+        description="viscous friction grows in one direction, as with oil that a screw pumps",
+        unit="fraction of viscous friction, where the motor turns forward",
+        signature="more torque against the motion in one direction, in proportion to speed",
+        element="viscous_asymmetry{i}, short-circuited dcmotor with a force of one sign",
+        source="viscous friction by direction, as the EMPS shows (docs/discovery_emps.md)",
+        smallest=-0.9,
+        edit=add_viscous_asymmetry,
+    ),
+    Effect(
+        name="low_speed_friction",
+        description="friction is more, or less, at low speed than the Coulomb law says",
+        unit="fraction of Coulomb friction, at standstill",
+        signature="more or less torque against the motion below the Stribeck velocity",
+        element="friction{i}, dcmotor lugre: static, and Stribeck velocity",
+        source=_STRIBECK,
+        smallest=-0.9,
+        parameters={"width": None},
+        edit=add_low_speed_friction,
     ),
     Effect(
         name="torque_offset",

@@ -8,18 +8,43 @@ import numpy as np
 from faultgen.effects.base import FRACTION, Effect, last_axis
 from faultgen.errors import InputError
 
+MASSLESS = 1e-3
+"""Mass below which a payload is a place only [kg]."""
 
-def scale_payload(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Mass and inertia of the payload times 1 + severity."""
+_POINT = 0.01  # radius of gyration of a point [m]: assumed
+
+
+def scale_payload(
+    spec: mujoco.MjSpec, axis: int, severity: float, *, x: float, y: float, z: float
+) -> None:
+    """Mass and inertia of the payload times 1 + severity; a point of severity [kg] if it has none.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: The last one.
+        severity: Fraction, or [kg] where the model's payload is less than `MASSLESS`.
+        x: Place of that point in the frame of the payload [m].
+        y: Likewise.
+        z: Likewise.
+    """
     payload = _payload(spec, axis)
-    payload.mass *= 1 + severity
-    payload.inertia *= 1 + severity
+    if payload.mass >= MASSLESS:
+        payload.mass *= 1 + severity
+        payload.inertia *= 1 + severity
+        return
+    if severity < 0:
+        raise InputError("payload_mass: the payload has no mass that could be less")
+    payload.mass = severity
+    payload.ipos = np.array([x, y, z])
+    payload.inertia = np.full(3, severity * _POINT**2)
 
 
-def move_payload(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Move the payload's centre of mass by severity [m] across the flange (its x)."""
+def move_payload(spec: mujoco.MjSpec, axis: int, severity: float, *, direction: int) -> None:
+    """Move the payload's centre of mass by severity [m] along an axis of the flange, 0 to 2."""
+    if direction not in (0, 1, 2):
+        raise InputError(f"direction: choose 0, 1 or 2 for x, y or z, not {direction}")
     payload = _payload(spec, axis)
-    payload.ipos = np.array(payload.ipos) + [severity, 0.0, 0.0]
+    payload.ipos = np.array(payload.ipos) + severity * np.eye(3)[int(direction)]
 
 
 def add_gravity_spring(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
@@ -39,25 +64,28 @@ def _payload(spec: mujoco.MjSpec, axis: int) -> mujoco.MjsBody:
 EFFECTS = (
     Effect(
         name="payload_mass",
-        description="the payload is heavier; belongs to the last axis",
+        description="the payload is heavier; belongs to the last axis. Where the model's payload "
+        "has no mass: a point of severity kg at x, y, z [m]",
         unit=FRACTION,
         signature="gravity and inertia on several axes, by the pose",
         element="body payload, mass and inertia",
         source="definition",
         smallest=-0.9,
+        parameters={"x": 0.0, "y": 0.0, "z": 0.0},
         axes=last_axis,
         edit=scale_payload,
     ),
     Effect(
         name="payload_offset",
         description="the payload sits off its place; belongs to the last axis",
-        unit="m, along the flange's x",
+        unit="m, along the flange's x, or y or z by direction (0, 1, 2)",
         signature="gravity on the wrist by the tool's orientation",
         element="body payload, inertial pos",
         source="definition",
         smallest=-10.0,
         axes=last_axis,
         step=0.02,
+        parameters={"direction": 0},
         edit=move_payload,
     ),
     Effect(

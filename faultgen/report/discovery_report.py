@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from analysis.plots import COLOURS, style
 from faultgen.discovery.regimes import kinematics
-from faultgen.discovery.terms import INERTIA, apply_inertia
+from faultgen.discovery.terms import INERTIA, applied, apply_inertia
 from faultgen.discovery.workflow import Discovery, dump
 from faultgen.effects import get_effect
 from faultgen.report.page import image, page
@@ -46,9 +46,9 @@ def model_xml(found: Discovery) -> str:
         return robot.xml
     spec = robot.spec()
     apply_inertia(spec, robot, [change for change in changes if change[0].name == INERTIA])
-    effects = [(get_effect(term.name), term, value) for term, value in changes if term.is_effect]
-    for effect, term, value in sorted(effects, key=lambda one: one[0].last):
-        effect.apply(spec, term.axis, value, **dict(term.parameters))
+    effects = [(get_effect(one.effect), one) for one in applied(changes)]
+    for effect, one in sorted(effects, key=lambda pair: pair[0].last):
+        effect.apply(spec, one.axis, one.severity, **one.parameters)
     spec.compile()
     return spec.to_xml()
 

@@ -1,0 +1,261 @@
+"""Discovery on measured data of real machines: what is found, and what it is worth held out.
+
+    python benchmarks/measured_discovery.py emps --data ../shared/data/measured -o out
+
+Tables are printed as Markdown; reports and models are written to the folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")  # no display needed
+
+import matplotlib.pyplot as plt
+import numpy as np
+from measured_data import (
+    EXAMPLES,
+    joined,
+    read_emps,
+    read_ur10e,
+    read_xl330,
+    xl330_model,
+    xl330_runs,
+)
+from scipy.signal import butter, decimate, filtfilt
+
+from analysis.plots import COLOURS, style
+from faultgen.discovery import Recording, Replay, investigate
+from faultgen.discovery.calibrate import WIDTHS, calibrate, changed, refined
+from faultgen.discovery.choose import SURE, groups_of
+from faultgen.discovery.problem import plain, rolling
+from faultgen.discovery.replay import Changes, settled
+from faultgen.discovery.terms import INERTIA, PAYLOAD, payload_of
+from faultgen.discovery.workflow import as_modelled
+from faultgen.report.discovery_report import write_discovery
+from faultgen.robot import Robot, load_robot
+
+EMPS_CUT_OFF = 100.0
+"""Low-pass on the position [Hz], as published."""
+EMPS_BORDER, EMPS_EDGE = 49, 5
+"""Samples, and decimated samples at both ends, that are not scored, as in reference_emps.py."""
+
+
+EMPS_OPTIONAL = ("viscous_asymmetry", "low_speed_friction")
+EMPS_KNOWN = ("torque_constant",)
+"""Nothing but forces is measured: a torque constant cannot be told from all others together."""
+
+
+def emps_followed(recording: Recording) -> Recording:
+    """Without a reference, the position filtered as published: a replay follows it.
+
+    Butterworth, 4th order, 100 Hz, forward and back.
+    """
+    b, a = butter(4, 2 * EMPS_CUT_OFF * recording.sample_period)
+    position = filtfilt(b, a, recording.position, axis=0)
+    return replace(recording, position=position, reference_position=None)
+
+
+def emps_error(recording: Recording, robot: Robot, changes: Changes = ()) -> float:
+    """Relative error of the force on the measured motion, decimated by 10 as published [%]."""
+    followed = emps_followed(recording)
+    torque = Replay(followed, robot).torque(changes)
+    pair = [
+        decimate(x[EMPS_BORDER:, 0], 10, zero_phase=True)[EMPS_EDGE:-EMPS_EDGE]
+        for x in (followed.torque, torque)
+    ]
+    return float(100 * np.linalg.norm(pair[0] - pair[1]) / np.linalg.norm(pair[0]))
+
+
+def emps_closed_loop(recording: Recording, robot: Robot, changes: Changes = ()) -> float:
+    """Relative error of the force in closed loop with the recorded reference, at 1 kHz [%].
+
+    Without the delay, which is one of the log beside the motion.
+    """
+    changes = [(term, value) for term, value in changes if term.name != "delay"]
+    torque = Replay(recording, robot).torque(changes)
+    return float(100 * np.linalg.norm(recording.torque - torque) / np.linalg.norm(recording.torque))
+
+
+def emps(data: Path, out: Path) -> None:
+    """Effects from the closed loop, values on the measured motion; scored on the pulses."""
+    robot = load_robot(EXAMPLES / "emps" / "emps.xml")
+    train, test = (read_emps(data / "emps", name) for name in ("identification", "validation"))
+    asked = {"include": EMPS_OPTIONAL, "exclude": EMPS_KNOWN}
+    tried = {w: investigate(train, robot, width=w, **asked) for w in WIDTHS}  # type: ignore[arg-type]
+    scores = {w: one.choice.best.score for w, one in tried.items()}
+    # the narrowest that predicts as well
+    width = min(w for w, score in scores.items() if score < min(scores.values()) + SURE[False])
+    print("error of blocks that were not fitted, and penalty, by width:", scores, "chosen:", width)
+    found = tried[width]
+    best = found.choice.best
+    print("verdict:", found.answer.verdict)
+    effects = [
+        (found.problem.terms[t], float(v)) for t, v in zip(best.terms, best.values, strict=True)
+    ]
+    for (term, value), error in zip(effects, best.errors, strict=True):
+        print(f"- {term.name} {value:.4g} +- {error:.2g} {dict(term.parameters)}")
+    following = investigate(emps_followed(train), robot, width=width, **asked)  # type: ignore[arg-type]
+    problem = plain(following.problem)
+    print("\n| model | train | test | closed loop, train | test |")
+    print("| --- | --- | --- | --- | --- |")
+    steps: list[tuple[str, list | None]] = [("published symmetric", None), ("calibrated", [])]
+    count = 0
+    for group in best.groups:
+        count += len(group)
+        steps.append((f"+ {found.problem.terms[group[0]].name}", effects[:count]))
+    model, told = robot, ""
+    changes: Changes = ()
+    for name, start in steps:
+        changes = () if start is None else refined(problem, start)
+        row = [emps_error(one, robot, changes) for one in (train, test)]
+        row += [emps_closed_loop(one, robot, changes) for one in (train, test)]
+        print(f"| {name} | " + " | ".join(f"{x:.2f}" for x in row) + " |", flush=True)
+        if start:
+            model = changed(robot, changes)
+            large = [(t, v) for t, v in changes if abs(v) > 0.5 * t.tolerance]
+            told = ", ".join(f"{t.name} {v:.4g}" for t, v in large)
+    print("\nlast, off by more than half the tolerance:", told)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "emps_model.xml").write_text(model.xml)
+    result = found.answer.contract() | {"warnings": [], "seconds": 0.0}
+    write_discovery(out / "emps", result, found)
+    emps_picture(train, test, robot, changes, out / "emps.png")
+
+
+def emps_picture(
+    train: Recording, test: Recording, robot: Robot, changes: Changes, path: Path
+) -> None:
+    """Force error before and after, along the speed and in time."""
+    with style():
+        figure, grid = plt.subplots(1, 2, figsize=(9, 3.2))
+        pairs = [(one, emps_followed(one)) for one in (train, test)]
+        for axes, (_, one) in zip(grid, pairs, strict=True):
+            speed = np.gradient(one.position[:, 0], one.sample_period)
+            edges = np.linspace(-0.15, 0.15, 31)
+            at = np.digitize(speed, edges)
+            for k, (label, what) in enumerate((("symmetric model", ()), ("with effects", changes))):
+                error = (one.torque - Replay(one, robot).torque(what))[:, 0]
+                mean = [
+                    error[at == b].mean() if (at == b).sum() > 20 else np.nan for b in range(32)
+                ]
+                middle = np.concatenate([[np.nan], (edges[1:] + edges[:-1]) / 2, [np.nan]])
+                axes.plot(1000 * middle, mean, marker=".", color=COLOURS[k], label=label)
+            axes.set(xlabel="speed [mm/s]", ylabel="mean force left [N]")
+        grid[0].set_title("identification (fitted)")
+        grid[1].set_title("pulses (held out)")
+        grid[0].legend()
+        figure.savefig(path, dpi=110)
+
+
+UR10E_LEFT_OUT = ("transmission_error", "torque_ripple")
+"""Waves of the motor are above half the sample rate."""
+
+
+def ur10e_errors(recording: Recording, robot: Robot, changes: Changes = ()) -> np.ndarray:
+    """Relative torque error of each axis where it moves [%]."""
+    recording = as_modelled(recording, robot)
+    left = recording.torque - Replay(recording, robot).torque(changes)
+    inside = settled(recording, robot) & rolling(recording, robot)
+    squares = [(np.where(inside, x, 0.0) ** 2).sum(axis=0) for x in (left, recording.torque)]
+    return np.asarray(100 * np.sqrt(squares[0] / squares[1]))
+
+
+def ur10e(data: Path, out: Path) -> None:
+    """Calibrated without payload; the payload found; held out on the other pair."""
+    folder, cache = data / "ur10e", out / "cache"
+    robot = load_robot(EXAMPLES / "ur10e" / "ur10e.xml")
+
+    def row(name: str, errors: np.ndarray) -> None:
+        print(f"| {name} | " + " | ".join(f"{x:.1f}" for x in errors) + " |", flush=True)
+
+    train = read_ur10e(folder, "unloaded_14harm_feb19")
+    found = calibrate(train, robot, known=(INERTIA,), cache=cache)
+    model = found.robot
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "ur10e_calibrated.xml").write_text(model.xml)
+    print("held-out error by width:", found.held_out, "chosen:", found.width)
+    print("gains:", np.round(model.torque_gain, 3))
+    for run in ("unloaded_14harm_feb19", "unloaded_15harm_feb19", "test_50s_feb12"):
+        recording = read_ur10e(folder, run)
+        row(f"{run}, published", ur10e_errors(recording, robot))
+        row(f"{run}, calibrated", ur10e_errors(recording, model))
+    for run in ("loaded_14harm_feb19", "loaded_15harm_feb19"):
+        recording = as_modelled(read_ur10e(folder, run), model)
+        for width in (1.0, 0.3, 0.1):
+            result = investigate(
+                recording, model, width=width, steady=True, exclude=UR10E_LEFT_OUT, cache=cache
+            )
+            told, best = result.answer, result.choice.best
+            print(f"\n{run}, width {width}: {told.verdict}; alternatives {told.alternatives}")
+            problem = plain(result.problem)
+            for one in told.effects:
+                print("-", one.effect, one.axis, f"{one.severity:.4g}", one.parameters)
+            effects = [
+                (problem.terms[t], float(v)) for t, v in zip(best.terms, best.values, strict=True)
+            ]
+            payload = [(t, v) for t, v in effects if t.name == PAYLOAD]
+            if payload:
+                places = np.array([[x for _, x in t.parameters] for t, _ in payload])
+                mass, place = payload_of([v for _, v in payload], places)
+                print(f"payload {mass:.3f} kg at {np.round(place, 3)}")
+            row("calibrated", ur10e_errors(read_ur10e(folder, run), model))
+            row("with effects", ur10e_errors(read_ur10e(folder, run), model, effects))
+            left = groups_of(problem)
+            gains, first = best.evidence.gains(left, best.terms)
+            for k in np.argsort(-gains)[:6]:
+                term = problem.terms[left[k][0]]
+                print(f"  next: {term.key} {first[k] * term.tolerance:.3g}, gain {gains[k]:.1f}")
+            if width == 0.3:
+                summary = told.contract() | {"warnings": [], "seconds": 0.0}
+                write_discovery(out / run, summary, result)
+
+
+XL330_LEFT_OUT = ("transmission_error", "torque_ripple", "torque_constant")
+
+
+def xl330(data: Path, out: Path) -> None:
+    """What is named at each gain of the firmware that is not the test's."""
+    out.mkdir(parents=True, exist_ok=True)
+    folder = data / "bam_xl330"
+    for gain in (100, 200, 800):
+        path = out / f"xl330_kp{gain}.xml"
+        path.write_text(xl330_model(gain))
+        runs = [name for name, row in xl330_runs(folder).items() if int(row["kp"]) == gain]
+        recording = joined([read_xl330(folder, run) for run in runs])
+        found = investigate(
+            recording,
+            load_robot(path),
+            width=10.0,
+            steady=True,
+            include=("low_speed_friction",),
+            exclude=XL330_LEFT_OUT,
+        )
+        print(f"gain {gain}: {found.answer.verdict}", flush=True)
+        for one in found.choice.fits:
+            effects = [
+                f"{found.problem.terms[t].name} {value:.3g} +- {error:.2g}"
+                for t, value, error in zip(one.terms, one.values, one.errors, strict=True)
+            ]
+            print(f"  {', '.join(effects) or 'calibrated'}: score {one.score:.0f}", flush=True)
+
+
+RUNS = {"emps": emps, "ur10e": ur10e, "xl330": xl330}
+
+
+def main() -> None:
+    """Run one machine."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("machine", choices=RUNS)
+    parser.add_argument("--data", type=Path, required=True, help="folder with emps, ur10e, ...")
+    parser.add_argument("-o", "--out", type=Path, default=Path("measured-out"))
+    args = parser.parse_args()
+    RUNS[args.machine](args.data, args.out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,195 @@
+"""Calibration of a model that is only roughly known, before anything is said to be missing.
+
+calibrated = calibrate(read_recording("measured.h5"), load_robot("model.xml"))
+Path("calibrated.xml").write_text(calibrated.robot.xml)
+
+The model's own numbers (`terms.NUMBERS`) get the columns and priors of discovery, the priors wider:
+by how much is told by how well blocks of the recording are predicted that were not fitted to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from faultgen.discovery.columns import columns
+from faultgen.discovery.evidence import Evidence
+from faultgen.discovery.forms import form_columns, form_terms
+from faultgen.discovery.problem import Problem, plain, pose
+from faultgen.discovery.recording import Recording
+from faultgen.discovery.replay import Replay
+from faultgen.discovery.terms import (
+    INERTIA,
+    NUMBERS,
+    Term,
+    applied,
+    apply_inertia,
+    effect_terms,
+    inertia_terms,
+    widened,
+)
+from faultgen.effects import get_effect
+from faultgen.errors import InputError, SimulationFailed
+from faultgen.robot import Robot
+
+WIDTHS = (1.0, 3.0, 10.0, 30.0)
+"""Tolerances that are tried, over the usual ones."""
+
+_STEPS = 5  # of Gauss-Newton
+_GAIN = "torque_constant"  # which no element of MJCF carries
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """A model with its numbers as a recording shows them."""
+
+    robot: Robot
+    """The model; its `torque_gain` says what the logged torque has to be multiplied by."""
+    width: float
+    """Tolerance that was chosen, over the usual one."""
+    held_out: dict[float, float]
+    """Mean squared whitened error of blocks that were not fitted, by width."""
+    values: dict[str, dict[int, float]]
+    """Severity of each number but inertias, by name and axis."""
+
+
+def calibrate(
+    recording: Recording,
+    robot: Robot,
+    *,
+    widths: Sequence[float] = WIDTHS,
+    exclude: Collection[str] = (),
+    known: Collection[str] = (),
+    workers: int = 1,
+    cache: Path | None = None,
+) -> Calibrated:
+    """Calibrate a model's friction, rotor and link inertias, offsets and torque constants.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+        widths: Tolerances to choose from, over the usual ones.
+        exclude: Numbers that are left as they are.
+        known: Numbers that keep their usual tolerances. Of masses and torque constants one should
+            be known: motions hardly tell them apart.
+        workers: Processes; no effect on the result.
+        cache: Folder that keeps sensitivities.
+
+    Raises:
+        InputError: Too little of the recording can be used.
+        SimulationFailed: The model diverges on the recorded motion.
+    """
+    replay = Replay(recording, robot)
+    terms = [t for t in effect_terms(robot, exclude) if t.name in NUMBERS]
+    terms += inertia_terms(robot) if INERTIA not in exclude else []
+    base, raw = columns(replay, terms, workers=workers, cache=cache)
+    forms = form_terms(robot)
+    raw = np.concatenate([raw, form_columns(replay, forms, base, workers=workers, cache=cache)])
+    terms += forms
+    gap = recording.torque - base
+    try:
+        problem = pose(replay, widened(terms, max(widths), known), base, raw, gap, twin=False)
+    except ValueError as error:
+        raise InputError(f"{recording.source}: {error}") from None
+    problem = replace(problem, scoring=[])
+    count = max(int(problem.inside.sum()), 1)
+    held_out = {}
+    for width in widths:
+        errors = _with_tolerances(problem, widened(terms, width, known)).evidence().held_out([])
+        held_out[width] = float(errors.sum()) / count
+    best = min(held_out, key=lambda width: held_out[width])
+    chosen = refined(plain(_with_tolerances(problem, widened(terms, best, known))))
+    changes = [(term, value) for term, value in chosen if term.name in NUMBERS]
+    values: dict[str, dict[int, float]] = {}
+    for term, value in changes:
+        if term.name != INERTIA:
+            values.setdefault(term.name, {})[term.axis] = value
+    return Calibrated(changed(robot, changes), best, held_out, values)
+
+
+def _with_tolerances(problem: Problem, new: list[Term]) -> Problem:
+    """The same problem with other tolerances."""
+    pairs = zip(new, problem.terms, strict=True)
+    scale = np.array([a.tolerance / b.tolerance for a, b in pairs], np.float32)
+    return replace(problem, terms=new, white=problem.white * scale[:, None, None])
+
+
+def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[tuple[Term, float]]:
+    """All terms together by Gauss-Newton with re-simulation; slopes are those at the model.
+
+    Args:
+        problem: The gap and the terms.
+        start: Effects that are free, and where to start from; all others have their priors.
+
+    Returns:
+        Terms and values with the smallest misfit, without forms of friction.
+    """
+    scale = np.array([term.tolerance for term in problem.terms])
+    weight, value = np.ones(len(scale)), np.zeros(len(scale))
+    form = np.array([not (t.is_effect or t.name == INERTIA) for t in problem.terms])
+    at = {(t.key, t.parameters): index for index, t in enumerate(problem.terms)}
+    for term, severity in start:
+        index = at[term.key, term.parameters]
+        weight[index], value[index] = 1e-4, severity / scale[index]
+    best, delta, damping = (np.inf, value), np.zeros(len(scale)), 1.0
+    for _ in range(_STEPS + 1):
+        changes = _possible(problem, value * scale, form)
+        left = problem.gap - np.tensordot(value * scale * form, problem.raw, axes=1)
+        try:
+            left = left - (problem.replay.torque(changes) - problem.base)
+            evidence = problem.evidence(left.astype(np.float32))
+            misfit = float(evidence.energy.sum() + (weight * value**2).sum())
+        except SimulationFailed:
+            misfit = np.inf
+        if misfit < best[0]:
+            best, damping = (misfit, value), 1.0
+            delta = _step(evidence, weight, value)
+        else:
+            damping *= 0.4
+        value = best[1] + damping * delta
+    return _possible(problem, best[1] * scale, form)
+
+
+def _step(evidence: Evidence, weight: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """Gauss-Newton step of values with a prior about zero."""
+    precision = evidence.gram.sum(axis=0) + np.diag(weight)
+    return np.linalg.solve(precision, evidence.right.sum(axis=0) - weight * value)
+
+
+def _possible(problem: Problem, values: np.ndarray, form: np.ndarray) -> list[tuple[Term, float]]:
+    """Changes within the bounds of the effects."""
+    changes = []
+    for term, value, other in zip(problem.terms, values.tolist(), form, strict=True):
+        if other or value == 0:
+            continue
+        if term.is_effect and not term.parameters:
+            effect = get_effect(term.name)
+            value = min(max(value, effect.smallest), effect.largest)
+        changes.append((term, value))
+    return changes
+
+
+def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
+    """The model with changes in it: of the torque constant as `torque_gain`, which is logged.
+
+    Args:
+        robot: The model.
+        changes: Terms and values; effects that no element carries are left out.
+    """
+    spec = robot.spec()
+    apply_inertia(spec, robot, [change for change in changes if change[0].name == INERTIA])
+    gain = robot.torque_gain.copy()
+    effects = applied(changes)
+    for one in sorted(effects, key=lambda one: get_effect(one.effect).last):
+        if one.effect == _GAIN:
+            gain[one.axis - 1] *= 1 - one.severity
+        else:
+            get_effect(one.effect).apply(spec, one.axis, one.severity, **one.parameters)
+    if np.any(gain != 1):
+        numeric = spec.numeric("torque_gain") or spec.add_numeric(name="torque_gain")
+        numeric.size, numeric.data = len(gain), gain.tolist()
+    spec.compile()
+    return Robot(robot.name, spec.to_xml())
