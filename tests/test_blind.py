@@ -37,7 +37,8 @@ def test_a_single_effect(found):
     answer = found(2, Effect("gear_stiffness", 2, 0.2))
     (one,) = answer.effects
     assert (answer.verdict, one.effect, one.axis) == ("named", "gear_stiffness", 2)
-    assert one.severity == pytest.approx(0.2, rel=0.2)
+    # the loss falls with the twist here, so that on the whole it is less than 0.2
+    assert 0.1 < one.severity < 0.2
     assert answer.after < 1.1 * answer.floor < answer.before
 
 
