@@ -268,19 +268,16 @@ def _column(problem: Problem, axis: int) -> Any:
     )
 
 
-def significance(problem: Problem, white: np.ndarray, draws: int = 200, seed: int = 0) -> float:
+def significance(problem: Problem, white: np.ndarray) -> float:
     """Probability by noise of the largest mean square of any motion and axis.
 
-    Blocks of what is steady in the error stand for noise (circular block bootstrap, Politis and
-    Romano 1992), so that its tails and what correlation is left count.
+    The spread of a mean square is that of its means over blocks of 0.1 s, so that what correlation
+    is left counts; the largest of all is held against as many normal ones.
 
     Args:
         problem: The recording.
         white: Whitened error, shape (samples, n_axes).
-        draws: Bootstrap samples.
-        seed: Of the bootstrap.
     """
-    rng = np.random.default_rng(seed)
     length = max(5, round(0.1 / problem.recording.sample_period))
     z_seen, means, spreads = [], [], []
     for part in problem.parts:
@@ -297,7 +294,6 @@ def significance(problem: Problem, white: np.ndarray, draws: int = 200, seed: in
         return 1.0
     error = np.array(spreads) / np.sqrt(means) + 1e-12
     largest = float(np.max(np.array(z_seen) / error))
-    del rng, draws
     return float(1 - norm.cdf(largest) ** len(z_seen))
 
 
