@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-_FREE = 1e-4  # weight of the prior of a free term: it may be off by 100 tolerances
+_FREE = 1e-8  # weight of the prior of a free term: it may be off by 10000 tolerances
 
 
 @dataclass(frozen=True, eq=False)

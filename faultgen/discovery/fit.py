@@ -9,14 +9,15 @@ import numpy as np
 
 from faultgen.discovery.evidence import Evidence
 from faultgen.discovery.problem import Problem
-from faultgen.discovery.terms import PERIODIC
+from faultgen.discovery.terms import BENT, PERIODIC
 from faultgen.effects import get_effect
 from faultgen.errors import SimulationFailed
 
 Group = tuple[int, ...]
 """Indices of the terms that make one candidate: one, or sine and cosine of a periodic effect."""
 
-_STEPS = 5  # re-simulations of a fit at most
+_STEPS = 6  # re-simulations of a fit at most
+_STRAIGHT = 0.1  # share of a change that its linear prediction may be wrong by
 _CLOSE = 0.02  # change of a value, over the value, at which a fit has converged
 
 
@@ -55,8 +56,8 @@ class Fit:
 def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = None) -> Fit | None:
     """Fit a set of effects by re-simulation.
 
-    Gauss-Newton with the columns of the model as it is; the simulation is exact at each step, and
-    slopes are taken anew where that does not converge.
+    Gauss-Newton. The simulation is exact at each step; the slopes are the columns of the model as
+    it is, or, where those do not foretell what the simulation gives, taken anew at each step.
 
     Args:
         problem: The gap and the terms.
@@ -79,42 +80,52 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
     value = _bounded(problem, terms, value)
     if not np.any(value):
         return None
-    white = problem.white
     best: tuple[float, np.ndarray, np.ndarray, Evidence] | None = None
-    damping = 1.0
-    for step in range(_STEPS):
-        try:
-            change = problem.replay.torque(_changes(problem, terms, value)) - problem.base
-        except SimulationFailed:
-            change = np.full_like(problem.gap, np.nan)
-        if np.isfinite(change).all():
-            evidence = _moved(problem, white, problem.gap - change)
-            solution, _, _ = evidence.solve(free=terms)
+    for _ in range(_STEPS):
+        change = _change(problem, terms, value)
+        here = np.inf
+        if change is not None:
+            evidence = problem.evidence(problem.gap - change)
             _, _, here = evidence.solve(held=terms)
-        else:
-            here = np.inf
-        if best is None or here < best[0]:
-            if not np.isfinite(here):
-                return None
+        if change is not None and (best is None or here < best[0]):
+            if _misleading(problem, terms, value, change):
+                white = _slopes(problem, terms, value, change)
+                evidence = problem.evidence(problem.gap - change, white)
             best = here, value, change, evidence
+            solution, _, _ = evidence.solve(free=terms)
             delta = solution[terms] * scale
-            damping = 1.0
+        elif best is None:
+            return None
         else:
-            damping *= 0.4
-            value = best[1]
-        new = _bounded(problem, terms, value + damping * delta)
-        if np.all(np.abs(new - value) <= _CLOSE * np.abs(value) + 1e-3 * scale):
+            delta = 0.4 * delta
+        new = _bounded(problem, terms, best[1] + delta)
+        if np.all(np.abs(new - best[1]) <= _CLOSE * np.abs(best[1]) + 1e-3 * scale):
             break
         value = new
-        if step == 2:  # the columns of the model as it is lead astray
-            white = _slopes(problem, terms, best[1], best[2])
-            evidence = _moved(problem, white, problem.gap - best[2])
-            solution, _, _ = evidence.solve(free=terms)
-            delta, damping = solution[terms] * scale, 1.0
-            value = _bounded(problem, terms, best[1] + delta)
     assert best is not None
     here, value, change, evidence = best
     return _done(problem, tuple(groups), value, change, evidence, here)
+
+
+def _change(problem: Problem, terms: Sequence[int], value: np.ndarray) -> np.ndarray | None:
+    """What values of terms add to the torque; None where the simulation diverges."""
+    changes = [(problem.terms[t], float(v)) for t, v in zip(terms, value, strict=True)]
+    try:
+        change = problem.replay.torque(changes) - problem.base
+    except SimulationFailed:
+        return None
+    return change if np.isfinite(change).all() else None
+
+
+def _misleading(
+    problem: Problem, terms: Sequence[int], value: np.ndarray, change: np.ndarray
+) -> bool:
+    """Whether the columns of the model as it is are no slopes at these values."""
+    if any(problem.terms[t].name in BENT for t in terms):
+        return True
+    told = np.tensordot(value.astype(np.float32), problem.raw[list(terms)], axes=1)
+    off = float(np.sum(problem.whiten(change - told) ** 2))
+    return off > max(1.0, _STRAIGHT**2 * float(np.sum(problem.whiten(change) ** 2)))
 
 
 def _done(
@@ -142,17 +153,6 @@ def _done(
     )
 
 
-def _moved(problem: Problem, white: np.ndarray, gap: np.ndarray) -> Evidence:
-    parts = [problem.parts[p] for p in problem.fitting]
-    if white is problem.white:
-        return problem.evidence(gap)
-    return Evidence.of(white, problem.whiten(gap), parts)
-
-
-def _changes(problem: Problem, terms: Sequence[int], value: np.ndarray) -> list:
-    return [(problem.terms[t], float(v)) for t, v in zip(terms, value, strict=True)]
-
-
 def _bounded(problem: Problem, terms: Sequence[int], value: np.ndarray) -> np.ndarray:
     low = [_smallest(problem, t) for t in terms]
     high = [get_effect(problem.terms[t].name).largest for t in terms]
@@ -175,9 +175,8 @@ def _slopes(
         step = 0.2 * abs(value[k]) or problem.terms[term].step
         moved = value.copy()
         moved[k] += step
-        try:
-            run = problem.replay.torque(_changes(problem, terms, moved)) - problem.base
-        except SimulationFailed:
+        run = _change(problem, terms, moved)
+        if run is None:
             continue
         column = (run - change) / step * problem.terms[term].tolerance
         white[term] = problem.whiten(column.astype(white.dtype))

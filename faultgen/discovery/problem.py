@@ -68,10 +68,11 @@ class Problem:
         """Whitened, masked and weighted, shape (..., samples, n_axes)."""
         return self.noise.whiten(x, self.parts) * (self.inside * self.trust).astype(x.dtype)
 
-    def evidence(self, gap: np.ndarray | None = None) -> Evidence:
-        """Inner products on the parts for fitting, of this gap or of another one."""
+    def evidence(self, gap: np.ndarray | None = None, white: np.ndarray | None = None) -> Evidence:
+        """Inner products on the parts for fitting, of this gap and these columns or of others."""
         target = self.whiten(self.gap if gap is None else gap)
-        return Evidence.of(self.white, target, [self.parts[p] for p in self.fitting])
+        columns = self.white if white is None else white
+        return Evidence.of(columns, target, [self.parts[p] for p in self.fitting])
 
 
 def blocks(recording: Recording) -> list[slice]:

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from faultgen.effects import EFFECTS, Applied, Effect
 from faultgen.effects.friction import no_static_friction
 from faultgen.effects.structure import MASSLESS
-from faultgen.robot import COULOMB, STRIBECK_VELOCITY, Robot
+from faultgen.robot import COULOMB, OFFSET, STRIBECK_VELOCITY, Robot
 
 INERTIA = "inertia"
 """Name of the terms of a link's mass, centre of mass and inertia."""
@@ -99,15 +99,15 @@ _FRACTIONS = {
     "quadratic_viscous_friction": 0.003,
     "friction_asymmetry": 0.003,
     "temperature_friction": 0.005,
-    "gear_stiffness": 0.05,
-    "stiffness_hardening": 0.25,
+    "gear_stiffness": 0.1,
+    "stiffness_hardening": 1.0,
     "rotor_inertia": 0.035,
     "torque_constant": 0.002,
     "load_friction": 0.0003,
     "payload_mass": 0.035,
     "payload_offset": 2e-3,
     "backlash": 2e-6,
-    "encoder_offset": 5e-5,
+    "encoder_offset": 2e-4,
     "delay": 3e-4,
     "viscous_asymmetry": 0.01,
     "low_speed_friction": 0.01,
@@ -119,7 +119,14 @@ _VARIANTS: dict[str, tuple[tuple[tuple[str, float], ...], ...]] = {
 _WIDTHS = (0.3, 1.0, 3.0, 10.0, 30.0)  # of low-speed friction, in Stribeck velocities
 _POINTS = 0.02  # mass of a payload that the model says is none [kg]: assumed
 _ARM = 0.1  # distance of the points [m]
-_BENT = {"backlash": (3e-4, 2e-3), "stribeck_velocity": (0.3, 2.0)}
+_TURNED = 0.1  # angle of the payload about the last axis, which its encoder's zero is one with [rad]
+BENT = {
+    "backlash": (2e-5, 3e-4, 2e-3),
+    "gear_stiffness": (0.02, 0.2),
+    "stribeck_velocity": (0.3, 2.0),
+}
+"""Severities that effects far from linear are probed with."""
+
 _PROBE = 100  # tolerances that effects which are a torque are probed with
 # Of the motor torque limit, for effects that are a torque; transmission error by its torque.
 _OF_TORQUE = {
@@ -139,6 +146,8 @@ def tolerance(name: str, robot: Robot, axis: int) -> float:
         robot: The robot.
         axis: Axis, from 1.
     """
+    if name == "encoder_offset" and axis == robot.n_axes:
+        return _TURNED
     if name in _FRACTIONS:
         return _FRACTIONS[name]
     limit = min(float(robot.motor_torque_limit[axis - 1]), _largest_friction(robot, axis))
@@ -147,6 +156,10 @@ def tolerance(name: str, robot: Robot, axis: int) -> float:
     if name == "transmission_error":
         gearbox = robot.ids("tendon", "gearbox")[axis - 1]
         return small * ratio / float(robot.model.tendon_stiffness[gearbox])
+    if name == "torque_offset":
+        friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")[axis - 1]]
+        own = friction[OFFSET] * np.sin(friction[OFFSET + 2])
+        return float(np.hypot(small, _OFF * own))
     joint_side = name in ("gravity_spring", "wrist_coupling_friction")
     return small * ratio if joint_side else small
 
@@ -245,8 +258,8 @@ def applied(changes: Sequence[tuple[Term, float]]) -> list[Applied]:
 
 def _steps(effect: Effect, size: float) -> tuple[float, ...]:
     """Severities that show; several of effects that are far from linear."""
-    if effect.name in _BENT:
-        return _BENT[effect.name]
+    if effect.name in BENT:
+        return BENT[effect.name]
     return (effect.step,) if effect.name in _FRACTIONS else (_PROBE * size,)
 
 
