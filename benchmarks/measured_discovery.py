@@ -89,7 +89,7 @@ def emps(data: Path, out: Path) -> None:
     tried = {w: investigate(train, robot, width=w, **asked) for w in WIDTHS}  # type: ignore[arg-type]
     scores = {w: one.choice.best.score for w, one in tried.items()}
     # the narrowest that predicts as well
-    width = min(w for w, score in scores.items() if score < min(scores.values()) + SURE[False])
+    width = min(w for w, score in scores.items() if score < min(scores.values()) + SURE)
     print("error of blocks that were not fitted, and penalty, by width:", scores, "chosen:", width)
     found = tried[width]
     best = found.choice.best

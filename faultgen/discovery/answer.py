@@ -223,11 +223,6 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     )
 
 
-def model_changes(problem: Problem, fitted: Fit) -> list[tuple[Term, float]]:
-    """All that a set changes in the model: its effects, and the calibration beside them."""
-    return _calibration(problem, fitted, _left(problem, fitted)[1])
-
-
 def _left(problem: Problem, fitted: Fit) -> tuple[np.ndarray, np.ndarray]:
     """Torque that a set and the calibration leave, and values of all terms in tolerances."""
     free = fitted.terms
@@ -352,9 +347,8 @@ def _named(
 ) -> tuple[tuple[Named, ...], tuple[tuple[str, int, float], ...]]:
     best = choice.best
     effects, others = [], []
-    at = 0
     steps = {len(one.groups): one for one in choice.fits}
-    for place, group in enumerate(best.groups):
+    for place, (group, values, errors) in enumerate(best.members()):
         rivals = [(g, worse) for where, g, worse in choice.rivals if where == place]
         odds = np.exp([-max(worse, 0.0) / 2 for _, worse in rivals])
         total = 1 + float(odds.sum())
@@ -362,9 +356,6 @@ def _named(
             (*problem.terms[g[0]].key, float(odd) / total)
             for (g, _), odd in zip(rivals, odds, strict=True)
         ]
-        values = best.values[at : at + len(group)]
-        errors = best.errors[at : at + len(group)]
-        at += len(group)
         until = steps.get(place + 1, best)
         effects.append(
             _one(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,20 +37,21 @@ class Fit:
     """Of the gap that they leave, on the parts for fitting."""
     misfit: float
     """Squared whitened error and prior."""
-    held_out: np.ndarray
-    """Squared whitened error of each part for fitting, fitted to the others."""
-    penalty: float
-    """Squared distance of all other terms from a healthy robot, in tolerances."""
-
-    @property
-    def score(self) -> float:
-        """What sets are compared by: errors on recordings that were not fitted, and penalty."""
-        return float(self.held_out.sum()) + self.penalty
+    score: float
+    """What sets are compared by: errors on recordings that were not fitted, and penalty."""
 
     @property
     def terms(self) -> list[int]:
         """Indices of all terms."""
         return [term for group in self.groups for term in group]
+
+    def members(self) -> Iterator[tuple[Group, np.ndarray, np.ndarray]]:
+        """Each effect with its values and their errors."""
+        at = 0
+        for group in self.groups:
+            until = at + len(group)
+            yield group, self.values[at:until], self.errors[at:until]
+            at = until
 
 
 def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = None) -> Fit | None:
@@ -138,19 +139,9 @@ def _done(
 ) -> Fit:
     terms = [term for group in groups for term in group]
     scale = np.array([problem.terms[t].tolerance for t in terms])
-    solution, inverse, _ = evidence.solve(free=terms)
-    others = np.delete(solution, terms)
+    _, inverse, _ = evidence.solve(free=terms)
     errors = scale * np.sqrt(np.diag(inverse)[terms]) if terms else np.empty(0)
-    return Fit(
-        groups,
-        value,
-        errors,
-        change,
-        evidence,
-        misfit,
-        evidence.held_out(terms),
-        float(others @ others),
-    )
+    return Fit(groups, value, errors, change, evidence, misfit, evidence.score(terms))
 
 
 def _bounded(problem: Problem, terms: Sequence[int], value: np.ndarray) -> np.ndarray:

@@ -119,7 +119,7 @@ _VARIANTS: dict[str, tuple[tuple[tuple[str, float], ...], ...]] = {
 _WIDTHS = (0.3, 1.0, 3.0, 10.0, 30.0)  # of low-speed friction, in Stribeck velocities
 _POINTS = 0.02  # mass of a payload that the model says is none [kg]: assumed
 _ARM = 0.1  # distance of the points [m]
-_TURNED = 0.1  # angle of the payload about the last axis, which its encoder's zero is one with [rad]
+_TURNED = 0.1  # angle of the payload about the last axis, one with its encoder's zero [rad]
 BENT = {
     "backlash": (2e-5, 3e-4, 2e-3),
     "gear_stiffness": (0.02, 0.2),
