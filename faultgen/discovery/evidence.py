@@ -41,14 +41,48 @@ class Evidence:
             gap: Whitened, shape (samples, n_axes).
             parts: Separate recordings.
         """
-        gram, right, energy = [], [], []
+        gram = []
         for part in parts:
             x = columns[:, part].reshape(len(columns), -1).astype(float)
-            y = gap[part].ravel().astype(float)
             gram.append(x @ x.T)
-            right.append(x @ y)
-            energy.append(float(y @ y))
-        return Evidence(np.array(gram), np.array(right), np.array(energy))
+        nothing = np.zeros((len(gram), len(columns)))
+        return Evidence(np.array(gram), nothing, nothing[:, 0]).against(columns, gap, parts)
+
+    def against(self, columns: np.ndarray, gap: np.ndarray, parts: Sequence[slice]) -> Evidence:
+        """The same columns with another gap."""
+        right, energy = [], []
+        for part in parts:
+            y = gap[part].ravel()
+            right.append(columns[:, part].reshape(len(columns), -1) @ y.astype(columns.dtype))
+            energy.append(float(y.astype(float) @ y))
+        return Evidence(self.gram, np.array(right, float), np.array(energy))
+
+    def replaced(
+        self,
+        new: dict[int, np.ndarray],
+        columns: np.ndarray,
+        gap: np.ndarray,
+        parts: Sequence[slice],
+    ) -> Evidence:
+        """With other columns for some terms.
+
+        Args:
+            new: Whitened column of each such term, shape (samples, n_axes).
+            columns: All as they were.
+            gap: Whitened, shape (samples, n_axes).
+            parts: Separate recordings.
+        """
+        gram, right = self.gram.copy(), self.right.copy()
+        for k, part in enumerate(parts):
+            others = columns[:, part].reshape(len(columns), -1)
+            own = {term: column[part].ravel().astype(float) for term, column in new.items()}
+            for term, column in own.items():
+                products = (others @ column.astype(others.dtype)).astype(float)
+                for other, again in own.items():
+                    products[other] = column @ again
+                gram[k, term] = gram[k, :, term] = products
+                right[k, term] = column @ gap[part].ravel()
+        return Evidence(gram, right, self.energy)
 
     def only(self, parts: Sequence[int]) -> Evidence:
         """The same for some of the recordings."""

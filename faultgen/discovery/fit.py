@@ -17,7 +17,7 @@ Group = tuple[int, ...]
 """Indices of the terms that make one candidate: one, or sine and cosine of a periodic effect."""
 
 _STEPS = 6  # re-simulations of a fit at most
-_STRAIGHT = 0.1  # share of a change that its linear prediction may be wrong by
+_SHORT = 0.1  # share of a linear gain that simulation may fall short of
 _CLOSE = 0.02  # change of a value, over the value, at which a fit has converged
 
 
@@ -58,7 +58,7 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
     """Fit a set of effects by re-simulation.
 
     Gauss-Newton. The simulation is exact at each step; the slopes are the columns of the model as
-    it is, or, where those do not foretell what the simulation gives, taken anew at each step.
+    it is, or, where simulation explains less than those foretell, taken anew at each step.
 
     Args:
         problem: The gap and the terms.
@@ -81,6 +81,10 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
     value = _bounded(problem, terms, value)
     if not np.any(value):
         return None
+    told = np.tensordot(value.astype(np.float32), problem.raw[terms], axes=1)
+    _, _, expected = problem.evidence(problem.gap - told).solve(held=terms)
+    _, _, nothing = evidence.solve(held=terms)
+    straight = all(problem.terms[t].name not in BENT for t in terms)
     best: tuple[float, np.ndarray, np.ndarray, Evidence] | None = None
     for _ in range(_STEPS):
         change = _change(problem, terms, value)
@@ -88,10 +92,12 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
         if change is not None:
             evidence = problem.evidence(problem.gap - change)
             _, _, here = evidence.solve(held=terms)
+            if best is None and here - expected > max(1.0, _SHORT * (nothing - expected)):
+                straight = False
         if change is not None and (best is None or here < best[0]):
-            if _misleading(problem, terms, value, change):
-                white = _slopes(problem, terms, value, change)
-                evidence = problem.evidence(problem.gap - change, white)
+            if not straight:
+                slopes = _slopes(problem, terms, value, change)
+                evidence = problem.evidence(problem.gap - change, slopes)
             best = here, value, change, evidence
             solution, _, _ = evidence.solve(free=terms)
             delta = solution[terms] * scale
@@ -116,17 +122,6 @@ def _change(problem: Problem, terms: Sequence[int], value: np.ndarray) -> np.nda
     except SimulationFailed:
         return None
     return change if np.isfinite(change).all() else None
-
-
-def _misleading(
-    problem: Problem, terms: Sequence[int], value: np.ndarray, change: np.ndarray
-) -> bool:
-    """Whether the columns of the model as it is are no slopes at these values."""
-    if any(problem.terms[t].name in BENT for t in terms):
-        return True
-    told = np.tensordot(value.astype(np.float32), problem.raw[list(terms)], axes=1)
-    off = float(np.sum(problem.whiten(change - told) ** 2))
-    return off > max(1.0, _STRAIGHT**2 * float(np.sum(problem.whiten(change) ** 2)))
 
 
 def _done(
@@ -159,16 +154,14 @@ def _smallest(problem: Problem, index: int) -> float:
 
 def _slopes(
     problem: Problem, terms: Sequence[int], value: np.ndarray, change: np.ndarray
-) -> np.ndarray:
-    """Columns, those of the set by differences at its present values."""
-    white = problem.white.copy()
+) -> dict[int, np.ndarray]:
+    """Columns of a set by differences at its present values, where they can be simulated."""
+    slopes = {}
     for k, term in enumerate(terms):
-        step = 0.2 * abs(value[k]) or problem.terms[term].step
+        step = -0.02 * value[k] or problem.terms[term].step
         moved = value.copy()
         moved[k] += step
         run = _change(problem, terms, moved)
-        if run is None:
-            continue
-        column = (run - change) / step * problem.terms[term].tolerance
-        white[term] = problem.whiten(column.astype(white.dtype))
-    return white
+        if run is not None:
+            slopes[term] = (run - change) / step
+    return slopes

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -68,11 +69,31 @@ class Problem:
         """Whitened, masked and weighted, shape (..., samples, n_axes)."""
         return self.noise.whiten(x, self.parts) * (self.inside * self.trust).astype(x.dtype)
 
-    def evidence(self, gap: np.ndarray | None = None, white: np.ndarray | None = None) -> Evidence:
-        """Inner products on the parts for fitting, of this gap and these columns or of others."""
-        target = self.whiten(self.gap if gap is None else gap)
-        columns = self.white if white is None else white
-        return Evidence.of(columns, target, [self.parts[p] for p in self.fitting])
+    @cached_property
+    def _nominal(self) -> Evidence:
+        return Evidence.of(self.white, self.whiten(self.gap), self._slices)
+
+    @property
+    def _slices(self) -> list[slice]:
+        return [self.parts[p] for p in self.fitting]
+
+    def evidence(
+        self, gap: np.ndarray | None = None, slopes: dict[int, np.ndarray] | None = None
+    ) -> Evidence:
+        """Inner products on the parts for fitting.
+
+        Args:
+            gap: Another gap than that of the problem, shape (samples, n_axes).
+            slopes: Other columns of some terms, a unit each, shape (samples, n_axes).
+        """
+        if gap is None:
+            return self._nominal
+        target = self.whiten(gap)
+        evidence = self._nominal.against(self.white, target, self._slices)
+        if not slopes:
+            return evidence
+        white = {t: self.whiten(c) * self.terms[t].tolerance for t, c in slopes.items()}
+        return evidence.replaced(white, self.white, target, self._slices)
 
 
 def blocks(recording: Recording) -> list[slice]:
