@@ -20,7 +20,7 @@ MOST = 3
 """Effects that are added at most."""
 
 SHARE = 0.03
-"""Smallest share of the gap that an effect has to explain."""
+"""Smallest share that an effect has to have in what all of them explain."""
 
 SURE = 21.0
 """What an effect has to take off the misfit: chosen on development cases, where healthy robots
@@ -44,8 +44,8 @@ SURE_MIMICKED = 35.0
 all others 24."""
 
 COMPANION = 0.1
-"""Smallest share of the gap for a second kind of friction by speed on one axis: a true one is of
-another form than the catalogue's, and a little of another makes up for it."""
+"""The same for a second kind of friction by speed on one axis: a true one is of another form than
+the catalogue's, and a little of another makes up for it."""
 
 SIMILAR = 9.0
 """What another set may be worse by and still not be excluded, over the overdispersion."""
@@ -96,9 +96,9 @@ def choose(problem: Problem) -> Choice:
         if new is None:
             break
         new = search.pruned(new)
-        if new.misfit >= current.misfit - search.asked(new, current):
+        if not search.is_better(new, current):
             break
-        new = search.swapped(new)
+        new = search.swapped(new, current)
         if len(new.groups) <= len(current.groups):
             current = min(new, current, key=lambda one: one.misfit)
             break
@@ -119,12 +119,10 @@ class _Search:
         empty = self._fitted(())
         assert empty is not None
         self.empty = empty
-        self._least = SHARE * self._excess
 
-    @property
-    def _excess(self) -> float:
-        """Misfit of the model beyond noise."""
-        return max(self.empty.misfit - self.samples, 0.0)
+    def _explained(self, fitted: Fit) -> float:
+        """What a set takes off the misfit."""
+        return max(self.empty.misfit - fitted.misfit, 0.0)
 
     def _fitted(self, groups: Sequence[Group], start: np.ndarray | None = None) -> Fit | None:
         key = frozenset(groups)
@@ -140,9 +138,10 @@ class _Search:
         hard = not self.problem.twin and self._term(group).name in MIMICKED
         return SURE_MIMICKED if hard else SURE
 
-    def asked(self, new: Fit, current: Fit) -> float:
-        """What the effects that came to a set have to take off the misfit."""
-        return max([self._sure(g) for g in new.groups if g not in current.groups], default=SURE)
+    def is_better(self, new: Fit, current: Fit) -> bool:
+        """Whether a set takes off the misfit what is asked of the effects that came to it."""
+        came = [self._sure(group) for group in new.groups if group not in current.groups]
+        return new.misfit < current.misfit - max(came, default=SURE)
 
     def _others(self, groups: Sequence[Group]) -> list[Group]:
         """Candidates that are no effect of a set, nor such a one probed at another severity."""
@@ -172,10 +171,10 @@ class _Search:
         judged = [(before - current.evidence.score([*free, *others[k]]), k) for k in strong]
         for gain, k in sorted(judged, reverse=True)[:3]:
             group = others[k]
-            least = max(self._sure(group) / 2, self._least)
+            least = max(self._sure(group) / 2, SHARE * self._explained(current))
             if gain < least:
                 return None
-            if self._is_companion(current, group) and gain < COMPANION * self._excess:
+            if self._is_companion(current, group) and gain < COMPANION * self._explained(current):
                 continue
             start = np.append(current.values, self._start(current, group))
             new = self._fitted([*current.groups, group], start)
@@ -202,7 +201,7 @@ class _Search:
                 float(np.sum((values / errors) ** 2)) for _, values, errors in new.members()
             ]
             k = int(np.argmin(losses))
-            least = max(self._sure(new.groups[k]), self._least)
+            least = max(self._sure(new.groups[k]), SHARE * self._explained(new))
             if losses[k] > 3 * least:
                 return new
             without = self._fitted([g for j, g in enumerate(new.groups) if j != k])
@@ -230,10 +229,11 @@ class _Search:
             if rival is not None:
                 yield place, other, rival
 
-    def swapped(self, current: Fit) -> Fit:
-        """The best of a set and its swaps."""
-        rivals = [rival for _, _, rival in self._swaps(current, 1.0, _RIVALS)]
-        return min([current, *rivals], key=lambda one: one.score)
+    def swapped(self, new: Fit, current: Fit) -> Fit:
+        """The best of a new set and its swaps, of those that are better than the present one."""
+        rivals = [rival for _, _, rival in self._swaps(new, 1.0, _RIVALS)]
+        good = [rival for rival in rivals if self.is_better(rival, current)]
+        return min([new, *good], key=lambda one: one.score)
 
     def rivals(self, current: Fit, over: float) -> list[tuple[int, Group, float]]:
         """Swaps that are not excluded."""

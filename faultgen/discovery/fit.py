@@ -92,8 +92,12 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
         if change is not None:
             evidence = problem.evidence(problem.gap - change)
             _, _, here = evidence.solve(held=terms)
-            if best is None and here - expected > max(1.0, _SHORT * (nothing - expected)):
-                straight = False
+        if best is None and not here < nothing:  # the first step was too long
+            straight = False
+            value = 0.4 * value
+            continue
+        if best is None and here - expected > max(1.0, _SHORT * (nothing - expected)):
+            straight = False
         if change is not None and (best is None or here < best[0]):
             if not straight:
                 slopes = _slopes(problem, terms, value, change)
@@ -101,15 +105,15 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
             best = here, value, change, evidence
             solution, _, _ = evidence.solve(free=terms)
             delta = solution[terms] * scale
-        elif best is None:
-            return None
-        else:
+        elif best is not None:
             delta = 0.4 * delta
+        assert best is not None
         new = _bounded(problem, terms, best[1] + delta)
         if np.all(np.abs(new - best[1]) <= _CLOSE * np.abs(best[1]) + 1e-3 * scale):
             break
         value = new
-    assert best is not None
+    if best is None:
+        return None
     here, value, change, evidence = best
     return _done(problem, tuple(groups), value, change, evidence, here)
 
