@@ -22,14 +22,14 @@ from joblib import Parallel, delayed
 from matplotlib.figure import Figure
 from sealed.cases import CASE_FILE, HEALTHY, MEASURED, make_case, read_truth, write_truth
 from sealed.limits import Limits
-from sealed.plan import ROBOTS, left_out, plan_cases, sample
+from sealed.plan import ROBOTS, SEEDS, left_out, plan_cases, sample
 from sealed.score import FAILED, Answer, confusion, markdown, score
 from tqdm import tqdm
 
 from faultgen.effects import EFFECTS
 from faultgen.storage import write_text
 
-Seeds = StrEnum("Seeds", ["development", "report"])
+Seeds = StrEnum("Seeds", list(SEEDS))
 Mode = StrEnum("Mode", ["twin", "alone"])
 
 CASES, RESULTS, SEALED = "cases", "results", "sealed"
