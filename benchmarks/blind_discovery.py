@@ -22,14 +22,14 @@ from joblib import Parallel, delayed
 from matplotlib.figure import Figure
 from sealed.cases import CASE_FILE, HEALTHY, MEASURED, make_case, read_truth, write_truth
 from sealed.limits import Limits
-from sealed.plan import ROBOTS, SEEDS, left_out, plan_cases, sample
+from sealed.plan import ROBOTS, left_out, plan_cases, sample
 from sealed.score import FAILED, Answer, confusion, markdown, score
 from tqdm import tqdm
 
 from faultgen.effects import EFFECTS
 from faultgen.storage import write_text
 
-Seeds = StrEnum("Seeds", list(SEEDS))
+Seeds = StrEnum("Seeds", ["development", "report", "report2"])
 Mode = StrEnum("Mode", ["twin", "alone"])
 
 CASES, RESULTS, SEALED = "cases", "results", "sealed"
@@ -39,6 +39,7 @@ app = typer.Typer(add_completion=False, help=__doc__)
 Out = Annotated[Path, typer.Option("-o", "--out", help="Folder of the trial.")]
 Trial = Annotated[Path, typer.Argument(help="Folder of the trial.")]
 Workers = Annotated[int, typer.Option(help="Processes.")]
+Results = Annotated[str, typer.Option(help="Folder of the answers in the trial's.")]
 Cache = Annotated[Path, typer.Option(help="Folder where sensitivities are kept.")]
 
 
@@ -128,6 +129,7 @@ def run(
     trial: Trial,
     workers: Workers = 1,
     function: Annotated[str, typer.Option(help="What is tried.")] = "faultgen:discover",
+    results: Results = RESULTS,
     cache: Annotated[
         Path | None, typer.Option(help="Folder for sensitivities; default: in the trial's folder.")
     ] = None,
@@ -136,25 +138,26 @@ def run(
     kept = trial / "sensitivities" if cache is None else cache
     folders = sorted(path.parent for path in (trial / CASES).glob(f"*/{CASE_FILE}"))
     done = Parallel(n_jobs=workers, return_as="generator_unordered")(
-        delayed(answer)(folder, trial / RESULTS, function, kept) for folder in folders
+        delayed(answer)(folder, trial / results, function, kept) for folder in folders
     )
     for _ in tqdm(done, total=len(folders), unit="case"):
         pass
 
 
-def read_answers(trial: Path) -> dict[str, Answer]:
+def read_answers(trial: Path, results: str = RESULTS) -> dict[str, Answer]:
     """All stored answers, by case."""
-    return {p.stem: json.loads(p.read_text()) for p in sorted((trial / RESULTS).glob("*.json"))}
+    return {p.stem: json.loads(p.read_text()) for p in sorted((trial / results).glob("*.json"))}
 
 
 @app.command("score")
-def score_command(trial: Trial) -> None:
+def score_command(trial: Trial, results: Results = RESULTS) -> None:
     """Compare the answers with the truth: `score.md`, `score.json`, `confusion.png`."""
-    truth, answers = read_truth(trial / SEALED), read_answers(trial)
+    truth, answers = read_truth(trial / SEALED), read_answers(trial, results)
     rows = score(truth, answers)
-    write_text(trial / "score.md", markdown(rows))
-    write_text(trial / "score.json", json.dumps([vars(row) for row in rows], indent=1) + "\n")
-    draw_confusion(*confusion(truth, answers), trial / "confusion.png")
+    of = "" if results == RESULTS else f"_{results}"
+    write_text(trial / f"score{of}.md", markdown(rows))
+    write_text(trial / f"score{of}.json", json.dumps([vars(row) for row in rows], indent=1) + "\n")
+    draw_confusion(*confusion(truth, answers), trial / f"confusion{of}.png")
     typer.echo(markdown(rows))
 
 

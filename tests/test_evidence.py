@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from faultgen.discovery.evidence import Evidence
+from faultgen.discovery.evidence import FREE, Evidence
 
 PARTS = [slice(0, 40), slice(40, 100), slice(100, 160)]
 
@@ -26,7 +26,7 @@ def ridge(columns, gap, weight):
 def test_a_fit_is_the_minimum_of_its_misfit(data):
     columns, gap, evidence = data
     weight = np.ones(7)
-    weight[[2, 4]] = 1e-4
+    weight[[2, 4]] = FREE
     expected, least = ridge(columns, gap, weight)
     value, inverse, misfit = evidence.solve(free=[2, 4])
     np.testing.assert_allclose(value, expected, rtol=1e-9)
@@ -57,7 +57,7 @@ def test_a_part_is_predicted_from_the_others(data):
     columns, gap, evidence = data
     errors = evidence.held_out(free=[2])
     weight = np.ones(7)
-    weight[2] = 1e-4
+    weight[2] = FREE
     others = np.r_[0:40, 100:160]
     value, _ = ridge(columns[:, others], gap[others], weight)
     left = gap[PARTS[1]] - np.tensordot(value, columns[:, PARTS[1]], axes=1)
@@ -69,3 +69,25 @@ def test_a_true_term_is_worth_more_than_any_other(data):
     gains, _ = evidence.gains([(k,) for k in range(7)])
     assert np.argmax(gains) == 2
     assert evidence.score([2]) < evidence.score([0])
+
+
+def test_a_free_term_may_be_far_off(data):
+    """Thousands of tolerances, as differences of twins are: not drawn towards zero."""
+    columns, _, _ = data
+    gap = 5000 * columns[3]
+    value, _, misfit = Evidence.of(columns, gap, PARTS).solve(free=[3])
+    assert value[3] == pytest.approx(5000, rel=1e-6)
+    assert misfit < 1
+
+
+def test_columns_and_gaps_are_replaced(data):
+    """As if all products had been computed anew."""
+    columns, gap, evidence = data
+    other, moved = columns.copy(), gap + columns[1]
+    new = {2: columns[0] - columns[2], 4: 2 * columns[3]}
+    for term, column in new.items():
+        other[term] = column
+    made = evidence.against(columns, moved, PARTS).replaced(new, columns, moved, PARTS)
+    expected = Evidence.of(other, moved, PARTS)
+    for name in ("gram", "right", "energy"):
+        np.testing.assert_allclose(getattr(made, name), getattr(expected, name), atol=1e-9)

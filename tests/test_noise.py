@@ -19,7 +19,7 @@ def test_noise_under_a_slow_effect():
     gap = np.stack([coloured(rng, n, m, d) for m, d in ((0.0, 1.0), (0.6, 1.0), (0.8, 0.5))], 1)
     noise = noise_of(gap + effect[:, None], np.ones_like(gap, bool), parts)
     # the correlation of second differences hardly depends on a memory that is long
-    np.testing.assert_allclose(noise.memory, [0, 0.6, 0.8], atol=0.1)
+    np.testing.assert_allclose(noise.coefficients[:, 0], [0, 0.6, 0.8], atol=0.1)
     np.testing.assert_allclose(noise.deviation, [1, 1, 0.5], rtol=0.12)
     white = noise.whiten(gap, parts)
     assert (white[[0, 8000]] == 0).all()

@@ -8,6 +8,7 @@ import pytest
 from faultgen.discovery.answer import significance
 from faultgen.discovery.noise import autoregression
 from faultgen.discovery.orders import find_orders
+from faultgen.discovery.problem import Kinematics
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regimes import patterns, where
 
@@ -28,7 +29,12 @@ def problem(tiny_robot):
         torque=np.ones((COUNT, 2)),
         segments=(0, COUNT // 2),
     )
+    position = recording.motor_position(tiny_robot.gear_ratio)
+    _, velocity, acceleration = recording.derivatives(position)
+    use = np.arange(COUNT)
     return SimpleNamespace(
+        motion=Kinematics(position, velocity, acceleration),
+        samples=lambda parts: np.isin(use // (COUNT // 2), parts),
         recording=recording,
         robot=tiny_robot,
         inside=np.ones((COUNT, 2), bool),

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from faultgen.discovery.columns import columns
-from faultgen.discovery.evidence import Evidence
+from faultgen.discovery.evidence import FREE, Evidence
 from faultgen.discovery.forms import form_columns, form_terms
 from faultgen.discovery.problem import Problem, plain, pose
 from faultgen.discovery.recording import Recording
@@ -38,8 +38,10 @@ from faultgen.robot import Robot
 WIDTHS = (1.0, 3.0, 10.0, 30.0)
 """Tolerances that are tried, over the usual ones."""
 
+CARRIED = "torque_constant"
+"""Effect that no element of MJCF has, but that `torque_gain` carries."""
+
 _STEPS = 5  # of Gauss-Newton
-_GAIN = "torque_constant"  # which no element of MJCF carries
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +135,7 @@ def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[
     at = {(t.key, t.parameters): index for index, t in enumerate(problem.terms)}
     for term, severity in start:
         index = at[term.key, term.parameters]
-        weight[index], value[index] = 1e-4, severity / scale[index]
+        weight[index], value[index] = FREE, severity / scale[index]
     best, delta, damping = (np.inf, value), np.zeros(len(scale)), 1.0
     for _ in range(_STEPS + 1):
         changes = _possible(problem, value * scale, form)
@@ -184,7 +186,7 @@ def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
     gain = robot.torque_gain.copy()
     effects = applied(changes)
     for one in sorted(effects, key=lambda one: get_effect(one.effect).last):
-        if one.effect == _GAIN:
+        if one.effect == CARRIED:
             gain[one.axis - 1] *= 1 - one.severity
         else:
             get_effect(one.effect).apply(spec, one.axis, one.severity, **one.parameters)

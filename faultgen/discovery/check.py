@@ -9,14 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from faultgen.arm import Arm
 from faultgen.discovery.recording import Recording
 from faultgen.robot import STRIBECK_VELOCITY, Robot
 from faultgen.servo import motor_torque
 
-_SMOOTHING = 0.06  # window of the derivatives [s]
 _LAGS = 12  # samples by which a channel may be late to be told so
 _STILL = 1e-3  # range of a joint that does not move [rad]
 _STUCK = 0.25  # time without any change of position while the reference moves [s]
@@ -57,14 +55,13 @@ def check_recording(recording: Recording, robot: Robot) -> list[Finding]:
         text = f"the file says robot '{recording.robot}', the model is {robot.name}"
         findings.append(Finding("warn", 0, text))
     motor = recording.side == "motor"
-    ratio = robot.gear_ratio if motor else np.ones(robot.n_axes)
-    joint = recording.position / ratio
+    joint = recording.joint_position(robot.gear_ratio)
     findings += _units(recording, robot, joint)
     findings += _gaps(recording, robot, joint)
     if any(finding.level == "refuse" for finding in findings):
         return _sorted(findings)  # derivatives and torques of such data mean nothing
-    q, qd, qdd = (np.vstack(x) for x in zip(*_derivatives(recording, joint), strict=True))
-    findings += _velocity(recording, qd * ratio)
+    q, qd, qdd = recording.derivatives(joint)
+    findings += _velocity(recording, qd * robot.gear_ratio if motor else qd)
     findings += _excitation(recording, robot, q, qd)
     expected = motor_torque(Arm(robot), q, qd, qdd)
     if not motor:
@@ -131,28 +128,6 @@ def _gaps(recording: Recording, robot: Robot, joint: np.ndarray) -> list[Finding
                 )
                 findings.append(Finding("warn", axis + 1, text))
     return findings
-
-
-def _derivatives(
-    recording: Recording, joint: np.ndarray
-) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Smoothed position, velocity and acceleration of each separate recording."""
-    period = recording.sample_period
-    window = max(5, 2 * round(_SMOOTHING / period / 2) + 1)
-    parts = []
-    for part in recording.parts:
-        q = joint[part]
-        if len(q) < window:
-            parts.append((q, 0 * q, 0 * q))
-            continue
-        parts.append(
-            (
-                savgol_filter(q, window, 3, axis=0),
-                savgol_filter(q, window, 3, deriv=1, delta=period, axis=0),
-                savgol_filter(q, window, 3, deriv=2, delta=period, axis=0),
-            )
-        )
-    return parts
 
 
 def _lag(x: np.ndarray, y: np.ndarray) -> tuple[int, float]:

@@ -197,9 +197,7 @@ class _Search:
     def pruned(self, new: Fit) -> Fit:
         """Without effects that others have made superfluous."""
         while len(new.groups) > 1:
-            losses = [
-                float(np.sum((values / errors) ** 2)) for _, values, errors in new.members()
-            ]
+            losses = [float(np.sum((values / errors) ** 2)) for _, values, errors in new.members()]
             k = int(np.argmin(losses))
             least = max(self._sure(new.groups[k]), SHARE * self._explained(new))
             if losses[k] > 3 * least:

@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-_FREE = 1e-8  # weight of the prior of a free term: it may be off by 10000 tolerances
+FREE = 1e-8
+"""Weight of the prior of a free term: it may be off by 10000 tolerances."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +104,7 @@ class Evidence:
             precision, shape (terms, terms); and the misfit.
         """
         weight = np.ones(len(self.right[0]))
-        weight[list(free)] = _FREE
+        weight[list(free)] = FREE
         weight[list(held)] = 1e12
         precision = self.gram.sum(axis=0)
         precision[np.diag_indices_from(precision)] += weight
@@ -114,20 +115,19 @@ class Evidence:
         return value, inverse, float(self.energy.sum() - right @ value)
 
     def gains(
-        self, groups: Sequence[Sequence[int]], free: Sequence[int] = (), held: Sequence[int] = ()
+        self, groups: Sequence[Sequence[int]], free: Sequence[int] = ()
     ) -> tuple[np.ndarray, np.ndarray]:
         """What freeing each group of terms takes off the misfit.
 
         Args:
             groups: Indices of the terms that are freed together.
             free: Terms that are free already.
-            held: Terms that stay zero.
 
         Returns:
             Gains, shape (groups,), and the value of the first term of each group, in units of
             its tolerance, once freed.
         """
-        value, inverse, _ = self.solve(free, held)
+        value, inverse, _ = self.solve(free)
         gain, first = np.zeros(len(groups)), np.zeros(len(groups))
         for k, group in enumerate(groups):
             index = list(group)
@@ -144,12 +144,11 @@ class Evidence:
         others = np.delete(value, list(free))
         return float(self.held_out(free).sum() + others @ others)
 
-    def held_out(self, free: Sequence[int], held: Sequence[int] = ()) -> np.ndarray:
+    def held_out(self, free: Sequence[int]) -> np.ndarray:
         """Misfit of each recording with values that were fitted to the others.
 
         Args:
             free: Terms without prior.
-            held: Terms that stay zero.
 
         Returns:
             Squared whitened error, shape (parts,).
@@ -157,7 +156,7 @@ class Evidence:
         errors = np.empty(len(self.energy))
         every = range(len(self.energy))
         for part in every:
-            value, _, _ = self.only([p for p in every if p != part]).solve(free, held)
+            value, _, _ = self.only([p for p in every if p != part]).solve(free)
             errors[part] = (
                 self.energy[part] - 2 * value @ self.right[part] + value @ self.gram[part] @ value
             )

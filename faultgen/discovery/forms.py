@@ -76,11 +76,7 @@ def form_columns(
 def _shapes(replay: Replay) -> np.ndarray:
     """Friction torque on the rotors of each shape, shape (shapes, samples, n_axes), in [N m]."""
     recording, robot = replay.recording, replay.robot
-    ratio = robot.gear_ratio
-    reference = recording.reference_position
-    if reference is None:
-        reference = recording.position / (ratio if recording.side == "motor" else 1.0)
-    motor = reference * ratio
+    motor = recording.commanded(robot.gear_ratio) * robot.gear_ratio
     friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")]
     coulomb = friction[:, COULOMB]
     height = friction[:, STICTION] - coulomb

@@ -53,10 +53,9 @@ def next_experiment(problem: Problem, choice: Choice) -> Experiment | None:
         The best motion; None without rivals, or if none is better than the recording.
     """
     pairs = []
-    starts = np.cumsum([0, *(len(g) for g in choice.best.groups)])
+    members = list(choice.best.members())
     for place, rival, worse in choice.rivals:
-        own = choice.best.groups[place]
-        values = choice.best.values[starts[place] : starts[place + 1]]
+        own, values, _ = members[place]
         pairs.append((own, values, rival, max(worse, 0.0)))
     best: Experiment | None = None
     for name, toml in _library(problem) if pairs else ():
@@ -135,8 +134,7 @@ def _library(problem: Problem) -> Iterator[tuple[str, str]]:
 def _own(problem: Problem, robot: Robot) -> Iterator[tuple[str, str]]:
     """Moves between joint angles within those of the recording."""
     recording = problem.recording
-    ratio = robot.gear_ratio if recording.side == "motor" else 1.0
-    joints = np.degrees(recording.position / ratio)
+    joints = np.degrees(recording.joint_position(robot.gear_ratio))
     low, middle, high = np.quantile(joints, [0.15, 0.5, 0.85], axis=0)
 
     def task(text: str, moves: list[tuple[np.ndarray, float, float]]) -> str:

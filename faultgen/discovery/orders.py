@@ -9,7 +9,6 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
 from faultgen.discovery.problem import Problem
-from faultgen.discovery.regimes import kinematics
 
 SMALLEST_ORDER, LARGEST_ORDER = 0.5, 12.0
 """Cycles a motor turn that are looked for: assumed. Slower ones are not told from load."""
@@ -43,12 +42,9 @@ def find_orders(problem: Problem, error: np.ndarray) -> list[Order]:
     Returns:
         Orders that noise does not explain, strongest first.
     """
-    ratio = problem.robot.gear_ratio if problem.recording.side == "joint" else 1.0
-    turns = problem.recording.position * ratio / (2 * np.pi)
-    use = np.zeros(len(turns), bool)
-    for p in problem.fitting:
-        use[problem.parts[p]] = True
-    velocity = kinematics(problem).velocity
+    turns = problem.recording.motor_position(problem.robot.gear_ratio) / (2 * np.pi)
+    use = problem.samples(problem.fitting)
+    velocity = problem.motion.velocity
     found = []
     for axis in range(turns.shape[1]):
         rows = use & problem.inside[:, axis]

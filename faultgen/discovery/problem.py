@@ -22,6 +22,18 @@ _BLOCKS = 6  # into which a single recording is cut, to fit on some and choose o
 
 
 @dataclass(frozen=True, eq=False)
+class Kinematics:
+    """Measured motion, motor side. Arrays have shape (samples, n_axes)."""
+
+    position: np.ndarray
+    """[rad]."""
+    velocity: np.ndarray
+    """Smoothed [rad/s]."""
+    acceleration: np.ndarray
+    """Smoothed [rad/s^2]."""
+
+
+@dataclass(frozen=True, eq=False)
 class Problem:
     """A gap and the terms that may explain it. Arrays of samples have shape (samples, n_axes)."""
 
@@ -64,6 +76,20 @@ class Problem:
     def robot(self) -> Robot:
         """The model."""
         return self.replay.robot
+
+    @cached_property
+    def motion(self) -> Kinematics:
+        """Measured motion, smoothed."""
+        position = self.recording.motor_position(self.robot.gear_ratio)
+        _, velocity, acceleration = self.recording.derivatives(position)
+        return Kinematics(position, velocity, acceleration)
+
+    def samples(self, parts: Sequence[int]) -> np.ndarray:
+        """Samples of parts, as a mask of shape (samples,)."""
+        use = np.zeros(len(self.gap), bool)
+        for p in parts:
+            use[self.parts[p]] = True
+        return use
 
     def whiten(self, x: np.ndarray) -> np.ndarray:
         """Whitened, masked and weighted, shape (..., samples, n_axes)."""
@@ -210,9 +236,9 @@ def _trust(recording: Recording, robot: Robot, left: np.ndarray, inside: np.ndar
     """Weights by which what is left is as large in slow motion as noise is, by axis."""
     slow = near_reversal(recording, robot)
     trust = np.ones(left.shape)
+    moving = _moving(recording, robot)
     for axis in range(robot.n_axes):
-        moving = _moving(recording, robot)[:, axis]
-        for regime in (slow[:, axis] & moving, ~moving):
+        for regime in (slow[:, axis] & moving[:, axis], ~moving[:, axis]):
             rows = regime & inside[:, axis]
             if rows.sum() >= _FEWEST:
                 trust[rows, axis] = 1 / np.sqrt(max(float(np.mean(left[rows, axis] ** 2)), 1.0))
@@ -221,24 +247,24 @@ def _trust(recording: Recording, robot: Robot, left: np.ndarray, inside: np.ndar
 
 def _moving(recording: Recording, robot: Robot) -> np.ndarray:
     """Samples at which axes do not rest, shape (samples, n_axes)."""
-    ratio = np.ones(robot.n_axes) if recording.side == "motor" else np.abs(robot.gear_ratio)
+    position = recording.motor_position(robot.gear_ratio)
     slow = robot.model.actuator_biasprm[robot.ids("actuator", "friction"), STRIBECK_VELOCITY]
     moving = np.zeros(recording.position.shape, bool)
     for part in recording.parts:
-        speed = np.gradient(recording.position[part], recording.sample_period, axis=0) * ratio
+        speed = np.gradient(position[part], recording.sample_period, axis=0)
         moving[part] = np.abs(speed) > 0.1 * slow
     return moving
 
 
 def near_reversal(recording: Recording, robot: Robot) -> np.ndarray:
     """Samples about a change of direction, where friction jumps; shape (samples, n_axes)."""
-    ratio = np.ones(robot.n_axes) if recording.side == "motor" else np.abs(robot.gear_ratio)
+    position = recording.motor_position(robot.gear_ratio)
     friction = robot.ids("actuator", "friction")
     slow = 3 * robot.model.actuator_biasprm[friction, STRIBECK_VELOCITY]
     width = max(1, round(_JUMP / recording.sample_period))
     near = np.zeros(recording.position.shape, bool)
     for part in recording.parts:
-        speed = np.gradient(recording.position[part], recording.sample_period, axis=0) * ratio
+        speed = np.gradient(position[part], recording.sample_period, axis=0)
         still = np.abs(speed) < slow
         for axis in range(robot.n_axes):
             spread = np.convolve(still[:, axis].astype(int), np.ones(2 * width + 1, int), "same")

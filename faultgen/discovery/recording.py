@@ -20,12 +20,13 @@ from typing import Any
 
 import h5py
 import numpy as np
-from scipy.signal import butter, filtfilt
+from scipy.signal import butter, filtfilt, savgol_filter
 
 from faultgen.errors import InputError
 from faultgen.storage import write_arrays
 
 _ARRAYS = ("position", "torque", "velocity", "reference_position", "temperature")
+_SMOOTHING = 0.06  # window of the derivatives [s]
 _UNEVEN = 0.05  # share of the sample period by which times may scatter
 
 
@@ -66,6 +67,40 @@ class Recording:
         """Samples of each separate recording."""
         ends = [*self.segments[1:], len(self.position)]
         return [slice(start, end) for start, end in zip(self.segments, ends, strict=True)]
+
+    def joint_position(self, gear_ratio: np.ndarray) -> np.ndarray:
+        """Measured position, joint side [rad]."""
+        return self.position / gear_ratio if self.side == "motor" else self.position
+
+    def motor_position(self, gear_ratio: np.ndarray) -> np.ndarray:
+        """Measured position, motor side [rad]."""
+        return self.position * gear_ratio if self.side == "joint" else self.position
+
+    def commanded(self, gear_ratio: np.ndarray) -> np.ndarray:
+        """Commanded position, joint side [rad]; where there is none, the measured one."""
+        if self.reference_position is not None:
+            return self.reference_position
+        return self.joint_position(gear_ratio)
+
+    def derivatives(self, position: np.ndarray) -> np.ndarray:
+        """Smoothed position, velocity and acceleration (Savitzky and Golay).
+
+        Args:
+            position: Of this recording, shape (samples, n_axes).
+
+        Returns:
+            Shape (3, samples, n_axes); of parts shorter than the window, the position and zeros.
+        """
+        window = max(5, 2 * round(_SMOOTHING / self.sample_period / 2) + 1)
+        out = np.zeros((3, *position.shape))
+        out[0] = position
+        for part in self.parts:
+            if part.stop - part.start >= window:
+                for order in range(3):
+                    out[order, part] = savgol_filter(
+                        position[part], window, 3, deriv=order, delta=self.sample_period, axis=0
+                    )
+        return out
 
 
 def read_recording(path: str | Path) -> Recording:

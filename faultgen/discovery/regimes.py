@@ -6,17 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import savgol_filter
 from scipy.stats import chi2
 from statsmodels.stats.multitest import multipletests
 
-from faultgen.discovery.problem import Problem
+from faultgen.discovery.problem import Kinematics, Problem
 from faultgen.robot import STRIBECK_VELOCITY
 
 FALSE_DISCOVERIES = 0.05
 """Share of false ones among the regimes that are told."""
 
-_WINDOW = 0.06  # of the derivatives [s]
 _AFTER = 0.1  # time that counts as a reversal after a change of direction [s]
 _ENRICHED = 1.3  # intensity of a gap in a regime over that of its axis, to be told
 
@@ -37,35 +35,6 @@ class Share:
     """Probability of so much by noise, corrected for the number of regimes."""
 
 
-@dataclass(frozen=True, eq=False)
-class Kinematics:
-    """Measured motion, motor side and smoothed. Arrays have shape (samples, n_axes)."""
-
-    position: np.ndarray
-    """[rad]."""
-    velocity: np.ndarray
-    """[rad/s]."""
-    acceleration: np.ndarray
-    """[rad/s^2]."""
-
-
-def kinematics(problem: Problem) -> Kinematics:
-    """Smoothed motion of a recording."""
-    recording = problem.recording
-    ratio = 1.0 if recording.side == "motor" else problem.robot.gear_ratio
-    position = recording.position * ratio
-    window = max(5, 2 * round(_WINDOW / recording.sample_period / 2) + 1)
-    out = np.zeros((2, *position.shape))
-    for part in recording.parts:
-        if part.stop - part.start < window:
-            continue
-        for order in (1, 2):
-            out[order - 1, part] = savgol_filter(
-                position[part], window, 3, deriv=order, delta=recording.sample_period, axis=0
-            )
-    return Kinematics(position, out[0], out[1])
-
-
 def regimes(problem: Problem, motion: Kinematics) -> dict[str, np.ndarray]:
     """Samples of each regime, as masks of shape (samples, n_axes)."""
     robot, recording = problem.robot, problem.recording
@@ -80,7 +49,7 @@ def regimes(problem: Problem, motion: Kinematics) -> dict[str, np.ndarray]:
         for axis in range(robot.n_axes):
             kernel = np.ones(steps, int)
             recent[part, axis] = np.convolve(change[:, axis], kernel)[: len(change)] > 0
-    load = np.abs(_ratio_free(problem))
+    load = np.abs(problem.base)  # torque of the model is near to the load at most speeds
     named = {
         "all": np.ones_like(moving),
         "forward": moving & (motion.velocity > 0),
@@ -98,11 +67,6 @@ def regimes(problem: Problem, motion: Kinematics) -> dict[str, np.ndarray]:
         named["warm"] = np.broadcast_to(warm[:, None], moving.shape)
         named["cold"] = np.broadcast_to(~warm[:, None], moving.shape)
     return named
-
-
-def _ratio_free(problem: Problem) -> np.ndarray:
-    """Torque of the model as it is, which is near to the load at most speeds."""
-    return problem.base
 
 
 def _top_third(values: np.ndarray, among: np.ndarray, share: float = 1 / 3) -> np.ndarray:
@@ -126,9 +90,10 @@ def where(problem: Problem, error: np.ndarray) -> list[Share]:
         Axes as a whole, and regimes in which the gap is denser than elsewhere on the axis, with
         false discoveries controlled (Benjamini and Hochberg); largest share first.
     """
-    motion = kinematics(problem)
+    motion = problem.motion
     excess = error**2 - 1.0
-    total = max(float((np.maximum(_sums(excess, problem.inside), 0)).sum()), 1e-300)
+    by_axis = np.where(problem.inside, excess, 0.0).sum(axis=0)
+    total = max(float(np.maximum(by_axis, 0).sum()), 1e-300)
     found = []
     for name, mask in regimes(problem, motion).items():
         for axis in range(error.shape[1]):
@@ -159,10 +124,6 @@ def where(problem: Problem, error: np.ndarray) -> list[Share]:
         if kept and (one.regime == "all" or one.intensity > _ENRICHED)
     ]
     return sorted(told, key=lambda one: (one.regime != "all", -one.share))
-
-
-def _sums(excess: np.ndarray, inside: np.ndarray) -> np.ndarray:
-    return np.where(inside, excess, 0.0).sum(axis=0)
 
 
 @dataclass(frozen=True)
@@ -208,10 +169,8 @@ def patterns(
     Returns:
         All that were looked for, strongest first.
     """
-    motion = kinematics(problem)
-    use = np.zeros(len(error), bool)
-    for p in parts:
-        use[problem.parts[p]] = True
+    motion = problem.motion
+    use = problem.samples(parts)
     ones = np.ones(len(error))
     found = []
     for axis in range(error.shape[1]):

@@ -66,10 +66,8 @@ class Replay:
         self.recording = recording
         self.robot = robot
         timestep = robot.model.opt.timestep
-        ratio = robot.gear_ratio
-        reference = recording.reference_position
-        if reference is None:
-            reference = recording.position / (ratio if recording.side == "motor" else 1.0)
+        reference = recording.commanded(robot.gear_ratio)
+        if recording.reference_position is None:
             robot = _following(robot)
         self.controls = []
         for part in recording.parts:
@@ -167,8 +165,8 @@ def replay(
     return Replay(recording, robot).torque(changes)
 
 
-def relative_error(square: np.ndarray, recording: Recording, inside: np.ndarray) -> float:
-    """RMS error over RMS torque, root mean square over the axes.
+def relative_errors(square: np.ndarray, recording: Recording, inside: np.ndarray) -> np.ndarray:
+    """RMS error over RMS torque of each axis, 0 where there is none; shape (n_axes,).
 
     Args:
         square: Squared error of each sample, or of each axis; shape (samples, n_axes) or (n_axes,).
@@ -177,8 +175,14 @@ def relative_error(square: np.ndarray, recording: Recording, inside: np.ndarray)
     """
     torque = (np.where(inside, recording.torque, 0.0) ** 2).sum(axis=0)
     wrong = np.where(inside, square, 0.0).sum(axis=0)
-    seen = torque > 0
-    return float(np.sqrt(np.mean(wrong[seen] / torque[seen])))
+    return np.sqrt(np.where(torque > 0, wrong / np.where(torque > 0, torque, 1.0), 0.0))
+
+
+def relative_error(square: np.ndarray, recording: Recording, inside: np.ndarray) -> float:
+    """The same, root mean square over the axes that have torque."""
+    by_axis = relative_errors(square, recording, inside)
+    seen = np.any(inside & (recording.torque != 0), axis=0)
+    return float(np.sqrt(np.mean(by_axis[seen] ** 2)))
 
 
 def settled(recording: Recording, robot: Robot) -> np.ndarray:
@@ -187,11 +191,11 @@ def settled(recording: Recording, robot: Robot) -> np.ndarray:
     At rest the torque of an axis depends on how it came to rest, which the recording does not tell;
     an axis counts from `SETTLING` after it has turned its motor by `TURN` in a separate recording.
     """
-    ratio = np.abs(robot.gear_ratio) if recording.side == "joint" else np.ones(robot.n_axes)
+    position = recording.motor_position(robot.gear_ratio)
     skipped = round(SETTLING / recording.sample_period)
     mask = np.zeros(recording.position.shape, bool)
     for part in recording.parts:
-        turned = np.abs(recording.position[part] - recording.position[part.start]) * ratio > TURN
+        turned = np.abs(position[part] - position[part.start]) > TURN
         for axis in np.flatnonzero(turned.any(axis=0)):
             first = part.start + int(np.argmax(turned[:, axis])) + skipped
             mask[first : part.stop, axis] = True

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from faultgen.discovery.answer import AMBIGUOUS, Answer, answer
+from faultgen.discovery.answer import answer
 from faultgen.discovery.check import check_recording
 from faultgen.discovery.choose import Choice, choose
 from faultgen.discovery.columns import columns, own_columns
@@ -25,7 +25,8 @@ from faultgen.discovery.next_experiment import Experiment, next_experiment
 from faultgen.discovery.orders import find_orders
 from faultgen.discovery.problem import Problem, plain, pose
 from faultgen.discovery.recording import Recording, low_passed, read_recording
-from faultgen.discovery.replay import Replay
+from faultgen.discovery.replay import Replay, relative_error, settled
+from faultgen.discovery.result import AMBIGUOUS, Answer
 from faultgen.discovery.terms import (
     ORDERS,
     PERIODIC,
@@ -305,10 +306,8 @@ def _result(found: Discovery, validate: Recording | None) -> dict[str, Any]:
 
 def _validation(found: Discovery, validate: Recording) -> dict[str, float]:
     """Gap on motions that played no part, against the model without twin."""
-    from faultgen.discovery.replay import relative_error, settled
-
     problem = found.problem
-    replay = Replay(replace(validate), problem.robot)
+    replay = Replay(validate, problem.robot)
     inside = settled(validate, problem.robot)
 
     def gap(changes: list[tuple[Term, float]]) -> float:

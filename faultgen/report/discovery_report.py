@@ -15,8 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from analysis.plots import COLOURS, style
-from faultgen.discovery.regimes import kinematics
-from faultgen.discovery.terms import INERTIA, applied, apply_inertia
+from faultgen.discovery.calibrate import CARRIED, changed
 from faultgen.discovery.workflow import Discovery, dump
 from faultgen.effects import get_effect
 from faultgen.report.page import image, page
@@ -41,16 +40,8 @@ def write_discovery(folder: Path, result: dict[str, Any], found: Discovery) -> N
 
 def model_xml(found: Discovery) -> str:
     """The robot's MJCF with calibration and effects in it, as far as a model can carry them."""
-    robot, changes = found.problem.robot, found.answer.changes
-    if not changes:
-        return robot.xml
-    spec = robot.spec()
-    apply_inertia(spec, robot, [change for change in changes if change[0].name == INERTIA])
-    effects = [(get_effect(one.effect), one) for one in applied(changes)]
-    for effect, one in sorted(effects, key=lambda pair: pair[0].last):
-        effect.apply(spec, one.axis, one.severity, **one.parameters)
-    spec.compile()
-    return spec.to_xml()
+    changes = found.answer.changes
+    return changed(found.problem.robot, changes).xml if changes else found.problem.robot.xml
 
 
 def _report(result: dict[str, Any], found: Discovery) -> str:
@@ -117,7 +108,7 @@ def _beside_the_model(found: Discovery) -> str:
         {
             term.name
             for term, _ in found.answer.changes
-            if term.is_effect and get_effect(term.name).edit is None
+            if term.is_effect and not (term.name == CARRIED or get_effect(term.name).edit)
         }
         & {one.effect for one in found.answer.effects}
     )
@@ -251,7 +242,7 @@ def _overlay(found: Discovery) -> Figure:
 def _maps(found: Discovery) -> Figure:
     """Mean whitened-scale error over joint angle and motor speed, before and after."""
     problem, told = found.problem, found.answer
-    motion = kinematics(problem)
+    motion = problem.motion
     n_axes = problem.gap.shape[1]
     with style():
         figure, grid = plt.subplots(n_axes, 2, figsize=(9, 1.5 * n_axes + 0.6), squeeze=False)

@@ -1,0 +1,94 @@
+"""Fits of effects by re-simulation, on laws that are written down."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from faultgen.discovery.fit import fit
+from faultgen.discovery.noise import Autoregression
+from faultgen.discovery.problem import Problem
+from faultgen.discovery.terms import Term
+
+COUNT = 600
+TERMS = [
+    Term("payload_mass", 1, 1.0, 0.01),
+    Term("rotor_inertia", 1, 1.0, 0.01),
+    Term("coulomb_friction", 1, 1.0, 0.01),
+]
+
+
+@pytest.fixture
+def pose():
+    """A problem of white noise: how severities become torque, and a gap."""
+    rng = np.random.default_rng(0)
+    shapes = 20 * rng.normal(size=(len(TERMS), COUNT, 1))
+
+    def make(law, true):
+        """The law bends a severity; the gap is that of the true ones."""
+        parts = [slice(0, 200), slice(200, 400), slice(400, COUNT)]
+
+        def torque(changes):
+            total = np.zeros((COUNT, 1))
+            for term, value in changes:
+                total += law(value) * shapes[TERMS.index(term)]
+            return total
+
+        raw = np.array([torque([(t, t.step)]) / t.step for t in TERMS], np.float32)
+        gap = torque(list(zip(TERMS, true, strict=True))) + rng.normal(size=(COUNT, 1))
+        ones = np.ones((COUNT, 1), bool)
+        scale = np.array([t.tolerance for t in TERMS], np.float32)[:, None, None]
+        noise = Autoregression(np.zeros((1, 1)), np.ones(1))
+        problem = Problem(
+            replay=SimpleNamespace(torque=torque, recording=None, robot=None),
+            terms=TERMS,
+            base=np.zeros((COUNT, 1)),
+            gap=gap,
+            inside=ones,
+            parts=parts,
+            scoring=[2],
+            raw=raw,
+            noise=noise,
+            trust=ones.astype(float),
+            white=noise.whiten(raw, parts) * scale,
+            twin=True,
+        )
+        return problem
+
+    return make
+
+
+def test_a_straight_law_is_solved_at_once(pose):
+    problem = pose(lambda v: v, (0.5, 0.0, 0.2))
+    found = fit(problem, [(0,), (2,)])
+    assert found.values == pytest.approx([0.5, 0.2], abs=4 * found.errors.max())
+    (first, values, errors), _ = found.members()
+    assert first == (0,) and values == found.values[:1] and errors == found.errors[:1]
+
+
+def test_a_bent_law_gets_slopes_of_its_own(pose):
+    """Probed at 1, the law says far too much of a severity of 0.3; the fit finds it all the same.
+
+    Standard errors are those of the slope there: 1 / (|column| dlaw/dv).
+    """
+    problem = pose(lambda v: np.expm1(3 * v), (0.3, 0.0, 0.0))
+    found = fit(problem, [(0,)])
+    assert found.values[0] == pytest.approx(0.3, abs=4 * found.errors[0])
+    slope = 3 * np.exp(0.9) * 20 * np.sqrt(400)
+    assert found.errors[0] == pytest.approx(1 / slope, rel=0.1)
+
+
+def test_a_first_step_that_is_too_long_is_shortened(pose):
+    """Beyond 0.5 the law explodes, and the linear estimate lies beyond."""
+    problem = pose(lambda v: 0.2 * v + 300 * max(v - 0.5, 0) ** 2, (0.4, 0.0, 0.0))
+    start = np.array([0.9])
+    found = fit(problem, [(0,)], start)
+    assert found.values[0] == pytest.approx(0.4, abs=5 * found.errors[0])
+
+
+def test_nothing_is_fitted_where_no_severity_explains_anything(pose):
+    """The law turns its sign: whatever the linear estimate says, simulation is worse."""
+    problem = pose(lambda v: v, (0.5, 0.0, 0.0))
+    turned = SimpleNamespace(torque=lambda changes: -sum(v for _, v in changes) * problem.raw[0])
+    object.__setattr__(problem, "replay", turned)
+    assert fit(problem, [(0,)]) is None
