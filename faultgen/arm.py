@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import mujoco
 import numpy as np
 from scipy.optimize import least_squares
@@ -9,6 +11,24 @@ from scipy.spatial.transform import Rotation
 
 from faultgen.errors import InputError
 from faultgen.robot import Robot
+
+
+@lru_cache(maxsize=8)
+def _rigid(xml: str, n_axes: int, payload: bool) -> mujoco.MjModel:
+    """The arm without rotors, gearboxes and actuators; compiled once, and not to be edited."""
+    spec = mujoco.MjSpec.from_string(xml)
+    for actuator in list(spec.actuators):
+        spec.delete(actuator)
+    rotors = [spec.joint(f"motor{i + 1}").parent for i in range(n_axes)]
+    for i in range(n_axes):
+        spec.delete(spec.tendon(f"gearbox{i + 1}"))
+    for rotor in rotors:
+        spec.delete(rotor)
+    if not payload:
+        spec.delete(spec.body("payload"))
+    model = spec.compile()
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    return model
 
 
 class Arm:
@@ -25,19 +45,8 @@ class Arm:
             robot: The robot.
             payload: Keep the body ``payload``; False takes it off the flange.
         """
-        spec = robot.spec()
-        for actuator in list(spec.actuators):
-            spec.delete(actuator)
-        rotors = [spec.joint(f"motor{i + 1}").parent for i in range(robot.n_axes)]
-        for i in range(robot.n_axes):
-            spec.delete(spec.tendon(f"gearbox{i + 1}"))
-        for rotor in rotors:
-            spec.delete(rotor)
-        if not payload:
-            spec.delete(spec.body("payload"))
         self.robot = robot
-        self.model = spec.compile()
-        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+        self.model = _rigid(robot.xml, robot.n_axes, payload)
         self._data = mujoco.MjData(self.model)
         self._tool = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, "tool")
 

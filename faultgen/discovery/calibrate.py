@@ -35,7 +35,7 @@ from faultgen.effects import get_effect
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import Robot
 
-WIDTHS = (1.0, 3.0, 10.0, 30.0)
+WIDTHS = (1.0, 3.0, 10.0, 30.0, 100.0)
 """Tolerances that are tried, over the usual ones."""
 
 CARRIED = "torque_constant"
