@@ -41,7 +41,8 @@ WIDTHS = (1.0, 3.0, 10.0, 30.0, 100.0)
 CARRIED = "torque_constant"
 """Effect that no element of MJCF has, but that `torque_gain` carries."""
 
-_STEPS = 5  # of Gauss-Newton
+_STEPS = 8  # of Gauss-Newton
+_ANEW = 12  # terms whose slopes are taken anew at each step
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +121,9 @@ def _with_tolerances(problem: Problem, new: list[Term]) -> Problem:
 
 
 def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[tuple[Term, float]]:
-    """All terms together by Gauss-Newton with re-simulation; slopes are those at the model.
+    """All terms together by Gauss-Newton with re-simulation.
+
+    Slopes are those at the model, but for the terms that are furthest from it.
 
     Args:
         problem: The gap and the terms.
@@ -136,23 +139,47 @@ def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[
     for term, severity in start:
         index = at[term.key, term.parameters]
         weight[index], value[index] = FREE, severity / scale[index]
-    best, delta, damping = (np.inf, value), np.zeros(len(scale)), 1.0
+    best, delta = (np.inf, value), np.zeros(len(scale))
     for _ in range(_STEPS + 1):
-        changes = _possible(problem, value * scale, form)
-        left = problem.gap - np.tensordot(value * scale * form, problem.raw, axes=1)
-        try:
-            left = left - (problem.replay.torque(changes) - problem.base)
-            evidence = problem.evidence(left.astype(np.float32))
+        torque = _torque(problem, value * scale, form)
+        misfit = np.inf
+        if torque is not None:
+            evidence = problem.evidence(problem.gap - torque)
             misfit = float(evidence.energy.sum() + (weight * value**2).sum())
-        except SimulationFailed:
-            misfit = np.inf
-        if misfit < best[0]:
-            best, damping = (misfit, value), 1.0
-            delta = _step(evidence, weight, value)
+        if torque is not None and misfit < best[0]:
+            best = misfit, value
+            slopes = _slopes(problem, value, scale, form, torque)
+            delta = _step(problem.evidence(problem.gap - torque, slopes), weight, value)
         else:
-            damping *= 0.4
-        value = best[1] + damping * delta
+            delta = 0.4 * delta
+        value = best[1] + delta
     return _possible(problem, best[1] * scale, form)
+
+
+def _torque(problem: Problem, values: np.ndarray, form: np.ndarray) -> np.ndarray | None:
+    """What values of all terms add to the torque; forms of friction are not simulated."""
+    changes = _possible(problem, values, form)
+    try:
+        simulated = problem.replay.torque(changes) - problem.base
+    except SimulationFailed:
+        return None
+    return np.asarray(simulated + np.tensordot(values * form, problem.raw, axes=1))
+
+
+def _slopes(
+    problem: Problem, value: np.ndarray, scale: np.ndarray, form: np.ndarray, torque: np.ndarray
+) -> dict[int, np.ndarray]:
+    """Columns of the terms that are furthest off, by differences at their present values."""
+    slopes = {}
+    for k in np.argsort(-np.abs(value * ~form))[:_ANEW]:
+        if abs(value[k]) < 0.5:
+            break
+        moved = value.copy()
+        moved[k] *= 0.95
+        run = _torque(problem, moved * scale, form)
+        if run is not None:
+            slopes[int(k)] = (torque - run) / (0.05 * value[k] * scale[k])
+    return slopes
 
 
 def _step(evidence: Evidence, weight: np.ndarray, value: np.ndarray) -> np.ndarray:
