@@ -92,3 +92,9 @@ def test_nothing_is_fitted_where_no_severity_explains_anything(pose):
     turned = SimpleNamespace(torque=lambda changes: -sum(v for _, v in changes) * problem.raw[0])
     object.__setattr__(problem, "replay", turned)
     assert fit(problem, [(0,)]) is None
+
+
+def test_a_severity_at_its_bound_explains_nothing(pose):
+    """A payload cannot lose more than its mass."""
+    problem = pose(lambda v: v, (-3.0, 0.0, 0.0))
+    assert fit(problem, [(0,)]) is None

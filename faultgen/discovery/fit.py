@@ -112,7 +112,7 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
         if np.all(np.abs(new - best[1]) <= _CLOSE * np.abs(best[1]) + 1e-3 * scale):
             break
         value = new
-    if best is None:
+    if best is None or not _within(problem, terms, best[1]):
         return None
     here, value, change, evidence = best
     return _done(problem, tuple(groups), value, change, evidence, here)
@@ -143,10 +143,19 @@ def _done(
     return Fit(groups, value, errors, change, evidence, misfit, evidence.score(terms))
 
 
-def _bounded(problem: Problem, terms: Sequence[int], value: np.ndarray) -> np.ndarray:
+def _bounds(problem: Problem, terms: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     low = [_smallest(problem, t) for t in terms]
-    high = [get_effect(problem.terms[t].name).largest for t in terms]
-    return np.clip(value, low, high)
+    return np.array(low), np.array([get_effect(problem.terms[t].name).largest for t in terms])
+
+
+def _bounded(problem: Problem, terms: Sequence[int], value: np.ndarray) -> np.ndarray:
+    return np.clip(value, *_bounds(problem, terms))
+
+
+def _within(problem: Problem, terms: Sequence[int], value: np.ndarray) -> bool:
+    """Whether no severity has run against its bound: one that has explains nothing."""
+    low, high = _bounds(problem, terms)
+    return bool(np.all((value > low) & (value < high)))
 
 
 def _smallest(problem: Problem, index: int) -> float:
