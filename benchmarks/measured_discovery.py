@@ -34,8 +34,9 @@ from faultgen.discovery.calibrate import WIDTHS, calibrate, changed, refined
 from faultgen.discovery.choose import SURE, groups_of
 from faultgen.discovery.problem import plain, rolling
 from faultgen.discovery.replay import Changes, settled
-from faultgen.discovery.terms import INERTIA, PAYLOAD, payload_of
+from faultgen.discovery.terms import INERTIA, PAYLOAD, Term, payload_of
 from faultgen.discovery.workflow import as_modelled
+from faultgen.errors import SimulationFailed
 from faultgen.report.discovery_report import write_discovery
 from faultgen.robot import Robot, load_robot
 
@@ -218,18 +219,44 @@ def ur10e(data: Path, out: Path) -> None:
 XL330_LEFT_OUT = ("transmission_error", "torque_ripple", "torque_constant")
 
 
+XL330_TRAIN, XL330_TEST = (100, 200, 800), 400
+
+
+def xl330_recording(folder: Path, gain: int) -> Recording:
+    """All runs of a gain."""
+    runs = [name for name, row in xl330_runs(folder).items() if int(row["kp"]) == gain]
+    return joined([read_xl330(folder, run) for run in runs])
+
+
+def xl330_error(recording: Recording, robot: Robot, changes: Changes = ()) -> float:
+    """Mean absolute error of the simulated position, closed loop [rad]; nan if it diverges."""
+    try:
+        simulated = Replay(recording, robot).position(changes)
+    except SimulationFailed:
+        return float("nan")
+    return float(np.abs(recording.position - simulated).mean())
+
+
 def xl330(data: Path, out: Path) -> None:
-    """What is named at each gain of the firmware that is not the test's."""
+    """What is named at each gain of the firmware; position error held out on another gain."""
     out.mkdir(parents=True, exist_ok=True)
     folder = data / "bam_xl330"
-    for gain in (100, 200, 800):
+    models = {}
+    for gain in (*XL330_TRAIN, XL330_TEST):
         path = out / f"xl330_kp{gain}.xml"
         path.write_text(xl330_model(gain))
-        runs = [name for name, row in xl330_runs(folder).items() if int(row["kp"]) == gain]
-        recording = joined([read_xl330(folder, run) for run in runs])
+        models[gain] = load_robot(path)
+    test = xl330_recording(folder, XL330_TEST)
+    print(
+        f"published: position error at gain {XL330_TEST} "
+        f"{xl330_error(test, models[XL330_TEST]):.4f} rad"
+    )
+    every: dict[str, list[Changes]] = {}
+    for gain in XL330_TRAIN:
+        recording = xl330_recording(folder, gain)
         found = investigate(
             recording,
-            load_robot(path),
+            models[gain],
             width=10.0,
             steady=True,
             include=("low_speed_friction",),
@@ -242,6 +269,29 @@ def xl330(data: Path, out: Path) -> None:
                 for t, value, error in zip(one.terms, one.values, one.errors, strict=True)
             ]
             print(f"  {', '.join(effects) or 'calibrated'}: score {one.score:.0f}", flush=True)
+        best = found.choice.best
+        named = [
+            (found.problem.terms[t], float(v)) for t, v in zip(best.terms, best.values, strict=True)
+        ]
+        for label, start in (("calibrated", []), ("with effects", named)):
+            changes = refined(plain(found.problem), start)
+            errors = [
+                xl330_error(recording, models[gain], changes),
+                xl330_error(test, models[XL330_TEST], changes),
+            ]
+            every.setdefault(label, []).append(changes)
+            print(
+                f"  {label}: position error {errors[0]:.4f} rad, at gain {XL330_TEST} "
+                f"{errors[1]:.4f} rad",
+                flush=True,
+            )
+    for label, several in every.items():
+        total: dict[Term, float] = {}
+        for tuned in several:
+            for term, value in tuned:
+                total[term] = total.get(term, 0.0) + value / len(several)
+        error = xl330_error(test, models[XL330_TEST], list(total.items()))
+        print(f"mean of the gains, {label}: at gain {XL330_TEST} {error:.4f} rad")
 
 
 RUNS = {"emps": emps, "ur10e": ur10e, "xl330": xl330}

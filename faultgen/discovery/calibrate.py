@@ -41,7 +41,8 @@ WIDTHS = (1.0, 3.0, 10.0, 30.0, 100.0)
 CARRIED = "torque_constant"
 """Effect that no element of MJCF has, but that `torque_gain` carries."""
 
-_STEPS = 8  # of Gauss-Newton
+_STEPS = 16  # simulations of a fit at most, those for slopes not counted
+_SETTLED = 1e-3  # share of the misfit that a step has to take off
 _ANEW = 12  # terms whose slopes are taken anew at each step
 
 
@@ -121,7 +122,7 @@ def _with_tolerances(problem: Problem, new: list[Term]) -> Problem:
 
 
 def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[tuple[Term, float]]:
-    """All terms together by Gauss-Newton with re-simulation.
+    """All terms together, by Levenberg and Marquardt with re-simulation.
 
     Slopes are those at the model, but for the terms that are furthest from it.
 
@@ -139,20 +140,26 @@ def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[
     for term, severity in start:
         index = at[term.key, term.parameters]
         weight[index], value[index] = FREE, severity / scale[index]
-    best, delta = (np.inf, value), np.zeros(len(scale))
-    for _ in range(_STEPS + 1):
+    best, damping = (np.inf, value), 0.0
+    local: Evidence | None = None  # with slopes at the best values
+    for _ in range(_STEPS):
         torque = _torque(problem, value * scale, form)
         misfit = np.inf
         if torque is not None:
-            evidence = problem.evidence(problem.gap - torque)
-            misfit = float(evidence.energy.sum() + (weight * value**2).sum())
+            left = problem.evidence(problem.gap - torque)
+            misfit = float(left.energy.sum() + (weight * value**2).sum())
         if torque is not None and misfit < best[0]:
-            best = misfit, value
+            done = misfit > (1 - _SETTLED) * best[0]
+            best, damping = (misfit, value), damping / 10
+            if done:
+                break
             slopes = _slopes(problem, value, scale, form, torque)
-            delta = _step(problem.evidence(problem.gap - torque, slopes), weight, value)
+            local = problem.evidence(problem.gap - torque, slopes)
         else:
-            delta = 0.4 * delta
-        value = best[1] + delta
+            damping = max(10 * damping, 0.1)
+        if local is None:
+            break
+        value = best[1] + _step(local, weight, best[1], damping)
     return _possible(problem, best[1] * scale, form)
 
 
@@ -182,9 +189,10 @@ def _slopes(
     return slopes
 
 
-def _step(evidence: Evidence, weight: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """Gauss-Newton step of values with a prior about zero."""
+def _step(evidence: Evidence, weight: np.ndarray, value: np.ndarray, damping: float) -> np.ndarray:
+    """Step of Levenberg and Marquardt, of values with a prior about zero."""
     precision = evidence.gram.sum(axis=0) + np.diag(weight)
+    precision[np.diag_indices_from(precision)] *= 1 + damping
     return np.linalg.solve(precision, evidence.right.sum(axis=0) - weight * value)
 
 

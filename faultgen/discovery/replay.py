@@ -90,8 +90,34 @@ class Replay:
             InputError: No such effect or axis.
             SimulationFailed: The simulation diverged.
         """
+        torque = self._logged("motor_torque", changes, disturbance)
+        if disturbance is not None:  # it went in as feed-forward, which the drive logs
+            torque -= disturbance
+        return torque if self.recording.side == "motor" else torque * self.robot.gear_ratio
+
+    def position(self, changes: Changes = ()) -> np.ndarray:
+        """Simulate the recorded motion.
+
+        Args:
+            changes: What to change in the model.
+
+        Returns:
+            Position that would have been measured, on the recording's side, shape
+            (samples, n_axes).
+
+        Raises:
+            InputError: No such effect or axis.
+            SimulationFailed: The simulation diverged.
+        """
+        position = self._logged("motor_position", changes)
+        return position if self.recording.side == "motor" else position / self.robot.gear_ratio
+
+    def _logged(
+        self, channel: str, changes: Changes, disturbance: np.ndarray | None = None
+    ) -> np.ndarray:
+        """A channel of the simulation at the samples of the recording."""
         recording, robot = self.recording, self.robot
-        torque = np.empty_like(recording.torque)
+        logged = np.empty_like(recording.torque)
         timestep = robot.model.opt.timestep
         by_temperature = any(term.name == "temperature_friction" for term, _ in changes)
         machine = None
@@ -104,16 +130,15 @@ class Replay:
             (run,) = simulate(
                 robot, control, [machine], sample_period=every * timestep, lead_in=0.0
             )
+            values = getattr(run, channel)
             if every > 1 or np.isclose(recording.sample_period, timestep):
-                torque[part] = run.motor_torque[: part.stop - part.start]
+                logged[part] = values[: part.stop - part.start]
                 continue
             times = np.arange(part.stop - part.start) * recording.sample_period
-            simulated = np.arange(len(run.motor_torque)) * timestep
+            simulated = np.arange(len(values)) * timestep
             for axis in range(robot.n_axes):
-                torque[part, axis] = np.interp(times, simulated, run.motor_torque[:, axis])
-        if disturbance is not None:  # it went in as feed-forward, which the drive logs
-            torque -= disturbance
-        return torque if recording.side == "motor" else torque * robot.gear_ratio
+                logged[part, axis] = np.interp(times, simulated, values[:, axis])
+        return logged
 
     def _pushed(self, control: np.ndarray, disturbance: np.ndarray) -> np.ndarray:
         """Control with a torque added to the feed-forward."""
