@@ -9,7 +9,7 @@ import numpy as np
 
 from faultgen.discovery.evidence import Evidence
 from faultgen.discovery.problem import Problem
-from faultgen.discovery.terms import BENT, PERIODIC
+from faultgen.discovery.terms import BENT, PAYLOAD, PERIODIC, Term
 from faultgen.effects import get_effect
 from faultgen.errors import SimulationFailed
 
@@ -144,8 +144,18 @@ def _done(
 
 
 def _bounds(problem: Problem, terms: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    low = [_smallest(problem, t) for t in terms]
-    return np.array(low), np.array([get_effect(problem.terms[t].name).largest for t in terms])
+    pairs = np.array([_range(problem.terms[t]) for t in terms]).reshape(-1, 2)
+    return pairs[:, 0], pairs[:, 1]
+
+
+def _range(term: Term) -> tuple[float, float]:
+    """Smallest and largest severity."""
+    effect = get_effect(term.name)
+    if term.name in PERIODIC:  # sine and cosine
+        return -effect.largest, effect.largest
+    if term.name == PAYLOAD and term.parameters:  # points, of which only the sum is a mass
+        return -np.inf, np.inf
+    return effect.smallest, effect.largest
 
 
 def _bounded(problem: Problem, terms: Sequence[int], value: np.ndarray) -> np.ndarray:
@@ -156,13 +166,6 @@ def _within(problem: Problem, terms: Sequence[int], value: np.ndarray) -> bool:
     """Whether no severity has run against its bound: one that has explains nothing."""
     low, high = _bounds(problem, terms)
     return bool(np.all((value > low) & (value < high)))
-
-
-def _smallest(problem: Problem, index: int) -> float:
-    term = problem.terms[index]
-    if term.name in PERIODIC:  # sine and cosine
-        return -get_effect(term.name).largest
-    return get_effect(term.name).smallest
 
 
 def _slopes(
