@@ -219,6 +219,7 @@ def ur10e(data: Path, out: Path) -> None:
 XL330_LEFT_OUT = ("transmission_error", "torque_ripple", "torque_constant")
 
 
+LOAD = Term("load_friction", 1, 0.0, 0.0)
 XL330_TRAIN, XL330_TEST = (100, 200, 800), 400
 
 
@@ -258,7 +259,7 @@ def xl330(data: Path, out: Path) -> None:
         f"published: position error at gain {XL330_TEST} "
         f"{xl330_error(test, models[XL330_TEST]):.4f} rad"
     )
-    every: dict[str, list[Changes]] = {}
+    loads: list[tuple[float, float]] = []
     for gain in XL330_TRAIN:
         recording = xl330_recording(folder, gain)
         found = investigate(
@@ -280,9 +281,11 @@ def xl330(data: Path, out: Path) -> None:
         named = [
             (found.problem.terms[t], float(v)) for t, v in zip(best.terms, best.values, strict=True)
         ]
-        load = [change for change in named if change[0].name == "load_friction"]
+        with_errors = zip(named, best.errors.tolist(), strict=True)
+        load = [(value, error) for (t, value), error in with_errors if t.name == LOAD.name]
+        loads += load
         tuned: dict[str, Changes] = {
-            "load friction alone": load,
+            "load friction alone": [(LOAD, value) for value, _ in load],
             "calibrated": refined(plain(found.problem)),
             "calibrated, with effects": refined(plain(found.problem), named),
         }
@@ -291,19 +294,19 @@ def xl330(data: Path, out: Path) -> None:
                 xl330_error(recording, models[gain], changes),
                 xl330_error(test, models[XL330_TEST], changes),
             ]
-            every.setdefault(label, []).append(changes)
             print(
                 f"  {label}: position error {errors[0]:.4f} rad, at gain {XL330_TEST} "
                 f"{errors[1]:.4f} rad",
                 flush=True,
             )
-    for label, several in every.items():
-        total: dict[Term, float] = {}
-        for changes in several:
-            for term, value in changes:
-                total[term] = total.get(term, 0.0) + value / len(several)
-        error = xl330_error(test, models[XL330_TEST], list(total.items()))
-        print(f"mean of the gains, {label}: at gain {XL330_TEST} {error:.4f} rad")
+    values, deviations = np.array(loads).reshape(-1, 2).T
+    for label, weight in (("plain", np.ones(len(values))), ("by standard error", deviations**-2.0)):
+        value = float(np.average(values, weights=weight))
+        error = xl330_error(test, models[XL330_TEST], [(LOAD, value)])
+        print(
+            f"mean load friction of the gains, {label}: {value:.3f}, at gain {XL330_TEST} "
+            f"{error:.4f} rad"
+        )
 
 
 RUNS = {"emps": emps, "ur10e": ur10e, "xl330": xl330}
