@@ -76,7 +76,6 @@ def main(
                     robot=[name],
                     task=TASKS,
                     axis=[[axis]],
-                    severity=[severity],
                     schedule=[severity] * 2,
                     cycles=2,
                     sensors=sensors,

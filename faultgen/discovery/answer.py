@@ -18,6 +18,9 @@ LEFT = 0.05
 """Share of a gap with a pattern from which effects do not explain it: chosen on development
 cases."""
 
+CERTAIN = 1e-8
+"""The same where nothing is missing otherwise: whitening leaves some slow noise."""
+
 OPEN, OPEN_NOISE = 0.1, 1.5
 """Share of an axis' squared gap to its twin, and RMS over that of the noise, beyond which a gap is
 left open by what explains it: assumed."""
@@ -141,7 +144,7 @@ def _verdict(
 ) -> str:
     strange = strange_patterns(problem, found)
     if not choice.best.groups:
-        return UNKNOWN if strange else NONE
+        return UNKNOWN if any(one.p_value < CERTAIN for one in strange) else NONE
     if _contrived(problem, choice.best):
         return UNKNOWN
     white = problem.whiten(shown)
