@@ -32,6 +32,7 @@ from analysis.plots import COLOURS, style
 from faultgen.discovery import Recording, Replay, investigate
 from faultgen.discovery.calibrate import WIDTHS, calibrate, changed, refined
 from faultgen.discovery.choose import SURE, groups_of
+from faultgen.discovery.fit import changes_of
 from faultgen.discovery.problem import plain, rolling
 from faultgen.discovery.replay import Changes, settled
 from faultgen.discovery.terms import INERTIA, PAYLOAD, Term, payload_of
@@ -95,9 +96,7 @@ def emps(data: Path, out: Path) -> None:
     found = tried[width]
     best = found.choice.best
     print("verdict:", found.answer.verdict)
-    effects = [
-        (found.problem.terms[t], float(v)) for t, v in zip(best.terms, best.values, strict=True)
-    ]
+    effects = changes_of(found.problem, best)
     for (term, value), error in zip(effects, best.errors, strict=True):
         print(f"- {term.name} {value:.4g} +- {error:.2g} {dict(term.parameters)}")
     following = investigate(emps_followed(train), robot, width=width, **asked)  # type: ignore[arg-type]
@@ -196,9 +195,7 @@ def ur10e(data: Path, out: Path) -> None:
             problem = plain(result.problem)
             for one in told.effects:
                 print("-", one.effect, one.axis, f"{one.severity:.4g}", one.parameters)
-            effects = [
-                (problem.terms[t], float(v)) for t, v in zip(best.terms, best.values, strict=True)
-            ]
+            effects = changes_of(problem, best)
             payload = [(t, v) for t, v in effects if t.name == PAYLOAD]
             if payload:
                 places = np.array([[x for _, x in t.parameters] for t, _ in payload])
@@ -278,9 +275,7 @@ def xl330(data: Path, out: Path) -> None:
             ]
             print(f"  {', '.join(effects) or 'calibrated'}: score {one.score:.0f}", flush=True)
         best = found.choice.best
-        named = [
-            (found.problem.terms[t], float(v)) for t, v in zip(best.terms, best.values, strict=True)
-        ]
+        named = changes_of(found.problem, best)
         with_errors = zip(named, best.errors.tolist(), strict=True)
         load = [(value, error) for (t, value), error in with_errors if t.name == LOAD.name]
         loads += load

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import norm
 
 from faultgen.discovery.choose import Choice
-from faultgen.discovery.fit import Fit, Group
+from faultgen.discovery.fit import Fit, Group, changes_of
 from faultgen.discovery.problem import Problem
 from faultgen.discovery.regimes import Pattern, patterns, where
 from faultgen.discovery.replay import relative_error, relative_errors
@@ -51,13 +51,13 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     own = [(problem.terms[t].axis, problem.white[t]) for t in best.terms]
     found = patterns(problem, white, problem.fitting, own)
     shown = left + best.change  # the gap that is to be explained, less calibration
-    shares = where(problem, problem.whiten(shown))
+    white_shown = problem.whiten(shown)
+    shares = where(problem, white_shown)
     p_value = significance(problem, problem.whiten(calibrated))
     scores = [_score(problem, x) for x in (problem.gap, calibrated, left)]
     floor = _score(problem, np.broadcast_to(problem.noise.deviation, problem.gap.shape))
-    verdict = _verdict(problem, choice, found, shown)
-    if choice.best.groups and problem.twin and _is_open(scores[0][1], scores[2][1], floor[1]):
-        verdict = UNKNOWN
+    is_open = problem.twin and _is_open(scores[0][1], scores[2][1], floor[1])
+    verdict = _verdict(problem, choice, found, white_shown, is_open)
     known = verdict in (NAMED, AMBIGUOUS)
     effects, alternatives = _named(problem, choice)
     changes = _calibration(problem, best if known else empty, values if known else base_values)
@@ -140,14 +140,14 @@ def _verdict(
     problem: Problem,
     choice: Choice,
     found: list[Pattern],
-    shown: np.ndarray,
+    white: np.ndarray,
+    is_open: bool,
 ) -> str:
     strange = strange_patterns(problem, found)
     if not choice.best.groups:
         return UNKNOWN if any(one.p_value < CERTAIN for one in strange) else NONE
-    if _contrived(problem, choice.best):
+    if is_open or _contrived(problem, choice.best):
         return UNKNOWN
-    white = problem.whiten(shown)
     gap = max(float((white[problem.inside] ** 2).sum()) - problem.inside.sum(), 1.0)
     if strange and strange[0].strength > LEFT * gap:
         return UNKNOWN
@@ -246,9 +246,7 @@ def _one(
 
 def _calibration(problem: Problem, fitted: Fit, solution: np.ndarray) -> list[tuple[Term, float]]:
     """All that is changed in the model."""
-    effects = [
-        (problem.terms[t], float(v)) for t, v in zip(fitted.terms, fitted.values, strict=True)
-    ]
+    effects = changes_of(problem, fitted)
     if problem.twin:
         return effects
     numbers = [

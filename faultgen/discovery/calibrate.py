@@ -17,6 +17,7 @@ import numpy as np
 
 from faultgen.discovery.columns import columns
 from faultgen.discovery.evidence import FREE, Evidence
+from faultgen.discovery.fit import differences
 from faultgen.discovery.forms import form_columns, form_terms
 from faultgen.discovery.problem import Problem, plain, pose
 from faultgen.discovery.recording import Recording
@@ -32,7 +33,7 @@ from faultgen.discovery.terms import (
     widened,
 )
 from faultgen.effects import get_effect
-from faultgen.errors import InputError, SimulationFailed
+from faultgen.errors import InputError
 from faultgen.robot import Robot
 
 WIDTHS = (1.0, 3.0, 10.0, 30.0, 100.0)
@@ -140,10 +141,18 @@ def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[
     for term, severity in start:
         index = at[term.key, term.parameters]
         weight[index], value[index] = FREE, severity / scale[index]
+
+    def simulate(value: np.ndarray) -> np.ndarray | None:
+        """Torque of all terms; forms of friction are not simulated."""
+        change = problem.change(_possible(problem, value * scale, form))
+        if change is None:
+            return None
+        return np.asarray(change + np.tensordot(value * scale * form, problem.raw, axes=1))
+
     best, damping = (np.inf, value), 0.0
     local: Evidence | None = None  # with slopes at the best values
     for _ in range(_STEPS):
-        torque = _torque(problem, value * scale, form)
+        torque = simulate(value)
         misfit = np.inf
         if torque is not None:
             left = problem.evidence(problem.gap - torque)
@@ -153,40 +162,16 @@ def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[
             best, damping = (misfit, value), damping / 10
             if done:
                 break
-            slopes = _slopes(problem, value, scale, form, torque)
-            local = problem.evidence(problem.gap - torque, slopes)
+            far = [k for k in np.argsort(-np.abs(value * ~form))[:_ANEW] if abs(value[k]) >= 0.5]
+            slopes = differences(simulate, value, torque, {int(k): -0.05 * value[k] for k in far})
+            by_unit = {k: slope / scale[k] for k, slope in slopes.items()}
+            local = problem.evidence(problem.gap - torque, by_unit)
         else:
             damping = max(10 * damping, 0.1)
         if local is None:
             break
         value = best[1] + _step(local, weight, best[1], damping)
     return _possible(problem, best[1] * scale, form)
-
-
-def _torque(problem: Problem, values: np.ndarray, form: np.ndarray) -> np.ndarray | None:
-    """What values of all terms add to the torque; forms of friction are not simulated."""
-    changes = _possible(problem, values, form)
-    try:
-        simulated = problem.replay.torque(changes) - problem.base
-    except SimulationFailed:
-        return None
-    return np.asarray(simulated + np.tensordot(values * form, problem.raw, axes=1))
-
-
-def _slopes(
-    problem: Problem, value: np.ndarray, scale: np.ndarray, form: np.ndarray, torque: np.ndarray
-) -> dict[int, np.ndarray]:
-    """Columns of the terms that are furthest off, by differences at their present values."""
-    slopes = {}
-    for k in np.argsort(-np.abs(value * ~form))[:_ANEW]:
-        if abs(value[k]) < 0.5:
-            break
-        moved = value.copy()
-        moved[k] *= 0.95
-        run = _torque(problem, moved * scale, form)
-        if run is not None:
-            slopes[int(k)] = (torque - run) / (0.05 * value[k] * scale[k])
-    return slopes
 
 
 def _step(evidence: Evidence, weight: np.ndarray, value: np.ndarray, damping: float) -> np.ndarray:

@@ -64,8 +64,6 @@ class Choice:
     """The set that is answered with."""
     rivals: tuple[tuple[int, Group, float], ...]
     """Swaps that are not excluded: place in the set, what is put there, and how much worse."""
-    overdispersion: float
-    """Squared whitened error over what noise alone would leave, at least 1."""
 
 
 def groups_of(problem: Problem) -> list[Group]:
@@ -104,8 +102,7 @@ def choose(problem: Problem) -> Choice:
             break
         current = new
         fits.append(current)
-    over = max(1.0, current.misfit / max(search.samples, 1))
-    return Choice(tuple(fits), current, tuple(search.rivals(current, over)), over)
+    return Choice(tuple(fits), current, tuple(search.rivals(current)))
 
 
 class _Search:
@@ -114,7 +111,6 @@ class _Search:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self.candidates = groups_of(problem)
-        self.samples = sum(int(problem.inside[problem.parts[p]].sum()) for p in problem.fitting)
         self._seen: dict[frozenset[Group], Fit | None] = {}
         empty = self._fitted(())
         assert empty is not None
@@ -233,8 +229,10 @@ class _Search:
         good = [rival for rival in rivals if self.is_better(rival, current)]
         return min([new, *good], key=lambda one: one.score)
 
-    def rivals(self, current: Fit, over: float) -> list[tuple[int, Group, float]]:
-        """Swaps that are not excluded."""
+    def rivals(self, current: Fit) -> list[tuple[int, Group, float]]:
+        """Swaps that are not excluded; differences count over the overdispersion."""
+        samples = self.problem.inside[self.problem.samples(self.problem.fitting)].sum()
+        over = max(1.0, current.misfit / max(int(samples), 1))
         found = [
             (place, other, (rival.score - current.score) / over)
             for place, other, rival in self._swaps(current, over, 2 * _RIVALS)

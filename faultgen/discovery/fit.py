@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,6 @@ from faultgen.discovery.evidence import Evidence
 from faultgen.discovery.problem import Problem
 from faultgen.discovery.terms import BENT, PAYLOAD, PERIODIC, Term
 from faultgen.effects import get_effect
-from faultgen.errors import SimulationFailed
 
 Group = tuple[int, ...]
 """Indices of the terms that make one candidate: one, or sine and cosine of a periodic effect."""
@@ -74,6 +73,11 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
     if not terms:
         _, _, misfit = evidence.solve()
         return _done(problem, (), np.empty(0), np.zeros_like(problem.gap), evidence, misfit)
+
+    def simulate(value: np.ndarray) -> np.ndarray | None:
+        pairs = zip(terms, value.tolist(), strict=True)
+        return problem.change([(problem.terms[t], v) for t, v in pairs])
+
     value = start
     if value is None:
         solution, _, _ = evidence.solve(free=terms)
@@ -87,25 +91,28 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
     straight = all(problem.terms[t].name not in BENT for t in terms)
     best: tuple[float, np.ndarray, np.ndarray, Evidence] | None = None
     for _ in range(_STEPS):
-        change = _change(problem, terms, value)
+        change = simulate(value)
         here = np.inf
         if change is not None:
             evidence = problem.evidence(problem.gap - change)
             _, _, here = evidence.solve(held=terms)
-        if best is None and not here < nothing:  # the first step was too long
-            straight = False
-            value = 0.4 * value
-            continue
-        if best is None and here - expected > max(1.0, _SHORT * (nothing - expected)):
-            straight = False
+        if best is None:
+            if not here < nothing:  # the first step was too long
+                straight = False
+                value = 0.4 * value
+                continue
+            if here - expected > max(1.0, _SHORT * (nothing - expected)):
+                straight = False
         if change is not None and (best is None or here < best[0]):
             if not straight:
-                slopes = _slopes(problem, terms, value, change)
-                evidence = problem.evidence(problem.gap - change, slopes)
+                steps = {k: -0.02 * v or problem.terms[terms[k]].step for k, v in enumerate(value)}
+                slopes = differences(simulate, value, change, steps)
+                by_term = {terms[k]: slope for k, slope in slopes.items()}
+                evidence = problem.evidence(problem.gap - change, by_term)
             best = here, value, change, evidence
             solution, _, _ = evidence.solve(free=terms)
             delta = solution[terms] * scale
-        elif best is not None:
+        else:
             delta = 0.4 * delta
         assert best is not None
         new = _bounded(problem, terms, best[1] + delta)
@@ -118,14 +125,36 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
     return _done(problem, tuple(groups), value, change, evidence, here)
 
 
-def _change(problem: Problem, terms: Sequence[int], value: np.ndarray) -> np.ndarray | None:
-    """What values of terms add to the torque; None where the simulation diverges."""
-    changes = [(problem.terms[t], float(v)) for t, v in zip(terms, value, strict=True)]
-    try:
-        change = problem.replay.torque(changes) - problem.base
-    except SimulationFailed:
-        return None
-    return change if np.isfinite(change).all() else None
+def differences(
+    simulate: Callable[[np.ndarray], np.ndarray | None],
+    value: np.ndarray,
+    change: np.ndarray,
+    steps: Mapping[int, float],
+) -> dict[int, np.ndarray]:
+    """Slopes of a torque by difference quotients, where they can be simulated.
+
+    Args:
+        simulate: Torque of values; None where it diverges.
+        value: Where the slopes are taken.
+        change: Torque there, shape (samples, n_axes).
+        steps: By how much each value that is asked for is moved, by its index.
+
+    Returns:
+        Slopes by index, shape (samples, n_axes) each.
+    """
+    slopes = {}
+    for k, step in steps.items():
+        moved = value.copy()
+        moved[k] += step
+        run = simulate(moved)
+        if run is not None:
+            slopes[k] = (run - change) / step
+    return slopes
+
+
+def changes_of(problem: Problem, fitted: Fit) -> list[tuple[Term, float]]:
+    """Terms of a set and their values."""
+    return [(problem.terms[t], float(v)) for t, v in zip(fitted.terms, fitted.values, strict=True)]
 
 
 def _done(
@@ -166,18 +195,3 @@ def _within(problem: Problem, terms: Sequence[int], value: np.ndarray) -> bool:
     """Whether no severity has run against its bound: one that has explains nothing."""
     low, high = _bounds(problem, terms)
     return bool(np.all((value > low) & (value < high)))
-
-
-def _slopes(
-    problem: Problem, terms: Sequence[int], value: np.ndarray, change: np.ndarray
-) -> dict[int, np.ndarray]:
-    """Columns of a set by differences at its present values, where they can be simulated."""
-    slopes = {}
-    for k, term in enumerate(terms):
-        step = -0.02 * value[k] or problem.terms[term].step
-        moved = value.copy()
-        moved[k] += step
-        run = _change(problem, terms, moved)
-        if run is not None:
-            slopes[term] = (run - change) / step
-    return slopes

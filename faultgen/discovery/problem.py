@@ -11,8 +11,9 @@ import numpy as np
 from faultgen.discovery.evidence import Evidence
 from faultgen.discovery.noise import Autoregression, autoregression, noise_of
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.replay import Replay, settled
+from faultgen.discovery.replay import Changes, Replay, settled
 from faultgen.discovery.terms import Term
+from faultgen.errors import SimulationFailed
 from faultgen.robot import STRIBECK_VELOCITY, Robot
 
 _JUMP = 0.05  # time around a change of direction in which the noise is not looked for [s]
@@ -86,10 +87,15 @@ class Problem:
 
     def samples(self, parts: Sequence[int]) -> np.ndarray:
         """Samples of parts, as a mask of shape (samples,)."""
-        use = np.zeros(len(self.gap), bool)
-        for p in parts:
-            use[self.parts[p]] = True
-        return use
+        return samples_of([self.parts[p] for p in parts], len(self.gap))
+
+    def change(self, changes: Changes) -> np.ndarray | None:
+        """What changes in the model add to its torque; None where the simulation diverges."""
+        try:
+            change = self.replay.torque(changes) - self.base
+        except SimulationFailed:
+            return None
+        return change if np.isfinite(change).all() else None
 
     def whiten(self, x: np.ndarray) -> np.ndarray:
         """Whitened, masked and weighted, shape (..., samples, n_axes)."""
@@ -133,6 +139,19 @@ def blocks(recording: Recording) -> list[slice]:
         edges = np.linspace(part.start, part.stop, count + 1).round().astype(int)
         cut += [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
     return cut
+
+
+def for_scoring(parts: Sequence[slice]) -> list[int]:
+    """The last fifth of the parts, at least one: nothing is fitted to them or chosen by them."""
+    return list(range(len(parts) - max(1, len(parts) // 5), len(parts)))
+
+
+def samples_of(parts: Sequence[slice], count: int) -> np.ndarray:
+    """Samples of parts, as a mask of shape (count,)."""
+    use = np.zeros(count, bool)
+    for part in parts:
+        use[part] = True
+    return use
 
 
 def pose(
@@ -181,8 +200,6 @@ def pose(
     left = noise.whiten(unexplained(lambda x: noise.whiten(x, parts) * mask), parts)
     trust = _trust(recording, robot, left, inside)
     weight = (mask * trust).astype(np.float32)
-    count = len(parts)
-    scoring = list(range(count - max(1, count // 5), count))
     return Problem(
         replay=replay,
         terms=list(terms),
@@ -190,7 +207,7 @@ def pose(
         gap=gap,
         inside=inside,
         parts=parts,
-        scoring=scoring,
+        scoring=for_scoring(parts),
         raw=raw,
         noise=noise,
         trust=trust,
