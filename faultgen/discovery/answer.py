@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import norm
 
 from faultgen.discovery.choose import Choice
 from faultgen.discovery.fit import Fit, Group, changes_of
@@ -17,9 +16,6 @@ from faultgen.effects import get_effect
 LEFT = 0.05
 """Share of a gap with a pattern from which effects do not explain it: chosen on development
 cases."""
-
-CERTAIN = 1e-8
-"""The same where nothing is missing otherwise: whitening leaves some slow noise."""
 
 OPEN, OPEN_NOISE = 0.1, 1.5
 """Share of an axis' squared gap to its twin, and RMS over that of the noise, beyond which a gap is
@@ -35,6 +31,8 @@ BAND = {
 }
 """RMS of a pattern over RMS torque of its axis up to which a calibrated model without twin is as
 good as models are: 1.35 times the largest of healthy development cases."""
+
+_DRAWS = 1999  # of the bootstrap
 
 
 def answer(problem: Problem, choice: Choice) -> Answer:
@@ -110,15 +108,20 @@ def _score(problem: Problem, error: np.ndarray) -> tuple[float, list[float]]:
 def significance(problem: Problem, white: np.ndarray) -> float:
     """Probability by noise of the largest mean square of any motion and axis.
 
-    The spread of a mean square is that of its means over blocks of 0.1 s, so that what correlation
-    is left counts; the largest of all is held against as many normal ones.
+    Mean squares less 1, over their standard errors, are held against the same of blocks of 0.1 s
+    drawn again about their own mean, so that correlation and tails that are left count. Source:
+    block bootstrap (Kunsch 1989) of a studentized maximum (Romano and Wolf 2005).
 
     Args:
         problem: The recording.
         white: Whitened error, shape (samples, n_axes).
+
+    Returns:
+        The share of draws that are as large, of `_DRAWS` and the one seen.
     """
     length = max(5, round(0.1 / problem.recording.sample_period))
-    z_seen, means, spreads = [], [], []
+    rng = np.random.default_rng(0)
+    seen, largest = -np.inf, np.full(_DRAWS, -np.inf)
     for part in problem.parts:
         for axis in range(white.shape[1]):
             rows = problem.inside[part, axis]
@@ -126,14 +129,16 @@ def significance(problem: Problem, white: np.ndarray) -> float:
                 continue
             squares = white[part, axis][rows] ** 2
             blocks = squares[: len(squares) // length * length].reshape(-1, length).mean(axis=1)
-            z_seen.append(blocks.mean() - 1)
-            means.append(len(blocks))
-            spreads.append(min(float(blocks.std()), 3 * np.sqrt(2 / length)))
-    if not z_seen:
+            # one block that is far off must not hide itself in the error
+            error = min(float(blocks.std()), 3 * np.sqrt(2 / length)) + 1e-12
+            seen = max(seen, (blocks.mean() - 1) / error * np.sqrt(len(blocks)))
+            drawn = blocks[rng.integers(len(blocks), size=(_DRAWS, len(blocks)))]
+            spread = drawn.std(axis=1) + 1e-12
+            t = (drawn.mean(axis=1) - blocks.mean()) / spread * np.sqrt(len(blocks))
+            largest = np.maximum(largest, t)
+    if not np.isfinite(seen):
         return 1.0
-    error = np.array(spreads) / np.sqrt(means) + 1e-12
-    largest = float(np.max(np.array(z_seen) / error))
-    return float(1 - norm.cdf(largest) ** len(z_seen))
+    return float((1 + np.sum(largest >= seen)) / (_DRAWS + 1))
 
 
 def _verdict(
@@ -145,7 +150,7 @@ def _verdict(
 ) -> str:
     strange = strange_patterns(problem, found)
     if not choice.best.groups:
-        return UNKNOWN if any(one.p_value < CERTAIN for one in strange) else NONE
+        return UNKNOWN if strange else NONE
     if is_open or _contrived(problem, choice.best):
         return UNKNOWN
     gap = max(float((white[problem.inside] ** 2).sum()) - problem.inside.sum(), 1.0)

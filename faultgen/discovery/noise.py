@@ -107,9 +107,13 @@ def _memory(ratio: float) -> float:
 
 
 def autoregression(
-    residual: np.ndarray, inside: np.ndarray, parts: Sequence[slice], order: int = 3
+    residual: np.ndarray, inside: np.ndarray, parts: Sequence[slice], order: int = 8
 ) -> Autoregression:
     """Fit an autoregression to what is left of a gap.
+
+    Noise that is white plus coloured is an autoregression of no finite order; eight steps are so
+    near to it that patterns over seconds in healthy robots are as likely as they should be, three
+    are not.
 
     Args:
         residual: Shape (samples, n_axes).

@@ -143,12 +143,13 @@ class Pattern:
 
 
 _FAMILIES = (
-    ("joint angle", 24),
-    ("motor turn", 16),
-    ("speed", 16),
-    ("acceleration", 12),
-    ("time", 40),
+    ("joint angle", (24, 6)),
+    ("motor turn", (16,)),
+    ("speed", (16, 6)),
+    ("acceleration", (12, 4)),
+    ("time", (40, 10)),
 )
+"""Numbers of bins: many for what is sharp, few for what is smooth."""
 
 
 def patterns(
@@ -210,12 +211,13 @@ def _along_all(
         "time": np.flatnonzero(rows) * problem.recording.sample_period,
     }
     found = []
-    for name, count in _FAMILIES:
+    for name, counts in _FAMILIES:
         whole = name in ("speed", "time")
         directions = (np.ones_like(forward),) if whole else (forward, ~forward)
-        found.append(
+        found += [
             _pattern(axis + 1, name, features[name], error[rows], weight[rows], directions, count)
-        )
+            for count in counts
+        ]
     return found
 
 

@@ -18,7 +18,7 @@ NONE, NAMED, AMBIGUOUS, UNKNOWN = (
     "unknown effect",
 )
 
-UNLIKELY = 1e-5
+UNLIKELY = 1e-4
 """Probability of a pattern by noise below which it counts."""
 
 MEASURE = "RMS torque error over RMS torque, on motions used neither for fitting nor for choosing"
