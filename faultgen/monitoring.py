@@ -15,7 +15,8 @@ SPEED_WINDOW = (50.0, 120.0)
 BINS = 12
 """Bins of every histogram, thesis 3.4 and 5.3.1."""
 
-_LIFE_EXPONENT = 10 / 3
+LIFE_EXPONENT = 10 / 3
+"""Of the torque in the rating life of reducers."""
 
 
 @dataclass(frozen=True)
@@ -72,14 +73,14 @@ def monitor(
     """
     speed = np.abs(velocity)
     distance = speed.sum(axis=0)
-    weighted = (speed * np.abs(torque) ** _LIFE_EXPONENT).sum(axis=0)
+    weighted = (speed * np.abs(torque) ** LIFE_EXPONENT).sum(axis=0)
     load = np.where(distance > 0, weighted / np.maximum(distance, 1e-300), 0.0)
     return {
         "mean_abs_torque": mean_abs_torque(velocity, torque),
         "torque_histogram": histogram(torque, -limits.torque, limits.torque),
         "speed_histogram": histogram(velocity, -limits.speed, limits.speed),
         "angle_histogram": histogram(position / limits.gear_ratio, *limits.angle.T),
-        "torque_indicator": load ** (1 / _LIFE_EXPONENT),
+        "torque_indicator": load ** (1 / LIFE_EXPONENT),
         "speed_indicator": speed.mean(axis=0),
     }
 

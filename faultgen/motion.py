@@ -284,3 +284,49 @@ def _hold(angles: np.ndarray) -> Callable[[np.ndarray, int], np.ndarray]:
 
 def _still(times: np.ndarray) -> np.ndarray:
     return np.zeros((3, len(times)))
+
+
+def shifted(motion: Motion, robot: Robot, shift: np.ndarray, speed: float) -> Motion:
+    """The same motion about other joint angles, at a speed override.
+
+    Args:
+        motion: The motion.
+        robot: Its robot, perhaps with another payload.
+        shift: Added to all joint angles, shape (n_axes,), in [rad].
+        speed: Override, above 0 and up to 1: all velocities are multiplied by it.
+
+    Raises:
+        InputError: A joint angle or a motor torque would be out of its range.
+    """
+
+    def moved(piece: _Piece) -> _Piece:
+        path, timing = piece.path, piece.timing
+
+        def elsewhere(s: np.ndarray, order: int) -> np.ndarray:
+            return path(s, order) + shift if order == 0 else path(s, order)
+
+        def slower(times: np.ndarray) -> np.ndarray:
+            s, rate, change = timing(times * speed)
+            return np.array([s, rate * speed, change * speed**2])
+
+        return _Piece(piece.start / speed, piece.duration / speed, elsewhere, slower)
+
+    pieces = [moved(piece) for piece in motion.pieces]
+    end = pieces[-1].start + pieces[-1].duration
+    period = float(np.ceil(end / _TICK - 1e-9) * _TICK)
+    if period > end + 1e-9:
+        rest = pieces[-1].path(pieces[-1].timing(np.array([pieces[-1].duration]))[0], 0)[0]
+        pieces.append(_Piece(end, period - end, _hold(rest), _still))
+    new = Motion(robot, motion.task, round(period / _TICK) * _TICK, tuple(pieces))
+    q, qd, qdd = new(np.arange(0, new.period, _GRID))
+    low, high = robot.joint_range.T
+    outside = (q < low - 1e-9) | (q > high + 1e-9)
+    if outside.any():
+        axis = int(np.flatnonzero(outside.any(axis=0))[0]) + 1
+        raise InputError(f"task {motion.task.name}: shifted, axis {axis} leaves its range")
+    torque = np.abs(motor_torque(Arm(robot), q, qd, qdd)).max(axis=0)
+    over = torque > _TORQUE_SHARE * robot.motor_torque_limit * (1 + 1e-6)
+    if over.any():
+        axis = int(np.flatnonzero(over)[0]) + 1
+        raise InputError(f"task {motion.task.name}: shifted, axis {axis} needs too much torque")
+    return new

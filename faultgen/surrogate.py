@@ -99,12 +99,12 @@ class Surrogate:
             )
         if severity.min() < 0 or severity.max() > _WEAR[-1] * (1 + 1e-9):
             raise ValueError(f"severity must be within 0 and {_WEAR[-1]}, got {severity.max()}")
-        base = _lagrange(self.temperatures, temperature)
+        base = lagrange(self.temperatures, temperature)
         coarse = self.temperatures[::_EVERY]
-        slope = _lagrange(coarse, temperature)
-        load = _lagrange((0.0, *_LOAD), payload_factor - 1)[:, 1:]
+        slope = lagrange(coarse, temperature)
+        load = lagrange((0.0, *_LOAD), payload_factor - 1)[:, 1:]
         by_load = slope[:, :, None] * load[:, None, :]
-        wear = np.stack([_lagrange((0.0, *_WEAR), s)[:, 1:] for s in severity.T], axis=1)
+        wear = np.stack([lagrange((0.0, *_WEAR), s)[:, 1:] for s in severity.T], axis=1)
         by_wear = slope[:, :, None, None] * wear[:, None]
         # differences from the base at the same temperature
         base[:, ::_EVERY] -= by_load.sum(axis=2) + by_wear.sum(axis=(2, 3))
@@ -166,7 +166,7 @@ class Surrogate:
             raise InputError(f"{path}: not a surrogate ({error}); delete it") from None
 
 
-def _lagrange(nodes: Iterable[float], x: np.ndarray) -> np.ndarray:
+def lagrange(nodes: Iterable[float], x: Iterable[float]) -> np.ndarray:
     """Value of each Lagrange polynomial of the nodes at x, shape (len(x), nodes)."""
     at = np.asarray(list(nodes), float)
     x = np.asarray(x, float)

@@ -8,11 +8,11 @@ from __future__ import annotations
 import os
 import sys
 
-from faultgen.cli import data, judge, lists
+from faultgen.cli import data, fleet, judge, lists
 from faultgen.cli.app import app
 from faultgen.errors import InputError, SimulationFailed
 
-__all__ = ["data", "judge", "lists", "main"]
+__all__ = ["data", "fleet", "judge", "lists", "main"]
 
 _INTERRUPTED = 130
 

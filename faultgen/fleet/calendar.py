@@ -1,0 +1,134 @@
+"""When a robot runs, what it runs, and what happens to it: rows of five minutes, and days."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from faultgen.fleet.plan import FleetPlan
+from faultgen.fleet.unit import Unit
+
+ROWS = 288
+"""Rows a day."""
+
+STEP = 24.0 / ROWS
+"""Time between rows [h]."""
+
+_SHIFT = 8.0  # [h]
+_BREAK = 0.5  # in the middle of a shift [h]
+_FIRST = {1: 6.0, 2: 6.0, 3: 0.0}  # start of production, by shifts [h]
+_HALL_DAY = 2.0  # amplitude of the hall's temperature over the day [K]: assumed
+_HALL_DAYS = 2.0  # spread from day to day [K]: assumed
+_MEMORY = 0.8  # of the hall, from day to day
+_LUBRICANT_MEMORY = 0.7  # of friction, from day to day
+_DUTY_SPREAD = 0.08  # of a day's duty: assumed
+
+
+@dataclass(frozen=True, eq=False)
+class Calendar:
+    """What befalls one robot."""
+
+    duty: np.ndarray
+    """Share of each row in which it runs, shape (days * ROWS,)."""
+    ambient: np.ndarray
+    """Temperature of the hall, same shape, in [deg C]."""
+    mix: np.ndarray
+    """Share of each program of the time in which it runs, shape (days, programs)."""
+    payload: np.ndarray
+    """Mass over what the controller is told, less 1, shape (days,)."""
+    friction: np.ndarray
+    """Of each axis over what it is in this robot, less 1, shape (days, n_axes)."""
+    services: np.ndarray
+    """Days that begin with a service."""
+    changes: np.ndarray
+    """Days that begin with another mix."""
+
+
+def draw_calendar(plan: FleetPlan, unit: Unit, n_axes: int, rng: np.random.Generator) -> Calendar:
+    """Draw what befalls a robot.
+
+    Args:
+        plan: The fleet.
+        unit: The robot.
+        n_axes: Its axes.
+        rng: Source of randomness.
+    """
+    days = plan.days
+    rng_duty, rng_hall, rng_mix, rng_parts, rng_friction = rng.spawn(5)
+    services = _occasions(days, plan.scatter.service, rng_friction)
+    changes = _occasions(days, plan.programs.change, rng_mix)
+    return Calendar(
+        duty=_duty(unit, days, rng_duty),
+        ambient=_hall(unit, days, rng_hall),
+        mix=_mix(len(unit.programs), days, changes, plan.programs.mix, rng_mix),
+        payload=plan.programs.parts * rng_parts.standard_normal(days).clip(-3, 3),
+        friction=_friction(plan, days, n_axes, services, rng_friction),
+        services=services,
+        changes=changes,
+    )
+
+
+def _occasions(days: int, mean: float, rng: np.random.Generator) -> np.ndarray:
+    """Days of a Poisson process."""
+    if mean == 0:
+        return np.zeros(0, int)
+    return np.flatnonzero(rng.random(days) < 1 / mean)
+
+
+def _duty(unit: Unit, days: int, rng: np.random.Generator) -> np.ndarray:
+    hour = np.arange(ROWS) * STEP
+    since = hour - _FIRST[unit.shifts]
+    works = (since >= 0) & (since < unit.shifts * _SHIFT)
+    middle = np.mod(since, _SHIFT)
+    works &= ~((middle >= _SHIFT / 2) & (middle < _SHIFT / 2 + _BREAK))
+    weekday = np.mod(unit.first_weekday + np.arange(days), 7)
+    level = unit.duty * np.where(weekday >= 5, unit.weekend, 1.0)
+    level = level * (1 + _DUTY_SPREAD * rng.standard_normal(days))
+    return (level.clip(0.02, 1.0)[:, None] * works).ravel()
+
+
+def _hall(unit: Unit, days: int, rng: np.random.Generator) -> np.ndarray:
+    by_day = _walk(days, 1, _MEMORY, rng)[:, 0] * _HALL_DAYS
+    rows = np.arange(days * ROWS) / ROWS
+    day = np.interp(rows, np.arange(days) + 0.5, by_day)
+    return unit.ambient + day - _HALL_DAY * np.cos(2 * np.pi * (rows - 0.15))
+
+
+def _mix(
+    programs: int, days: int, changes: np.ndarray, constancy: float, rng: np.random.Generator
+) -> np.ndarray:
+    share = rng.dirichlet(np.full(programs, 2.0))
+    out = np.empty((days, programs))
+    for day in range(days):
+        if day in changes:
+            share = rng.dirichlet(np.full(programs, 2.0))
+        out[day] = rng.dirichlet(constancy * share + 1e-3)
+    return out
+
+
+def _friction(
+    plan: FleetPlan, days: int, n_axes: int, services: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """Day to day, and with the age of the lubricant."""
+    scatter = plan.scatter
+    spread = scatter.lubricant * _walk(days, n_axes, _LUBRICANT_MEMORY, rng)
+    if scatter.service == 0:
+        return spread
+    age = rng.exponential(scatter.service)
+    ages = np.empty(days)
+    for day in range(days):
+        age = 0.0 if day in services else age + 1.0
+        ages[day] = age
+    gained = scatter.ageing * np.minimum(ages / scatter.service, 2.0)
+    return spread + gained[:, None]
+
+
+def _walk(days: int, columns: int, memory: float, rng: np.random.Generator) -> np.ndarray:
+    """Autoregression of first order with variance 1, shape (days, columns)."""
+    out = np.empty((days, columns))
+    now = rng.standard_normal(columns)
+    for day in range(days):
+        out[day] = now
+        now = memory * now + np.sqrt(1 - memory**2) * rng.standard_normal(columns)
+    return out

@@ -1,0 +1,104 @@
+"""Making a fleet: robots in parallel, each in a file of its own, so that a run can be resumed."""
+
+from __future__ import annotations
+
+import os
+from importlib.metadata import version
+from pathlib import Path
+
+import mujoco
+from joblib import Parallel, delayed
+from tqdm import tqdm
+
+from faultgen.errors import InputError, SimulationFailed
+from faultgen.fleet.data import STORED, Fleet, open_fleet, read_robot
+from faultgen.fleet.events import event_names
+from faultgen.fleet.plan import FleetPlan
+from faultgen.fleet.record import record_robot
+from faultgen.storage import write_arrays, write_text
+
+
+def generate_fleet(
+    plan: FleetPlan, out: str | Path, *, workers: int = 1, progress: bool = False
+) -> Fleet:
+    """Make a fleet, or what is missing of it.
+
+    Args:
+        plan: The fleet.
+        out: Folder; robots of the same plan that it holds are kept.
+        workers: Processes; no effect on the result.
+        progress: Show a bar on stderr.
+
+    Returns:
+        The fleet.
+
+    Raises:
+        InputError: The folder holds another fleet, or cannot be written.
+        SimulationFailed: A robot could not be simulated; the others are there.
+    """
+    out = Path(out)
+    if workers < 1:
+        raise InputError(f"workers: must be at least 1, not {workers}")
+    try:
+        (out / "robots").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be used as a folder ({error.strerror})") from None
+    told = out / "fleet.json"
+    text = plan.model_dump_json(indent=1) + "\n"
+    if told.is_file() and told.read_text() != text:
+        raise InputError(f"{out}: holds a fleet of another plan; give another folder")
+    write_text(told, text)
+    left = [k for k in range(plan.robots) if not _is_done(_path(out, k), plan)]
+    done = Parallel(n_jobs=min(workers, max(len(left), 1)), return_as="generator_unordered")(
+        delayed(_make)(plan, k, _path(out, k)) for k in left
+    )
+    bar = tqdm(
+        done, total=len(left), unit="robot", desc="fleet", disable=None if progress else True
+    )
+    failed = [reason for reason in bar if reason]
+    if failed:
+        raise SimulationFailed(f"{len(failed)} of {plan.robots} robots failed: {failed[0]}")
+    return open_fleet(out)
+
+
+def _path(out: Path, number: int) -> Path:
+    return out / "robots" / f"robot{number + 1:03d}.h5"
+
+
+def _is_done(path: Path, plan: FleetPlan) -> bool:
+    if not path.is_file():
+        return False
+    try:
+        return bool(read_robot(path)[1]["plan_sha256"] == plan.sha256)
+    except InputError:
+        path.unlink()
+        return False
+
+
+def _make(plan: FleetPlan, number: int, path: Path) -> str | None:
+    """Simulate a robot and write its file; the reason where that failed."""
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    try:
+        one = record_robot(plan, number)
+    except (SimulationFailed, InputError) as error:
+        return f"robot {number + 1}: {error}"
+    arrays = {name: getattr(one, name) for name in STORED}
+    arrays |= {f"truth/{name}": values for name, values in one.truth.items()}
+    write_arrays(
+        path,
+        arrays,
+        {
+            "name": one.name,
+            "robot": one.robot,
+            "failed": one.failed,
+            "axis": one.axis,
+            "robots": plan.robots,
+            "days": plan.days,
+            "seed": plan.seed,
+            "event_names": " ".join(event_names(one.torque_indicator.shape[1])),
+            "plan_sha256": plan.sha256,
+            "faultgen_version": version("faultgen"),
+            "mujoco_version": mujoco.__version__,
+        },
+    )
+    return None

@@ -1,0 +1,253 @@
+"""What the monitoring of one robot stores, sample by sample."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from faultgen.fleet.calendar import ROWS, STEP, Calendar, draw_calendar
+from faultgen.fleet.cycles import TEMPERATURES, Cycles, simulate_program
+from faultgen.fleet.data import FleetRobot
+from faultgen.fleet.events import Strain, count_events
+from faultgen.fleet.plan import FleetPlan
+from faultgen.fleet.thermal import RISE, temperatures
+from faultgen.fleet.unit import Unit, draw_unit
+from faultgen.monitoring import LIFE_EXPONENT, histogram
+from faultgen.robot import Robot
+
+_MOMENTS = (1 / 6, 1 / 2, 5 / 6)  # of a sample's production time, at which cycles are looked at
+_LEAST = 0.002  # share of production below which nothing is stored
+_CABINET = 8.0  # warmer than the hall while the robot runs [K]: assumed
+_CABINET_NOISE = 0.5  # [K]: assumed
+
+
+def record_robot(plan: FleetPlan, number: int) -> FleetRobot:
+    """Simulate the programs of a robot and put together what is stored of it.
+
+    Args:
+        plan: The fleet.
+        number: Of the robot, from 0.
+
+    Raises:
+        SimulationFailed: A program could not be simulated.
+    """
+    unit = draw_unit(plan, number)
+    robot = unit.robot()
+    rng = np.random.default_rng([plan.seed, 2, number])
+    rng_calendar, rng_damage, rng_noise, rng_events = rng.spawn(4)
+    cycles = [simulate_program(unit, program) for program in unit.programs]
+    calendar = draw_calendar(plan, unit, robot.n_axes, rng_calendar)
+    damage, shown = _damage(unit, plan.days, rng_damage)
+    warm = _temperatures(unit, calendar, cycles)
+    watched = _Watched(robot, cycles, plan.torque_noise, rng_noise)
+    samples: dict[str, list[np.ndarray | float]] = {}
+    strains = []
+    for day in range(plan.days):
+        seen: list[_Reduced] = []
+        for rows in _windows(unit, day):
+            production = float(calendar.duty[rows].mean())
+            if production < _LEAST:
+                continue
+            moments = _moments(calendar.duty[rows]) + rows.start
+            reduced = watched.reduce(warm[moments], calendar, day, float(shown[day]))
+            seen.append(reduced)
+            hall = float(calendar.ambient[rows].mean())
+            cabinet = hall + _CABINET * production + _CABINET_NOISE * rng_noise.standard_normal()
+            for name, value in {
+                "day": rows.stop / ROWS,
+                "production": production,
+                **reduced.stored(production),
+                "temperature": cabinet,
+                "gearbox_temperature": warm[moments].mean(axis=0),
+                "damage": damage[day],
+                "shown_damage": shown[day],
+                "remaining_life": plan.days - rows.stop / ROWS if unit.life else np.inf,
+                "mix": calendar.mix[day],
+                "payload": unit.payload * (1 + calendar.payload[day]),
+                "friction": calendar.friction[day],
+            }.items():
+                samples.setdefault(name, []).append(value)
+        strains.append(_strain(watched, seen, calendar, warm, day))
+    arrays = {name: np.array(values) for name, values in samples.items()}
+    truth = {
+        **{name: arrays.pop(name) for name in list(arrays) if name in _TRUTH},
+        "services": calendar.services,
+        "changes": calendar.changes,
+        "severity_at_failure": _at_failure(unit),
+    }
+    return FleetRobot(
+        name=f"robot{number + 1:03d}",
+        robot=unit.model,
+        failed=unit.life is not None,
+        axis=0 if unit.life is None else unit.life.axis,
+        **arrays,
+        events=count_events(robot, strains, calendar, rng_events),
+        truth=truth,
+    )
+
+
+_TRUTH = (
+    "gearbox_temperature",
+    "damage",
+    "shown_damage",
+    "remaining_life",
+    "mix",
+    "payload",
+    "friction",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class _Reduced:
+    """Reductions of one sample. Arrays have shape (n_axes,), or (n_axes, 12)."""
+
+    torque_histogram: np.ndarray
+    speed_histogram: np.ndarray
+    angle_histogram: np.ndarray
+    torque: np.ndarray
+    speed: np.ndarray
+    peak: np.ndarray
+    deviation: np.ndarray
+    position_error: np.ndarray
+
+    def stored(self, production: float) -> dict[str, np.ndarray]:
+        """As the monitoring keeps them."""
+        return {
+            "torque_histogram": self.torque_histogram,
+            "speed_histogram": self.speed_histogram,
+            "angle_histogram": self.angle_histogram,
+            "torque_indicator": self.torque * production ** (1 / LIFE_EXPONENT),
+            "speed_indicator": self.speed * production,
+        }
+
+
+class _Watched:
+    """A robot whose cycles are put together and reduced."""
+
+    def __init__(
+        self, robot: Robot, cycles: Sequence[Cycles], noise: float, rng: np.random.Generator
+    ) -> None:
+        self.robot, self.cycles, self.noise, self.rng = robot, cycles, noise, rng
+        low, high = robot.joint_range.T
+        speed, torque = robot.motor_velocity_limit, robot.motor_torque_limit
+        self._torque = -torque, torque
+        self.fixed = [
+            (
+                histogram(one.velocity, -speed, speed),
+                histogram(one.position / robot.gear_ratio, low, high),
+                np.abs(one.velocity),
+            )
+            for one in cycles
+        ]
+        self.usual = [one.base[1, 0] for one in cycles]
+        self.mean = [np.abs(usual).mean(axis=0) for usual in self.usual]
+
+    def reduce(
+        self, temperature: np.ndarray, calendar: Calendar, day: int, damage: float
+    ) -> _Reduced:
+        """Reductions over production time.
+
+        Args:
+            temperature: Of each gearbox at moments of that time, shape (moments, n_axes).
+            calendar: What befalls the robot.
+            day: From 0.
+            damage: As it shows on that day.
+        """
+        n = self.robot.n_axes
+        by_torque = np.zeros((n, len(self.fixed[0][0][0])))
+        by_speed, by_angle = np.zeros_like(by_torque), np.zeros_like(by_torque)
+        weighted, speed = np.zeros(n), np.zeros(n)
+        peak, deviation, error = np.zeros(n), np.zeros(n), np.zeros(n)
+        for k, (one, share) in enumerate(zip(self.cycles, calendar.mix[day], strict=True)):
+            of_speed, of_angle, rate = self.fixed[k]
+            by_speed += share * of_speed
+            by_angle += share * of_angle
+            speed += share * rate.mean(axis=0)
+            for warm in temperature:
+                torque, gap = one.at(warm, calendar.payload[day], calendar.friction[day], damage)
+                torque += self.noise * self.mean[k] * self.rng.standard_normal(torque.shape)
+                part = share / len(temperature)
+                by_torque += part * histogram(torque, *self._torque)
+                weighted += part * (rate * np.abs(torque) ** LIFE_EXPONENT).mean(axis=0)
+                peak = np.maximum(peak, np.abs(torque).max(axis=0))
+                off = np.abs(torque - self.usual[k]).max(axis=0)
+                deviation = np.maximum(deviation, off)
+                error = np.maximum(error, np.abs(gap).max(axis=0))
+        return _Reduced(
+            torque_histogram=by_torque,
+            speed_histogram=by_speed,
+            angle_histogram=by_angle,
+            torque=(weighted / np.maximum(speed, 1e-12)) ** (1 / LIFE_EXPONENT),
+            speed=speed,
+            peak=peak,
+            deviation=deviation,
+            position_error=error,
+        )
+
+
+def _windows(unit: Unit, day: int) -> Iterator[slice]:
+    """Rows of each sample of a day."""
+    edges = np.linspace(day * ROWS, (day + 1) * ROWS, unit.samples_a_day + 1).round().astype(int)
+    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+        yield slice(int(start), int(stop))
+
+
+def _moments(duty: np.ndarray) -> np.ndarray:
+    """Rows at which cycles are looked at."""
+    done = np.cumsum(duty)
+    return np.searchsorted(done, np.array(_MOMENTS) * done[-1])
+
+
+def _damage(unit: Unit, days: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Damage at the middle of each day, and as it shows."""
+    if unit.life is None:
+        return np.zeros(days), np.zeros(days)
+    damage = unit.life.damage(np.arange(days) + 0.5)
+    return damage, damage * unit.life.shown(days, rng)
+
+
+def _temperatures(unit: Unit, calendar: Calendar, cycles: Sequence[Cycles]) -> np.ndarray:
+    """Of each gearbox at each row, shape (days * ROWS, n_axes)."""
+    loss = np.stack([one.loss for one in cycles])
+    by_day = np.einsum("dp,pna->dna", calendar.mix, loss)
+    resistance = RISE * unit.cooling / loss.mean(axis=(0, 1)).clip(1e-9)
+    return temperatures(
+        calendar.ambient,
+        calendar.duty,
+        np.repeat(by_day, ROWS, axis=0),
+        TEMPERATURES,
+        resistance,
+        STEP,
+    )
+
+
+def _strain(
+    watched: _Watched, seen: Sequence[_Reduced], calendar: Calendar, warm: np.ndarray, day: int
+) -> Strain:
+    """What the rules of the event log look at."""
+    rows = slice(day * ROWS, (day + 1) * ROWS)
+    nothing = np.zeros(watched.robot.n_axes)
+    period = sum(
+        one.period * share for one, share in zip(watched.cycles, calendar.mix[day], strict=True)
+    )
+
+    def worst(name: str) -> np.ndarray:
+        return np.max([getattr(one, name) for one in seen], axis=0) if seen else nothing
+
+    usual = np.max([np.abs(u).max(axis=0) for u in watched.usual], axis=0)
+    return Strain(
+        torque=worst("peak") / usual,
+        deviation=worst("deviation") / usual,
+        position_error=worst("position_error"),
+        temperature=warm[rows].max(axis=0),
+        hall=float(calendar.ambient[rows].max()),
+        cycles=float(calendar.duty[rows].sum()) * STEP * 3600 / period,
+    )
+
+
+def _at_failure(unit: Unit) -> np.ndarray:
+    """Friction over nominal, backlash [rad] and ripple [N m] at failure."""
+    life = unit.life
+    return np.zeros(3) if life is None else np.array([life.friction, life.backlash, life.ripple])

@@ -1,0 +1,121 @@
+"""What makes each robot of a fleet itself: drawn once, from the seed and its number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from faultgen.effects import Applied
+from faultgen.fleet.damage import GearboxLife, draw_life
+from faultgen.fleet.plan import FleetPlan
+from faultgen.robot import Robot, load_robot
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """A task at another place and speed."""
+
+    task: str
+    """Name of the task."""
+    shift: np.ndarray
+    """Added to all joint angles, shape (n_axes,), in [rad]."""
+    speed: float
+    """Override."""
+
+
+@dataclass(frozen=True, eq=False)
+class Unit:
+    """One robot of a fleet."""
+
+    model: str
+    """Name of the robot."""
+    payload: float
+    """Mass over nominal; the controller is told."""
+    programs: tuple[Program, ...]
+    """What it runs."""
+    shifts: int
+    """Of 8 h a day."""
+    duty: float
+    """Share of a shift in which programs run."""
+    weekend: float
+    """Duty at the weekend over that of other days."""
+    first_weekday: int
+    """Of the record's first day; 5 and 6 are the weekend."""
+    ambient: float
+    """Mean temperature of the hall [deg C]."""
+    samples_a_day: int
+    """Records stored."""
+    deviations: tuple[Applied, ...]
+    """How this robot differs from its model; the controller is not told."""
+    cooling: np.ndarray
+    """Thermal resistance of each axis over that of its model, shape (n_axes,)."""
+    life: GearboxLife | None
+    """Of the gearbox that fails at the end of the record."""
+
+    def robot(self) -> Robot:
+        """The model with the payload that the controller is told."""
+        nominal = load_robot(self.model)
+        spec = nominal.spec()
+        spec.body("payload").mass *= self.payload
+        spec.body("payload").inertia *= self.payload
+        return Robot(nominal.name, spec.to_xml())
+
+
+def draw_unit(plan: FleetPlan, number: int) -> Unit:
+    """Draw a robot of a fleet.
+
+    Args:
+        plan: The fleet.
+        number: Of the robot, from 0.
+    """
+    chosen = np.random.default_rng([plan.seed, 0]).permutation(plan.robots)[: plan.failing]
+    rng = np.random.default_rng([plan.seed, 1, number])
+    made, does, scatter = plan.production, plan.programs, plan.scatter
+    robot = load_robot(plan.models[int(rng.integers(len(plan.models)))])
+    programs = tuple(
+        Program(
+            task=does.tasks[int(rng.integers(len(does.tasks)))],
+            shift=np.radians(does.shift) * rng.standard_normal(robot.n_axes),
+            speed=float(rng.uniform(*does.speed)),
+        )
+        for _ in range(int(rng.integers(does.number[0], does.number[1] + 1)))
+    )
+    deviations = [
+        Applied(name, axis, float(np.clip(spread * rng.standard_normal(), -0.6, 2.0)))
+        for name, spread in (
+            ("coulomb_friction", scatter.coulomb),
+            ("viscous_friction", scatter.viscous),
+            ("rotor_inertia", scatter.rotor_inertia),
+        )
+        for axis in range(1, robot.n_axes + 1)
+    ]
+    payload, duty, weekend, ambient = (
+        float(rng.uniform(*one)) for one in (does.payload, made.duty, made.weekend, made.ambient)
+    )
+    shifts, samples = (
+        int(rng.integers(low, high + 1)) for low, high in (made.shifts, made.samples_a_day)
+    )
+    first_weekday = int(rng.integers(7))
+    cooling = np.exp(0.2 * rng.standard_normal(robot.n_axes))
+    life = draw_life(
+        robot,
+        failure=float(plan.days),
+        ranges=plan.damage.model_dump(exclude={"unsteadiness"}),
+        unsteadiness=plan.damage.unsteadiness,
+        rng=rng,
+    )
+    return Unit(
+        model=robot.name,
+        payload=payload,
+        programs=programs,
+        shifts=shifts,
+        duty=duty,
+        weekend=weekend,
+        first_weekday=first_weekday,
+        ambient=ambient,
+        samples_a_day=samples,
+        deviations=tuple(deviations),
+        cooling=cooling,
+        life=life if number in chosen else None,
+    )

@@ -1,0 +1,240 @@
+"""Fleets: the laws behind them, and what their files hold."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from faultgen.cli.app import app
+from faultgen.effects import Applied, set_temperature
+from faultgen.errors import InputError
+from faultgen.fleet import FleetPlan, generate_fleet, open_fleet
+from faultgen.fleet.calendar import ROWS, STEP, draw_calendar
+from faultgen.fleet.cycles import (
+    DAMAGES,
+    SAMPLE_PERIOD,
+    TEMPERATURES,
+    program_motion,
+    simulate_program,
+)
+from faultgen.fleet.damage import GearboxLife
+from faultgen.fleet.events import _MOST, Strain, count_events, event_names
+from faultgen.fleet.plan import parse_fleet
+from faultgen.fleet.thermal import TIME_CONSTANT, temperatures
+from faultgen.fleet.unit import draw_unit
+from faultgen.machine import assemble
+from faultgen.monitoring import LIFE_EXPONENT
+from faultgen.servo import control_signal
+from faultgen.simulate import simulate
+
+SMALL = {
+    "robots": 2,
+    "failing": 1,
+    "days": 3,
+    "models": ["puma560"],
+    "programs": {"tasks": ["pick_and_place"], "number": [1, 1], "speed": [0.9, 1.0]},
+    "production": {"samples_a_day": [2, 2]},
+}
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory):
+    return generate_fleet(FleetPlan(**SMALL), tmp_path_factory.mktemp("fleet"), workers=2)
+
+
+@pytest.fixture(scope="module")
+def failing():
+    plan = FleetPlan(**SMALL)
+    unit = next(unit for unit in (draw_unit(plan, k) for k in range(2)) if unit.life)
+    return unit, simulate_program(unit, unit.programs[0])
+
+
+def life(**other):
+    told = {"axis": 2, "failure": 100.0, "life": 80.0, "shape": 3.0, "unsteadiness": 0.3}
+    return GearboxLife(**(told | {"friction": 0.5, "backlash": 1e-3, "ripple": 0.1} | other))
+
+
+def test_damage_ends_at_one_and_begins_a_life_before():
+    one = life()
+    assert one.damage([0.0, 20.0, 100.0]) == pytest.approx([0.0, 0.0, 1.0])
+    assert one.damage([60.0]) == pytest.approx((np.exp(1.5) - 1) / (np.exp(3) - 1))
+
+
+def test_what_shows_of_damage_is_right_on_average():
+    shown = life().shown(20000, np.random.default_rng(1))
+    assert shown.mean() == pytest.approx(1.0, abs=0.01)
+    assert np.log(shown).std() == pytest.approx(0.3, rel=0.03)
+    steady = life(unsteadiness=0.0).shown(5, np.random.default_rng(1))
+    assert steady == pytest.approx(1.0)
+
+
+def test_effects_grow_with_damage():
+    friction, backlash, ripple = life().effects(0.5)
+    assert (friction.severity, backlash.severity, ripple.severity) == (0.25, 0.5e-3, 0.05)
+    assert all(one.axis == 2 for one in (friction, backlash, ripple))
+
+
+def test_constant_loss_warms_exponentially():
+    """Closed form of one thermal mass: T = ambient + duty P R (1 - exp(-t / RC))."""
+    rows = 400
+    loss = np.full((rows, 2, 1), 50.0)
+    out = temperatures(
+        np.full(rows, 20.0), np.full(rows, 0.8), loss, np.array([30.0, 80.0]), np.array([0.5]), 0.1
+    )
+    time = 0.1 * np.arange(rows)
+    assert out[:, 0] == pytest.approx(20 + 0.8 * 50 * 0.5 * (1 - np.exp(-time / TIME_CONSTANT)))
+
+
+def test_loss_that_falls_with_temperature_settles_where_heat_is_lost():
+    """At rest P(T) R = T - ambient; P falls from 100 W at 30 to 0 W at 80 deg C."""
+    loss = np.tile(np.array([[100.0], [0.0]]), (4000, 1, 1))
+    out = temperatures(
+        np.full(4000, 20.0), np.ones(4000), loss, np.array([30.0, 80.0]), np.array([0.5]), 0.1
+    )
+    settled = (20 + 0.5 * 160) / (1 + 0.5 * 2)  # T = 20 + 0.5 (160 - 2 T)
+    assert out[-1, 0] == pytest.approx(settled)
+
+
+def direct(unit, temperature, payload, friction, damage):
+    """Torque of a cycle at a condition, simulated as such."""
+    robot = unit.robot()
+    spec = robot.spec()
+    for axis, warm in enumerate(temperature, start=1):
+        set_temperature(spec, axis, float(warm), robot.friction_temperature)
+    spec.body("payload").mass *= 1 + payload
+    spec.body("payload").inertia *= 1 + payload
+    more = [Applied("friction_wear", k + 1, float(f)) for k, f in enumerate(friction)]
+    worn = unit.life.effects(damage)
+    machine = assemble(robot, [*unit.deviations, *more, *worn], spec=spec)
+    control = control_signal(program_motion(robot, unit.programs[0]), robot.model.opt.timestep)
+    (cycle,) = simulate(robot, control, [machine], sample_period=SAMPLE_PERIOD)
+    return cycle.motor_torque
+
+
+def test_cycles_are_exact_where_simulated(failing):
+    unit, cycles = failing
+    warm = np.full(6, TEMPERATURES[1])
+    got = cycles.at(warm, 0.0, np.zeros(6), DAMAGES[1])[0]
+    assert got == pytest.approx(direct(unit, warm, 0.0, np.zeros(6), DAMAGES[1]), abs=1e-12)
+    healthy = cycles.at(np.full(6, TEMPERATURES[3]), 0.0, np.zeros(6), 0.0)
+    assert healthy == pytest.approx(cycles.base[3], abs=1e-12)
+
+
+def test_cycles_in_between_are_near_to_simulation(failing):
+    """What is left out is second order: below the torque noise of a fleet."""
+    unit, cycles = failing
+    warm = np.array([36.0, 44.0, 50.0, 56.0, 48.0, 40.0])
+    friction = np.array([0.05, -0.03, 0.04, 0.0, 0.08, -0.05])
+    want = direct(unit, warm, 0.04, friction, 0.7)
+    got = cycles.at(warm, 0.04, friction, 0.7)[0]
+    error = np.sqrt(np.mean((want - got) ** 2, axis=0))
+    assert np.all(error < FleetPlan().torque_noise * np.abs(want).mean(axis=0))
+
+
+def test_duty_and_mix(failing):
+    unit, _ = failing
+    plan = FleetPlan(**SMALL | {"days": 140})
+    calendar = draw_calendar(plan, unit, 6, np.random.default_rng(3))
+    assert calendar.mix.sum(axis=1) == pytest.approx(1.0)
+    duty = calendar.duty.reshape(-1, ROWS)
+    running = (duty > 0).sum(axis=1) * STEP
+    assert running == pytest.approx(unit.shifts * 7.5, abs=0.2)  # half an hour of break a shift
+    weekday = np.mod(unit.first_weekday + np.arange(140), 7)
+    level = duty.max(axis=1)
+    assert level[weekday < 5].mean() == pytest.approx(unit.duty, rel=0.05)
+    assert level[weekday >= 5].mean() == pytest.approx(unit.duty * unit.weekend, rel=0.1)
+
+
+def strain(deviation):
+    ones = np.ones(6)
+    return Strain(ones, deviation * ones, 1e-3 * ones, 40 * ones, 25.0, 1000.0)
+
+
+def test_events_are_named_and_of_their_number():
+    names = event_names()
+    assert len(names) == len(set(names)) == 67
+
+
+def test_rule_based_events_follow_the_rule(failing):
+    """Deviation at the limit: every second cycle, less what operators put up with."""
+    unit, _ = failing
+    plan = FleetPlan(**SMALL | {"days": 400})
+    calendar = draw_calendar(plan, unit, 6, np.random.default_rng(3))
+    days = [strain(0.1)] * 200 + [strain(0.16)] * 200
+    counts = count_events(unit.robot(), days, calendar, np.random.default_rng(4))
+    column = event_names().index("motion_supervision_4")
+    assert counts[200:, column].mean() == pytest.approx(_MOST * (1 - np.exp(-500 / _MOST)), rel=0.1)
+    assert counts[:200, column].mean() < 2.0
+    stops = counts[:, event_names().index("program_stopped")]
+    assert stops[200:].mean() > stops[:200].mean() + 5 * 0.9 * _MOST
+
+
+def test_a_fleet_holds_what_monitoring_stores(fleet):
+    assert [one.failed for one in fleet.robots].count(True) == 1
+    assert len(fleet.event_names) == 67
+    for one in fleet.robots:
+        samples = len(one.day)
+        assert 3 <= samples <= 6 and np.all(np.diff(one.day) > 0) and one.day[-1] <= 3
+        for name in ("torque", "speed", "angle"):
+            shares = getattr(one, f"{name}_histogram")
+            assert shares.shape == (samples, 6, 12)
+            assert shares.sum(axis=2) == pytest.approx(1.0)
+        assert one.events.shape == (3, 67)
+        assert one.failed == (one.axis > 0) == bool(np.any(one.truth["damage"] > 0))
+        if one.failed:
+            left = one.truth["remaining_life"]
+            assert left == pytest.approx(3 - one.day)
+        # speed of production, whatever its share, is that of the programs
+        speed = one.speed_indicator / one.production[:, None]
+        assert np.ptp(speed, axis=0) == pytest.approx(0.0, abs=1e-9)
+        torque = one.torque_indicator / one.production[:, None] ** (1 / LIFE_EXPONENT)
+        assert np.ptp(torque, axis=0) / torque.mean(axis=0) == pytest.approx(0.0, abs=0.3)
+
+
+def test_one_seed_is_one_fleet(fleet, tmp_path):
+    again = generate_fleet(FleetPlan(**SMALL), tmp_path, workers=1)
+    files = sorted((tmp_path / "robots").iterdir())
+    before = [one.stat().st_mtime_ns for one in files]
+    for one, other in zip(fleet.robots, again.robots, strict=True):
+        assert np.array_equal(one.torque_histogram, other.torque_histogram)
+        assert np.array_equal(one.events, other.events)
+        assert np.array_equal(one.truth["gearbox_temperature"], other.truth["gearbox_temperature"])
+    files[0].write_bytes(b"half")
+    generate_fleet(FleetPlan(**SMALL), tmp_path)
+    after = [one.stat().st_mtime_ns for one in files]
+    assert after[0] != before[0] and after[1:] == before[1:]
+    with pytest.raises(InputError, match="another plan"):
+        generate_fleet(FleetPlan(**SMALL | {"seed": 5}), tmp_path)
+    files[1].unlink()
+    with pytest.raises(InputError, match="1 of 2 robots"):
+        open_fleet(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("robots = 0", "robots"),
+        ("failing = 30", "failing: at most the 26 robots, not 30"),
+        ('models = ["kuka"]', "models: unknown 'kuka'"),
+        ("[damage]\nlife = [3, 2]", "damage.life"),
+        ("[damage]\nrust = 2", "damage.rust"),
+        ('[programs]\ntasks = ["paint"]', "irb6700 has no 'paint'"),
+        ("[production]\nshifts = [1, 4]", "production.shifts: at most 3"),
+        ("robots = ", "not valid TOML"),
+    ],
+)
+def test_bad_plans_are_told_in_one_line(text, told, tmp_path):
+    with pytest.raises(InputError) as caught:
+        parse_fleet(text, "fleet.toml")
+    assert told in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_command(tmp_path):
+    plan = tmp_path / "fleet.toml"
+    plan.write_text(
+        'robots = 1\nfailing = 0\ndays = 2\nmodels = ["puma560"]\n'
+        '[programs]\ntasks = ["pick_and_place"]\nnumber = [1, 1]\n'
+    )
+    done = CliRunner().invoke(app, ["fleet", str(plan), "-o", str(tmp_path / "out"), "--json"])
+    assert done.exit_code == 0, done.output
+    assert '"name": "robot001"' in done.output
+    assert open_fleet(tmp_path / "out").days == 2
