@@ -68,7 +68,7 @@ def isolate(
 
 @app.command()
 def study(
-    name: Annotated[str, typer.Argument(help="detection or isolation.")],
+    name: Annotated[str, typer.Argument(help="events, detection or isolation.")],
     out: Out = Path("study-out"),
     quick: Annotated[bool, typer.Option(help="Fewer seeds, for a first look.")] = False,
     seed: Annotated[int, typer.Option(help="Root of all draws; docs/ reports the default.")] = 2026,

@@ -15,6 +15,7 @@ from faultgen.storage import write_text
 from faultgen.studies.figures import Figures, draw
 
 STUDIES = {
+    "events": "chapter 2: event logs of a fleet before failures, PCA with T2 and Q",
     "detection": "chapter 3: from which hour on wear is detected and located, PUMA 560",
     "isolation": "chapter 6: which axis is worn, by transfer entropy, cross-correlation and ours",
 }
@@ -62,7 +63,7 @@ def run_study(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{out}: cannot be used as a folder ({error.strerror})") from None
-    run, goals, tables, figures = _detection(quick) if name == "detection" else _isolation(quick)
+    run, goals, tables, figures = _PARTS[name](quick)
     found = run(out, seed=seed, workers=workers)
     result = {
         "study": name,
@@ -94,3 +95,15 @@ def _isolation(quick: bool) -> Parts:
 
     size = study.QUICK if quick else study.FULL
     return partial(study.run_isolation, size=size), goals, tables, FIGURES
+
+
+def _events(quick: bool) -> Parts:
+    from faultgen.studies import events_study as study
+    from faultgen.studies.events_figures import FIGURES
+    from faultgen.studies.events_tables import goals, tables
+
+    size = study.QUICK if quick else study.FULL
+    return partial(study.run_events, size=size), goals, tables, FIGURES
+
+
+_PARTS = {"events": _events, "detection": _detection, "isolation": _isolation}

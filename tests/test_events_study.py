@@ -1,0 +1,70 @@
+"""The study of event logs, on counts of which it is known what they hold."""
+
+import numpy as np
+
+from faultgen.fleet import Fleet, FleetRobot
+from faultgen.fleet.events import event_names
+from faultgen.studies.events_study import NEVER, _lead, study_events
+from faultgen.studies.events_tables import goals, tables
+
+DAYS = 210
+NAMES = event_names()
+
+
+def fleet(rise):
+    """Ten robots of which five fail; supervisions of these rise in the last 50 days."""
+    rng = np.random.default_rng(3)
+    robots = []
+    for k in range(10):
+        rate = np.full((DAYS, len(NAMES)), 1.0)
+        if k < 5:
+            rate[-50:, NAMES.index("motion_supervision_2")] *= rise
+        none = np.zeros((0, 6))
+        robots.append(
+            FleetRobot(
+                name=f"robot{k}",
+                robot="irb6700",
+                failed=k < 5,
+                axis=2 if k < 5 else 0,
+                day=np.zeros(0),
+                production=np.zeros(0),
+                torque_histogram=none,
+                speed_histogram=none,
+                angle_histogram=none,
+                torque_indicator=none,
+                speed_indicator=none,
+                temperature=np.zeros(0),
+                events=rng.poisson(rate),
+            )
+        )
+    return Fleet(tuple(robots), NAMES, DAYS, 3)
+
+
+def test_a_pattern_is_found_where_there_is_one():
+    result = study_events(fleet(rise=30.0))
+    assert result["rise"]["Q"]["auc"] == 1.0 and result["rise"]["Q"]["p"] < 0.01
+    ours = result["warnings"]["supervision, charted"]
+    assert ours["warned"]["right"] == 5 and ours["healthy_warned"]["right"] <= 1
+    assert abs(np.median(ours["lead"]) - 50) <= 3
+    assert result["example"]["names"][int(np.argmax(result["example"]["q_contributions"]))] == (
+        "motion_supervision_2"
+    )
+
+
+def test_no_pattern_is_found_where_there_is_none():
+    result = study_events(fleet(rise=1.0))
+    assert 0.1 < result["rise"]["Q"]["auc"] < 0.9 and result["rise"]["Q"]["p"] > 0.05
+    result["goals"] = goals(result)
+    assert not any(goal["reached"] for goal in result["goals"])
+    assert "| T2: " in tables(result)
+
+
+def test_days_of_warning_count_from_the_alarm_that_lasts():
+    alarm = np.zeros(100, bool)
+    assert _lead(alarm) == NEVER
+    alarm[10:20] = True  # over again
+    alarm[60:70] = True
+    alarm[74:100] = True  # four days' break
+    assert _lead(alarm) == 40
+    alarm[72:90] = False
+    assert _lead(alarm) == NEVER
