@@ -73,14 +73,21 @@ def emps_error(recording: Recording, robot: Robot, changes: Changes = ()) -> flo
     return float(100 * np.linalg.norm(pair[0] - pair[1]) / np.linalg.norm(pair[0]))
 
 
-def emps_closed_loop(recording: Recording, robot: Robot, changes: Changes = ()) -> float:
-    """Relative error of the force in closed loop with the recorded reference, at 1 kHz [%].
+def emps_closed_loop(
+    recording: Recording, robot: Robot, changes: Changes = ()
+) -> tuple[float, float]:
+    """Relative errors in closed loop with the recorded reference, at 1 kHz: force, position [%].
 
     Without the delay, which is one of the log beside the motion.
     """
     changes = [(term, value) for term, value in changes if term.name != "delay"]
-    torque = Replay(recording, robot).torque(changes)
-    return float(100 * np.linalg.norm(recording.torque - torque) / np.linalg.norm(recording.torque))
+    replay = Replay(recording, robot)
+    pairs = (
+        (recording.torque, replay.torque(changes)),
+        (recording.position, replay.position(changes)),
+    )
+    force, position = (100 * np.linalg.norm(x - y) / np.linalg.norm(x) for x, y in pairs)
+    return float(force), float(position)
 
 
 def emps(data: Path, out: Path) -> None:
@@ -101,8 +108,8 @@ def emps(data: Path, out: Path) -> None:
         print(f"- {term.name} {value:.4g} +- {error:.2g} {dict(term.parameters)}")
     following = investigate(emps_followed(train), robot, width=width, **asked)  # type: ignore[arg-type]
     problem = plain(following.problem)
-    print("\n| model | train | test | closed loop, train | test |")
-    print("| --- | --- | --- | --- | --- |")
+    print("\n| model | train | test | closed loop, train | position | test | position |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
     steps: list[tuple[str, list | None]] = [("published symmetric", None), ("calibrated", [])]
     count = 0
     for group in best.groups:
@@ -113,8 +120,8 @@ def emps(data: Path, out: Path) -> None:
     for name, start in steps:
         changes = () if start is None else refined(problem, start)
         row = [emps_error(one, robot, changes) for one in (train, test)]
-        row += [emps_closed_loop(one, robot, changes) for one in (train, test)]
-        print(f"| {name} | " + " | ".join(f"{x:.2f}" for x in row) + " |", flush=True)
+        row += [x for one in (train, test) for x in emps_closed_loop(one, robot, changes)]
+        print(f"| {name} | " + " | ".join(f"{x:.3g}" for x in row) + " |", flush=True)
         if start:
             model = changed(robot, changes)
             large = [(t, v) for t, v in changes if abs(v) > 0.5 * t.tolerance]
@@ -170,7 +177,10 @@ def ur10e(data: Path, out: Path) -> None:
     folder, cache = data / "ur10e", out / "cache"
     robot = load_robot(EXAMPLES / "ur10e" / "ur10e.xml")
 
+    told_errors: dict[str, np.ndarray] = {}
+
     def row(name: str, errors: np.ndarray) -> None:
+        told_errors[name] = errors
         print(f"| {name} | " + " | ".join(f"{x:.1f}" for x in errors) + " |", flush=True)
 
     train = read_ur10e(folder, "unloaded_14harm_feb19")
@@ -201,8 +211,8 @@ def ur10e(data: Path, out: Path) -> None:
                 places = np.array([[x for _, x in t.parameters] for t, _ in payload])
                 mass, place = payload_of([v for _, v in payload], places)
                 print(f"payload {mass:.3f} kg at {np.round(place, 3)}")
-            row("calibrated", ur10e_errors(read_ur10e(folder, run), model))
-            row("with effects", ur10e_errors(read_ur10e(folder, run), model, effects))
+            row(f"{run}, calibrated", ur10e_errors(read_ur10e(folder, run), model))
+            row(f"{run}, with effects", ur10e_errors(read_ur10e(folder, run), model, effects))
             left = groups_of(problem)
             gains, first = best.evidence.gains(left, best.terms)
             for k in np.argsort(-gains)[:6]:
@@ -211,6 +221,27 @@ def ur10e(data: Path, out: Path) -> None:
             if width == 0.3:
                 summary = told.contract() | {"warnings": [], "seconds": 0.0}
                 write_discovery(out / run, summary, result)
+
+    ur10e_picture(told_errors, out / "ur10e.png")
+
+
+def ur10e_picture(errors: dict[str, np.ndarray], path: Path) -> None:
+    """Torque error of each axis: without payload, with one, and with the one that was found."""
+    with style():
+        figure, grid = plt.subplots(1, 2, figsize=(9, 3.2), sharey=True)
+        for axes, pair in zip(grid, ("14harm", "15harm"), strict=True):
+            bars = (
+                (f"unloaded_{pair}_feb19, calibrated", "no payload, calibrated"),
+                (f"loaded_{pair}_feb19, calibrated", "payload, calibrated without"),
+                (f"loaded_{pair}_feb19, with effects", "payload found"),
+            )
+            for k, (name, label) in enumerate(bars):
+                at = np.arange(1, 7) + 0.27 * (k - 1)
+                axes.bar(at, errors[name], width=0.25, color=COLOURS[k], label=label)
+            axes.set(xlabel="axis", title=pair)
+        grid[0].set(ylabel="torque error / torque [%]")
+        grid[0].legend()
+        figure.savefig(path, dpi=110)
 
 
 XL330_LEFT_OUT = ("transmission_error", "torque_ripple", "torque_constant")
