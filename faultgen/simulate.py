@@ -194,6 +194,7 @@ class _Stepper:
         for at in range(0, steps, self.stride):
             moment.time = (first + at) * model.opt.timestep
             moment.biasprm[:], moment.dynprm[:], moment.damping[:] = nominal
+            moment.control = control[:, at : at + self.stride].mean(axis=1)
             for update in self.machine.updates:
                 update(moment)
             part = slice(at, min(at + self.stride, steps))

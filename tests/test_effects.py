@@ -37,6 +37,7 @@ SIZES = {  # where 0.3 is not a sensible severity
     "gravity_spring": 5.0,
     "transmission_error": 1e-4,
     "delay": 5e-3,
+    "tooth_damage": 1e-4,
 }
 
 

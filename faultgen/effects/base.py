@@ -92,6 +92,8 @@ class Moment:
     """mjModel.actuator_dynprm, same shape."""
     damping: np.ndarray
     """mjModel.actuator_damping, shape (nsim, nactuator)."""
+    control: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)))
+    """Mean control until the next call, shape (nsim, n_controls); not to be changed."""
 
 
 Update = Callable[[Moment], None]

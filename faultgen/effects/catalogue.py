@@ -12,9 +12,12 @@ from faultgen.effects import (
     motor,
     ripple,
     signals,
+    spot,
     structure,
     temperature,
+    tooth,
     transmission,
+    winding,
 )
 from faultgen.effects.base import HEALTHY, Effect
 from faultgen.errors import InputError
@@ -31,6 +34,9 @@ EFFECTS: dict[str, Effect] = {
         motor,
         structure,
         signals,
+        spot,
+        tooth,
+        winding,
     )
     for effect in family.EFFECTS
 }
