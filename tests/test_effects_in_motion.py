@@ -336,6 +336,6 @@ def test_facts_about_effects():
         assert effect.smallest <= 0 < effect.step < effect.largest, effect.name
         assert effect.signed == (effect.smallest < 0)
         assert not effect.same_as or effect.same_as in EFFECTS
-        assert effect.edit or effect.command or effect.log or effect.between
+        assert effect.edit or effect.command or effect.log or effect.between or effect.sense
     assert get_effect("brake_drag").same_as == "coulomb_friction"
     assert not get_effect("backlash").signed

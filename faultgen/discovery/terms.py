@@ -48,9 +48,10 @@ NO_COLUMN = (
     "seizing_spot",
     "tooth_damage",
     "winding_fault",
+    "torque_sensor_gain",
 )
 """Effects that are no candidates, since there is no column for them yet: an angle, a phase or what
-is drawn would have to be searched for."""
+is drawn would have to be searched for, and a replay has no sensors."""
 
 NUMBERS = (
     "coulomb_friction",

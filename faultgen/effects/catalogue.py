@@ -11,6 +11,7 @@ from faultgen.effects import (
     load,
     motor,
     ripple,
+    sensing,
     signals,
     spot,
     structure,
@@ -37,6 +38,7 @@ EFFECTS: dict[str, Effect] = {
         spot,
         tooth,
         winding,
+        sensing,
     )
     for effect in family.EFFECTS
 }
