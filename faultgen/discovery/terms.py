@@ -49,6 +49,9 @@ NO_COLUMN = (
     "tooth_damage",
     "winding_fault",
     "torque_sensor_gain",
+    "encoder_quantisation",
+    "sensor_dropout",
+    "sensor_stuck",
 )
 """Effects that are no candidates, since there is no column for them yet: an angle, a phase or what
 is drawn would have to be searched for, and a replay has no sensors."""
