@@ -39,6 +39,7 @@ SIZES = {  # where 0.3 is not a sensible severity
     "transmission_error": 1e-4,
     "delay": 5e-3,
     "tooth_damage": 1e-4,
+    "loose_tool": 1e-3,
 }
 
 

@@ -136,6 +136,61 @@ def test_three_phases_give_the_form_of_a_winding_fault():
     np.testing.assert_allclose(weak, 1 - 0.4 / 3 * (1 + np.cos(2 * x)), atol=1e-12)
 
 
+@pytest.mark.parametrize("direction", [0, 1, 2])
+def test_loose_tool_has_stops_and_nothing_between(robot, direction):
+    """Along the play: k (|x| - s / 2) beyond it, damping everywhere, 60 Hz and 5 % on the stops.
+
+    Two plays in one direction add up.
+    """
+    severity = 2e-3
+    given = {"direction": direction}
+    parts = [Applied("loose_tool", 6, share * severity, given) for share in (0.25, 0.75)]
+    model = assemble(robot, parts).model
+    slide = model.joint(f"loose_tool_{'xyz'[direction]}")
+    np.testing.assert_array_equal(slide.axis, np.eye(3)[direction])
+    at = int(slide.dofadr[0])
+    mass = model.body("payload").mass[0]
+    rate = 2 * np.pi * 60
+    for place in (-3e-3, -0.8e-3, 0.0, 0.9e-3, 1.4e-3):
+        for speed in (0.0, 0.2):
+            data = mujoco.MjData(model)
+            data.qpos[at], data.qvel[at] = place, speed
+            mujoco.mj_forward(model, data)
+            beyond = np.sign(place) * max(abs(place) - severity / 2, 0.0)
+            expected = -mass * rate**2 * beyond - 2 * 0.05 * mass * rate * speed
+            assert data.qfrc_passive[at] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_a_loose_tool_hangs_on_its_stop(tiny_robot, control):
+    """At rest the payload is half the play and its sag down the slope, and weighs on the joint."""
+    severity = 5e-3
+    still = np.tile(control[:1], (3000, 1))
+    loose, _ = run(tiny_robot, still, ("loose_tool", 2, severity))
+    tight, _ = run(tiny_robot, still)
+    angle = tight.joint_position[-1, 1]  # x of the flange points up by -angle
+    weight, stiffness = 0.5 * 9.81, 0.5 * (2 * np.pi * 60) ** 2
+    moved = np.sign(np.sin(angle)) * severity / 2 + weight * np.sin(angle) / stiffness
+    change = loose.gear_torque[-1, 1] - tight.gear_torque[-1, 1]
+    assert change == pytest.approx(-weight * np.cos(angle) * moved, rel=2e-3)
+
+
+def test_a_loose_tool_beside_effects_between_steps(tiny_robot, control):
+    """A joint more shifts no other: friction under load and the cycles after go on as they were."""
+    load = ("load_friction", 2, 0.05)
+    loose = ("loose_tool", 2, 1e-6)
+    both, machine = run(tiny_robot, control, load, loose)
+    alone, _ = run(tiny_robot, control, load)
+    assert machine.model.nv == tiny_robot.model.nv + 1
+    assert np.abs(newton(tiny_robot, both)).max() < 1e-9
+    size = np.abs(alone.friction_torque).max(axis=0)
+    assert (np.abs(both.friction_torque - alone.friction_torque).max(axis=0) < 0.02 * size).all()
+    machines = [tiny_robot.model, machine, tiny_robot.model]
+    cycles = list(simulate(tiny_robot, control, machines, sample_period=STEP))
+    for cycle in cycles[1:]:
+        off = np.abs(cycle.motor_position - cycles[0].motor_position).max()
+        assert off < 0.05, off
+
+
 def test_what_is_told_between_steps_converges(tiny_robot, control):
     """At the intervals used the torque is within 2 % of the effect with an update at each step."""
     for name, severity in (("seizing_spot", 0.5), ("winding_fault", 0.3)):
@@ -161,3 +216,7 @@ def test_parameters_that_cannot_be_are_refused(tiny_robot):
     ):
         with pytest.raises(InputError, match=message):
             assemble(tiny_robot, [Applied(name, 1, 1e-4, given)])
+    with pytest.raises(InputError, match="loose_tool acts on axis 2"):
+        assemble(tiny_robot, [Applied("loose_tool", 1, 1e-4)])
+    with pytest.raises(InputError, match="direction: choose 0, 1 or 2"):
+        assemble(tiny_robot, [Applied("loose_tool", 2, 1e-4, {"direction": 3})])

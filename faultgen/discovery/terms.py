@@ -48,6 +48,7 @@ NO_COLUMN = (
     "seizing_spot",
     "tooth_damage",
     "winding_fault",
+    "loose_tool",
     "torque_sensor_gain",
     "encoder_quantisation",
     "sensor_dropout",

@@ -9,6 +9,7 @@ from faultgen.effects import (
     coupling,
     friction,
     load,
+    loose,
     motor,
     ripple,
     sensing,
@@ -38,6 +39,7 @@ EFFECTS: dict[str, Effect] = {
         spot,
         tooth,
         winding,
+        loose,
         sensing,
     )
     for effect in family.EFFECTS

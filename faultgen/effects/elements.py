@@ -163,6 +163,7 @@ def numbered(name: str, number: int) -> str:
 
 
 def _free(name: str, taken: Sequence[str]) -> str:
+    """The first name of `numbered` that is not taken."""
     number = 1
     while numbered(name, number) in taken:
         number += 1

@@ -34,7 +34,7 @@ def follow_load(places: Sequence[Place]) -> Update:
         shares[place.axis - 1] += place.severity
     axes = np.flatnonzero(shares)
     share, ratio = shares[axes], robot.gear_ratio[axes]
-    motors, joints = np.array(robot.motors)[axes], np.array(robot.joints)[axes]
+    motors, joints = (where[axes] for where in robot.addresses(model))
     gearbox = Gearbox(model, robot.ids("tendon", "gearbox", model)[axes])
     numbers = (axes + 1).tolist()
     friction = ToldFriction(robot, model, [f"load_friction{axis}" for axis in numbers], numbers)

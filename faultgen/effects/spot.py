@@ -48,7 +48,7 @@ def follow_angle(places: Sequence[Place]) -> Update:
         numbered(f"seizing_spot{axis}", axes[: k + 1].count(axis)) for k, axis in enumerate(axes)
     ]
     friction = ToldFriction(robot, model, names, axes)
-    joints = np.array(robot.joints)[np.array(axes) - 1]
+    joints = robot.addresses(model)[1][np.array(axes) - 1]
     centre, width = (
         np.array([place.parameters[name] for place in places]) for name in ("angle", "width")
     )

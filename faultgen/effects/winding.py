@@ -52,7 +52,7 @@ def follow_torque(places: Sequence[Place]) -> Update:
         for k, axis in enumerate(axes)
     ]
     at = np.array(axes) - 1
-    motors = np.array(robot.motors)[at]
+    motors = robot.addresses(model)[0][at]
     drive = robot.ids("actuator", "drive", model)[at]
     columns = model.actuator_ctrladr[drive]
     stiffness, damping = model.actuator_gainprm[drive][:, [4, 6]].T
