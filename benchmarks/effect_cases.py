@@ -28,8 +28,10 @@ _WRIST: JointMoves = (
     ({5: 0, 6: -100}, 0.5, 0.1),
     ({5: -80, 6: 0}, 1.0, 0.1),
 )
+_SLOW: JointMoves = (({2: 9}, 0.02, 0.2), ({2: 0}, 0.5, 0.2))
 MOTIONS: dict[str, tuple[tuple[float, ...], JointMoves]] = {
     "axis 2": ((0, -35, -20, 0, 30, 0), _AXIS_2),
+    "axis 2, slow": ((0, 0, -20, 0, 30, 0), _SLOW),
     "axis 1": ((-30, 0, 0, 0, 30, 0), _AXIS_1),
     "wrist": ((0, 0, 0, 0, -80, 0), _WRIST),
 }
@@ -54,15 +56,22 @@ class Case:
     """Where the effect acts, from 1."""
     seen: int = 0
     """Axis that is drawn; 0: that of the effect."""
-    slow: float = 0.0
-    """Only motor speeds above 5 rad/s and below this one are drawn [rad/s]; 0 draws all."""
-    window: tuple[float, float] | None = None
-    """Time of the left picture [s]; None: all of the cycle."""
+    window: tuple[float, float] = (0.0, 4.0)
+    """Time of the left picture, and of the right one where it is over time [s]."""
+    forward: bool = False
+    """Draw over the quantity only what is within the window and at a steady speed forward."""
     near: float | None = None
     """Largest |quantity| of the right picture; None: all."""
     parameters: Mapping[str, Any] = field(default_factory=dict)
     """Of the effect, beside its defaults."""
 
+
+_TURNING: dict[str, Any] = {
+    "motion": "axis 2, slow",
+    "over": "motor angle",
+    "window": (0.5, 2.5),
+    "forward": True,
+}
 
 CASES: dict[str, Case] = {
     "friction_wear": Case(equation="F_c, F_s times 1 + s", severity=0.5),
@@ -97,18 +106,14 @@ CASES: dict[str, Case] = {
         motion="axis 1",
         axis=1,
         over="time",
-        window=(0.0, 4.0),
     ),
-    "gear_stiffness": Case(equation="K (1 − s)", severity=0.5, over="time", window=(0.0, 4.0)),
+    "gear_stiffness": Case(equation="K (1 − s)", severity=0.5, over="time"),
     "stiffness_hardening": Case(
         equation="+ s K x³ / 10⁻⁶ at a twist of x [rad]",
         severity=1.0,
         over="time",
-        window=(0.0, 4.0),
     ),
-    "torque_ripple": Case(
-        equation="+ s sin(k q_m + φ) on the rotor", severity=0.5, over="motor angle", slow=15
-    ),
+    "torque_ripple": Case(equation="+ s sin(k q_m + φ) on the rotor", severity=0.5, **_TURNING),
     "transmission_error": Case(
         equation="twist + e in place of the twist, e = s sin(k q_m + φ)", severity=1e-4
     ),
@@ -117,7 +122,7 @@ CASES: dict[str, Case] = {
         equation="torque on the rotor = (1 − s) of the logged one", severity=0.1, over="torque"
     ),
     "payload_mass": Case(
-        equation="mass and inertia times 1 + s", severity=0.5, axis=6, seen=2, over="angle"
+        equation="mass and inertia times 1 + s", severity=0.15, axis=6, seen=2, over="angle"
     ),
     "payload_offset": Case(
         equation="centre of mass + s",
@@ -128,9 +133,7 @@ CASES: dict[str, Case] = {
         over="angle",
     ),
     "gravity_spring": Case(equation="− s q on the joint", severity=1000.0, over="angle"),
-    "encoder_offset": Case(
-        equation="true angle = logged angle + s", severity=0.05, over="angle", slow=60
-    ),
+    "encoder_offset": Case(equation="true angle = logged angle + s", severity=0.05, over="angle"),
     "delay": Case(
         equation="set points and feed-forward of time t − s", severity=0.02, over="torque rate"
     ),
@@ -143,14 +146,12 @@ CASES: dict[str, Case] = {
     "tooth_damage": Case(
         equation="twist + e in place of the twist, e = s cos((θ − φ) / 2)^(2m), θ of the shaft",
         severity=1e-4,
-        over="motor angle",
-        slow=15,
+        **_TURNING,
     ),
     "winding_fault": Case(
         equation="torque on the rotor = (1 − s (1 + cos(2 p q_m + φ)) / 3) of the logged one",
         severity=0.3,
-        over="motor angle",
-        slow=15,
+        **_TURNING,
     ),
     "loose_tool": Case(
         equation="m (2π 60 Hz)² (abs(x) − s / 2) beyond a play of ± s / 2",
@@ -158,7 +159,6 @@ CASES: dict[str, Case] = {
         axis=6,
         seen=2,
         over="time",
-        window=(0.0, 4.0),
     ),
     "torque_sensor_gain": Case(
         equation="logged torque = (1 + s) of the true one", severity=0.1, over="torque"
@@ -174,11 +174,14 @@ CASES: dict[str, Case] = {
         equation="a share s of the samples shows the one before",
         severity=0.3,
         over="time",
-        gap="torque",
-        window=(0.2, 0.6),
+        gap="velocity",
+        window=(0.05, 0.35),
     ),
     "sensor_stuck": Case(
-        equation="a share s of the cycle shows its first sample", severity=0.2, over="time"
+        equation="a share s of the cycle shows its first sample",
+        severity=0.2,
+        over="time",
+        window=(0.0, 15.0),
     ),
 }
 """Every effect of the catalogue, in its order."""

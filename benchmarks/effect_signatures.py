@@ -32,7 +32,8 @@ from faultgen.tasks import Move, Pose, Task
 ROBOT, PERIOD, TEMPERATURE, SEED = "irb6700", 0.004, 65.0, 1
 PAGE = Path(__file__).parents[1] / "docs" / "effects.md"
 FOLDER = PAGE.parent / "figures" / "effects"
-HEALTHY, FAULTY = "0.45", "#d1495b"
+HEALTHY = {"color": "0.7", "lw": 3.0}
+FAULTY = {"color": "#c1121f", "lw": 1.0}
 QUANTITIES = {
     "time": "time [s]",
     "speed": "motor speed [rad/s]",
@@ -47,9 +48,8 @@ QUANTITIES = {
 """What gaps are drawn over, with units."""
 SHOWN = {
     "gap": "gap of torque [N m]",
-    "against": "gap against the motion [N m]",
+    "against": "gap against motion [N m]",
     "velocity": "logged speed [rad/s]",
-    "torque": "logged torque [N m]",
 }
 """What is drawn, with units."""
 
@@ -62,7 +62,8 @@ def motion_of(robot: Robot, name: str) -> Motion:
         for axis, angle in angles.items():
             pose[axis - 1] = angle
         poses.append(Move(joints=list(pose), speed=speed, dwell=dwell))
-    task = Task(name=name, robot=robot.name, description=name, start=Pose(joints=start), move=poses)
+    begin = Pose(joints=list(start))
+    task = Task(name=name, robot=robot.name, description=name, start=begin, move=poses)
     return plan(task, robot)
 
 
@@ -104,13 +105,13 @@ def draw(effect: Effect, case: Case, robot: Robot, motion: Motion, path: Path) -
     axis = case.seen or case.axis
     i = axis - 1
     time = quantity("time", healthy, robot, axis)
-    begin, end = case.window or (0.0, time[-1])
-    inside = (time >= begin) & (time <= end)
+    inside = (time >= case.window[0]) & (time <= case.window[1])
     figure, (left, right) = plt.subplots(1, 2, figsize=(7, 2.5), dpi=100, layout="constrained")
-    for measured, colour, label in ((exact, HEALTHY, "healthy"), (seen, FAULTY, "faulty")):
-        torque = measured.motor_torque[inside, i]
-        left.plot(time[inside], torque, color=colour, lw=1.1, label=label)
-    left.set(xlabel=QUANTITIES["time"], ylabel=f"motor torque, axis {axis} [N m]")
+    pairs = ((exact, HEALTHY, "healthy"), (seen, FAULTY, "faulty"))
+    for measured, line, label in pairs:
+        left.plot(time[inside], measured.motor_torque[inside, i], label=label, **line)
+    left.set_xlabel(QUANTITIES["time"], size=8)
+    left.set_ylabel(f"motor torque, axis {axis} [N m]", size=8)
     left.legend(frameon=False, fontsize=8, loc="best")
 
     speed = healthy.motor_velocity[:, i]
@@ -120,21 +121,23 @@ def draw(effect: Effect, case: Case, robot: Robot, motion: Motion, path: Path) -
         chosen &= inside
     if case.near is not None:
         chosen &= np.abs(over) <= case.near
-    if case.slow:
-        chosen &= (np.abs(speed) > 5) & (np.abs(speed) < case.slow)
+    if case.forward:
+        steady = np.median(speed[inside])
+        chosen &= inside & (np.abs(speed - steady) < 0.2 * steady)
     if case.gap == "against":
         chosen &= np.abs(speed) > 10
-    style = {"lw": 1.1} if case.over == "time" else {"ls": "", "marker": ".", "ms": 2.5}
+    style = {} if case.over == "time" else {"ls": "", "marker": ".", "ms": 2.5}
     if case.gap in ("gap", "against"):
         gap = seen.motor_torque[:, i] - exact.motor_torque[:, i]
         gap = gap * np.sign(speed) if case.gap == "against" else gap
-        right.axhline(0.0, color=HEALTHY, lw=0.8)
-        right.plot(over[chosen], gap[chosen], color=FAULTY, **style)
+        right.axhline(0.0, color="0.5", lw=0.8)
+        right.plot(over[chosen], gap[chosen], **(FAULTY | style))
     else:
-        for measured, colour in ((exact, HEALTHY), (seen, FAULTY)):
+        for measured, line, _ in pairs:
             values = getattr(measured, f"motor_{case.gap}")[chosen, i]
-            right.plot(over[chosen], values, color=colour, drawstyle="steps-post", lw=1.1)
-    right.set(xlabel=QUANTITIES[case.over], ylabel=SHOWN[case.gap])
+            right.plot(over[chosen], values, drawstyle="steps-post", **line)
+    right.set_xlabel(QUANTITIES[case.over], size=8)
+    right.set_ylabel(SHOWN[case.gap], size=8)
     for panel in (left, right):
         panel.grid(alpha=0.25)
         panel.tick_params(labelsize=8)
