@@ -34,6 +34,7 @@ benchmark: install
 
 pictures: install
 	$(BIN)/python docs/pictures.py
+	$(BIN)/python benchmarks/effect_signatures.py
 
 clean:
 	rm -rf $(VENV) demo-out build *.egg-info

@@ -20,6 +20,7 @@ from faultgen.robot import Robot
 
 if TYPE_CHECKING:
     from faultgen.channels import Cycle
+    from faultgen.sensors import Measured
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +55,19 @@ class Machine:
             if effect.log is not None:
                 logged = effect.log(cycle, logged, place)
         return logged
+
+    def sense(self, measured: Measured, sample_period: float, rng: np.random.Generator) -> Measured:
+        """The channels as faulty sensors show them.
+
+        Args:
+            measured: One cycle as healthy sensors show it.
+            sample_period: Time between samples [s].
+            rng: Source of randomness.
+        """
+        for effect, place in self.effects:
+            if effect.sense is not None:
+                measured = effect.sense(measured, place, sample_period, rng)
+        return measured
 
 
 def assemble(

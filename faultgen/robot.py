@@ -116,12 +116,22 @@ class Robot:
         """Ids of the elements ``name1`` ... ``name{n_axes}``, in the robot or an edit of it.
 
         Args:
-            kind: 'actuator' or 'tendon'.
+            kind: 'actuator', 'tendon' or 'joint'.
             name: Name without the number of the axis.
             model: Where the ids hold; default: the healthy robot.
         """
         where = self.model if model is None else model
         return np.array([_id(self.name, where, kind, f"{name}{i + 1}") for i in range(self.n_axes)])
+
+    def addresses(self, model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
+        """Where the rotors and the arm's joints are in qpos and qvel of an edit of the robot.
+
+        `motors` and `joints` are those of the healthy one.
+        """
+        motors, joints = (
+            model.jnt_dofadr[self.ids("joint", name, model)] for name in ("motor", "joint")
+        )
+        return motors, joints
 
     def _gear_ratio(self, model: mujoco.MjModel, axis: int) -> float:
         tendon = _id(self.name, model, "tendon", f"gearbox{axis + 1}")

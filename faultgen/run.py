@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import version
+from itertools import tee
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +87,7 @@ def nominal(robot_name: str, task_name: str, sample_period: float) -> Nominal:
 def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], object] | None) -> None:
     shared = nominal(run.robot, run.task, run.sample_period)
     robot, sensors = shared.robot, get_sensors(run.sensors)
-    rng_surroundings, rng_sensors = np.random.default_rng(run.seed).spawn(2)
+    rng_surroundings, rng_sensors, rng_faults = np.random.default_rng(run.seed).spawn(3)
     around = surroundings(sensors, run.cycles, robot.friction_temperature, rng_surroundings)
     growth = _growth(run)
     limits = Limits(
@@ -95,9 +96,9 @@ def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], object] |
     writer = RunWriter(folder, run.id, _attributes(run, shared), robot.xml)
     try:
         _create_arrays(writer, run, shared, around, growth)
-        machines = _machines(run, robot, around, growth)
-        cycles = simulate(robot, shared.control, machines, sample_period=run.sample_period)
-        for index, cycle in enumerate(cycles):
+        machines, simulated = tee(_machines(run, robot, around, growth))
+        cycles = simulate(robot, shared.control, simulated, sample_period=run.sample_period)
+        for index, (machine, cycle) in enumerate(zip(machines, cycles, strict=True)):
             seen = measure(
                 sensors,
                 cycle.motor_position,
@@ -109,6 +110,7 @@ def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], object] |
                 sample_period=run.sample_period,
                 rng=rng_sensors,
             )
+            seen = machine.sense(seen, run.sample_period, rng_faults)
             reduced = monitor(seen.motor_position, seen.motor_velocity, seen.motor_torque, limits)
             for name, values in reduced.items():
                 writer.put(f"monitoring/{name}", index, values)

@@ -194,6 +194,7 @@ class _Stepper:
         for at in range(0, steps, self.stride):
             moment.time = (first + at) * model.opt.timestep
             moment.biasprm[:], moment.dynprm[:], moment.damping[:] = nominal
+            moment.control = control[:, at : at + self.stride].mean(axis=1)
             for update in self.machine.updates:
                 update(moment)
             part = slice(at, min(at + self.stride, steps))
@@ -222,13 +223,20 @@ class _Stepper:
 
 
 def _carry(before: Batch, after: Batch) -> None:
-    """Copy the state to a batch whose model may have more or fewer actuators."""
+    """Copy the state to a batch whose model may have more or fewer actuators and joints."""
     if before.model.names == after.model.names:
         after.state[:] = before.state
         return
-    for name in ("time", "qpos", "qvel", "qacc_warmstart"):
-        getattr(after, name)[:] = getattr(before, name)
     old, new = before.model, after.model
+    after.time[:] = before.time
+    for k in range(new.njnt):
+        source = mujoco.mj_name2id(old, mujoco.mjtObj.mjOBJ_JOINT, new.joint(k).name)
+        if source < 0:
+            continue  # starts at rest in the middle of its play
+        after.qpos[:, new.jnt_qposadr[k]] = before.qpos[:, old.jnt_qposadr[source]]
+        at, to = old.jnt_dofadr[source], new.jnt_dofadr[k]
+        after.qvel[:, to] = before.qvel[:, at]
+        after.qacc_warmstart[:, to] = before.qacc_warmstart[:, at]
     there = {old.actuator(k).name: k for k in range(old.nactuator)}
     for k in range(new.nactuator):
         source = there.get(new.actuator(k).name)
@@ -258,7 +266,8 @@ def _start(robot: Robot, batch: Batch, control: np.ndarray) -> None:
     load = Arm(robot).inverse_dynamics(joint[None], 0 * joint[None], 0 * joint[None])[0]
     stiffness = model.tendon_stiffness[robot.ids("tendon", "gearbox")]
     position, velocity = batch.qpos, batch.qvel
-    position[0, list(robot.motors)] = motor
-    position[0, list(robot.joints)] = joint - load / stiffness
-    velocity[0, list(robot.motors)] = speed
-    velocity[0, list(robot.joints)] = speed / robot.gear_ratio
+    motors, joints = robot.addresses(batch.model)
+    position[0, motors] = motor
+    position[0, joints] = joint - load / stiffness
+    velocity[0, motors] = speed
+    velocity[0, joints] = speed / robot.gear_ratio

@@ -7,6 +7,7 @@ from faultgen.errors import InputError
 from faultgen.machine import assemble
 from faultgen.motion import plan
 from faultgen.robot import COULOMB, OFFSET, STICTION, STRIBECK_VELOCITY
+from faultgen.sensors import Measured
 from faultgen.servo import control_signal
 from faultgen.simulate import simulate
 from faultgen.tasks import load_task
@@ -37,25 +38,30 @@ SIZES = {  # where 0.3 is not a sensible severity
     "gravity_spring": 5.0,
     "transmission_error": 1e-4,
     "delay": 5e-3,
+    "tooth_damage": 1e-4,
+    "loose_tool": 1e-3,
 }
 
 
 def test_severity_zero_leaves_the_run_as_it_is(tiny_robot, tiny_task_path):
-    """Every effect changes the simulated motor torque; severity 0 does not change a bit."""
+    """Every effect changes what is measured; severity 0 does not change a bit of it."""
     motion = plan(load_task("tiny", tiny_task_path), tiny_robot)
     control = control_signal(motion, tiny_robot.model.opt.timestep)
 
-    def torque(effect, severity):
+    def measured(effect, severity):
         applied = [Applied(effect.name, 2, severity)]
         machine = assemble(tiny_robot, applied, temperature=60.0)
-        cycles = list(simulate(tiny_robot, control, [machine] * 2, sample_period=0.004))
-        return cycles[1].motor_torque
+        cycle = list(simulate(tiny_robot, control, [machine] * 2, sample_period=0.004))[1]
+        clean = Measured(cycle.motor_position, cycle.motor_velocity, cycle.motor_torque)
+        seen = machine.sense(clean, 0.004, np.random.default_rng(3))
+        return np.stack([seen.motor_position, seen.motor_velocity, seen.motor_torque])
 
-    healthy = torque(get_effect("friction_wear"), 0.0)
+    healthy = measured(get_effect("friction_wear"), 0.0)
     for effect in EFFECTS.values():
-        np.testing.assert_array_equal(torque(effect, 0.0), healthy)
-        changed = np.abs(torque(effect, SIZES.get(effect.name, 0.3)) - healthy)[:, 1].max()
-        assert changed > 1e-6, effect.name
+        np.testing.assert_array_equal(measured(effect, 0.0), healthy)
+        change = np.abs(measured(effect, SIZES.get(effect.name, 0.3)) - healthy)[:, :, 1]
+        shown = change if effect.sense else change[2]  # others in the torque
+        assert shown.max() > 1e-6, effect.name
 
 
 def curve(model, actuator, speed):

@@ -5,6 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from swing import STEP, channels, newton, run, servo
 
 from faultgen import simulate as module
 from faultgen.effects import EFFECTS, Applied, get_effect
@@ -18,47 +19,11 @@ from faultgen.servo import control_signal
 from faultgen.simulate import simulate
 from faultgen.tasks import load_task
 
-STEP = 0.001
-
 
 @pytest.fixture(scope="module")
 def control(tiny_robot, tiny_task_path):
     """Control of the small robot's swing."""
     return control_signal(plan(load_task("tiny", tiny_task_path), tiny_robot), STEP)
-
-
-def run(robot, control, *effects, cycles=1, period=STEP, **context):
-    """The last cycle of a robot with effects, and its machine."""
-    machine = assemble(robot, [Applied(*effect) for effect in effects], **context)
-    *_, cycle = simulate(robot, control, [machine] * cycles, sample_period=period)
-    return cycle, machine
-
-
-def channels(cycle):
-    return np.concatenate([getattr(cycle, name) for name in cycle.__dataclass_fields__], axis=1)
-
-
-def newton(robot, cycle, viscous=None):
-    """Torque on each rotor that no channel tells: J dw/dt less drive, friction and gearbox."""
-    inertia = robot.model.body_inertia[robot.model.jnt_bodyid[list(robot.motors)], 2]
-    acceleration = np.diff(cycle.motor_velocity, axis=0) / STEP
-    torque = cycle.motor_torque + cycle.friction_torque - cycle.gear_torque / robot.gear_ratio
-    if viscous is None:
-        viscous = robot.model.actuator_damping[robot.ids("actuator", "friction")][None]
-    implicit = -viscous[: len(acceleration)] * np.diff(
-        cycle.motor_velocity, axis=0
-    )  # applied after the step
-    return inertia * acceleration - torque[:-1] - implicit
-
-
-def servo(robot, cycle, control):
-    """Torque that the drive means to give, by what it was told and what is logged."""
-    model = robot.model
-    drive = robot.ids("actuator", "drive")
-    at, gains = model.actuator_ctrladr[drive], model.actuator_gainprm[drive]
-    torque = gains[:, 4] * (control[:, at] - cycle.motor_position) + control[:, at + 2]
-    torque = torque + gains[:, 6] * (control[:, at + 1] - cycle.motor_velocity)
-    return np.clip(torque, -robot.motor_torque_limit, robot.motor_torque_limit)
 
 
 def test_the_log_of_a_healthy_robot_is_the_servo(tiny_robot, control):
@@ -371,6 +336,6 @@ def test_facts_about_effects():
         assert effect.smallest <= 0 < effect.step < effect.largest, effect.name
         assert effect.signed == (effect.smallest < 0)
         assert not effect.same_as or effect.same_as in EFFECTS
-        assert effect.edit or effect.command or effect.log or effect.between
+        assert effect.edit or effect.command or effect.log or effect.between or effect.sense
     assert get_effect("brake_drag").same_as == "coulomb_friction"
     assert not get_effect("backlash").signed

@@ -6,6 +6,7 @@ import pytest
 
 from faultgen.discovery.terms import (
     INERTIA,
+    NO_COLUMN,
     OPTIONAL,
     apply_inertia,
     effect_terms,
@@ -16,7 +17,7 @@ from faultgen.discovery.terms import (
 from faultgen.effects import EFFECTS
 from faultgen.robot import load_robot
 
-LEFT_OUT = {"brake_drag", "torque_ripple", "transmission_error", *OPTIONAL}
+LEFT_OUT = {"brake_drag", "torque_ripple", "transmission_error", *OPTIONAL, *NO_COLUMN}
 
 
 def test_every_effect_is_a_term_of_every_axis_that_can_have_it():
@@ -27,6 +28,8 @@ def test_every_effect_is_a_term_of_every_axis_that_can_have_it():
     assert {axis for name, axis in keys if name == "payload_mass"} == {6}
     without = {term.name for term in effect_terms(robot, exclude=["backlash"])}
     assert "backlash" not in without
+    assert len({name for name, _ in keys}) == 21
+    assert set(NO_COLUMN) <= set(EFFECTS)
 
 
 def test_tolerances_and_steps_are_positive(tiny_robot):

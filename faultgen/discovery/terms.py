@@ -44,6 +44,19 @@ wave generators have them. Others are probed where a recording shows them."""
 OPTIONAL = ("viscous_asymmetry", "low_speed_friction")
 """Effects that are candidates on request only."""
 
+NO_COLUMN = (
+    "seizing_spot",
+    "tooth_damage",
+    "winding_fault",
+    "loose_tool",
+    "torque_sensor_gain",
+    "encoder_quantisation",
+    "sensor_dropout",
+    "sensor_stuck",
+)
+"""Effects that are no candidates, since there is no column for them yet: an angle, a phase or what
+is drawn would have to be searched for, and a replay has no sensors."""
+
 NUMBERS = (
     "coulomb_friction",
     "viscous_friction",
@@ -184,7 +197,7 @@ def effect_terms(
     terms = []
     for effect in EFFECTS.values():
         name = effect.name
-        if name in (*exclude, *PERIODIC) or effect.same_as:
+        if name in (*exclude, *PERIODIC, *NO_COLUMN) or effect.same_as:
             continue
         if name in OPTIONAL and name not in include:
             continue

@@ -1,9 +1,10 @@
-"""What an effect is: facts about it, and hooks at the four places where a simulation can change.
+"""What an effect is: facts about it, and hooks at the five places where a simulation can change.
 
 ==========  ==========================================================================
 `edit`      the model, once
 `command`   the control signal: what the controller sends to the drives
 `log`       the channels: what the controller logs
+`sense`     the channels as measured, after noise: what sensors and their lines make of them
 `between`   friction parameters, between steps: what no element of MuJoCo expresses
 ==========  ==========================================================================
 
@@ -24,6 +25,7 @@ from faultgen.errors import InputError
 if TYPE_CHECKING:
     from faultgen.channels import Cycle
     from faultgen.robot import Robot
+    from faultgen.sensors import Measured
 
 HEALTHY = "healthy"
 """Effect name of runs without a fault."""
@@ -92,6 +94,8 @@ class Moment:
     """mjModel.actuator_dynprm, same shape."""
     damping: np.ndarray
     """mjModel.actuator_damping, shape (nsim, nactuator)."""
+    control: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)))
+    """Mean control until the next call, shape (nsim, n_controls); not to be changed."""
 
 
 Update = Callable[[Moment], None]
@@ -143,6 +147,8 @@ class Effect:
     """Control as it reaches the drives: (control, place, whether it repeats); a new array."""
     log: Callable[[Cycle, Cycle, Place], Cycle] | None = None
     """Channels as they are logged: (cycle as simulated, as logged so far, place)."""
+    sense: Callable[[Measured, Place, float, np.random.Generator], Measured] | None = None
+    """Channels as they are stored: (as measured so far, place, sample period [s], randomness)."""
     between: Callable[[Sequence[Place]], Update | None] | None = None
     """Makes the function that is called between steps, for all places of the effect at once; None
     where nothing changes in time."""

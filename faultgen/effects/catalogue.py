@@ -9,12 +9,17 @@ from faultgen.effects import (
     coupling,
     friction,
     load,
+    loose,
     motor,
     ripple,
+    sensing,
     signals,
+    spot,
     structure,
     temperature,
+    tooth,
     transmission,
+    winding,
 )
 from faultgen.effects.base import HEALTHY, Effect
 from faultgen.errors import InputError
@@ -31,6 +36,11 @@ EFFECTS: dict[str, Effect] = {
         motor,
         structure,
         signals,
+        spot,
+        tooth,
+        winding,
+        loose,
+        sensing,
     )
     for effect in family.EFFECTS
 }

@@ -1,7 +1,6 @@
 """Friction that grows with the load of the gearbox. No element of MuJoCo has it.
 
-An element of its own carries it, whose bristles get stiffer with the load as friction grows: their
-deflection in sliding is the same at every load, so that a changing load does not excite them.
+An element of its own carries it, which is told between steps how much it holds.
 """
 
 from __future__ import annotations
@@ -12,22 +11,15 @@ import mujoco
 import numpy as np
 
 from faultgen.effects.base import Effect, Moment, Place, Update
-from faultgen.effects.elements import add_lugre
+from faultgen.effects.elements import ToldFriction, add_told_friction
 from faultgen.gearbox import Gearbox
-from faultgen.robot import BRISTLE_DAMPING, BRISTLE_STIFFNESS, COULOMB, STICTION, STRIBECK_VELOCITY
-
-_SLIDING = slice(COULOMB, STICTION + 1)
-_BRISTLES = slice(BRISTLE_STIFFNESS, BRISTLE_DAMPING + 1)
-_NOTHING = 1e-12  # MuJoCo divides by friction [N m]
 
 
 def add_element(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
     """Add the element ``load_friction{axis}``, which holds nothing until it is told the load."""
     name = f"load_friction{axis}"
     if spec.actuator(name) is None:
-        width = spec.actuator(f"friction{axis}").biasprm[STRIBECK_VELOCITY]
-        lugre = [_NOTHING, _NOTHING, _NOTHING, _NOTHING, width]
-        add_lugre(spec, name, f"motor{axis}", lugre)
+        add_told_friction(spec, name, axis)
 
 
 def follow_load(places: Sequence[Place]) -> Update:
@@ -42,21 +34,16 @@ def follow_load(places: Sequence[Place]) -> Update:
         shares[place.axis - 1] += place.severity
     axes = np.flatnonzero(shares)
     share, ratio = shares[axes], robot.gear_ratio[axes]
-    motors, joints = np.array(robot.motors)[axes], np.array(robot.joints)[axes]
+    motors, joints = (where[axes] for where in robot.addresses(model))
     gearbox = Gearbox(model, robot.ids("tendon", "gearbox", model)[axes])
-    element = np.array([model.actuator(f"load_friction{axis + 1}").id for axis in axes])
-    friction = robot.ids("actuator", "friction", model)[axes]
-    # bristles as those of the axis' own friction, for each N m that they hold
-    bristles = model.actuator_dynprm[friction, _BRISTLES]
-    bristles = bristles / model.actuator_biasprm[friction, COULOMB][:, None]
+    numbers = (axes + 1).tolist()
+    friction = ToldFriction(robot, model, [f"load_friction{axis}" for axis in numbers], numbers)
 
     def update(moment: Moment) -> None:
         twist = moment.qpos[:, motors] / ratio - moment.qpos[:, joints]
         rate = moment.qvel[:, motors] / ratio - moment.qvel[:, joints]
         load = np.abs(gearbox.torque(twist + rate * (moment.interval / 2), rate) / ratio)
-        held = (share * load + _NOTHING)[..., None]
-        moment.biasprm[:, element, _SLIDING] = held
-        moment.dynprm[:, element, _BRISTLES] = held * bristles
+        friction.tell(moment, share * load)
 
     return update
 

@@ -27,7 +27,7 @@ def scale_payload(
         y: Likewise.
         z: Likewise.
     """
-    payload = _payload(spec, axis)
+    payload = payload_body(spec, axis)
     if payload.mass >= MASSLESS:
         payload.mass *= 1 + severity
         payload.inertia *= 1 + severity
@@ -43,7 +43,7 @@ def move_payload(spec: mujoco.MjSpec, axis: int, severity: float, *, direction: 
     """Move the payload's centre of mass by severity [m] along an axis of the flange, 0 to 2."""
     if direction not in (0, 1, 2):
         raise InputError(f"direction: choose 0, 1 or 2 for x, y or z, not {direction}")
-    payload = _payload(spec, axis)
+    payload = payload_body(spec, axis)
     payload.ipos = np.array(payload.ipos) + severity * np.eye(3)[int(direction)]
 
 
@@ -52,7 +52,12 @@ def add_gravity_spring(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
     spec.joint(f"joint{axis}").stiffness[0] += severity
 
 
-def _payload(spec: mujoco.MjSpec, axis: int) -> mujoco.MjsBody:
+def payload_body(spec: mujoco.MjSpec, axis: int) -> mujoco.MjsBody:
+    """The body ``payload`` of a robot.
+
+    Raises:
+        InputError: There is none, or the axis is not the last one.
+    """
     if spec.joint(f"joint{axis + 1}") is not None:
         raise InputError(f"payload effects belong to the last axis, not to axis {axis}")
     payload = spec.body("payload")

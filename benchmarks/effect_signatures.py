@@ -1,0 +1,198 @@
+"""Pictures of all effects, each beside the healthy run of the same motion, and docs/effects.md.
+
+    python benchmarks/effect_signatures.py [EFFECT ...]
+
+Left the motor torque over time, right what the effect changes over the quantity that shows it. The
+text needs no simulation; a test holds it against the catalogue.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+import typer
+from effect_cases import CASES, MOTIONS, Case
+
+from faultgen.channels import Cycle
+from faultgen.effects import EFFECTS, Applied, Effect
+from faultgen.machine import assemble
+from faultgen.motion import Motion, plan
+from faultgen.robot import Robot, load_robot
+from faultgen.sensors import Measured
+from faultgen.servo import control_signal
+from faultgen.simulate import simulate
+from faultgen.tasks import Move, Pose, Task
+
+ROBOT, PERIOD, TEMPERATURE, SEED = "irb6700", 0.004, 65.0, 1
+PAGE = Path(__file__).parents[1] / "docs" / "effects.md"
+FOLDER = PAGE.parent / "figures" / "effects"
+HEALTHY = {"color": "0.7", "lw": 3.0}
+FAULTY = {"color": "#c1121f", "lw": 1.0}
+QUANTITIES = {
+    "time": "time [s]",
+    "speed": "motor speed [rad/s]",
+    "both speeds": "sum of the joints' speeds [rad/s]",
+    "acceleration": "motor acceleration [rad/s²]",
+    "angle": "joint angle [deg]",
+    "motor angle": "motor angle [rad], one turn",
+    "load": "|torque of the gearbox| [kN m]",
+    "torque": "healthy motor torque [N m]",
+    "torque rate": "rate of the healthy torque [N m/s]",
+}
+"""What gaps are drawn over, with units."""
+SHOWN = {
+    "gap": "gap of torque [N m]",
+    "against": "gap against motion [N m]",
+    "velocity": "logged speed [rad/s]",
+}
+"""What is drawn, with units."""
+
+
+def motion_of(robot: Robot, name: str) -> Motion:
+    """A motion of `MOTIONS`."""
+    start, moves = MOTIONS[name]
+    poses, pose = [], list(start)
+    for angles, speed, dwell in moves:
+        for axis, angle in angles.items():
+            pose[axis - 1] = angle
+        poses.append(Move(joints=list(pose), speed=speed, dwell=dwell))
+    begin = Pose(joints=list(start))
+    task = Task(name=name, robot=robot.name, description=name, start=begin, move=poses)
+    return plan(task, robot)
+
+
+def run(robot: Robot, motion: Motion, effects: list[Applied]) -> tuple[Cycle, Measured]:
+    """A cycle of a robot with effects: as simulated, and as its sensors show it."""
+    machine = assemble(robot, effects, temperature=TEMPERATURE)
+    control = control_signal(motion, robot.model.opt.timestep)
+    (cycle,) = simulate(robot, control, [machine], sample_period=PERIOD)
+    clean = Measured(cycle.motor_position, cycle.motor_velocity, cycle.motor_torque)
+    return cycle, machine.sense(clean, PERIOD, np.random.default_rng(SEED))
+
+
+def quantity(name: str, healthy: Cycle, robot: Robot, axis: int) -> np.ndarray:
+    """What a gap is drawn over, from the healthy run, shape (samples,)."""
+    i = axis - 1
+    speed, torque = healthy.motor_velocity[:, i], healthy.motor_torque[:, i]
+    if name == "time":
+        return np.arange(len(speed)) * PERIOD
+    if name == "speed":
+        return speed
+    if name == "both speeds":
+        return healthy.joint_velocity[:, i] + healthy.joint_velocity[:, i - 1]
+    if name == "acceleration":
+        return np.gradient(speed, PERIOD)
+    if name == "angle":
+        return np.degrees(healthy.joint_position[:, i])
+    if name == "motor angle":
+        return np.mod(healthy.motor_position[:, i] + np.pi, 2 * np.pi) - np.pi
+    if name == "load":
+        return np.abs(healthy.gear_torque[:, i]) / 1000
+    return torque if name == "torque" else np.gradient(torque, PERIOD)
+
+
+def draw(effect: Effect, case: Case, robot: Robot, motion: Motion, path: Path) -> None:
+    """Simulate an effect and draw its picture, 700 points wide."""
+    applied = Applied(effect.name, case.axis, case.severity, case.parameters)
+    healthy, exact = run(robot, motion, [])
+    _, seen = run(robot, motion, [applied])
+    axis = case.seen or case.axis
+    i = axis - 1
+    time = quantity("time", healthy, robot, axis)
+    inside = (time >= case.window[0]) & (time <= case.window[1])
+    figure, (left, right) = plt.subplots(1, 2, figsize=(7, 2.5), dpi=100, layout="constrained")
+    pairs = ((exact, HEALTHY, "healthy"), (seen, FAULTY, "faulty"))
+    for measured, line, label in pairs:
+        left.plot(time[inside], measured.motor_torque[inside, i], label=label, **line)
+    left.set_xlabel(QUANTITIES["time"], size=8)
+    left.set_ylabel(f"motor torque, axis {axis} [N m]", size=8)
+    left.legend(frameon=False, fontsize=8, loc="best")
+
+    speed = healthy.motor_velocity[:, i]
+    over = quantity(case.over, healthy, robot, axis)
+    chosen = np.ones(len(time), bool)
+    if case.over == "time":
+        chosen &= inside
+    if case.near is not None:
+        chosen &= np.abs(over) <= case.near
+    if case.forward:
+        steady = np.median(speed[inside])
+        chosen &= inside & (np.abs(speed - steady) < 0.2 * steady)
+    if case.gap == "against":
+        chosen &= np.abs(speed) > 10
+    style = {} if case.over == "time" else {"ls": "", "marker": ".", "ms": 2.5}
+    if case.gap in ("gap", "against"):
+        gap = seen.motor_torque[:, i] - exact.motor_torque[:, i]
+        gap = gap * np.sign(speed) if case.gap == "against" else gap
+        right.axhline(0.0, color="0.5", lw=0.8)
+        right.plot(over[chosen], gap[chosen], **(FAULTY | style))
+    else:
+        for measured, line, _ in pairs:
+            values = getattr(measured, f"motor_{case.gap}")[chosen, i]
+            right.plot(over[chosen], values, drawstyle="steps-post", **line)
+    right.set_xlabel(QUANTITIES[case.over], size=8)
+    right.set_ylabel(SHOWN[case.gap], size=8)
+    for panel in (left, right):
+        panel.grid(alpha=0.25)
+        panel.tick_params(labelsize=8)
+    shown = effect.shown(case.severity)
+    figure.suptitle(f"{effect.name}, {shown}, axis {case.axis} of the IRB 6700", fontsize=10)
+    figure.savefig(path, metadata={"Software": ""})
+    plt.close(figure)
+
+
+def page() -> str:
+    """docs/effects.md, from the catalogue and `CASES`."""
+    lines = [
+        "# The effects",
+        "",
+        f"All {len(EFFECTS)} effects of the catalogue, made by `benchmarks/effect_signatures.py`. "
+        "Severity s is 0 in the healthy robot;",
+        "symbols as in [physics.md](physics.md). Each picture is of the IRB 6700 beside the "
+        "healthy robot in the same motion, at",
+        "a severity that can be seen: on the left the logged motor torque, on the right what "
+        "shows the effect.",
+        "",
+        "| effect | severity, range | equation | element | source |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for name, effect in EFFECTS.items():
+        cells = [
+            f"[`{name}`](#{name})",
+            f"{effect.unit}; {effect.smallest:g} to {effect.largest:g}",
+            CASES[name].equation,
+            effect.element,
+            effect.source,
+        ]
+        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    for name, effect in EFFECTS.items():
+        given = ", ".join(f"`{key}` = {value}" for key, value in effect.parameters.items())
+        text = f"{effect.description[0].upper()}{effect.description[1:]}."
+        lines += ["", f"## {name}", "", text, f"Shows as: {effect.signature}."]
+        lines += [f"Parameters: {given}."] if given else []
+        lines += ["", f"![{name}](figures/effects/{name}.png)"]
+    return "\n".join(lines) + "\n"
+
+
+def main(
+    names: Annotated[list[str] | None, typer.Argument(help="Effects; default: all.")] = None,
+) -> None:
+    """Draw the pictures and write the page."""
+    robot = load_robot(ROBOT)
+    motions = {name: motion_of(robot, name) for name in MOTIONS}
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    for name in names or list(EFFECTS):
+        case = CASES[name]
+        draw(EFFECTS[name], case, robot, motions[case.motion], FOLDER / f"{name}.png")
+        print(name, flush=True)
+    PAGE.write_text(page())
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,127 @@
+"""Effects of what measures an axis: they act on the log alone, after noise; the control is exact.
+
+MuJoCo's servo sees exact angles; the loops of a real drive see a finer angle than is logged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from faultgen.effects.base import Effect, Place
+
+if TYPE_CHECKING:
+    from faultgen.sensors import Measured
+
+
+def scale_torque(
+    measured: Measured, place: Place, sample_period: float, rng: np.random.Generator
+) -> Measured:
+    """Torque times 1 + severity."""
+    torque = measured.motor_torque.copy()
+    torque[:, place.axis - 1] *= 1 + place.severity
+    return replace(measured, motor_torque=torque)
+
+
+def coarsen_encoder(
+    measured: Measured, place: Place, sample_period: float, rng: np.random.Generator
+) -> Measured:
+    """Position in whole steps of severity; the speed changes as its difference does."""
+    axis, step = place.axis - 1, place.severity
+    position, velocity = measured.motor_position.copy(), measured.motor_velocity.copy()
+    # the sample before the first one is where the motor came from at its speed then
+    before = position[:1, axis] - velocity[:1, axis] * sample_period
+    exact = np.concatenate([before, position[:, axis]])
+    counted = np.round(exact / step) * step
+    position[:, axis] = counted[1:]
+    velocity[:, axis] += np.diff(counted - exact) / sample_period
+    return replace(measured, motor_position=position, motor_velocity=velocity)
+
+
+def lose_samples(
+    measured: Measured, place: Place, sample_period: float, rng: np.random.Generator
+) -> Measured:
+    """Each sample but the first is lost with probability severity; the one before is shown."""
+    count = len(measured.motor_torque)
+    lost = rng.random(count) < place.severity
+    lost[0] = False
+    return _show(measured, place, np.maximum.accumulate(np.where(lost, 0, np.arange(count))))
+
+
+def stick(
+    measured: Measured, place: Place, sample_period: float, rng: np.random.Generator
+) -> Measured:
+    """A share severity of the cycle shows the first sample of it; when it begins is drawn."""
+    shown = np.arange(len(measured.motor_torque))
+    count = round(place.severity * len(shown))
+    first = int(rng.integers(len(shown) - count + 1))
+    shown[first : first + count] = first
+    return _show(measured, place, shown)
+
+
+def _show(measured: Measured, place: Place, samples: np.ndarray) -> Measured:
+    """Show the given samples of an axis instead of its own, shape (samples,)."""
+
+    def shown(values: np.ndarray) -> np.ndarray:
+        values = values.copy()
+        values[:, place.axis - 1] = values[samples, place.axis - 1]
+        return values
+
+    return type(measured)(
+        shown(measured.motor_position),
+        shown(measured.motor_velocity),
+        shown(measured.motor_torque),
+    )
+
+
+EFFECTS = (
+    Effect(
+        name="torque_sensor_gain",
+        description="the current sensor shows more torque than there is",
+        unit="fraction of the true torque that is shown too much",
+        signature="every torque of the axis is larger in the log, by the same factor",
+        element="log of torque",
+        source="logged torque = (1 + severity) times the true one; the control is unaffected",
+        largest=1.0,
+        smallest=-0.9,
+        step=0.05,
+        sense=scale_torque,
+    ),
+    Effect(
+        name="encoder_quantisation",
+        description="the encoder of the motor tells whole steps only, beyond those of the sensors",
+        unit="rad, motor side, the step",
+        signature="none in torque; logged position in steps, logged speed in steps over the "
+        "sample period",
+        element="log of position and speed",
+        source="logged position = severity round(q_m / severity); speed as its difference",
+        largest=7.0,
+        step=0.01,
+        sense=coarsen_encoder,
+    ),
+    Effect(
+        name="sensor_dropout",
+        description="samples of the axis are lost on the way; the log holds the last one",
+        unit="fraction of samples that are lost",
+        signature="single samples that repeat the one before, in position, speed and torque",
+        element="log of all channels",
+        source="losses independent of one another, drawn by the seed; the first is never lost",
+        largest=0.95,
+        step=0.05,
+        sense=lose_samples,
+    ),
+    Effect(
+        name="sensor_stuck",
+        description="the log of the axis stands still for a part of each cycle",
+        unit="fraction of the cycle's time",
+        signature="position, speed and torque that stay at one value, once a cycle",
+        element="log of all channels",
+        source="one stretch a cycle; when it begins is drawn by the seed, each time as likely",
+        largest=1.0,
+        step=0.05,
+        sense=stick,
+    ),
+)
+"""Effects of this family."""

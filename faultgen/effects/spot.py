@@ -1,0 +1,79 @@
+"""Friction that is larger about one angle of the joint. No element of MuJoCo has it.
+
+An element of its own carries it, which is told between steps how much it holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from faultgen.effects.base import Effect, Moment, Place, Update
+from faultgen.effects.elements import ToldFriction, add_told_friction, numbered
+from faultgen.errors import InputError
+
+
+def bump(angle: np.ndarray, centre: float | np.ndarray, width: float | np.ndarray) -> np.ndarray:
+    """A raised cosine, once a turn: (1 + cos(2 pi x / width)) / 2, x from the centre.
+
+    Args:
+        angle: Any shape, in [rad].
+        centre: Where it is 1 [rad].
+        width: Beyond half of it on either side it is 0 [rad].
+    """
+    away = np.angle(np.exp(1j * (np.asarray(angle) - centre)))
+    inside = np.abs(away) < width / 2
+    return np.where(inside, (1 + np.cos(2 * np.pi * away / width)) / 2, 0.0)
+
+
+def add_spot(
+    spec: mujoco.MjSpec, axis: int, severity: float, *, angle: float, width: float
+) -> None:
+    """Add the element ``seizing_spot{axis}``, which holds nothing until it is told the angle."""
+    if not 0 < width <= 2 * np.pi:
+        raise InputError(f"width: must be above 0 and at most a turn, not {width}")
+    add_told_friction(spec, f"seizing_spot{axis}", axis)
+
+
+def follow_angle(places: Sequence[Place]) -> Update:
+    """Coulomb friction is severity times that of the axis times `bump` of the joint's angle.
+
+    The angle is that in the middle of the time until the next update, by the speed of now.
+    """
+    robot, model = places[0].robot, places[0].model
+    axes = [place.axis for place in places]
+    names = [
+        numbered(f"seizing_spot{axis}", axes[: k + 1].count(axis)) for k, axis in enumerate(axes)
+    ]
+    friction = ToldFriction(robot, model, names, axes)
+    joints = robot.addresses(model)[1][np.array(axes) - 1]
+    centre, width = (
+        np.array([place.parameters[name] for place in places]) for name in ("angle", "width")
+    )
+    height = np.array([place.severity for place in places]) * friction.coulomb
+
+    def update(moment: Moment) -> None:
+        middle = moment.qpos[:, joints] + moment.qvel[:, joints] * (moment.interval / 2)
+        friction.tell(moment, height * bump(middle, centre, width))
+
+    return update
+
+
+EFFECTS = (
+    Effect(
+        name="seizing_spot",
+        description="a damaged spot of a bearing or gear rubs where the joint passes it",
+        unit="fraction of Coulomb friction, at the centre of the spot",
+        signature="more torque against the motion about one angle of the joint",
+        element="seizing_spot{i}, passive dcmotor lugre, told the joint's angle between steps",
+        source="position-dependent Coulomb friction; its form, a raised cosine "
+        "(1 + cos(2 pi (q - angle) / width)) / 2, is assumed; angle and width in rad",
+        step=0.3,
+        parameters={"angle": 0.0, "width": 0.2},
+        edit=add_spot,
+        between=follow_angle,
+    ),
+)
+"""Effects of this family."""

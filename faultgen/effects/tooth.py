@@ -1,0 +1,110 @@
+"""A damaged tooth: the gearbox leads by an angle while that tooth is in mesh, once a turn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+from scipy.stats import binom
+
+from faultgen.effects.base import Effect, Place
+from faultgen.effects.elements import add_cogging, add_tendon, gear_ratio
+from faultgen.effects.ripple import motor_order
+from faultgen.errors import InputError
+
+if TYPE_CHECKING:
+    from faultgen.channels import Cycle
+
+_SMALL = 1e-4  # of the peak: harmonics that are left out
+
+
+def sharpness(width: float) -> int:
+    """Power m of the pulse cos(x / 2)^(2 m) that is `width` [rad] wide at half its height."""
+    if not 0.1 <= width <= 1:
+        raise InputError(f"width: must be from 0.1 to 1 rad, not {width}")
+    return round(np.log(0.5) / (2 * np.log(np.cos(width / 4))))
+
+
+def pulse(angle: np.ndarray, phase: float, width: float) -> np.ndarray:
+    """The pulse cos(x / 2)^(2 m), once a turn, x from the phase.
+
+    Args:
+        angle: Of the shaft, any shape, in [rad].
+        phase: Where it is 1 [rad].
+        width: At half its height [rad].
+    """
+    return np.cos((np.asarray(angle) - phase) / 2) ** (2 * sharpness(width))
+
+
+def harmonics(width: float) -> np.ndarray:
+    """Amplitudes a of `pulse` as a sum of a_k cos(k x), k = 0, 1, ...
+
+    Binomials: the powers of cos(x / 2) = (exp(i x / 2) + exp(-i x / 2)) / 2. Those that together
+    are below `_SMALL` are left out.
+    """
+    m = sharpness(width)
+    amplitudes = 2 * binom.pmf(m - np.arange(m + 1), 2 * m, 0.5)
+    amplitudes[0] /= 2
+    return amplitudes[: np.searchsorted(np.cumsum(amplitudes), 1 - _SMALL) + 1]
+
+
+def add_tooth_damage(
+    spec: mujoco.MjSpec, axis: int, severity: float, *, per: str, phase: float, width: float
+) -> None:
+    """Let the gearbox stretch by twist + e, e = severity `pulse` [rad, joint side].
+
+    As with a transmission error the elastic energy is k (twist + e)^2 / 2, which gives
+
+        on the joint   k e
+        on the rotor   -k e / n  -  k twist de/dq_m
+
+    beside the healthy gearbox. Tendons of length q_m + b q and q_m - b q carry the sum and the
+    difference of the first two; what their lengths differ by is the last term. The term of second
+    order, -k e de/dq_m, is left out, and damping is that of the twist.
+    """
+    ratio = gear_ratio(spec, axis)
+    order = motor_order(1.0, per, ratio)
+    amplitudes = harmonics(width)
+    force = float(spec.tendon(f"gearbox{axis}").stiffness[0]) * severity
+    # small, so that the phase on the tendon is that of the motor up to the last harmonic
+    b = 1.0 / max(1.0, abs(order) * (len(amplitudes) - 1))
+    name = f"tooth_damage{axis}"
+    for side in (b, -b):
+        tendon = add_tendon(spec, name, {f"motor{axis}": 1.0, f"joint{axis}": side})
+        share = force / 2 * (1 / side - 1 / ratio)
+        seen = order / (1 + side / ratio)  # turns of the shaft a turn of the tendon
+        for k, amplitude in enumerate(amplitudes.tolist()):
+            add_cogging(spec, name, tendon, share * amplitude, k * seen, np.pi / 2 - k * phase)
+
+
+def log_tooth_damage(truth: Cycle, logged: Cycle, place: Place) -> Cycle:
+    """Add the torque of the pulse to that of the gearbox."""
+    given, i = place.parameters, place.axis - 1
+    turned = truth.motor_position[:, i] * motor_order(1.0, given["per"], place.robot.gear_ratio[i])
+    error = place.severity * pulse(turned, given["phase"], given["width"])
+    torque = logged.gear_torque.copy()
+    torque[:, i] += place.model.tendon_stiffness[place.element("tendon", "gearbox")] * error
+    return replace(logged, gear_torque=torque)
+
+
+EFFECTS = (
+    Effect(
+        name="tooth_damage",
+        description="a tooth is chipped or pitted: the gearbox leads while it is in mesh, "
+        "once a turn of the motor or of the joint",
+        unit="rad, joint side, at the peak",
+        signature="a short pulse and its ringing at one angle of the shaft, once a turn",
+        element="tooth_damage{i}, two passive dcmotors with cogging for each harmonic of the pulse",
+        source="displacement of a damaged tooth as a local transmission error; its form, "
+        "cos(x / 2)^(2 m), and width at half height [rad of the shaft] are assumed",
+        largest=0.01,
+        step=3e-5,
+        parameters={"per": "motor", "phase": 0.0, "width": 0.5},
+        edit=add_tooth_damage,
+        last=True,
+        log=log_tooth_damage,
+    ),
+)
+"""Effects of this family."""
