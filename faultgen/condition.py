@@ -23,6 +23,10 @@ class Condition:
     """Name of the effect; empty where nothing is worn."""
     wear: tuple[tuple[int, float], ...] = ()
     """Worn axes, from 1, and the severity of each."""
+    parameters: tuple[tuple[str, int | float | str], ...] = ()
+    """Of the effect, where they are not its defaults."""
+    beside: tuple[Applied, ...] = ()
+    """Other effects."""
 
 
 def machine_at(robot: Robot, healthy: mujoco.MjSpec, condition: Condition) -> Machine:
@@ -49,5 +53,7 @@ def machine_at(robot: Robot, healthy: mujoco.MjSpec, condition: Condition) -> Ma
     if payload is not None and condition.payload_factor != 1:
         payload.mass *= condition.payload_factor
         payload.inertia *= condition.payload_factor
-    effects = [Applied(condition.effect, axis, severity) for axis, severity in condition.wear]
+    own = dict(condition.parameters)
+    effects = [Applied(condition.effect, axis, severity, own) for axis, severity in condition.wear]
+    effects += condition.beside
     return assemble(robot, effects, temperature=condition.temperature, spec=spec)

@@ -58,6 +58,24 @@ Names = Annotated[list[str], BeforeValidator(_listed), Field(min_length=1)]
 Severity = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
+Numbers = dict[str, int | float | str]
+
+
+class Beside(BaseModel):
+    """Another effect that grows beside that of a run, by the same schedule."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    effect: str
+    """Name from the catalogue."""
+    severity: float
+    """When the effect of the run has its final severity."""
+    axis: int | None = None
+    """From 1; default: the axes of the run."""
+    parameters: Numbers = {}
+    """Of this effect."""
+
+
 class Experiment(BaseModel):
     """What a dataset is made of: every combination of robot, task, effect, axis and severity."""
 
@@ -84,6 +102,10 @@ class Experiment(BaseModel):
     """Name of a wear schedule, or the severity of each cycle."""
     cycles: Annotated[int, Field(ge=1, le=1_000_000)] = 100
     """Cycles a run."""
+    parameters: dict[str, Numbers] = {}
+    """Further numbers of effects, by name of the effect, as [parameters.torque_ripple]."""
+    beside: list[Beside] = []
+    """Effects that every faulty run has too, as [[beside]]."""
     healthy: bool = True
     """Also run the healthy robot, once for each robot, task and seed."""
     sensors: str = "none"
@@ -124,6 +146,7 @@ class Experiment(BaseModel):
                     f"effect: {name} needs a temperature that changes, which sensors "
                     f"'{self.sensors}' do not have; choose realistic"
                 )
+        self._check_parameters()
         severities(self.schedule, 0.0, self.cycles)
         for name in self.kept_signals:
             if name not in SIGNALS:
@@ -131,6 +154,20 @@ class Experiment(BaseModel):
         if len(set(self.kept_signals)) < len(self.kept_signals):
             raise InputError("signals: the same name twice")
         return self
+
+    def _check_parameters(self) -> None:
+        for name, values in self.parameters.items():
+            if name not in self.effect:
+                raise InputError(f"parameters: '{name}' is no effect of this experiment")
+            get_effect(name).complete(values)
+        for one in self.beside:
+            effect = get_effect(one.effect)
+            effect.complete(one.parameters)
+            if not 0 <= one.severity <= effect.largest:
+                raise InputError(
+                    f"beside: {one.effect} takes 0 to {effect.largest:g} ({effect.unit}), "
+                    f"not {one.severity:g}"
+                )
 
     @property
     def kept_signals(self) -> tuple[str, ...]:
@@ -156,6 +193,10 @@ class Run:
     sample_period: float
     signals: tuple[str, ...]
     thin: int
+    parameters: tuple[tuple[str, int | float | str], ...] = ()
+    """Of the effect, where they are not its defaults."""
+    beside: tuple[tuple[str, int, float, tuple[tuple[str, int | float | str], ...]], ...] = ()
+    """Effect, axis, final severity and parameters of those that grow beside it."""
     model_sha256: str
     task_sha256: str
     schema_version: int = SCHEMA_VERSION
@@ -163,7 +204,8 @@ class Run:
     @property
     def id(self) -> str:
         """Hash of the parameters, 16 hex digits."""
-        text = json.dumps(asdict(self), sort_keys=True)
+        told = {k: v for k, v in asdict(self).items() if v or k not in ("parameters", "beside")}
+        text = json.dumps(told, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     @property
@@ -173,6 +215,7 @@ class Run:
         if self.axes:
             axes = "+".join(map(str, self.axes))
             fault = f"{self.effect} {self.severity:g} on axis {axes}"
+            fault += "".join(f" + {name} {s:g} on axis {a}" for name, a, s, _ in self.beside)
         return f"{Path(self.robot).stem} {Path(self.task).stem} {fault} seed {self.seed}"
 
 
@@ -223,8 +266,21 @@ def to_toml(experiment: Experiment) -> str:
     entries = experiment.model_dump()
     if not isinstance(experiment.schedule, str):
         del entries["severity"]  # the array has it
+    parameters, beside = entries.pop("parameters"), entries.pop("beside")
     lines = [f"{name} = {json.dumps(value)}" for name, value in entries.items()]
+    if parameters:
+        lines.append(f"parameters = {_inline(parameters)}")
+    if beside:
+        lines.append(f"beside = [{', '.join(map(_inline, beside))}]")
     return "\n".join(lines) + "\n"
+
+
+def _inline(value: Any) -> str:
+    """A TOML value; tables in one line, without what is None."""
+    if isinstance(value, dict):
+        kept = (f"{key} = {_inline(one)}" for key, one in value.items() if one is not None)
+        return f"{{{', '.join(kept)}}}"
+    return json.dumps(value)
 
 
 def plan_runs(experiment: Experiment) -> list[Run]:
@@ -260,6 +316,8 @@ def plan_runs(experiment: Experiment) -> list[Run]:
                         sample_period=experiment.sample_period,
                         signals=experiment.kept_signals,
                         thin=experiment.thin,
+                        parameters=tuple(sorted(experiment.parameters.get(effect, {}).items())),
+                        beside=_beside(experiment, axes),
                         model_sha256=robot.sha256,
                         task_sha256=digest,
                     )
@@ -283,7 +341,21 @@ def _faults(experiment: Experiment) -> list[tuple[str, tuple[int, ...], float]]:
     return faults
 
 
+def _beside(
+    experiment: Experiment, axes: tuple[int, ...]
+) -> tuple[tuple[str, int, float, tuple[tuple[str, int | float | str], ...]], ...]:
+    """What grows beside the effect of a run; nothing in a healthy one."""
+    return tuple(
+        (one.effect, axis, one.severity, tuple(sorted(one.parameters.items())))
+        for one in experiment.beside
+        for axis in ((one.axis,) if one.axis is not None and axes else axes)
+    )
+
+
 def _check_axes(experiment: Experiment, robot: Robot) -> None:
+    for one in experiment.beside:
+        for axis in [one.axis] if one.axis is not None else sum(experiment.axis, []):
+            check_axis(get_effect(one.effect), axis, robot)
     for axes in experiment.axis:
         for axis in axes:
             if not 1 <= axis <= robot.n_axes:

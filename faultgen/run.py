@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,6 +15,7 @@ import mujoco
 import numpy as np
 
 from faultgen.condition import Condition, machine_at
+from faultgen.effects import Applied
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.experiment import Run
 from faultgen.machine import Machine
@@ -140,14 +142,20 @@ def _machines(
     healthy = robot.spec()
     before: Condition | None = None
     machine = Machine(robot.model)
-    for severity, temperature, load in zip(
-        growth, around.temperature, around.payload_factor, strict=True
+    shares = growth / run.severity if run.severity else growth
+    for severity, share, temperature, load in zip(
+        growth, shares.tolist(), around.temperature, around.payload_factor, strict=True
     ):
         now = Condition(
             temperature=float(temperature),
             payload_factor=float(load),
             effect=run.effect,
             wear=tuple((axis, float(severity)) for axis in run.axes),
+            parameters=run.parameters,
+            beside=tuple(
+                Applied(name, axis, final * share, dict(parameters))
+                for name, axis, final, parameters in run.beside
+            ),
         )
         if now != before:
             machine = machine_at(robot, healthy, now)
@@ -168,6 +176,13 @@ def _attributes(run: Run, nominal: Nominal) -> dict[str, Any]:
         "axes": np.array(run.axes, dtype=np.int64),
         "severity": run.severity,
         "schedule": schedule,
+        "parameters": json.dumps(dict(run.parameters)),
+        "beside": json.dumps(
+            [
+                {"effect": name, "axis": axis, "severity": final, "parameters": dict(parameters)}
+                for name, axis, final, parameters in run.beside
+            ]
+        ),
         "cycles": run.cycles,
         "sensors": run.sensors,
         "seed": run.seed,
