@@ -120,8 +120,7 @@ _FRACTIONS = {
     "payload_mass": 0.035,
     "payload_offset": 2e-3,
     "backlash": 2e-6,
-    "encoder_offset": 2e-4,
-    "delay": 3e-4,
+    "delay": 6e-4,
     "viscous_asymmetry": 0.01,
     "low_speed_friction": 0.01,
 }
@@ -132,6 +131,8 @@ _VARIANTS: dict[str, tuple[tuple[tuple[str, float], ...], ...]] = {
 _WIDTHS = (0.3, 1.0, 3.0, 10.0, 30.0)  # of low-speed friction, in Stribeck velocities
 _POINTS = 0.02  # mass of a payload that the model says is none [kg]: assumed
 _ARM = 0.1  # distance of the points [m]
+_MASTERING = 2e-4  # of an encoder's zero [rad]
+_ACROSS = 3e-4  # of a centre of mass, as seen on healthy development robots [m]
 _TURNED = 0.1  # angle of the payload about the last axis, one with its encoder's zero [rad]
 BENT = {
     "backlash": (2e-5, 3e-4, 2e-3),
@@ -159,8 +160,8 @@ def tolerance(name: str, robot: Robot, axis: int) -> float:
         robot: The robot.
         axis: Axis, from 1.
     """
-    if name == "encoder_offset" and axis == robot.n_axes:
-        return _TURNED
+    if name == "encoder_offset":
+        return _TURNED if axis == robot.n_axes else _zero(robot, axis)
     if name in _FRACTIONS:
         return _FRACTIONS[name]
     limit = min(float(robot.motor_torque_limit[axis - 1]), _largest_friction(robot, axis))
@@ -175,6 +176,20 @@ def tolerance(name: str, robot: Robot, axis: int) -> float:
         return float(np.hypot(small, _OFF * own))
     joint_side = name in ("gravity_spring", "wrist_coupling_friction")
     return small * ratio if joint_side else small
+
+
+def _zero(robot: Robot, axis: int) -> float:
+    """Zero of an encoder [rad]: that of mastering, and that of a mass that is elsewhere.
+
+    A centre of mass that is off across the arm looks like another zero, the more so the nearer it
+    is to the axis.
+    """
+    model = robot.model
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    joint = model.joint(f"joint{axis}").id
+    lever = data.subtree_com[model.jnt_bodyid[joint]] - data.xanchor[joint]
+    return float(np.hypot(_MASTERING, _ACROSS / max(float(np.linalg.norm(lever)), _ACROSS)))
 
 
 def _largest_friction(robot: Robot, axis: int) -> float:
