@@ -1,0 +1,1 @@
+"""Fleets: robots that work for weeks, of which some fail, as their monitoring sees them."""
