@@ -97,15 +97,17 @@ def test_classifiers_bend_where_they_should():
 def test_workers_do_not_change_results():
     """The same to the last digit, importance included; another seed is another forest."""
     make = partial(make_classifier, "RF", Combination.of("control"))
-    rows = robots(1.0)[:6]
+    rows = robots(3.0)[:6]
     groups = {"first": np.array([0]), "others": np.array([1, 2, 3])}
     one, two = (
         leave_pair_out(rows, FAILED[:6], make, seed=5, workers=n, groups=groups) for n in (1, 2)
     )
     assert np.array_equal(one.auc, two.auc)
     assert one.importance == two.importance
-    assert one.importance["first"] > 0.1 > abs(one.importance["others"])
-    assert not np.array_equal(one.auc, leave_pair_out(rows, FAILED[:6], make, seed=6).auc)
+    assert one.importance["first"] > 0.3 > 0.1 > abs(one.importance["others"])
+    assert (
+        one.importance != leave_pair_out(rows, FAILED[:6], make, seed=6, groups=groups).importance
+    )
 
 
 def test_bad_input_is_told():
