@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
+
+from faultgen.dataset import plain_value
+from faultgen.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,3 +62,32 @@ class Fleet:
     """Root of all draws."""
     attributes: dict[str, Any]
     """Of the files."""
+
+
+def open_fleet(folder: str | Path) -> Fleet:
+    """Read a fleet: a file ``robots/robot*.h5`` for each robot.
+
+    Raises:
+        InputError: There is no fleet, or a damaged file.
+    """
+    paths = sorted((Path(folder) / "robots").glob("robot*.h5"))
+    if not paths:
+        raise InputError(f"{folder}: no fleet here")
+    robots, told = [], {}
+    for path in paths:
+        try:
+            with h5py.File(path, "r") as file:
+                told = {name: plain_value(value) for name, value in file.attrs.items()}
+                own = {name: told.pop(name) for name in ("name", "robot", "failed", "axis")}
+                arrays = {k: v[()] for k, v in file.items() if isinstance(v, h5py.Dataset)}
+                truth = {name: value[()] for name, value in file["truth"].items()}
+                robots.append(FleetRobot(**own, **arrays, truth=truth))
+        except (OSError, KeyError, TypeError) as error:
+            raise InputError(f"{path}: not the record of a robot ({error})") from None
+    return Fleet(
+        robots=tuple(robots),
+        event_names=tuple(str(told.pop("event_names")).split()),
+        days=int(told.pop("days")),
+        seed=int(told.pop("seed")),
+        attributes=told,
+    )
