@@ -32,7 +32,7 @@ from sklearn.preprocessing import StandardScaler
 
 from analysis.preprocessing import Record
 
-Floats = NDArray[np.float64]
+Floats = NDArray[np.floating]
 Ints = NDArray[np.int_]
 
 FEATURES = ("growth", "growth over others", "unsteadiness", "growth over early spread")
@@ -174,7 +174,8 @@ def _ridge(columns: Floats, values: Floats) -> Floats:
     X = _with_one(columns)
     penalty = _RIDGE * len(X) * np.eye(X.shape[1])
     penalty[0, 0] = 0.0
-    return np.linalg.solve(X.T @ X + penalty, X.T @ values)
+    solved: Floats = np.linalg.solve(X.T @ X + penalty, X.T @ values)
+    return solved
 
 
 def _residuals(columns: Floats, values: Floats) -> Floats:

@@ -11,14 +11,19 @@ from pathlib import Path
 from typing import Any
 
 from faultgen.errors import InputError
+from faultgen.fleet import open_fleet
 from faultgen.storage import write_text
 from faultgen.studies.figures import Figures, draw
 
 STUDIES = {
+    "classifiers": "chapter 5: does preprocessing help to foresee gearbox failures, on a fleet",
     "detection": "chapter 3: from which hour on wear is detected and located, PUMA 560",
     "isolation": "chapter 6: which axis is worn, by transfer entropy, cross-correlation and ours",
 }
 """Name and content of every study."""
+
+OF_A_FLEET = ("classifiers",)
+"""Studies whose data is a fleet, not simulated by them."""
 
 REPORT_SEED = 2026
 """Root seed of the figures in docs/. Methods were developed on others."""
@@ -34,7 +39,13 @@ Parts = tuple[
 
 
 def run_study(
-    name: str, out: Path, *, quick: bool = False, seed: int = REPORT_SEED, workers: int = 1
+    name: str,
+    out: Path,
+    *,
+    quick: bool = False,
+    seed: int = REPORT_SEED,
+    workers: int = 1,
+    fleet: Path | None = None,
 ) -> dict[str, Any]:
     """Run a study and write ``results.json``, ``tables.md`` and ``figures/``.
 
@@ -44,12 +55,13 @@ def run_study(
         quick: Fewer seeds.
         seed: Root of all draws.
         workers: Processes; no effect on the results.
+        fleet: Folder of the fleet, for the studies that are of one.
 
     Returns:
         The results.
 
     Raises:
-        InputError: There is no such study.
+        InputError: There is no such study, or a fleet is missing, wrong or given in vain.
     """
     if name not in STUDIES:
         raise InputError(f"unknown study '{name}': choose {', '.join(STUDIES)}")
@@ -57,13 +69,18 @@ def run_study(
         raise InputError(f"workers: must be at least 1, not {workers}")
     if seed < 0:
         raise InputError(f"seed: must be at least 0, not {seed}")
+    if fleet is None and name in OF_A_FLEET:
+        raise InputError(f"study {name}: needs a fleet; give its folder by --fleet")
+    if fleet is not None and name not in OF_A_FLEET:
+        raise InputError(f"study {name}: simulates its own data and takes no --fleet")
+    recorded = None if fleet is None else open_fleet(fleet)
     started = time.monotonic()
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{out}: cannot be used as a folder ({error.strerror})") from None
-    run, goals, tables, figures = _detection(quick) if name == "detection" else _isolation(quick)
-    found = run(out, seed=seed, workers=workers)
+    run, goals, tables, figures = _PARTS[name](quick)
+    found = run(out if recorded is None else recorded, seed=seed, workers=workers)
     result = {
         "study": name,
         "faultgen_version": version("faultgen"),
@@ -94,3 +111,15 @@ def _isolation(quick: bool) -> Parts:
 
     size = study.QUICK if quick else study.FULL
     return partial(study.run_isolation, size=size), goals, tables, FIGURES
+
+
+def _classifiers(quick: bool) -> Parts:
+    from faultgen.studies import classifiers_study as study
+    from faultgen.studies.classifiers_figures import FIGURES
+    from faultgen.studies.classifiers_tables import goals, tables
+
+    size = study.QUICK if quick else study.FULL
+    return partial(study.run_classifiers, size=size), goals, tables, FIGURES
+
+
+_PARTS = {"classifiers": _classifiers, "detection": _detection, "isolation": _isolation}
