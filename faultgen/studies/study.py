@@ -19,10 +19,11 @@ STUDIES = {
     "classifiers": "chapter 5: does preprocessing help to foresee gearbox failures, on a fleet",
     "detection": "chapter 3: from which hour on wear is detected and located, PUMA 560",
     "isolation": "chapter 6: which axis is worn, by transfer entropy, cross-correlation and ours",
+    "training-data": "chapter 4: which robot's data, and which signal, PCA learns from, on a fleet",
 }
 """Name and content of every study."""
 
-OF_A_FLEET = ("classifiers",)
+OF_A_FLEET = ("classifiers", "training-data")
 """Studies whose data is a fleet, not simulated by them."""
 
 REPORT_SEED = 2026
@@ -122,4 +123,17 @@ def _classifiers(quick: bool) -> Parts:
     return partial(study.run_classifiers, size=size), goals, tables, FIGURES
 
 
-_PARTS = {"classifiers": _classifiers, "detection": _detection, "isolation": _isolation}
+def _training(quick: bool) -> Parts:
+    from faultgen.studies.training_figures import FIGURES
+    from faultgen.studies.training_study import run_training
+    from faultgen.studies.training_tables import goals, tables
+
+    return partial(run_training, quick=quick), goals, tables, FIGURES
+
+
+_PARTS = {
+    "classifiers": _classifiers,
+    "detection": _detection,
+    "isolation": _isolation,
+    "training-data": _training,
+}
