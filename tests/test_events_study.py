@@ -4,7 +4,7 @@ import numpy as np
 
 from faultgen.fleet import Fleet, FleetRobot
 from faultgen.fleet.events import event_names
-from faultgen.studies.events_study import NEVER, _lead, study_events
+from faultgen.studies.events_study import NEVER, _lead, run_events
 from faultgen.studies.events_tables import goals, tables
 
 DAYS = 210
@@ -41,7 +41,7 @@ def fleet(rise):
 
 
 def test_a_pattern_is_found_where_there_is_one():
-    result = study_events(fleet(rise=30.0))
+    result = run_events(fleet(rise=30.0))
     assert result["rise"]["Q"]["auc"] == 1.0 and result["rise"]["Q"]["p"] < 0.01
     ours = result["warnings"]["supervision, charted"]
     assert ours["warned"]["right"] == 5 and ours["healthy_warned"]["right"] <= 1
@@ -52,7 +52,7 @@ def test_a_pattern_is_found_where_there_is_one():
 
 
 def test_no_pattern_is_found_where_there_is_none():
-    result = study_events(fleet(rise=1.0))
+    result = run_events(fleet(rise=1.0))
     assert 0.1 < result["rise"]["Q"]["auc"] < 0.9 and result["rise"]["Q"]["p"] > 0.05
     result["goals"] = goals(result)
     assert not any(goal["reached"] for goal in result["goals"])

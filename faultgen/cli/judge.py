@@ -68,21 +68,30 @@ def isolate(
 
 @app.command()
 def study(
-    name: Annotated[str, typer.Argument(help="events, detection or isolation.")],
+    name: Annotated[
+        str, typer.Argument(help="events, detection, training-data, classifiers or isolation.")
+    ],
     out: Out = Path("study-out"),
+    fleet: Annotated[
+        Path | None,
+        typer.Option(help="Folder of a fleet to study, for events, classifiers and training-data."),
+    ] = None,
     quick: Annotated[bool, typer.Option(help="Fewer seeds, for a first look.")] = False,
     seed: Annotated[int, typer.Option(help="Root of all draws; docs/ reports the default.")] = 2026,
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
-    """Run a whole study: simulate, judge every method, write tables and figures.
+    """Run a whole study: judge every method, write tables and figures.
 
+    Detection and isolation simulate what they need; classifiers and training-data are of a fleet.
     The folder gets results.json, tables.md and figures/. Simulated cycles stay there, and are used
     again by the next call.
     """
     from faultgen.studies.study import run_study
 
-    result = run_study(name, out, quick=quick, seed=seed, workers=worker_count(workers))
+    result = run_study(
+        name, out, quick=quick, seed=seed, workers=worker_count(workers), fleet=fleet
+    )
     if as_json:
         print_json(result)
         return

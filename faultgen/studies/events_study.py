@@ -8,8 +8,6 @@ robots do that never fail.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,8 +16,8 @@ from sklearn.metrics import roc_auc_score
 
 from analysis import PCAMonitor
 from analysis.detection import EWMAChart
-from faultgen.fleet import Fleet, FleetPlan, FleetRobot, generate_fleet
-from faultgen.fleet.plan import Production
+from faultgen.errors import InputError
+from faultgen.fleet import Fleet, FleetRobot
 from faultgen.studies.counts import share
 
 TRAINING = 28
@@ -41,18 +39,6 @@ _BREAK = 7  # days without alarm that do not end one
 _SPARED = 28  # days after training on which the charts are set up
 
 
-@dataclass(frozen=True)
-class Size:
-    """How much is simulated."""
-
-    robots: int
-    failing: int
-    days: int = 210
-
-
-FULL = Size(robots=48, failing=24)
-QUICK = Size(robots=12, failing=6)
-
 DETECTORS = {
     "T2": "T² above its limit on 3 of 7 days",
     "Q": "Q above its limit on 3 of 7 days",
@@ -62,28 +48,24 @@ DETECTORS = {
 """What gives a warning: the thesis' statistics, and two charts of ours."""
 
 
-def run_events(out: Path, *, seed: int, workers: int, size: Size) -> dict[str, Any]:
-    """Make the fleet and look at its events.
+def run_events(fleet: Fleet, *, seed: int = 2026, workers: int = 1) -> dict[str, Any]:
+    """Statistics of every robot's days, warnings, and whether failing robots differ.
 
     Args:
-        out: Folder for the fleet.
-        seed: Root of all draws.
-        workers: Processes; no effect on the result.
-        size: How much.
+        fleet: Failing robots and others, of more than 88 days.
+        seed: Not used: nothing is drawn.
+        workers: Not used: it takes seconds.
+
+    Raises:
+        InputError: The fleet has no robot of one kind, or its records are too short.
     """
-    plan = FleetPlan(
-        seed=seed,
-        robots=size.robots,
-        failing=size.failing,
-        days=size.days,
-        production=Production(samples_a_day=(1, 1)),
-    )
-    fleet = generate_fleet(plan, out / "fleet", workers=workers, progress=True)
-    return study_events(fleet)
-
-
-def study_events(fleet: Fleet) -> dict[str, Any]:
-    """Statistics of every robot's days, warnings, and whether failing robots differ."""
+    fails = sum(robot.failed for robot in fleet.robots)
+    if not 0 < fails < len(fleet.robots):
+        raise InputError("study events: needs robots that fail and robots that do not")
+    if fleet.days <= TRAINING + _SPARED + BEFORE:
+        raise InputError(
+            f"study events: needs more than {TRAINING + _SPARED + BEFORE} days, not {fleet.days}"
+        )
     seen = [_look(robot, fleet) for robot in fleet.robots]
     failed = np.array([robot.failed for robot in fleet.robots])
     statistics = {name: np.array([one[name] for one in seen]) for name in ("T2", "Q")}

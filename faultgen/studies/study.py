@@ -13,11 +13,14 @@ from typing import Any
 from faultgen.errors import InputError
 from faultgen.storage import write_text
 from faultgen.studies.figures import Figures, draw
+from faultgen.studies.fleets import made_or_read, study_fleet
 
 STUDIES = {
     "events": "chapter 2: event logs of a fleet before failures, PCA with T2 and Q",
+    "classifiers": "chapter 5: does preprocessing help to foresee gearbox failures, on a fleet",
     "detection": "chapter 3: from which hour on wear is detected and located, PUMA 560",
     "isolation": "chapter 6: which axis is worn, by transfer entropy, cross-correlation and ours",
+    "training-data": "chapter 4: which robot's data, and which signal, PCA learns from, on a fleet",
 }
 """Name and content of every study."""
 
@@ -35,7 +38,13 @@ Parts = tuple[
 
 
 def run_study(
-    name: str, out: Path, *, quick: bool = False, seed: int = REPORT_SEED, workers: int = 1
+    name: str,
+    out: Path,
+    *,
+    quick: bool = False,
+    seed: int = REPORT_SEED,
+    workers: int = 1,
+    fleet: Path | None = None,
 ) -> dict[str, Any]:
     """Run a study and write ``results.json``, ``tables.md`` and ``figures/``.
 
@@ -45,12 +54,13 @@ def run_study(
         quick: Fewer seeds.
         seed: Root of all draws.
         workers: Processes; no effect on the results.
+        fleet: Folder of a fleet, for the studies that are of one; default: one of their own.
 
     Returns:
         The results.
 
     Raises:
-        InputError: There is no such study.
+        InputError: There is no such study, or a fleet is wrong or given in vain.
     """
     if name not in STUDIES:
         raise InputError(f"unknown study '{name}': choose {', '.join(STUDIES)}")
@@ -58,13 +68,17 @@ def run_study(
         raise InputError(f"workers: must be at least 1, not {workers}")
     if seed < 0:
         raise InputError(f"seed: must be at least 0, not {seed}")
+    plan = study_fleet(name, seed, quick)
+    if fleet is not None and plan is None:
+        raise InputError(f"study {name}: simulates its own data and takes no --fleet")
     started = time.monotonic()
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{out}: cannot be used as a folder ({error.strerror})") from None
     run, goals, tables, figures = _PARTS[name](quick)
-    found = run(out, seed=seed, workers=workers)
+    of = out if plan is None else made_or_read(plan, fleet, out, workers)
+    found = run(of, seed=seed, workers=workers)
     result = {
         "study": name,
         "faultgen_version": version("faultgen"),
@@ -102,8 +116,30 @@ def _events(quick: bool) -> Parts:
     from faultgen.studies.events_figures import FIGURES
     from faultgen.studies.events_tables import goals, tables
 
+    return study.run_events, goals, tables, FIGURES
+
+
+def _classifiers(quick: bool) -> Parts:
+    from faultgen.studies import classifiers_study as study
+    from faultgen.studies.classifiers_figures import FIGURES
+    from faultgen.studies.classifiers_tables import goals, tables
+
     size = study.QUICK if quick else study.FULL
-    return partial(study.run_events, size=size), goals, tables, FIGURES
+    return partial(study.run_classifiers, size=size), goals, tables, FIGURES
 
 
-_PARTS = {"events": _events, "detection": _detection, "isolation": _isolation}
+def _training(quick: bool) -> Parts:
+    from faultgen.studies.training_figures import FIGURES
+    from faultgen.studies.training_study import run_training
+    from faultgen.studies.training_tables import goals, tables
+
+    return partial(run_training, quick=quick), goals, tables, FIGURES
+
+
+_PARTS = {
+    "classifiers": _classifiers,
+    "detection": _detection,
+    "events": _events,
+    "isolation": _isolation,
+    "training-data": _training,
+}

@@ -1,0 +1,195 @@
+"""Failing robots told by their own history: how much the torque of an axis has grown, unsteadily.
+
+    day, rows = history_features(record)  # one row a day, from days up to that one only
+    found = leave_pair_out(rows_of_robots, failed, make_history_classifier)
+
+A robot's torque changes with its program, its payload, its temperature and its lubricant, most of
+it more than with a gearbox that begins to fail. So each axis is regressed on what its own record
+tells of these, together with growth that gets steeper towards the day in question:
+
+    r_a(t) = b0 + b1 temperature + b2 production + b3 log production + c' m(t) + d f_a(t) + g_a u(t)
+
+r is the RMS torque, from the torque histogram, over its median; m are the principal components
+of the speed and angle histograms, which span the mix of programs, since histograms of a mix are the
+mix of histograms; f_a is the first component of the other axes' residuals, which a payload moves
+all at once; u(t) is exp(3 t) standardised, with t from 0 to 1 over the record so far. g_a is the
+growth, and residuals averaged by day are the unsteadiness. A small ridge keeps coefficients finite.
+What is judged is the axis that grew most.
+
+Constants were chosen on fleets of other seeds than those that docs/ tells of.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.base import BaseEstimator
+from sklearn.linear_model import LogisticRegression
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from analysis.preprocessing import Record
+
+Floats = NDArray[np.floating]
+Ints = NDArray[np.int_]
+
+FEATURES = ("growth", "growth over others", "unsteadiness", "growth over early spread")
+"""Columns of `history_features`; but for the second, natural logarithms."""
+
+FEWEST = 25
+"""Days of history before the first row."""
+
+_STEEPNESS = 3.0  # of growth over the record so far
+_RIDGE = 0.1  # over the number of samples
+_COMPONENTS = 3  # of the mix of programs
+_NO_COMPONENT = 1e-3  # standard deviation of shares below which there is none
+_EARLY, _LATE = 20, 14  # days whose spread is told
+_LEAST_GROWTH = 0.002  # share of the torque: smaller growth is none
+_LEAST_RATIO = 0.05
+_LEAST_SPREAD = 1e-6
+_PENALTY = 0.03  # C of the classifier
+
+
+class HistoryRecord(Record, Protocol):
+    """What `Record` has, and the temperature of the cabinet."""
+
+    @property
+    def temperature(self) -> np.ndarray: ...  # noqa: D102
+
+
+def history_features(record: HistoryRecord) -> tuple[Ints, Floats]:
+    """One row of `FEATURES` for each day, from nothing later than that day.
+
+    Args:
+        record: Monitoring of one robot, as `analysis.preprocessing.daily` takes it, and
+            `temperature` [deg C] of shape (samples,).
+
+    Returns:
+        Days, from 0, and rows. Shapes (days,) and (days, 4).
+
+    Raises:
+        ValueError: The robot ran on fewer than 25 days.
+    """
+    runs = np.asarray(record.production) > 0
+    # As in `daily`, a sample at midnight belongs to the day that ends.
+    day = np.maximum(np.ceil(np.round(record.day[runs], 6)).astype(int) - 1, 0)
+    days = np.unique(day)
+    if len(days) < FEWEST:
+        raise ValueError(f"history needs {FEWEST} days on which the robot ran, got {len(days)}")
+    production, temperature = record.production[runs], record.temperature[runs]
+    surroundings = np.column_stack([temperature, production, np.log(production)])
+    torque = rms_torque(record.torque_histogram[runs])
+    shares = np.concatenate([record.speed_histogram[runs], record.angle_histogram[runs]], axis=1)
+    shares = shares.reshape(len(day), -1)
+    rows = []
+    for last in days[FEWEST - 1 :]:
+        kept = day <= last
+        rows.append(
+            _row(record.day[runs][kept], day[kept], torque[kept], surroundings[kept], shares[kept])
+        )
+    return days[FEWEST - 1 :], np.array(rows)
+
+
+def rms_torque(histogram: Floats) -> Floats:
+    """Root of the mean squared torque of histograms over minus to plus the largest torque.
+
+    Args:
+        histogram: Shares. Shape (..., bins).
+
+    Returns:
+        Over the largest torque. Shape (...).
+    """
+    bins = histogram.shape[-1]
+    centres = (2 * np.arange(bins) + 1 - bins) / bins
+    return np.asarray(np.sqrt(histogram @ centres**2), dtype=float)
+
+
+def growth(
+    time: Floats, day: Ints, response: Floats, surroundings: Floats, shares: Floats
+) -> tuple[Floats, Floats]:
+    """Growth of each axis, and what is left of it day by day.
+
+    Args:
+        time: Of each sample [d]. Shape (samples,).
+        day: Day of each sample. Shape (samples,).
+        response: Torque of each axis, any unit. Shape (samples, n_axes).
+        surroundings: What else moves the torque. Shape (samples, quantities).
+        shares: Histograms that the mix of programs moves. Shape (samples, bins).
+
+    Returns:
+        Growth over the record so far, as a standard deviation over the median torque, shape
+        (n_axes,), and residuals averaged by day, shape (days, n_axes).
+    """
+    relative = response / np.maximum(np.median(response, axis=0), 1e-12)
+    steep = np.exp(_STEEPNESS * (time - time[0]) / (time[-1] - time[0]))
+    steep = _standard(steep[:, None])
+    known = np.hstack([_standard(surroundings), _components(shares)])
+    first = _residuals(np.hstack([known, steep]), relative)
+    which = np.unique(day, return_inverse=True)[1]
+    gains, left = [], []
+    for axis in range(relative.shape[1]):
+        others = _standard(np.delete(first, axis, axis=1))
+        common = np.linalg.svd(others, full_matrices=False)[0][:, :1] * np.sqrt(len(others))
+        columns = np.hstack([known, common, steep])
+        coefficients = _ridge(columns, relative[:, axis])
+        rest = relative[:, axis] - _with_one(columns) @ coefficients
+        gains.append(coefficients[-1])
+        left.append(np.bincount(which, rest) / np.bincount(which))
+    return np.array(gains), np.array(left).T
+
+
+def _row(time: Floats, day: Ints, torque: Floats, around: Floats, shares: Floats) -> list[float]:
+    gain, left = growth(time, day, torque, around, shares)
+    early = np.maximum(left[:_EARLY].std(axis=0), _LEAST_SPREAD)
+    late = np.maximum(left[-_LATE:].std(axis=0), _LEAST_SPREAD)
+    return [
+        float(np.log(max(gain.max(), _LEAST_GROWTH))),
+        float(gain.max() - np.median(gain)),
+        float(np.log(late.max())),
+        float(np.log(max((gain / early).max(), _LEAST_RATIO))),
+    ]
+
+
+def _standard(columns: Floats) -> Floats:
+    """Mean 0 and standard deviation 1; constant columns are 0."""
+    spread = columns.std(axis=0)
+    return (columns - columns.mean(axis=0)) / np.where(spread > 1e-12, spread, 1.0)
+
+
+def _components(shares: Floats) -> Floats:
+    """Principal components that histograms have, standardised. Shape (samples, components)."""
+    left, size, _ = np.linalg.svd(shares - shares.mean(axis=0), full_matrices=False)
+    kept = np.flatnonzero(size > _NO_COMPONENT * np.sqrt(len(shares)))[:_COMPONENTS]
+    return left[:, kept] * np.sqrt(len(shares))
+
+
+def _with_one(columns: Floats) -> Floats:
+    return np.hstack([np.ones((len(columns), 1)), columns])
+
+
+def _ridge(columns: Floats, values: Floats) -> Floats:
+    """Coefficients, that of the constant, which is not shrunk, first."""
+    X = _with_one(columns)
+    penalty = _RIDGE * len(X) * np.eye(X.shape[1])
+    penalty[0, 0] = 0.0
+    solved: Floats = np.linalg.solve(X.T @ X + penalty, X.T @ values)
+    return solved
+
+
+def _residuals(columns: Floats, values: Floats) -> Floats:
+    return values - _with_one(columns) @ _ridge(columns, values)
+
+
+def make_history_classifier(
+    n_columns: int, splits: list[tuple[Ints, Ints]], seed: int
+) -> BaseEstimator:
+    """Logistic regression on standardised features, with a strong ridge penalty and no tuning.
+
+    Args:
+        n_columns: Not used.
+        splits: Not used.
+        seed: Not used.
+    """
+    return make_pipeline(StandardScaler(), LogisticRegression(C=_PENALTY))

@@ -1,0 +1,217 @@
+"""Comparison of groups: procedure 2 of the thesis, its factorial ANOVA, and bootstrap over robots.
+
+    found = compare(groups)  # arrays of AUC by name of the preprocessing
+    found.variances_differ, found.p, found.post_hoc["control", "+diff"]
+    anova(frame, "variation", ["source", "signal", "condition"])  # rows of table 4.2
+
+Generalised linear models of tables 4.5 to 4.11 are in `analysis.glm`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import statsmodels.formula.api as smf
+from numpy.typing import ArrayLike, NDArray
+from scipy import stats
+from statsmodels.stats.anova import anova_lm
+
+Floats = NDArray[np.float64]
+Pairs = dict[tuple[str, str], float]
+
+SIGNIFICANT = 0.05
+"""Level of every test in the thesis."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Whether groups differ, and which."""
+
+    levene: float
+    """p of equal variances."""
+    variances_differ: bool
+    """Whether Welch's ANOVA and Games-Howell were used, else ANOVA and Tukey's HSD."""
+    statistic: float
+    """F."""
+    p: float
+    """Of equal means."""
+    post_hoc: Pairs
+    """p of each pair, adjusted for all; by names in the order of the groups."""
+
+    @property
+    def means_differ(self) -> bool:
+        """Whether the post-hoc test is called for."""
+        return self.p < SIGNIFICANT
+
+    def between(self, one: str, other: str) -> float:
+        """Adjusted p of a pair, in either order."""
+        found = self.post_hoc.get((one, other), self.post_hoc.get((other, one)))
+        if found is None:
+            raise ValueError(f"no such pair of groups: {one} and {other}")
+        return found
+
+
+def compare(groups: Mapping[str, ArrayLike], *, significant: float = SIGNIFICANT) -> Comparison:
+    """Compare means of groups, by variances that are equal or not (thesis procedure 2).
+
+    Levene's test is about medians (Brown and Forsythe), as in R's lawstat. If it finds that
+    variances differ, Welch's ANOVA and the Games-Howell test follow, else ANOVA and Tukey's HSD
+    (Tukey and Kramer's where sizes differ). Post-hoc p are told whether or not the means differ as
+    a whole; procedure 2 heeds them only if `means_differ`.
+
+    Args:
+        groups: Values of at least two groups, at least two each and not all groups constant.
+        significant: Level of Levene's test.
+
+    Returns:
+        The comparison.
+
+    Raises:
+        ValueError: There are too few groups or values, a value is not finite, or none varies.
+    """
+    values = _checked(groups)
+    levene = levene_p(*values)
+    differ = bool(levene < significant)
+    anova_found = stats.f_oneway(*values, equal_var=not differ)
+    post_hoc = stats.tukey_hsd(*values, equal_var=not differ).pvalue
+    names = list(groups)
+    return Comparison(
+        levene=levene,
+        variances_differ=differ,
+        statistic=float(anova_found.statistic),
+        p=float(anova_found.pvalue),
+        post_hoc={
+            (names[i], names[j]): float(post_hoc[i, j])
+            for i, j in combinations(range(len(names)), 2)
+        },
+    )
+
+
+def levene_p(*values: ArrayLike) -> float:
+    """How likely equal variances of groups would differ so, p by Levene's test about medians.
+
+    Two groups that are the same, or all constant, do not differ: 1.
+    """
+    arrays = [np.asarray(own, dtype=float) for own in values]
+    deviations = np.concatenate([np.abs(own - np.median(own)) for own in arrays])
+    if np.ptp(deviations) == 0:
+        return 1.0
+    return float(stats.levene(*arrays, center="median").pvalue)
+
+
+def tukey(groups: Mapping[str, ArrayLike]) -> Pairs:
+    """Tukey's HSD (Tukey and Kramer's where sizes differ): adjusted p of each pair.
+
+    Args:
+        groups: Values of at least two groups, as `compare`.
+    """
+    found = stats.tukey_hsd(*_checked(groups)).pvalue
+    names = list(groups)
+    return {(names[i], names[j]): float(found[i, j]) for i, j in combinations(range(len(names)), 2)}
+
+
+def anova(frame: pd.DataFrame, response: str, factors: Sequence[str]) -> list[dict[str, Any]]:
+    """Factorial ANOVA with all interactions, type III sums of squares (thesis tables 4.2 to 4.4).
+
+    Factors are coded by deviations that sum to zero, without which type III tests would depend on
+    the level that is coded by zeros.
+
+    Args:
+        frame: A row an observation.
+        response: Column of the response.
+        factors: Columns of the factors.
+
+    Returns:
+        A row a term, main effects first, then "Error" and "Total" (about the mean): "source", "df",
+        "ss" and, unless total, "ms"; of terms also "f" and "p".
+
+    Raises:
+        ValueError: A combination of levels has no observation, or none is left for the error.
+    """
+    counts = frame.groupby(list(factors), observed=False).size()
+    cells = int(np.prod([frame[factor].nunique() for factor in factors]))
+    if len(counts) != cells or (counts == 0).any():
+        raise ValueError("every combination of levels needs an observation")
+    if len(frame) <= cells:
+        raise ValueError("no observation is left for the error")
+    terms = [part for n in range(1, len(factors) + 1) for part in combinations(factors, n)]
+    formula = " + ".join(":".join(f"C({factor}, Sum)" for factor in part) for part in terms)
+    fitted = smf.ols(f"{response} ~ {formula}", frame).fit()
+    found = anova_lm(fitted, typ=3)
+    rows: list[dict[str, Any]] = []
+    for part in terms:
+        own = found.loc[":".join(f"C({factor}, Sum)" for factor in part)]
+        df, ss = float(own["df"]), float(own["sum_sq"])
+        rows.append(
+            {
+                "source": "*".join(part),
+                "df": int(df),
+                "ss": ss,
+                "ms": ss / df,
+                "f": float(own["F"]),
+                "p": float(own["PR(>F)"]),
+            }
+        )
+    error = {"df": int(fitted.df_resid), "ss": float(fitted.ssr), "ms": float(fitted.mse_resid)}
+    total = {"df": len(frame) - 1, "ss": float(fitted.centered_tss)}
+    return [*rows, {"source": "Error", **error}, {"source": "Total", **total}]
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Difference of two means with its interval."""
+
+    mean: float
+    low: float
+    high: float
+
+
+def difference_over_robots(
+    one: ArrayLike, other: ArrayLike, *, seed: int, draws: int = 2000, confidence: float = 0.95
+) -> Difference:
+    """Mean of other - one over pairs of robots, with an interval for new robots.
+
+    Pairs share robots, so that tests which take them for independent are too sure. Here rows
+    (failing robots) and columns (normal ones) are drawn anew with replacement, each for itself,
+    and the interval is between percentiles.
+
+    Source: Owen (2007), The pigeonhole bootstrap.
+
+    Args:
+        one: AUC of each pair. Shape (failing, normal).
+        other: The same of another method, same shape.
+        seed: Of the draws.
+        draws: Number of draws.
+        confidence: Of the interval, within (0, 1).
+
+    Raises:
+        ValueError: Shapes differ.
+    """
+    first, second = np.asarray(one, dtype=float), np.asarray(other, dtype=float)
+    if first.shape != second.shape or first.ndim != 2:
+        raise ValueError(f"shapes must be (failing, normal), got {first.shape}, {second.shape}")
+    change = second - first
+    rng = np.random.default_rng(seed)
+    rows, columns = (
+        rng.multinomial(n, np.full(n, 1 / n), size=draws) / n for n in change.shape
+    )  # weights of each robot in each draw
+    means = np.einsum("dr,rc,dc->d", rows, change, columns, optimize=True)
+    low, high = np.quantile(means, [(1 - confidence) / 2, (1 + confidence) / 2])
+    return Difference(float(change.mean()), float(low), float(high))
+
+
+def _checked(groups: Mapping[str, ArrayLike]) -> list[Floats]:
+    values = [np.asarray(own, dtype=float) for own in groups.values()]
+    if len(values) < 2:
+        raise ValueError(f"at least two groups are needed, got {len(values)}")
+    for name, own in zip(groups, values, strict=True):
+        if own.ndim != 1 or len(own) < 2 or not np.isfinite(own).all():
+            raise ValueError(f"group {name}: at least two finite values are needed")
+    if all(np.ptp(own) == 0 for own in values):
+        raise ValueError("no group varies")
+    return values

@@ -1,0 +1,45 @@
+"""The fleets that studies are of, where no other is given."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from faultgen.fleet import Fleet, FleetPlan, generate_fleet, open_fleet
+from faultgen.fleet.plan import Production
+
+_DAILY = Production(samples_a_day=(1, 1))
+
+
+def study_fleet(name: str, seed: int, quick: bool) -> FleetPlan | None:
+    """The plan of a study's fleet; None for a study that simulates its own data.
+
+    Args:
+        name: Of the study.
+        seed: Root of all draws.
+        quick: Whether a small one will do.
+    """
+    if name == "events":
+        robots, failing = (12, 6) if quick else (48, 24)
+        return FleetPlan(seed=seed, robots=robots, failing=failing, days=210, production=_DAILY)
+    if name == "training-data":
+        return FleetPlan(seed=seed, robots=10, failing=7, days=150, production=_DAILY)
+    if name == "classifiers":
+        return FleetPlan(seed=seed, robots=26, failing=13, days=60)
+    return None
+
+
+def made_or_read(plan: FleetPlan, folder: Path | None, out: Path, workers: int) -> Fleet:
+    """The fleet of a folder, or else one that is made.
+
+    Args:
+        plan: Of the one that is made.
+        folder: Of a fleet that is there.
+        out: Folder of the study.
+        workers: Processes; no effect on the result.
+
+    Raises:
+        InputError: The folder has no whole fleet.
+    """
+    if folder is not None:
+        return open_fleet(folder)
+    return generate_fleet(plan, out / "fleet", workers=workers, progress=True)

@@ -1,0 +1,127 @@
+"""Study `classifiers`: its parts against cases counted by hand, and as a whole on a small fleet."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fake_fleet import fake_fleet
+
+from analysis.preprocessing import COMBINATIONS, Combination, prepare
+from faultgen.errors import InputError
+from faultgen.studies import classifiers_study
+from faultgen.studies.classifiers_study import FULL_CHAIN, OWN, Size, horizon_rows, run_classifiers
+from faultgen.studies.classifiers_tables import _verdict, tables
+from faultgen.studies.study import run_study
+from faultgen.studies.thesis_classifiers import AUC, HEADLINE, MEAN_P, PAIRS, VARIANCE_P
+
+SMALL = Size(
+    combinations=("control", "+estM+var3+pca", FULL_CHAIN),
+    others=("control",),
+    classifiers=("LR",),
+    horizons=(1, 3),
+    robots=3,
+    importance=("LR",),
+)
+
+
+@pytest.fixture(scope="module")
+def result():
+    return run_classifiers(fake_fleet(days=45, n_axes=2, worst=1.0), size=SMALL, seed=4)
+
+
+def test_ten_days_that_end_so_many_days_before_the_last():
+    """With 45 days, 3 days ahead are days 33 to 42, counted from 1; a window looks further back."""
+    fleet = fake_fleet(failed=1, normal=0, days=45, n_axes=2)
+    (rows,) = horizon_rows(fleet, "+diff+var3+pca", 3)
+    day, every = prepare(fleet.robots[0], Combination.of("+diff+var3+pca"))
+    assert np.array_equal(rows, every[(day >= 32) & (day <= 41)])
+    assert len(rows) == 10
+    with pytest.raises(InputError, match="no data 40 to 50 days ahead"):
+        horizon_rows(fleet, OWN, 40)
+
+
+def test_the_thesis_numbers_are_typed_whole():
+    """Cells picked here and there, and each pair differs by its step."""
+    assert AUC["+estM+diff+var3+pca", "LR"] == (0.75, 0.30)
+    assert AUC["+diff+pca+var3", "RF"] == (0.68, 0.36)
+    assert {step: len(pairs) for step, pairs in PAIRS.items()} == {
+        "diff": 6,
+        "var3": 6,
+        "estM": 7,
+        "pca": 6,
+    }
+    for step, pairs in PAIRS.items():
+        for pair in pairs:
+            without, with_step = (Combination.of(name) for name in pair)
+            assert set(pair) <= {*COMBINATIONS}
+            gained = set(with_step.name.split("+")) - set(without.name.split("+"))
+            assert gained - {""} == {step}
+        assert HEADLINE[step] in pairs
+    assert MEAN_P["+estM+pca", "+estM+diff+pca"]["RF"] == 0.852
+    assert VARIANCE_P["+diff", "+estM+diff"]["LR"] is None
+
+
+def test_study_tells_pairs_and_means(result):
+    """Cells have the mean of their pairs; the table of pairs has what was run."""
+    cells = {(c["horizon"], c["combination"]): c for c in result["cells"]}
+    assert set(cells) == {
+        *((3, name) for name in (*SMALL.combinations, OWN)),
+        (1, "control"),
+        (1, OWN),
+    }
+    for cell in cells.values():
+        assert np.shape(cell["auc"]) == (3, 3)
+        assert cell["mean"] == pytest.approx(np.mean(cell["auc"]))
+    assert cells[3, OWN]["mean"] > 0.9
+    (pair,) = result["pairs"]
+    assert (pair["step"], pair["without"], pair["with"]) == ("diff", "+estM+var3+pca", FULL_CHAIN)
+    change = cells[3, FULL_CHAIN]["mean"] - cells[3, "+estM+var3+pca"]["mean"]
+    assert pair["mean_change"] == pytest.approx(change)
+    assert result["headlines"][0]["mean"] == pytest.approx(change)
+    by_robot = result["invariance"][1]["auc"]
+    assert result["invariance"][1]["combination"] == FULL_CHAIN
+    expected = np.array(cells[3, FULL_CHAIN]["auc"])
+    assert by_robot == pytest.approx([*expected.mean(axis=1), *expected.mean(axis=0)])
+    assert len(result["importance"]) == 7 * 2 + 7
+
+
+def test_verdict_on_a_hypothesis():
+    """Yes if a pair rises and none falls, mixed if both do; chance does not count."""
+    rises, falls, neither = (
+        {"mean_p": p, "mean_change": change}
+        for p, change in ((0.01, 0.2), (0.01, -0.2), (0.3, 0.2))
+    )
+    assert _verdict([rises, neither]) == "yes"
+    assert _verdict([rises, falls]) == "mixed"
+    assert _verdict([neither, falls]) == "no"
+
+
+def test_fleets_that_do_not_do():
+    """Too few robots of a kind; axes that differ."""
+    with pytest.raises(InputError, match="three normal"):
+        run_classifiers(fake_fleet(failed=3, normal=2, days=30, n_axes=2), size=SMALL)
+    odd = fake_fleet(failed=3, normal=3, days=30, n_axes=2)
+    other = fake_fleet(failed=1, normal=0, days=30, n_axes=3)
+    mixed = replace(odd, robots=(*other.robots, *odd.robots[1:]))
+    with pytest.raises(InputError, match="same number of axes"):
+        run_classifiers(mixed, size=SMALL)
+
+
+def test_files_of_the_study(result, monkeypatch, tmp_path):
+    """results.json, tables and figures; a fleet has to be one, and is taken by these studies only."""
+    monkeypatch.setattr("faultgen.studies.fleets.open_fleet", lambda folder: folder)
+    monkeypatch.setattr(classifiers_study, "run_classifiers", lambda fleet, **options: dict(result))
+    told = run_study("classifiers", tmp_path, quick=True, fleet=tmp_path)
+    stored = json.loads((tmp_path / "results.json").read_text())
+    assert [goal["reached"] for goal in stored["goals"]] == [g["reached"] for g in told["goals"]]
+    assert stored["goals"][0]["reached"]
+    text = (tmp_path / "tables.md").read_text()
+    assert text == tables(stored)
+    assert f"{stored['cells'][0]['mean']:.2f}" in text and "0.47 (0.34)" in text
+    assert len(list((tmp_path / "figures").glob("*.png"))) == 4
+    with pytest.raises(InputError, match="no fleet here"):
+        monkeypatch.undo()
+        run_study("classifiers", tmp_path, fleet=tmp_path)
+    with pytest.raises(InputError, match="takes no --fleet"):
+        run_study("isolation", tmp_path, fleet=tmp_path)

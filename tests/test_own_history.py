@@ -1,0 +1,78 @@
+"""Features of a robot's own history: planted growth, what must not matter, and nothing later."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fake_fleet import fake_fleet
+
+from analysis.classification import leave_pair_out
+from analysis.own_history import (
+    FEWEST,
+    growth,
+    history_features,
+    make_history_classifier,
+    rms_torque,
+)
+
+
+def test_planted_growth_is_found():
+    """A growth of known size on one axis, beside temperature, mix and payload that move more."""
+    rng = np.random.default_rng(0)
+    n, axes = 120, 4
+    time = np.arange(1, n + 1) / 2
+    steep = np.exp(3 * (time - time[0]) / (time[-1] - time[0]))
+    steep = (steep - steep.mean()) / steep.std()
+    around = rng.standard_normal((n, 2))
+    mix = rng.beta(4, 4, n)
+    shares = np.outer(mix, [0.7, 0.3, 0.0]) + np.outer(1 - mix, [0.1, 0.2, 0.7])
+    payload = rng.standard_normal(n)
+    torque = np.full((n, axes), 5.0) + 0.01 * rng.standard_normal((n, axes))
+    torque += around @ rng.uniform(0.3, 0.6, (2, axes)) + np.outer(mix, rng.uniform(1, 3, axes))
+    torque += np.outer(payload, rng.uniform(0.2, 0.4, axes))
+    torque[:, 2] += 5 * 0.06 * steep
+    gain, left = growth(time, np.ceil(time).astype(int), torque, around, shares)
+    median = np.median(torque[:, 2]) / 5
+    # The ridge takes a tenth off what stands by itself.
+    assert gain[2] == pytest.approx(0.06 / median, rel=0.2)
+    assert np.abs(np.delete(gain, 2)).max() < 0.02
+    assert left.shape == (60, axes)
+
+
+def test_rms_of_a_histogram():
+    """Two bins at plus and minus half of the largest torque; all in the last of four."""
+    assert rms_torque(np.array([0.5, 0.5])) == pytest.approx(0.5)
+    assert rms_torque(np.array([0, 0, 0, 1.0])) == pytest.approx(0.75)
+
+
+def test_a_row_knows_nothing_of_later_days():
+    """Rows up to a day stay as they are, to the last digit, whatever the record holds after it."""
+    robot = fake_fleet(failed=1, normal=0, days=50, n_axes=3, a_day=2).robots[0]
+    day, rows = history_features(robot)
+    assert day.tolist() == list(range(FEWEST - 1, 50))
+    cut = robot.day <= 40
+    names = ("day", "production", "torque_histogram", "speed_histogram", "angle_histogram")
+    names += ("torque_indicator", "speed_indicator", "temperature")
+    short = replace(robot, **{name: getattr(robot, name)[cut] for name in names})
+    before, same = history_features(short)
+    assert before[-1] == 39
+    assert np.array_equal(same, rows[: len(same)])
+
+
+def test_short_records_are_told():
+    robot = fake_fleet(failed=1, normal=0, days=20, n_axes=2).robots[0]
+    with pytest.raises(ValueError, match="history needs 25 days"):
+        history_features(robot)
+
+
+def told(seed, worst):
+    fleet = fake_fleet(failed=4, normal=4, days=40, n_axes=3, worst=worst, seed=seed)
+    rows = [history_features(robot)[1][-10:] for robot in fleet.robots]
+    failed = [robot.failed for robot in fleet.robots]
+    return leave_pair_out(rows, failed, make_history_classifier).auc.mean()
+
+
+def test_failing_robots_are_told_by_their_history():
+    """Where torque grows before failure, and by chance where it does not."""
+    assert told(0, 0.5) > 0.9
+    assert 0.3 < np.mean([told(seed, 0.0) for seed in range(6)]) < 0.7
