@@ -109,7 +109,7 @@ def test_fleets_that_do_not_do():
 
 
 def test_files_of_the_study(result, monkeypatch, tmp_path):
-    """results.json, tables and figures; a fleet has to be one, and is taken by these studies only."""
+    """results.json, tables and figures; a fleet is taken by these studies only."""
     monkeypatch.setattr("faultgen.studies.fleets.open_fleet", lambda folder: folder)
     monkeypatch.setattr(classifiers_study, "run_classifiers", lambda fleet, **options: dict(result))
     told = run_study("classifiers", tmp_path, quick=True, fleet=tmp_path)
