@@ -1,6 +1,7 @@
 """Failing robots told by their own history: how much the torque of an axis has grown, unsteadily.
 
     day, rows = history_features(record)  # one row a day, from days up to that one only
+    rows = np.column_stack([rows, event_changes(events, day)])  # where an event log is kept
     found = leave_pair_out(rows_of_robots, failed, make_history_classifier)
 
 A robot's torque changes with its program, its payload, its temperature and its lubricant, most of
@@ -14,7 +15,8 @@ of the speed and angle histograms, which span the mix of programs, since histogr
 mix of histograms; f_a is the first component of the other axes' residuals, which a payload moves
 all at once; u(t) is exp(3 t) standardised, with t from 0 to 1 over the record so far. g_a is the
 growth, and residuals averaged by day are the unsteadiness. A small ridge keeps coefficients finite.
-What is judged is the axis that grew most.
+What is judged is the axis that grew most. Of an event log, it is how much more frequent those five
+kinds of events have become that have done so most.
 
 Constants were chosen on fleets of other seeds than those that docs/ tells of.
 """
@@ -49,6 +51,7 @@ _EARLY, _LATE = 20, 14  # days whose spread is told
 _LEAST_GROWTH = 0.002  # share of the torque: smaller growth is none
 _LEAST_RATIO = 0.05
 _LEAST_SPREAD = 1e-6
+_KINDS = 5  # of events, those that became more frequent by most
 _PENALTY = 0.03  # C of the classifier
 
 
@@ -130,7 +133,7 @@ def growth(
     which = np.unique(day, return_inverse=True)[1]
     gains, left = [], []
     for axis in range(relative.shape[1]):
-        others = _standard(np.delete(first, axis, axis=1))
+        others = np.delete(first, axis, axis=1)
         common = np.linalg.svd(others, full_matrices=False)[0][:, :1] * np.sqrt(len(others))
         columns = np.hstack([known, common, steep])
         coefficients = _ridge(columns, relative[:, axis])
@@ -138,6 +141,34 @@ def growth(
         gains.append(coefficients[-1])
         left.append(np.bincount(which, rest) / np.bincount(which))
     return np.array(gains), np.array(left).T
+
+
+def event_changes(events: Floats, days: Ints) -> Floats:
+    """How much more frequent events have become: mean of the five largest changes of any kind.
+
+    A change is that of log(1 + events a day), from the first 20 days to the last 14.
+
+    Args:
+        events: Counts of each day and kind, from the record's first day. Shape (days, kinds).
+        days: Days to tell of, from 0; nothing later than each is used.
+
+    Returns:
+        Shape (days,).
+
+    Raises:
+        ValueError: There are fewer than five kinds of events, or no counts of a day.
+    """
+    counts = np.asarray(events, dtype=float)
+    if counts.ndim != 2 or counts.shape[1] < _KINDS:
+        raise ValueError(f"events of at least {_KINDS} kinds are needed, got shape {counts.shape}")
+    if len(days) and days[-1] >= len(counts):
+        raise ValueError(f"no events of day {days[-1] + 1}: there are {len(counts)} days")
+    changes = [
+        np.log1p(counts[max(day + 1 - _LATE, 0) : day + 1].mean(axis=0))
+        - np.log1p(counts[: min(_EARLY, day + 1)].mean(axis=0))
+        for day in days
+    ]
+    return np.sort(np.array(changes), axis=1)[:, -_KINDS:].mean(axis=1)
 
 
 def _row(time: Floats, day: Ints, torque: Floats, around: Floats, shares: Floats) -> list[float]:

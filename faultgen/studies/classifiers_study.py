@@ -16,7 +16,7 @@ import numpy as np
 from scipy import stats
 
 from analysis.classification import CLASSIFIERS, PairResult, leave_pair_out, make_classifier
-from analysis.own_history import history_features, make_history_classifier
+from analysis.own_history import event_changes, history_features, make_history_classifier
 from analysis.preprocessing import COMBINATIONS, Combination, daily, prepare
 from analysis.statistics import compare, difference_over_robots, levene_p
 from faultgen.errors import InputError
@@ -33,7 +33,9 @@ FULL_CHAIN = "+estM+diff+var3+pca"
 WITHOUT_DIFFERENCES = "+estM+var3+pca"
 LONGER_WINDOWS = "+estM+diff+var5+pca"
 OWN = "own history"
-"""Name of our classifier, in place of a combination; its classifier is told as LR."""
+OWN_EVENTS = "own history and events"
+"""Names of our classifiers, in place of a combination; told as LR. The second also reads the event
+log, which the thesis' classifiers do not."""
 
 
 @dataclass(frozen=True)
@@ -100,10 +102,15 @@ def run_classifiers(
                 found[horizon, name, classifier] = leave_pair_out(
                     rows, _failed(chosen), make, seed=seed, workers=workers, label=label
                 )
-        own = horizon_rows(chosen, OWN, horizon)
-        found[horizon, OWN, "LR"] = leave_pair_out(
-            own, _failed(chosen), make_history_classifier, seed=seed, workers=workers, label=OWN
-        )
+        for name in (OWN, OWN_EVENTS):
+            found[horizon, name, "LR"] = leave_pair_out(
+                horizon_rows(chosen, name, horizon),
+                _failed(chosen),
+                make_history_classifier,
+                seed=seed,
+                workers=workers,
+                label=name,
+            )
     auc = {key: one.auc for key, one in found.items() if key[0] == HORIZON}
     by_name = {key[1:]: one for key, one in auc.items()}
     return {
@@ -140,7 +147,7 @@ def horizon_rows(fleet: Fleet, name: str, horizon: int) -> list[np.ndarray]:
 
     Args:
         fleet: Robots.
-        name: Preprocessing, or `OWN`.
+        name: Preprocessing, `OWN` or `OWN_EVENTS`.
         horizon: Days ahead, T - horizon being the last day used.
 
     Raises:
@@ -149,8 +156,10 @@ def horizon_rows(fleet: Fleet, name: str, horizon: int) -> list[np.ndarray]:
     rows = []
     for robot in fleet.robots:
         try:
-            if name == OWN:
+            if name in (OWN, OWN_EVENTS):
                 day, values = history_features(robot)
+                if name == OWN_EVENTS:
+                    values = np.column_stack([values, event_changes(robot.events, day)])
             else:
                 day, values = prepare(robot, Combination.of(name))
         except ValueError as error:
