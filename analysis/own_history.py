@@ -32,7 +32,7 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from analysis.preprocessing import Record
+from analysis.daily import Record, day_of
 
 Floats = NDArray[np.floating]
 Ints = NDArray[np.int_]
@@ -66,7 +66,7 @@ def history_features(record: HistoryRecord) -> tuple[Ints, Floats]:
     """One row of `FEATURES` for each day, from nothing later than that day.
 
     Args:
-        record: Monitoring of one robot, as `analysis.preprocessing.daily` takes it, and
+        record: Monitoring of one robot, as `analysis.daily.daily` takes it, and
             `temperature` [deg C] of shape (samples,).
 
     Returns:
@@ -76,8 +76,7 @@ def history_features(record: HistoryRecord) -> tuple[Ints, Floats]:
         ValueError: The robot ran on fewer than 25 days.
     """
     runs = np.asarray(record.production) > 0
-    # As in `daily`, a sample at midnight belongs to the day that ends.
-    day = np.maximum(np.ceil(np.round(record.day[runs], 6)).astype(int) - 1, 0)
+    day = day_of(record.day[runs])
     days = np.unique(day)
     if len(days) < FEWEST:
         raise ValueError(f"history needs {FEWEST} days on which the robot ran, got {len(days)}")

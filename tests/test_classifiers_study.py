@@ -10,8 +10,8 @@ from fake_fleet import fake_fleet
 from analysis.preprocessing import COMBINATIONS, Combination, prepare
 from faultgen.errors import InputError
 from faultgen.studies import classifiers_study
+from faultgen.studies.classifiers_findings import FULL_CHAIN
 from faultgen.studies.classifiers_study import (
-    FULL_CHAIN,
     OWN,
     OWN_EVENTS,
     Size,

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 
 from analysis.plots import COLOURS
 from analysis.preprocessing import COMBINATIONS
-from faultgen.studies.classifiers_study import FULL_CHAIN, HORIZON, OWN, OWN_EVENTS
+from faultgen.studies.classifiers_findings import FULL_CHAIN
+from faultgen.studies.classifiers_study import HORIZON, OWN, OWN_EVENTS
 from faultgen.studies.figures import Figures
 
 _STYLES = {"control": ":", FULL_CHAIN: "--", OWN: "-.", OWN_EVENTS: "-"}

@@ -9,7 +9,8 @@ import numpy as np
 from analysis.classification import CLASSIFIERS
 from analysis.preprocessing import COMBINATIONS
 from analysis.statistics import SIGNIFICANT
-from faultgen.studies.classifiers_study import DAYS, FULL_CHAIN, HORIZON, OWN, OWN_EVENTS
+from faultgen.studies.classifiers_findings import FULL_CHAIN
+from faultgen.studies.classifiers_study import DAYS, HORIZON, OWN, OWN_EVENTS
 from faultgen.studies.markdown import goals_table, table
 from faultgen.studies.thesis_classifiers import (
     AUC,
