@@ -10,7 +10,9 @@ tells of these, together with growth that gets steeper towards the day in questi
 
     r_a(t) = b0 + b1 temperature + b2 production + b3 log production + c' m(t) + d f_a(t) + g_a u(t)
 
-r is the RMS torque, from the torque histogram, over its median; m are the principal components
+r is the mean of the RMS torque, from the torque histogram, and the estimated torque, each over its
+median: the bins of a histogram are too wide for an axis that hardly uses its motor, and the
+estimate tells most of the largest torques. m are the principal components
 of the speed and angle histograms, which span the mix of programs, since histograms of a mix are the
 mix of histograms; f_a is the first component of the other axes' residuals, which a payload moves
 all at once; u(t) is exp(3 t) standardised, with t from 0 to 1 over the record so far. g_a is the
@@ -32,7 +34,7 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from analysis.daily import Record, day_of
+from analysis.daily import TORQUE_EXPONENT, Record, day_of
 
 Floats = NDArray[np.floating]
 Ints = NDArray[np.int_]
@@ -82,14 +84,16 @@ def history_features(record: HistoryRecord) -> tuple[Ints, Floats]:
         raise ValueError(f"history needs {FEWEST} days on which the robot ran, got {len(days)}")
     production, temperature = record.production[runs], record.temperature[runs]
     surroundings = np.column_stack([temperature, production, np.log(production)])
-    torque = rms_torque(record.torque_histogram[runs])
+    by_bins = rms_torque(record.torque_histogram[runs])
+    estimated = record.torque_indicator[runs] / production[:, None] ** TORQUE_EXPONENT
     shares = np.concatenate([record.speed_histogram[runs], record.angle_histogram[runs]], axis=1)
     shares = shares.reshape(len(day), -1)
     rows = []
     for last in days[FEWEST - 1 :]:
         kept = day <= last
+        torque = (_relative(by_bins[kept]) + _relative(estimated[kept])) / 2
         rows.append(
-            _row(record.day[runs][kept], day[kept], torque[kept], surroundings[kept], shares[kept])
+            _row(record.day[runs][kept], day[kept], torque, surroundings[kept], shares[kept])
         )
     return days[FEWEST - 1 :], np.array(rows)
 
@@ -124,7 +128,7 @@ def growth(
         Growth over the record so far, as a standard deviation over the median torque, shape
         (n_axes,), and residuals averaged by day, shape (days, n_axes).
     """
-    relative = response / np.maximum(np.median(response, axis=0), 1e-12)
+    relative = _relative(response)
     steep = np.exp(_STEEPNESS * (time - time[0]) / (time[-1] - time[0]))
     steep = _standard(steep[:, None])
     known = np.hstack([_standard(surroundings), _components(shares)])
@@ -180,6 +184,11 @@ def _row(time: Floats, day: Ints, torque: Floats, around: Floats, shares: Floats
         float(np.log(late.max())),
         float(np.log(max((gain / early).max(), _LEAST_RATIO))),
     ]
+
+
+def _relative(values: Floats) -> Floats:
+    """Values over their medians."""
+    return values / np.maximum(np.median(values, axis=0), 1e-12)
 
 
 def _standard(columns: Floats) -> Floats:
