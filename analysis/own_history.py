@@ -1,6 +1,7 @@
 """Failing robots told by their own history: how much the torque of an axis has grown, unsteadily.
 
     day, rows = history_features(record)  # one row a day, from days up to that one only
+    rows = np.column_stack([rows, event_changes(events, day)])  # where an event log is kept
     found = leave_pair_out(rows_of_robots, failed, make_history_classifier)
 
 A robot's torque changes with its program, its payload, its temperature and its lubricant, most of
@@ -9,12 +10,15 @@ tells of these, together with growth that gets steeper towards the day in questi
 
     r_a(t) = b0 + b1 temperature + b2 production + b3 log production + c' m(t) + d f_a(t) + g_a u(t)
 
-r is the RMS torque, from the torque histogram, over its median; m are the principal components
+r is the mean of the RMS torque, from the torque histogram, and the estimated torque, each over its
+median: the bins of a histogram are too wide for an axis that hardly uses its motor, and the
+estimate tells most of the largest torques. m are the principal components
 of the speed and angle histograms, which span the mix of programs, since histograms of a mix are the
 mix of histograms; f_a is the first component of the other axes' residuals, which a payload moves
 all at once; u(t) is exp(3 t) standardised, with t from 0 to 1 over the record so far. g_a is the
 growth, and residuals averaged by day are the unsteadiness. A small ridge keeps coefficients finite.
-What is judged is the axis that grew most.
+What is judged is the axis that grew most. Of an event log, it is how much more frequent those five
+kinds of events have become that have done so most.
 
 Constants were chosen on fleets of other seeds than those that docs/ tells of.
 """
@@ -30,7 +34,7 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from analysis.preprocessing import Record
+from analysis.daily import TORQUE_EXPONENT, Record, day_of
 
 Floats = NDArray[np.floating]
 Ints = NDArray[np.int_]
@@ -49,6 +53,7 @@ _EARLY, _LATE = 20, 14  # days whose spread is told
 _LEAST_GROWTH = 0.002  # share of the torque: smaller growth is none
 _LEAST_RATIO = 0.05
 _LEAST_SPREAD = 1e-6
+_KINDS = 5  # of events, those that became more frequent by most
 _PENALTY = 0.03  # C of the classifier
 
 
@@ -63,7 +68,7 @@ def history_features(record: HistoryRecord) -> tuple[Ints, Floats]:
     """One row of `FEATURES` for each day, from nothing later than that day.
 
     Args:
-        record: Monitoring of one robot, as `analysis.preprocessing.daily` takes it, and
+        record: Monitoring of one robot, as `analysis.daily.daily` takes it, and
             `temperature` [deg C] of shape (samples,).
 
     Returns:
@@ -73,21 +78,22 @@ def history_features(record: HistoryRecord) -> tuple[Ints, Floats]:
         ValueError: The robot ran on fewer than 25 days.
     """
     runs = np.asarray(record.production) > 0
-    # As in `daily`, a sample at midnight belongs to the day that ends.
-    day = np.maximum(np.ceil(np.round(record.day[runs], 6)).astype(int) - 1, 0)
+    day = day_of(record.day[runs])
     days = np.unique(day)
     if len(days) < FEWEST:
         raise ValueError(f"history needs {FEWEST} days on which the robot ran, got {len(days)}")
     production, temperature = record.production[runs], record.temperature[runs]
     surroundings = np.column_stack([temperature, production, np.log(production)])
-    torque = rms_torque(record.torque_histogram[runs])
+    by_bins = rms_torque(record.torque_histogram[runs])
+    estimated = record.torque_indicator[runs] / production[:, None] ** TORQUE_EXPONENT
     shares = np.concatenate([record.speed_histogram[runs], record.angle_histogram[runs]], axis=1)
     shares = shares.reshape(len(day), -1)
     rows = []
     for last in days[FEWEST - 1 :]:
         kept = day <= last
+        torque = (_relative(by_bins[kept]) + _relative(estimated[kept])) / 2
         rows.append(
-            _row(record.day[runs][kept], day[kept], torque[kept], surroundings[kept], shares[kept])
+            _row(record.day[runs][kept], day[kept], torque, surroundings[kept], shares[kept])
         )
     return days[FEWEST - 1 :], np.array(rows)
 
@@ -122,7 +128,7 @@ def growth(
         Growth over the record so far, as a standard deviation over the median torque, shape
         (n_axes,), and residuals averaged by day, shape (days, n_axes).
     """
-    relative = response / np.maximum(np.median(response, axis=0), 1e-12)
+    relative = _relative(response)
     steep = np.exp(_STEEPNESS * (time - time[0]) / (time[-1] - time[0]))
     steep = _standard(steep[:, None])
     known = np.hstack([_standard(surroundings), _components(shares)])
@@ -130,7 +136,7 @@ def growth(
     which = np.unique(day, return_inverse=True)[1]
     gains, left = [], []
     for axis in range(relative.shape[1]):
-        others = _standard(np.delete(first, axis, axis=1))
+        others = np.delete(first, axis, axis=1)
         common = np.linalg.svd(others, full_matrices=False)[0][:, :1] * np.sqrt(len(others))
         columns = np.hstack([known, common, steep])
         coefficients = _ridge(columns, relative[:, axis])
@@ -138,6 +144,34 @@ def growth(
         gains.append(coefficients[-1])
         left.append(np.bincount(which, rest) / np.bincount(which))
     return np.array(gains), np.array(left).T
+
+
+def event_changes(events: Floats, days: Ints) -> Floats:
+    """How much more frequent events have become: mean of the five largest changes of any kind.
+
+    A change is that of log(1 + events a day), from the first 20 days to the last 14.
+
+    Args:
+        events: Counts of each day and kind, from the record's first day. Shape (days, kinds).
+        days: Days to tell of, from 0; nothing later than each is used.
+
+    Returns:
+        Shape (days,).
+
+    Raises:
+        ValueError: There are fewer than five kinds of events, or no counts of a day.
+    """
+    counts = np.asarray(events, dtype=float)
+    if counts.ndim != 2 or counts.shape[1] < _KINDS:
+        raise ValueError(f"events of at least {_KINDS} kinds are needed, got shape {counts.shape}")
+    if len(days) and days[-1] >= len(counts):
+        raise ValueError(f"no events of day {days[-1] + 1}: there are {len(counts)} days")
+    changes = [
+        np.log1p(counts[max(day + 1 - _LATE, 0) : day + 1].mean(axis=0))
+        - np.log1p(counts[: min(_EARLY, day + 1)].mean(axis=0))
+        for day in days
+    ]
+    return np.sort(np.array(changes), axis=1)[:, -_KINDS:].mean(axis=1)
 
 
 def _row(time: Floats, day: Ints, torque: Floats, around: Floats, shares: Floats) -> list[float]:
@@ -150,6 +184,11 @@ def _row(time: Floats, day: Ints, torque: Floats, around: Floats, shares: Floats
         float(np.log(late.max())),
         float(np.log(max((gain / early).max(), _LEAST_RATIO))),
     ]
+
+
+def _relative(values: Floats) -> Floats:
+    """Values over their medians."""
+    return values / np.maximum(np.median(values, axis=0), 1e-12)
 
 
 def _standard(columns: Floats) -> Floats:

@@ -10,7 +10,14 @@ from fake_fleet import fake_fleet
 from analysis.preprocessing import COMBINATIONS, Combination, prepare
 from faultgen.errors import InputError
 from faultgen.studies import classifiers_study
-from faultgen.studies.classifiers_study import FULL_CHAIN, OWN, Size, horizon_rows, run_classifiers
+from faultgen.studies.classifiers_findings import FULL_CHAIN
+from faultgen.studies.classifiers_study import (
+    OWN,
+    OWN_EVENTS,
+    Size,
+    horizon_rows,
+    run_classifiers,
+)
 from faultgen.studies.classifiers_tables import _verdict, tables
 from faultgen.studies.study import run_study
 from faultgen.studies.thesis_classifiers import AUC, HEADLINE, MEAN_P, PAIRS, VARIANCE_P
@@ -66,9 +73,10 @@ def test_study_tells_pairs_and_means(result):
     """Cells have the mean of their pairs; the table of pairs has what was run."""
     cells = {(c["horizon"], c["combination"]): c for c in result["cells"]}
     assert set(cells) == {
-        *((3, name) for name in (*SMALL.combinations, OWN)),
+        *((3, name) for name in (*SMALL.combinations, OWN, OWN_EVENTS)),
         (1, "control"),
         (1, OWN),
+        (1, OWN_EVENTS),
     }
     for cell in cells.values():
         assert np.shape(cell["auc"]) == (3, 3)

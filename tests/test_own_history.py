@@ -9,6 +9,7 @@ from fake_fleet import fake_fleet
 from analysis.classification import leave_pair_out
 from analysis.own_history import (
     FEWEST,
+    event_changes,
     growth,
     history_features,
     make_history_classifier,
@@ -57,6 +58,21 @@ def test_a_row_knows_nothing_of_later_days():
     before, same = history_features(short)
     assert before[-1] == 39
     assert np.array_equal(same, rows[: len(same)])
+
+
+def test_changes_of_events_by_hand():
+    """Five kinds of six, of which 1 + events grow by e; days after are not seen."""
+    early, often = 1.0, 2 * np.e - 1
+    events = np.full((60, 6), early)
+    events[30:, :5] = often
+    found = event_changes(events, np.array([25, 43, 50]))
+    assert found == pytest.approx([0.0, 1.0, 1.0])
+    events[51:] = 99
+    assert np.array_equal(event_changes(events, np.array([25, 43, 50])), found)
+    with pytest.raises(ValueError, match="at least 5 kinds"):
+        event_changes(events[:, :4], np.array([40]))
+    with pytest.raises(ValueError, match="no events of day 61"):
+        event_changes(events, np.array([60]))
 
 
 def test_short_records_are_told():

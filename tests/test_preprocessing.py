@@ -8,12 +8,12 @@ from fake_fleet import fake_fleet
 from scipy.stats import entropy
 from sklearn.decomposition import PCA
 
+from analysis.daily import daily
 from analysis.preprocessing import (
     COMBINATIONS,
     SMOOTHING,
     Combination,
     DailyPCA,
-    daily,
     measurements,
     prepare,
     windows,

@@ -10,8 +10,11 @@ from matplotlib.figure import Figure
 
 from analysis.plots import COLOURS
 from analysis.preprocessing import COMBINATIONS
-from faultgen.studies.classifiers_study import FULL_CHAIN, HORIZON, OWN
+from faultgen.studies.classifiers_findings import FULL_CHAIN
+from faultgen.studies.classifiers_study import HORIZON, OWN, OWN_EVENTS
 from faultgen.studies.figures import Figures
+
+_STYLES = {"control": ":", FULL_CHAIN: "--", OWN: "-.", OWN_EVENTS: "-"}
 
 
 def _boxes(result: dict[str, Any]) -> Figure:
@@ -22,7 +25,7 @@ def _boxes(result: dict[str, Any]) -> Figure:
     )
     names = [
         name
-        for name in [*COMBINATIONS, OWN]
+        for name in [*COMBINATIONS, OWN, OWN_EVENTS]
         if any(c["combination"] == name and c["horizon"] == HORIZON for c in result["cells"])
     ]
     for axes, classifier in zip(panels[:, 0], shown, strict=True):
@@ -66,13 +69,15 @@ def _horizons(result: dict[str, Any]) -> Figure:
     figure, axes = plt.subplots(figsize=(7, 3.6))
     lines: dict[tuple[str, str], list[tuple[int, float]]] = {}
     for cell in result["cells"]:
-        if cell["combination"] in ("control", FULL_CHAIN, OWN):
+        if cell["combination"] in _STYLES:
             key = cell["combination"], cell["classifier"]
             lines.setdefault(key, []).append((cell["horizon"], cell["mean"]))
     for (name, classifier), points in lines.items():
-        style = {"control": ":", FULL_CHAIN: "--", OWN: "-"}[name]
         axes.plot(
-            *zip(*sorted(points), strict=True), style, marker="o", label=f"{name}, {classifier}"
+            *zip(*sorted(points), strict=True),
+            _STYLES[name],
+            marker="o",
+            label=f"{name}, {classifier}",
         )
     axes.axhline(0.5, color="0.4", lw=1.0, ls=":")
     axes.set(xlabel="days ahead", ylabel="mean AUC", ylim=(0, 1.02))

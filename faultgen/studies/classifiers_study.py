@@ -13,15 +13,18 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from analysis.classification import CLASSIFIERS, PairResult, leave_pair_out, make_classifier
-from analysis.own_history import history_features, make_history_classifier
-from analysis.preprocessing import COMBINATIONS, Combination, daily, prepare
-from analysis.statistics import compare, difference_over_robots, levene_p
+from analysis.own_history import event_changes, history_features, make_history_classifier
+from analysis.preprocessing import COMBINATIONS, Combination, prepare
 from faultgen.errors import InputError
 from faultgen.fleet.data import Fleet
-from faultgen.studies.thesis_classifiers import HEADLINE, PAIRS
+from faultgen.studies import classifiers_findings as findings
+from faultgen.studies.classifiers_findings import (
+    FULL_CHAIN,
+    LONGER_WINDOWS,
+    WITHOUT_DIFFERENCES,
+)
 
 DAYS = 10
 """Of data for each horizon, thesis 5.3.3."""
@@ -29,11 +32,10 @@ DAYS = 10
 HORIZON = 3
 """Days ahead of which tables and tests tell."""
 
-FULL_CHAIN = "+estM+diff+var3+pca"
-WITHOUT_DIFFERENCES = "+estM+var3+pca"
-LONGER_WINDOWS = "+estM+diff+var5+pca"
 OWN = "own history"
-"""Name of our classifier, in place of a combination; its classifier is told as LR."""
+OWN_EVENTS = "own history and events"
+"""Names of our classifiers, in place of a combination; told as LR. The second also reads the event
+log, which the thesis' classifiers do not."""
 
 
 @dataclass(frozen=True)
@@ -100,10 +102,15 @@ def run_classifiers(
                 found[horizon, name, classifier] = leave_pair_out(
                     rows, _failed(chosen), make, seed=seed, workers=workers, label=label
                 )
-        own = horizon_rows(chosen, OWN, horizon)
-        found[horizon, OWN, "LR"] = leave_pair_out(
-            own, _failed(chosen), make_history_classifier, seed=seed, workers=workers, label=OWN
-        )
+        for name in (OWN, OWN_EVENTS):
+            found[horizon, name, "LR"] = leave_pair_out(
+                horizon_rows(chosen, name, horizon),
+                _failed(chosen),
+                make_history_classifier,
+                seed=seed,
+                workers=workers,
+                label=name,
+            )
     auc = {key: one.auc for key, one in found.items() if key[0] == HORIZON}
     by_name = {key[1:]: one for key, one in auc.items()}
     return {
@@ -126,11 +133,11 @@ def run_classifiers(
             }
             for (horizon, name, classifier), one in found.items()
         ],
-        "overall": [_overall(by_name, classifier) for classifier in size.classifiers],
-        "pairs": _pairs(by_name, size.classifiers),
-        "headlines": _headlines(by_name, size.classifiers, seed),
-        "windows": _windows(by_name, size.classifiers),
-        "invariance": _invariance(chosen, by_name, size.classifiers),
+        "overall": [findings.overall(by_name, classifier) for classifier in size.classifiers],
+        "pairs": findings.pairs(by_name, size.classifiers),
+        "headlines": findings.headlines(by_name, size.classifiers, seed),
+        "windows": findings.windows(by_name, size.classifiers),
+        "invariance": findings.invariance(chosen, by_name, size.classifiers),
         "importance": _importance(chosen, size.importance, seed, workers),
     }
 
@@ -140,7 +147,7 @@ def horizon_rows(fleet: Fleet, name: str, horizon: int) -> list[np.ndarray]:
 
     Args:
         fleet: Robots.
-        name: Preprocessing, or `OWN`.
+        name: Preprocessing, `OWN` or `OWN_EVENTS`.
         horizon: Days ahead, T - horizon being the last day used.
 
     Raises:
@@ -149,8 +156,10 @@ def horizon_rows(fleet: Fleet, name: str, horizon: int) -> list[np.ndarray]:
     rows = []
     for robot in fleet.robots:
         try:
-            if name == OWN:
+            if name in (OWN, OWN_EVENTS):
                 day, values = history_features(robot)
+                if name == OWN_EVENTS:
+                    values = np.column_stack([values, event_changes(robot.events, day)])
             else:
                 day, values = prepare(robot, Combination.of(name))
         except ValueError as error:
@@ -180,113 +189,6 @@ def _chosen(fleet: Fleet, most: int | None) -> Fleet:
 
 def _failed(fleet: Fleet) -> np.ndarray:
     return np.array([robot.failed for robot in fleet.robots])
-
-
-Auc = dict[tuple[str, str], np.ndarray]
-
-
-def _groups(auc: Auc, classifier: str) -> dict[str, np.ndarray]:
-    """AUC of all pairs by combination of table 5.2."""
-    return {
-        name: auc[name, classifier].ravel() for name in COMBINATIONS if (name, classifier) in auc
-    }
-
-
-def _overall(auc: Auc, classifier: str) -> dict[str, Any]:
-    """Procedure 2 over all combinations."""
-    found = compare(_groups(auc, classifier))
-    return {
-        "classifier": classifier,
-        "levene": found.levene,
-        "test": "Welch, Games-Howell" if found.variances_differ else "ANOVA, Tukey",
-        "f": found.statistic,
-        "p": found.p,
-    }
-
-
-def _pairs(auc: Auc, classifiers: Sequence[str]) -> list[dict[str, Any]]:
-    """Tables A.2 and A.3."""
-    rows = []
-    for classifier in classifiers:
-        groups = _groups(auc, classifier)
-        found = compare(groups)
-        for step, pairs in PAIRS.items():
-            for without, with_step in pairs:
-                if without not in groups or with_step not in groups:
-                    continue
-                before, after = groups[without], groups[with_step]
-                rows.append(
-                    {
-                        "step": step,
-                        "without": without,
-                        "with": with_step,
-                        "classifier": classifier,
-                        "variance_p": levene_p(before, after),
-                        "variance_ratio": _ratio(after.var(ddof=1), before.var(ddof=1)),
-                        "mean_p": found.between(without, with_step) if found.means_differ else 1.0,
-                        "mean_change": float(after.mean() - before.mean()),
-                    }
-                )
-    return rows
-
-
-def _ratio(over: float, under: float) -> float | None:
-    return float(over / under) if under > 0 else None
-
-
-def _headlines(auc: Auc, classifiers: Sequence[str], seed: int) -> list[dict[str, Any]]:
-    """What each step adds to the thesis' pair, with an interval over robots."""
-    rows = []
-    for step, pair in HEADLINE.items():
-        for classifier in classifiers:
-            if all((name, classifier) in auc for name in pair):
-                before, after = (auc[name, classifier] for name in pair)
-                change = difference_over_robots(before, after, seed=seed)
-                rows.append({"step": step, "classifier": classifier, **vars(change)})
-    return rows
-
-
-def _windows(auc: Auc, classifiers: Sequence[str]) -> list[dict[str, Any]]:
-    """Windows of three days against windows of five."""
-    names = (FULL_CHAIN, LONGER_WINDOWS)
-    rows = []
-    for classifier in classifiers:
-        if all((name, classifier) in auc for name in names):
-            three, five = (auc[name, classifier].ravel() for name in names)
-            p = compare({"three": three, "five": five}).p
-            rows.append({"classifier": classifier, "p": p, "change": float((five - three).mean())})
-    return rows
-
-
-def _invariance(fleet: Fleet, auc: Auc, classifiers: Sequence[str]) -> list[dict[str, Any]]:
-    """Does the mean AUC of a robot depend on how fast, or how hard, it works?"""
-    series = [daily(robot) for robot in fleet.robots]
-    failed = _failed(fleet)
-    rows = []
-    for quantity in ("estimated speed", "estimated torque"):
-        mean = np.array([one.values[quantity].mean(axis=0) for one in series])
-        level = (mean / mean.max(axis=0).clip(1e-300)).mean(axis=1)
-        for name in (WITHOUT_DIFFERENCES, FULL_CHAIN):
-            for classifier in classifiers:
-                if (name, classifier) not in auc:
-                    continue
-                by_robot = np.empty(len(series))
-                by_robot[failed] = auc[name, classifier].mean(axis=1)
-                by_robot[~failed] = auc[name, classifier].mean(axis=0)
-                line = stats.linregress(level, by_robot)
-                rows.append(
-                    {
-                        "quantity": quantity,
-                        "combination": name,
-                        "classifier": classifier,
-                        "slope": float(line.slope),
-                        "r2": float(line.rvalue**2),
-                        "p": float(line.pvalue),
-                        "level": level.tolist(),
-                        "auc": by_robot.tolist(),
-                    }
-                )
-    return rows
 
 
 def _importance(

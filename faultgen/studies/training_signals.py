@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import detrend
 
-from analysis.preprocessing import DIVERGENCES, Daily, daily, measurements
+from analysis.daily import DIVERGENCES, Daily, daily, day_of
+from analysis.preprocessing import measurements
 from faultgen.errors import InputError
 from faultgen.fleet.data import Fleet, FleetRobot
 
@@ -88,7 +89,7 @@ def _common_events(robots: list[FleetRobot]) -> np.ndarray:
 
 def _set(robot: FleetRobot, first: int, kinds: np.ndarray) -> TrainingSet:
     series = daily(robot)
-    day = np.maximum(np.ceil(np.round(robot.day, 6)).astype(int) - 1, 0)
+    day = day_of(robot.day)
     parts, days_of = [], {}
     for start, days in ((first, TRAIN), (first + TRAIN, TEST)):
         kept = (series.day >= start) & (series.day < start + days)
