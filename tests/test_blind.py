@@ -31,23 +31,30 @@ def test_a_clean_robot(found):
 
 
 def test_a_single_effect(found):
-    """A gearbox that lost a fifth of its stiffness; the gap closes on motions not used."""
+    """A gearbox that lost a fifth of its stiffness.
+
+    On the motions that are not used it adds 3 % to the noise, too little to see the gap close.
+    """
     answer = found(2, Effect("gear_stiffness", 2, 0.2))
     (one,) = answer.effects
     assert (answer.verdict, one.effect, one.axis) == ("named", "gear_stiffness", 2)
     # the loss falls with the twist here, so that on the whole it is less than 0.2
     assert 0.1 < one.severity < 0.2
-    assert answer.after < answer.before and answer.after < 1.1 * answer.floor
+    assert answer.after < 1.1 * answer.floor
 
 
 def test_two_effects(found):
-    """Viscous friction, which here is a power of speed, and an offset, which drifts."""
+    """Viscous friction, which here is a power of speed, and an offset, which drifts.
+
+    The gap closes on motions that are not used.
+    """
     effects = Effect("viscous_friction", 3, 0.05), Effect("torque_offset", 1, 0.01)
     answer = found(3, *effects)
     keys = {(one.effect, one.axis): one for one in answer.effects}
     assert set(keys) == {("viscous_friction", 3), ("torque_offset", 1)}
     assert keys["viscous_friction", 3].severity == pytest.approx(0.05, rel=0.2)
     assert keys["torque_offset", 1].severity == pytest.approx(0.01, rel=0.2)
+    assert answer.before - answer.floor > 2 * (answer.after - answer.floor)
 
 
 def test_an_effect_that_nobody_coded(found):
