@@ -1,5 +1,6 @@
 """The small robot in motion: how tests run it with effects, and what its channels must obey."""
 
+import mujoco
 import numpy as np
 
 from faultgen.effects import Applied
@@ -14,6 +15,17 @@ def run(robot, control, *effects, cycles=1, period=STEP, **context):
     machine = assemble(robot, [Applied(*effect) for effect in effects], **context)
     *_, cycle = simulate(robot, control, [machine] * cycles, sample_period=period)
     return cycle, machine
+
+
+def force_added(model, healthy, position):
+    """Generalised force that effects add at rest in a position."""
+    forces = []
+    for each in (model, healthy):
+        data = mujoco.MjData(each)
+        data.qpos[:] = position
+        mujoco.mj_forward(each, data)
+        forces.append(data.qfrc_passive + data.qfrc_actuator)
+    return forces[0] - forces[1]
 
 
 def channels(cycle):

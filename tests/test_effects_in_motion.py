@@ -2,10 +2,9 @@
 
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 import pytest
-from swing import STEP, channels, newton, run, servo
+from swing import STEP, channels, force_added, newton, run, servo
 
 from faultgen import simulate as module
 from faultgen.effects import EFFECTS, Applied, get_effect
@@ -67,13 +66,7 @@ def test_transmission_error_has_the_energy_of_its_stretch(robot):
             position[motor] = rng.uniform(-100, 100)
             twist = rng.uniform(-2e-3, 2e-3)
             position[joint] = position[motor] / ratio - twist
-            forces = []
-            for each in (model, robot.model):
-                data = mujoco.MjData(each)
-                data.qpos[:] = position
-                mujoco.mj_forward(each, data)
-                forces.append(data.qfrc_passive + data.qfrc_actuator)
-            change = forces[0] - forces[1]
+            change = force_added(model, robot.model, position)
             error = severity * np.sin(poles * position[motor] + phase)
             slope = severity * poles * np.cos(poles * position[motor] + phase)
             stretch = stiffness * (twist + error)

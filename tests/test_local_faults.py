@@ -5,7 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from swing import STEP, newton, run, servo
+from swing import STEP, force_added, newton, run, servo
 
 from faultgen.effects import Applied
 from faultgen.effects.tooth import harmonics, pulse
@@ -69,13 +69,7 @@ def test_tooth_damage_has_the_forces_of_its_stretch(robot):
             position[motor] = (phase + away + 2 * np.pi * rng.integers(-3, 4)) / turns
             twist = rng.uniform(-2e-3, 2e-3)
             position[joint] = position[motor] / ratio - twist
-            forces = []
-            for each in (model, robot.model):
-                data = mujoco.MjData(each)
-                data.qpos[:] = position
-                mujoco.mj_forward(each, data)
-                forces.append(data.qfrc_passive + data.qfrc_actuator)
-            change = forces[0] - forces[1]
+            change = force_added(model, robot.model, position)
             error = severity * np.cos(away / 2) ** power
             slope = -turns * error * power / 2 * np.tan(away / 2)
             scale = 2e-4 * stiffness * severity

@@ -78,8 +78,14 @@ def log_transmission_error(truth: Cycle, logged: Cycle, place: Place) -> Cycle:
     given, i = place.parameters, place.axis - 1
     poles = motor_order(given["order"], given["per"], place.robot.gear_ratio[i])
     error = place.severity * np.sin(poles * truth.motor_position[:, i] + given["phase"])
+    return with_error(logged, place, error)
+
+
+def with_error(logged: Cycle, place: Place, error: np.ndarray) -> Cycle:
+    """Channels with the gearbox's torque by an error of its teeth [rad], shape (samples,)."""
     torque = logged.gear_torque.copy()
-    torque[:, i] += place.model.tendon_stiffness[place.element("tendon", "gearbox")] * error
+    stiffness = place.model.tendon_stiffness[place.element("tendon", "gearbox")]
+    torque[:, place.axis - 1] += stiffness * error
     return replace(logged, gear_torque=torque)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import mujoco
@@ -11,7 +10,7 @@ from scipy.stats import binom
 
 from faultgen.effects.base import Effect, Place
 from faultgen.effects.elements import add_cogging, add_tendon, gear_ratio
-from faultgen.effects.ripple import motor_order
+from faultgen.effects.ripple import motor_order, with_error
 from faultgen.errors import InputError
 
 if TYPE_CHECKING:
@@ -84,9 +83,7 @@ def log_tooth_damage(truth: Cycle, logged: Cycle, place: Place) -> Cycle:
     given, i = place.parameters, place.axis - 1
     turned = truth.motor_position[:, i] * motor_order(1.0, given["per"], place.robot.gear_ratio[i])
     error = place.severity * pulse(turned, given["phase"], given["width"])
-    torque = logged.gear_torque.copy()
-    torque[:, i] += place.model.tendon_stiffness[place.element("tendon", "gearbox")] * error
-    return replace(logged, gear_torque=torque)
+    return with_error(logged, place, error)
 
 
 EFFECTS = (

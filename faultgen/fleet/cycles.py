@@ -20,10 +20,10 @@ from functools import lru_cache
 import numpy as np
 
 from faultgen.channels import Cycle
-from faultgen.effects import Applied, set_temperature
+from faultgen.condition import Condition, machine_at
+from faultgen.effects import Applied
 from faultgen.errors import InputError
 from faultgen.fleet.unit import Program, Unit
-from faultgen.machine import assemble
 from faultgen.motion import Motion, plan, shifted
 from faultgen.robot import Robot, load_robot
 from faultgen.servo import control_signal
@@ -127,18 +127,15 @@ def simulate_program(unit: Unit, program: Program) -> Cycles:
     """
     robot = unit.robot()
     control = control_signal(program_motion(robot, program), robot.model.opt.timestep)
+    healthy = robot.spec()
     every = round(SAMPLE_PERIOD / robot.model.opt.timestep)
     set_points = control[::every, robot.model.actuator_ctrladr[robot.ids("actuator", "drive")]]
 
     def run(
         temperature: float, payload: float = 0.0, effects: Sequence[Applied] = ()
     ) -> tuple[np.ndarray, Cycle]:
-        spec = robot.spec()
-        for axis in range(1, robot.n_axes + 1):
-            set_temperature(spec, axis, temperature, robot.friction_temperature)
-        spec.body("payload").mass *= 1 + payload
-        spec.body("payload").inertia *= 1 + payload
-        machine = assemble(robot, [*unit.deviations, *effects], spec=spec)
+        beside = (*unit.deviations, *effects)
+        machine = machine_at(robot, healthy, Condition(temperature, 1 + payload, beside=beside))
         (cycle,) = simulate(robot, control, [machine], sample_period=SAMPLE_PERIOD)
         return np.stack([cycle.motor_torque, cycle.motor_position - set_points]), cycle
 

@@ -142,6 +142,7 @@ class _Watched:
             for one in cycles
         ]
         self.usual = [one.base[1, 0] for one in cycles]
+        self.usual_peak = np.max([np.abs(usual).max(axis=0) for usual in self.usual], axis=0)
         self.mean = [np.abs(usual).mean(axis=0) for usual in self.usual]
 
     def reduce(
@@ -236,10 +237,9 @@ def _strain(
     def worst(name: str) -> np.ndarray:
         return np.max([getattr(one, name) for one in seen], axis=0) if seen else nothing
 
-    usual = np.max([np.abs(u).max(axis=0) for u in watched.usual], axis=0)
     return Strain(
-        torque=worst("peak") / usual,
-        deviation=worst("deviation") / usual,
+        torque=worst("peak") / watched.usual_peak,
+        deviation=worst("deviation") / watched.usual_peak,
         position_error=worst("position_error"),
         temperature=warm[rows].max(axis=0),
         hall=float(calendar.ambient[rows].max()),
