@@ -118,7 +118,7 @@ def test_fleets_that_do_not_do():
 
 def test_files_of_the_study(result, monkeypatch, tmp_path):
     """results.json, tables and figures; a fleet is taken by these studies only."""
-    monkeypatch.setattr("faultgen.studies.fleets.open_fleet", lambda folder: folder)
+    monkeypatch.setattr("faultgen.studies.study.open_fleet", lambda folder: folder)
     monkeypatch.setattr(classifiers_study, "run_classifiers", lambda fleet, **options: dict(result))
     told = run_study("classifiers", tmp_path, quick=True, fleet=tmp_path)
     stored = json.loads((tmp_path / "results.json").read_text())

@@ -139,7 +139,7 @@ def test_fleets_that_do_not_do():
 
 def test_files_of_the_study(fleet, result, monkeypatch, tmp_path):
     """results.json, tables with the thesis' numbers, and figures."""
-    monkeypatch.setattr("faultgen.studies.fleets.open_fleet", lambda folder: fleet)
+    monkeypatch.setattr("faultgen.studies.study.open_fleet", lambda folder: fleet)
     monkeypatch.setattr(training_study, "run_training", lambda fleet, **options: dict(result))
     run_study("training-data", tmp_path, quick=True, fleet=tmp_path)
     stored = json.loads((tmp_path / "results.json").read_text())

@@ -174,7 +174,7 @@ def parse_fleet(text: str, name: str) -> FleetPlan:
         raise InputError(f"fleet file {name}: not valid TOML: {error}") from None
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise InputError(f"fleet file {name}: {where}: {first['msg']}") from None
-    except InputError as error:
-        raise InputError(f"fleet file {name}: {error}") from None
+        where = "".join(f"{part}." for part in first["loc"]).rstrip(".")
+        said = first["msg"].removeprefix("Value error, ")
+        told = f"{where}: {said}" if where else said
+        raise InputError(f"fleet file {name}: {told}") from None

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from faultgen.fleet import Fleet, FleetPlan, generate_fleet, open_fleet
+from faultgen.fleet import FleetPlan
 from faultgen.fleet.plan import Production
 
 _DAILY = Production(samples_a_day=(1, 1))
@@ -26,20 +24,3 @@ def study_fleet(name: str, seed: int, quick: bool) -> FleetPlan | None:
     if name == "classifiers":
         return FleetPlan(seed=seed, robots=26, failing=13, days=60)
     return None
-
-
-def made_or_read(plan: FleetPlan, folder: Path | None, out: Path, workers: int) -> Fleet:
-    """The fleet of a folder, or else one that is made.
-
-    Args:
-        plan: Of the one that is made.
-        folder: Of a fleet that is there.
-        out: Folder of the study.
-        workers: Processes; no effect on the result.
-
-    Raises:
-        InputError: The folder has no whole fleet.
-    """
-    if folder is not None:
-        return open_fleet(folder)
-    return generate_fleet(plan, out / "fleet", workers=workers, progress=True)

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from faultgen.errors import InputError
+from faultgen.fleet import Fleet, generate_fleet, open_fleet
 from faultgen.storage import write_text
 from faultgen.studies.figures import Figures, draw
-from faultgen.studies.fleets import made_or_read, study_fleet
+from faultgen.studies.fleets import study_fleet
 
 STUDIES = {
     "events": "chapter 2: event logs of a fleet before failures, PCA with T2 and Q",
@@ -71,13 +72,16 @@ def run_study(
     plan = study_fleet(name, seed, quick)
     if fleet is not None and plan is None:
         raise InputError(f"study {name}: simulates its own data and takes no --fleet")
+    recorded = None if fleet is None else open_fleet(fleet)
     started = time.monotonic()
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{out}: cannot be used as a folder ({error.strerror})") from None
     run, goals, tables, figures = _PARTS[name](quick)
-    of = out if plan is None else made_or_read(plan, fleet, out, workers)
+    of: Path | Fleet = out
+    if plan is not None:
+        of = recorded or generate_fleet(plan, out / "fleet", workers=workers, progress=True)
     found = run(of, seed=seed, workers=workers)
     result = {
         "study": name,
