@@ -95,7 +95,7 @@ def test_loss_that_falls_with_temperature_settles_where_heat_is_lost():
 
 
 def direct(unit, temperature, payload, friction, damage):
-    """Torque of a cycle at a condition, simulated as such."""
+    """A cycle at a condition, simulated as such."""
     robot = unit.robot()
     spec = robot.spec()
     for axis, warm in enumerate(temperature, start=1):
@@ -107,14 +107,16 @@ def direct(unit, temperature, payload, friction, damage):
     machine = assemble(robot, [*unit.deviations, *more, *worn], spec=spec)
     control = control_signal(program_motion(robot, unit.programs[0]), robot.model.opt.timestep)
     (cycle,) = simulate(robot, control, [machine], sample_period=SAMPLE_PERIOD)
-    return cycle.motor_torque
+    return cycle
 
 
 def test_cycles_are_exact_where_simulated(failing):
     unit, cycles = failing
     warm = np.full(6, TEMPERATURES[1])
     got = cycles.at(warm, 0.0, np.zeros(6), DAMAGES[1])[0]
-    assert got == pytest.approx(direct(unit, warm, 0.0, np.zeros(6), DAMAGES[1]), abs=1e-12)
+    assert got == pytest.approx(
+        direct(unit, warm, 0.0, np.zeros(6), DAMAGES[1]).motor_torque, abs=1e-12
+    )
     healthy = cycles.at(np.full(6, TEMPERATURES[3]), 0.0, np.zeros(6), 0.0)
     assert healthy == pytest.approx(cycles.base[3], abs=1e-12)
 
@@ -124,10 +126,23 @@ def test_cycles_in_between_are_near_to_simulation(failing):
     unit, cycles = failing
     warm = np.array([36.0, 44.0, 50.0, 56.0, 48.0, 40.0])
     friction = np.array([0.05, -0.03, 0.04, 0.0, 0.08, -0.05])
-    want = direct(unit, warm, 0.04, friction, 0.7)
+    want = direct(unit, warm, 0.04, friction, 0.7).motor_torque
     got = cycles.at(warm, 0.04, friction, 0.7)[0]
     error = np.sqrt(np.mean((want - got) ** 2, axis=0))
     assert np.all(error < FleetPlan().torque_noise * np.abs(want).mean(axis=0))
+
+
+def test_damage_heats_its_gearbox(failing):
+    """Heat between nodes of damage, against direct simulation; other axes get none."""
+    unit, cycles = failing
+    warm, axis = TEMPERATURES[1], unit.life.axis - 1
+    cycle = direct(unit, np.full(6, warm), 0.0, np.zeros(6), 0.7)
+    want = np.abs(cycle.friction_torque * cycle.motor_velocity).mean(axis=0)
+    sound, got = cycles.losses(np.array([0.0, 0.7]))[:, 1]
+    assert sound == pytest.approx(cycles.loss[1], abs=0)
+    assert got[axis] == pytest.approx(want[axis], rel=1e-3)
+    assert got[axis] > 1.1 * sound[axis]
+    assert np.delete(got, axis) == pytest.approx(np.delete(sound, axis), abs=0)
 
 
 def test_duty_and_mix(failing):

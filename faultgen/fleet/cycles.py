@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from faultgen.channels import Cycle
 from faultgen.condition import Condition, machine_at
@@ -63,6 +64,8 @@ class Cycles:
     """The same by damage, shape (2 temperatures, damages, 2, samples, n_axes)."""
     loss: np.ndarray
     """Mean power of friction at each temperature, shape (nodes, n_axes), in [W]."""
+    wear_loss: np.ndarray
+    """What damage adds to it at the axis that fails, shape (2 temperatures, damages), in [W]."""
     axis: int
     """Axis of the gearbox that fails, from 1; 0 where none does."""
 
@@ -89,12 +92,33 @@ class Cycles:
         out = np.einsum("an,ncsa->csa", lagrange(TEMPERATURES, warm), self.base, optimize=False)
         out += payload * self.load + friction * self.friction
         if self.axis and damage > 0:
-            by = lagrange((0.0, *DAMAGES), [min(damage, DAMAGES[-1])])[0, 1:]
+            by = _by_damage([damage])[0]
             low, high = TEMPERATURES[list(_WEAR_TEMPERATURES)]
             part = (warm[self.axis - 1] - low) / (high - low)
             for weight, wear in zip((1 - part, part), self.wear, strict=True):
                 out += weight * np.tensordot(by, wear, axes=1)
         return out
+
+    def losses(self, damage: np.ndarray) -> np.ndarray:
+        """Mean power of friction at each temperature.
+
+        Args:
+            damage: Of the gearbox that fails on each day, shape (days,).
+
+        Returns:
+            Shape (days, nodes, n_axes), in [W].
+        """
+        out = np.repeat(self.loss[None], len(damage), axis=0)
+        if self.axis:
+            known = TEMPERATURES[list(_WEAR_TEMPERATURES)]
+            more = _by_damage(damage) @ self.wear_loss.T
+            out[:, :, self.axis - 1] += [np.interp(TEMPERATURES, known, row) for row in more]
+        return out
+
+
+def _by_damage(damage: ArrayLike) -> np.ndarray:
+    """Weights of the simulated damages at others, shape (number, damages)."""
+    return lagrange((0.0, *DAMAGES), np.clip(damage, 0.0, DAMAGES[-1]))[:, 1:]
 
 
 @lru_cache(maxsize=16)
@@ -141,16 +165,19 @@ def simulate_program(unit: Unit, program: Program) -> Cycles:
 
     nodes = [run(float(t)) for t in TEMPERATURES]
     base = np.stack([channels for channels, _ in nodes])
-    power = [np.abs(cycle.friction_torque * cycle.motor_velocity) for _, cycle in nodes]
+    loss = np.stack([_power(cycle) for _, cycle in nodes])
     middle = _WEAR_TEMPERATURES[0]
     warm = float(TEMPERATURES[middle])
     more = [Applied("friction_wear", axis, _FRICTION) for axis in range(1, robot.n_axes + 1)]
     wear = np.zeros((2, len(DAMAGES), *base.shape[1:]))
+    wear_loss = np.zeros(wear.shape[:2])
     if unit.life is not None:
-        for out, node in zip(wear, _WEAR_TEMPERATURES, strict=True):
+        failing = unit.life.axis - 1
+        for row, node in enumerate(_WEAR_TEMPERATURES):
             for k, damage in enumerate(DAMAGES):
-                worn, _ = run(float(TEMPERATURES[node]), 0.0, unit.life.effects(damage))
-                out[k] = worn - base[node]
+                worn, cycle = run(float(TEMPERATURES[node]), 0.0, unit.life.effects(damage))
+                wear[row, k] = worn - base[node]
+                wear_loss[row, k] = (_power(cycle) - loss[node])[failing]
     return Cycles(
         position=nodes[middle][1].motor_position,
         velocity=nodes[middle][1].motor_velocity,
@@ -158,6 +185,12 @@ def simulate_program(unit: Unit, program: Program) -> Cycles:
         load=(run(warm, _LOAD)[0] - base[middle]) / _LOAD,
         friction=(run(warm, 0.0, more)[0] - base[middle]) / _FRICTION,
         wear=wear,
-        loss=np.stack([one.mean(axis=0) for one in power]),
+        loss=loss,
+        wear_loss=wear_loss,
         axis=0 if unit.life is None else unit.life.axis,
     )
+
+
+def _power(cycle: Cycle) -> np.ndarray:
+    """Mean power of friction, shape (n_axes,), in [W]."""
+    return np.abs(cycle.friction_torque * cycle.motor_velocity).mean(axis=0)

@@ -40,7 +40,7 @@ def record_robot(plan: FleetPlan, number: int) -> FleetRobot:
     cycles = [simulate_program(unit, program) for program in unit.programs]
     calendar = draw_calendar(plan, unit, robot.n_axes, rng_calendar)
     damage, shown = _damage(unit, plan.days, rng_damage)
-    warm = _temperatures(unit, calendar, cycles)
+    warm = _temperatures(unit, calendar, cycles, shown)
     watched = _Watched(robot, cycles, plan.torque_noise, rng_noise)
     samples: dict[str, list[np.ndarray | float]] = {}
     strains = []
@@ -209,11 +209,13 @@ def _damage(unit: Unit, days: int, rng: np.random.Generator) -> tuple[np.ndarray
     return damage, damage * unit.life.shown(days, rng)
 
 
-def _temperatures(unit: Unit, calendar: Calendar, cycles: Sequence[Cycles]) -> np.ndarray:
+def _temperatures(
+    unit: Unit, calendar: Calendar, cycles: Sequence[Cycles], shown: np.ndarray
+) -> np.ndarray:
     """Of each gearbox at each row, shape (days * ROWS, n_axes)."""
-    loss = np.stack([one.loss for one in cycles])
-    by_day = np.einsum("dp,pna->dna", calendar.mix, loss)
-    resistance = RISE * unit.cooling / loss.mean(axis=(0, 1)).clip(1e-9)
+    by_day = np.einsum("dp,pdna->dna", calendar.mix, [one.losses(shown) for one in cycles])
+    usual = np.mean([one.loss for one in cycles], axis=(0, 1))
+    resistance = RISE * unit.cooling / usual.clip(1e-9)
     return temperatures(
         calendar.ambient,
         calendar.duty,
