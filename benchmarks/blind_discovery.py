@@ -29,7 +29,7 @@ from tqdm import tqdm
 from faultgen.effects import EFFECTS
 from faultgen.storage import write_text
 
-Seeds = StrEnum("Seeds", ["development", "report", "report2", "report3"])
+Seeds = StrEnum("Seeds", ["development", "report", "report2", "report3", "report4"])
 Mode = StrEnum("Mode", ["twin", "alone"])
 
 CASES, RESULTS, SEALED = "cases", "results", "sealed"
