@@ -23,8 +23,8 @@ _CABINET = 8.0  # warmer than the hall while the robot runs [K]: assumed
 _CABINET_NOISE = 0.5  # [K]: assumed
 
 
-def record_robot(plan: FleetPlan, number: int) -> FleetRobot:
-    """Simulate the programs of a robot and put together what is stored of it.
+def simulate_robot(plan: FleetPlan, number: int) -> list[Cycles]:
+    """Simulate the programs of a robot.
 
     Args:
         plan: The fleet.
@@ -34,10 +34,28 @@ def record_robot(plan: FleetPlan, number: int) -> FleetRobot:
         SimulationFailed: A program could not be simulated.
     """
     unit = draw_unit(plan, number)
+    return [simulate_program(unit, program) for program in unit.programs]
+
+
+def record_robot(
+    plan: FleetPlan, number: int, cycles: Sequence[Cycles] | None = None
+) -> FleetRobot:
+    """Put together what is stored of a robot.
+
+    Args:
+        plan: The fleet.
+        number: Of the robot, from 0.
+        cycles: Of its programs, as `simulate_robot` gives them; default: they are simulated. Those
+            of another plan will do that has the same robots and differs in what befalls them only.
+
+    Raises:
+        SimulationFailed: A program could not be simulated.
+    """
+    unit = draw_unit(plan, number)
     robot = unit.robot()
     rng = np.random.default_rng([plan.seed, 2, number])
     rng_calendar, rng_damage, rng_noise, rng_events = rng.spawn(4)
-    cycles = [simulate_program(unit, program) for program in unit.programs]
+    cycles = simulate_robot(plan, number) if cycles is None else cycles
     calendar = draw_calendar(plan, unit, robot.n_axes, rng_calendar)
     damage, shown = _damage(unit, plan.days, rng_damage)
     warm = _temperatures(unit, calendar, cycles, shown)

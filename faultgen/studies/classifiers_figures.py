@@ -13,6 +13,7 @@ from analysis.preprocessing import COMBINATIONS
 from faultgen.studies.classifiers_findings import FULL_CHAIN
 from faultgen.studies.classifiers_study import HORIZON, OWN, OWN_EVENTS
 from faultgen.studies.figures import Figures
+from faultgen.studies.markdown import stars
 
 _STYLES = {"control": ":", FULL_CHAIN: "--", OWN: "-.", OWN_EVENTS: "-"}
 
@@ -43,10 +44,17 @@ def _boxes(result: dict[str, Any]) -> Figure:
             showfliers=False,
             medianprops={"color": COLOURS[1], "lw": 2.0},
         )
+        for row in result["over_control"]:
+            if row["classifier"] == classifier and row["change"] > 0:
+                place = names.index(row["combination"]) + 1
+                axes.text(place, 1.02, stars(row["p"]), ha="center", fontsize=9)
         axes.axhline(0.5, color="0.4", lw=1.0, ls=":")
-        axes.set(ylabel=f"AUC, {classifier}", ylim=(-0.05, 1.08), xlim=(0.3, len(names) + 0.7))
+        axes.set(ylabel=f"AUC, {classifier}", ylim=(-0.05, 1.18), xlim=(0.3, len(names) + 0.7))
     panels[-1, 0].set_xticks(range(1, len(names) + 1), names, rotation=40, ha="right")
-    panels[0, 0].set(title=f"pairs of robots, {HORIZON} days ahead: mean ± deviation, extremes")
+    panels[0, 0].set(
+        title=f"pairs of robots, {HORIZON} days ahead: mean ± deviation, extremes; "
+        "* mean above control's"
+    )
     return figure
 
 

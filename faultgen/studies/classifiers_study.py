@@ -134,6 +134,9 @@ def run_classifiers(
             for (horizon, name, classifier), one in found.items()
         ],
         "overall": [findings.overall(by_name, classifier) for classifier in size.classifiers],
+        "over_control": [
+            row for name in size.classifiers for row in findings.over_control(by_name, name)
+        ],
         "pairs": findings.pairs(by_name, size.classifiers),
         "headlines": findings.headlines(by_name, size.classifiers, seed),
         "windows": findings.windows(by_name, size.classifiers),

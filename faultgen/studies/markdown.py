@@ -26,3 +26,8 @@ def goals_table(goals: Sequence[dict[str, Any]]) -> str:
 def percent(row: dict[str, Any]) -> str:
     """A share with its interval, in percent."""
     return f"{100 * row['share']:.1f} [{100 * row['low']:.1f}, {100 * row['high']:.1f}]"
+
+
+def stars(p: float) -> str:
+    """Marks of significance: one each for p below 0.05, 0.01, 0.001 and 0.0001."""
+    return "*" * sum(p < limit for limit in (0.05, 0.01, 0.001, 0.0001))

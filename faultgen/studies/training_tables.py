@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from faultgen.studies.markdown import goals_table, table
+from faultgen.studies.markdown import goals_table, stars, table
 from faultgen.studies.thesis_training import (
     ANOVA,
     ERROR,
@@ -110,8 +110,7 @@ def _found(result: dict[str, Any], name: str, days: int) -> list[str]:
 
 
 def _p(value: float) -> str:
-    stars = "***" if value < 0.001 else "**" if value < 0.01 else "*" if value < 0.05 else ""
-    return f"{value:.3f} {stars}".strip()
+    return f"{value:.3f} {stars(value)}".strip()
 
 
 def _groups(result: dict[str, Any]) -> str:
