@@ -9,7 +9,7 @@ from analysis.detection import CUSUMChart, EWMAChart
 from analysis.divergence import HistogramDivergence, kl_divergence
 from analysis.friction_features import FrictionFeatures
 from analysis.isolation import Answer, ChangeIsolator
-from analysis.pca import PCAMonitor
+from analysis.pca import PCAMonitor, held_out_q_limit
 from analysis.run_length import (
     RunLength,
     cusum_interval,
@@ -45,6 +45,7 @@ __all__ = [
     "effective_transfer_entropy",
     "ewma_run_length",
     "ewma_width",
+    "held_out_q_limit",
     "isolate_axis",
     "isolate_axis_by_lags",
     "isolation_by_bins",

@@ -16,7 +16,7 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
-from sklearn.base import BaseEstimator, OutlierMixin, TransformerMixin
+from sklearn.base import BaseEstimator, OutlierMixin, TransformerMixin, clone
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 Floats = NDArray[np.float64]
@@ -314,6 +314,30 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
 
     def _by_variable(self, contributions: Floats) -> Floats:
         return contributions.reshape(len(contributions), self.lags + 1, -1).sum(axis=1)
+
+
+def held_out_q_limit(monitor: PCAMonitor, X: ArrayLike, *, blocks: int = 8) -> float:
+    """Limit of Q from healthy rows that were not fitted: a quantile over blocks held out in turn.
+
+    Jackson and Mudholkar's limit takes components as known. Where there are hardly more rows than
+    columns these fit the rows they were learned from far better than any other, and healthy rows
+    are above it as often as not.
+
+    Args:
+        monitor: Its parameters, `confidence` among them, are used; it need not be fitted.
+        X: Healthy rows in their order. Shape (samples, variables).
+        blocks: Of successive rows.
+
+    Raises:
+        ValueError: There are fewer than two blocks, or fewer rows than blocks.
+    """
+    rows = np.asarray(X, dtype=float)
+    if not 2 <= blocks <= len(rows):
+        raise ValueError(f"blocks must be within 2 and the {len(rows)} rows, got {blocks}")
+    q = np.empty(len(rows))
+    for block in np.array_split(np.arange(len(rows)), blocks):
+        q[block] = clone(monitor).fit(np.delete(rows, block, axis=0)).q(rows[block])
+    return float(np.quantile(q, monitor.confidence))
 
 
 def _check_confidence(confidence: float) -> None:

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from fake_fleet import fake_fleet
 
-from analysis.pca import PCAMonitor
 from faultgen.errors import InputError
 from faultgen.studies import training_study
 from faultgen.studies.study import run_study
 from faultgen.studies.thesis_training import ANOVA, ERROR, FACTORS, MODELS, NULL, TERM_BY_TERM
 from faultgen.studies.training_signals import SIGNALS, training_sets
-from faultgen.studies.training_study import describe, held_out_limit, run_training
+from faultgen.studies.training_study import describe, run_training
 from faultgen.studies.training_tables import tables
 
 
@@ -69,19 +68,6 @@ def test_descriptors_by_hand():
     assert describe(q, day, 9.0, 8)["lead"] == 0
     with pytest.raises(InputError, match="does not vary"):
         describe(np.ones(5), day, 3.0, 8)
-
-
-def test_limit_is_kept_by_healthy_days_that_were_not_fitted():
-    """With more columns than days, one in twenty; by Jackson and Mudholkar nearly all."""
-    rng = np.random.default_rng(0)
-    held_out, gaussian = [], []
-    for _ in range(8):
-        train, new = rng.standard_normal((40, 45)), rng.standard_normal((200, 45))
-        monitor = PCAMonitor(n_components=0.9).fit(train)
-        held_out.append(np.mean(monitor.q(new) > held_out_limit(train)))
-        gaussian.append(np.mean(monitor.q(new) > monitor.q_limit_))
-    assert 0.01 < np.mean(held_out) < 0.12
-    assert np.mean(gaussian) > 0.5
 
 
 def test_cases_are_those_of_table_4_1(result):

@@ -8,7 +8,7 @@ Torque of axis i, sample by sample, with its own gearbox temperature T_i, payloa
 `base` is the polynomial through four temperatures, `load` and `friction` are slopes, `wear` a
 polynomial through zero and three damages, linear between two temperatures. Friction of one axis
 hardly reaches the torque of another, since all follow their set points; what is left out is second
-order. `benchmarks/fleet_error.py` holds it against direct simulation.
+order. `tests/test_fleet.py` holds it against direct simulation.
 """
 
 from __future__ import annotations

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.stats import mannwhitneyu
 from sklearn.metrics import roc_auc_score
 
-from analysis import PCAMonitor
 from analysis.detection import EWMAChart
+from analysis.pca import PCAMonitor, held_out_q_limit
 from faultgen.errors import InputError
 from faultgen.fleet import Fleet, FleetRobot
 from faultgen.studies.counts import share
@@ -42,6 +42,7 @@ _SPARED = 28  # days after training on which the charts are set up
 DETECTORS = {
     "T2": "T² above its limit on 3 of 7 days",
     "Q": "Q above its limit on 3 of 7 days",
+    "Q, held out": "Q above a limit from training days that were not fitted, on 3 of 7 days",
     "Q, charted": "EWMA of log Q, set up on 28 days that were not fitted",
     "supervision, charted": "EWMA of the root of supervisions of the worst axis, the same",
 }
@@ -94,12 +95,14 @@ def _look(robot: FleetRobot, fleet: Fleet) -> dict[str, Any]:
     monitor = PCAMonitor(n_components=COMPONENTS, confidence=_CONFIDENCE).fit(counts[:TRAINING])
     t2, q = monitor.t2(counts), monitor.q(counts)
     limits = {"T2": monitor.t2_limit_, "Q": monitor.q_limit_}
+    held_out = held_out_q_limit(monitor, counts[:TRAINING])
     kinds = np.array([name.rpartition("_")[0] for name in fleet.event_names])
     supervised = np.sum([counts[:, kinds == kind] for kind in _SUPERVISED], axis=0)
     strained = np.sqrt(supervised.max(axis=1))
     alarms = {
         "T2": _often(t2 > limits["T2"]),
         "Q": _often(q > limits["Q"]),
+        "Q, held out": _often(q > held_out),
         "Q, charted": _charted(np.log(q + 1e-9)),
         "supervision, charted": _charted(strained),
     }

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.glm import Family, sequence, terms
-from analysis.pca import PCAMonitor
+from analysis.pca import PCAMonitor, held_out_q_limit
 from analysis.statistics import SIGNIFICANT, anova, tukey
 from faultgen.errors import InputError
 from faultgen.fleet.data import Fleet
@@ -25,9 +25,6 @@ SHARE = 0.90
 
 CONFIDENCE = 0.95
 """Of the limit of Q."""
-
-BLOCKS = 8
-"""Of training days that are held out in turn to set the limit."""
 
 DESCRIPTORS: dict[str, Family] = {"variation": "gamma", "above": "poisson", "lead": "poisson"}
 """Coefficient of variation of Q, number of days above its limit, days left when the first of these
@@ -98,7 +95,7 @@ def _cases(sets: list[TrainingSet], signal: str) -> list[dict[str, Any]]:
     cases = []
     for trained in sets:
         monitor = PCAMonitor(n_components=SHARE, confidence=CONFIDENCE).fit(trained.train[signal])
-        limit = held_out_limit(trained.train[signal])
+        limit = held_out_q_limit(monitor, trained.train[signal])
         for tested in sets:
             if tested.failed != trained.failed:
                 continue
@@ -125,23 +122,6 @@ def _cases(sets: list[TrainingSet], signal: str) -> list[dict[str, Any]]:
                     }
                 )
     return cases
-
-
-def held_out_limit(train: np.ndarray) -> float:
-    """Limit of Q from healthy days that were not fitted: the quantile of blocks held out in turn.
-
-    Jackson and Mudholkar's limit takes components as known. With 40 days of more columns than that
-    they fit the days they were learned from far better than any other, and healthy days are above
-    it half of the time.
-
-    Args:
-        train: Healthy days in order, shape (days, columns).
-    """
-    q = np.empty(len(train))
-    for block in np.array_split(np.arange(len(train)), BLOCKS):
-        monitor = PCAMonitor(n_components=SHARE, confidence=CONFIDENCE)
-        q[block] = monitor.fit(np.delete(train, block, axis=0)).q(train[block])
-    return float(np.quantile(q, CONFIDENCE))
 
 
 def _row(case: dict[str, Any], days: int) -> dict[str, Any]:
