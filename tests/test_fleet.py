@@ -19,6 +19,7 @@ from faultgen.fleet.cycles import (
 from faultgen.fleet.damage import GearboxLife
 from faultgen.fleet.events import _MOST, Strain, count_events, event_names
 from faultgen.fleet.plan import parse_fleet
+from faultgen.fleet.record import record_robot, simulate_robot
 from faultgen.fleet.thermal import TIME_CONSTANT, temperatures
 from faultgen.fleet.unit import draw_unit
 from faultgen.machine import assemble
@@ -203,6 +204,21 @@ def test_a_fleet_holds_what_monitoring_stores(fleet):
         assert np.ptp(speed, axis=0) == pytest.approx(0.0, abs=1e-9)
         torque = one.torque_indicator / one.production[:, None] ** (1 / LIFE_EXPONENT)
         assert np.ptp(torque, axis=0) / torque.mean(axis=0) == pytest.approx(0.0, abs=0.3)
+
+
+def test_cycles_serve_plans_that_differ_in_what_befalls_robots(failing):
+    """Records from another plan's cycles are those that the plan itself gives."""
+    plan, other = (
+        FleetPlan(**SMALL | {"damage": {"unsteadiness": k}, "programs": SMALL["programs"] | mix})
+        for k, mix in ((0.0, {}), (1.0, {"mix": 20.0}))
+    )
+    number = next(k for k in range(2) if draw_unit(plan, k).life)
+    cycles = simulate_robot(plan, number)
+    given, own = record_robot(other, number, cycles), record_robot(other, number)
+    assert np.array_equal(given.torque_histogram, own.torque_histogram)
+    assert np.array_equal(given.events, own.events)
+    steady = record_robot(plan, number, cycles)
+    assert not np.array_equal(given.torque_indicator, steady.torque_indicator)
 
 
 def test_one_seed_is_one_fleet(fleet, tmp_path):
