@@ -94,13 +94,13 @@ class Damage(_Section):
     """From the first damage to failure [d]."""
     shape: Range = (2.0, 5.0)
     """How late damage grows: exponent of the law."""
-    friction: Range = (0.3, 0.8)
+    friction: Range = (0.6, 1.6)
     """Friction that is gained at failure, over the nominal one."""
-    backlash: Range = (0.0005, 0.002)
+    backlash: Range = (0.001, 0.004)
     """Play at failure, joint side [rad]."""
-    ripple: Range = (0.005, 0.02)
+    ripple: Range = (0.01, 0.04)
     """Torque ripple at failure, over the largest motor torque."""
-    unsteadiness: Size = 0.25
+    unsteadiness: Size = 0.5
     """Spread of the damage that shows from day to day, over the damage."""
 
 
