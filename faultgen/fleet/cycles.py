@@ -3,12 +3,13 @@
 Torque of axis i, sample by sample, with its own gearbox temperature T_i, payload 1 + p, friction
 1 + s_i and damage d of the gearbox that fails:
 
-    y_i = base_i(T_i) + p load_i + s_i friction_i + wear_i(d, T_failing)
+    y_i = base_i(T_i) + p load_i + s_i friction_i + g_i wear_i(d, T_failing)
 
-`base` is the polynomial through four temperatures, `load` and `friction` are slopes, `wear` a
-polynomial through zero and three damages, linear between two temperatures. Friction of one axis
-hardly reaches the torque of another, since all follow their set points; what is left out is second
-order. `tests/test_fleet.py` holds it against direct simulation.
+with g = 1 + s at the axis that fails, whose wear is a share of its friction, and 1 elsewhere. `base`
+is the polynomial through four temperatures, `load` and `friction` are slopes, `wear` a polynomial
+through zero and three damages, linear between two temperatures. Friction of one axis hardly reaches
+the torque of another, since all follow their set points; what is left out is second order.
+`tests/test_fleet.py` holds it against direct simulation.
 """
 
 from __future__ import annotations
@@ -95,8 +96,10 @@ class Cycles:
             by = _by_damage([damage])[0]
             low, high = TEMPERATURES[list(_WEAR_TEMPERATURES)]
             part = (warm[self.axis - 1] - low) / (high - low)
+            grown = np.ones(out.shape[-1])
+            grown[self.axis - 1] += friction[self.axis - 1]
             for weight, wear in zip((1 - part, part), self.wear, strict=True):
-                out += weight * np.tensordot(by, wear, axes=1)
+                out += weight * grown * np.tensordot(by, wear, axes=1)
         return out
 
     def losses(self, damage: np.ndarray) -> np.ndarray:
