@@ -5,7 +5,7 @@ Torque of axis i, sample by sample, with its own gearbox temperature T_i, payloa
 
     y_i = base_i(T_i) + p load_i + s_i friction_i + g_i wear_i(d, T_failing)
 
-with g = 1 + s at the axis that fails, whose wear is a share of its friction, and 1 elsewhere. `base`
+with g = 1 + s at the axis that fails, whose wear is a share of its friction, else 1. `base`
 is the polynomial through four temperatures, `load` and `friction` are slopes, `wear` a polynomial
 through zero and three damages, linear between two temperatures. Friction of one axis hardly reaches
 the torque of another, since all follow their set points; what is left out is second order.
