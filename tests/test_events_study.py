@@ -1,11 +1,16 @@
 """The study of event logs, on counts of which it is known what they hold."""
 
-import numpy as np
+from dataclasses import replace
 
+import numpy as np
+import pytest
+
+from faultgen.errors import InputError
 from faultgen.fleet import Fleet, FleetRobot
 from faultgen.fleet.events import event_names
 from faultgen.studies.events_study import NEVER, _lead, run_events
 from faultgen.studies.events_tables import goals, tables
+from faultgen.studies.study import run_study
 
 DAYS = 210
 NAMES = event_names()
@@ -68,3 +73,11 @@ def test_days_of_warning_count_from_the_alarm_that_lasts():
     assert _lead(alarm) == 40
     alarm[72:90] = False
     assert _lead(alarm) == NEVER
+
+
+def test_a_fleet_that_does_not_do_leaves_no_folder(monkeypatch, tmp_path):
+    short = replace(fleet(rise=1.0), days=60)
+    monkeypatch.setattr("faultgen.studies.study.open_fleet", lambda folder: short)
+    with pytest.raises(InputError, match="more than 88 days, not 60"):
+        run_study("events", tmp_path / "out", fleet=tmp_path)
+    assert not (tmp_path / "out").exists()

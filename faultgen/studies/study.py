@@ -82,7 +82,12 @@ def run_study(
     of: Path | Fleet = out
     if plan is not None:
         of = recorded or generate_fleet(plan, out / "fleet", workers=workers, progress=True)
-    found = run(of, seed=seed, workers=workers)
+    try:
+        found = run(of, seed=seed, workers=workers)
+    except InputError:
+        if not any(out.iterdir()):
+            out.rmdir()
+        raise
     result = {
         "study": name,
         "faultgen_version": version("faultgen"),
