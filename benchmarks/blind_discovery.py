@@ -31,6 +31,7 @@ from faultgen.storage import write_text
 
 Seeds = StrEnum("Seeds", ["development", "report", "report2", "report3", "report4"])
 Mode = StrEnum("Mode", ["twin", "alone"])
+Kind = StrEnum("Kind", ["single", "clean", "unknown", "pair"])
 
 CASES, RESULTS, SEALED = "cases", "results", "sealed"
 CACHE = Path.home() / ".cache" / "faultgen-sealed"
@@ -57,6 +58,7 @@ def generate(
     seeds: Seeds = Seeds["development"],
     mode: Mode = Mode["twin"],
     count: Annotated[int, typer.Option(help="Balanced few; 0: all 560.")] = 0,
+    kind: Annotated[Kind | None, typer.Option(help="Only these of them.")] = None,
     workers: Workers = 1,
     cache: Cache = CACHE,
 ) -> None:
@@ -66,6 +68,8 @@ def generate(
         chosen = sample(count, seeds.value, mode.value, known)
     else:
         chosen = plan_cases(seeds.value, mode.value, known)
+    if kind:
+        chosen = [case for case in chosen if case.kind == kind.value]
     digest = write_truth(chosen, out / SEALED)
     made = Parallel(n_jobs=workers, return_as="generator_unordered")(
         delayed(make_case)(case, out / CASES) for case in chosen

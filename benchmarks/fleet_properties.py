@@ -1,6 +1,8 @@
-"""Which property of a fleet decides whether preprocessing helps? One at a time is varied.
+"""Which property of a fleet decides the signs of a study? One at a time is varied.
 
-    python benchmarks/fleet_properties.py --seed 501 --seed 502 -o DIR --workers 2
+    python benchmarks/fleet_properties.py classifiers --seed 501 --seed 502 -o DIR --workers 2
+    python benchmarks/fleet_properties.py training-data --seed 501 --seed 502 -o DIR --workers 2
+    python benchmarks/fleet_properties.py events --seed 501 -o DIR --workers 2
 
 The cycles of a robot are simulated once for each seed and kept in DIR; a property changes only what
 befalls robots from day to day, so that they serve for all its values.
@@ -19,6 +21,7 @@ import numpy as np
 import typer
 from joblib import Memory, Parallel, delayed
 from threadpoolctl import threadpool_limits
+from tqdm import tqdm
 
 from analysis.classification import leave_pair_out, make_classifier
 from analysis.own_history import make_history_classifier
@@ -29,11 +32,18 @@ from faultgen.fleet.events import event_names
 from faultgen.fleet.record import record_robot, simulate_robot
 from faultgen.storage import write_text
 from faultgen.studies.classifiers_study import HORIZON, OWN, horizon_rows
+from faultgen.studies.events_study import run_events
 from faultgen.studies.fleets import study_fleet
-from faultgen.studies.thesis_classifiers import AUC, HEADLINE
+from faultgen.studies.thesis_classifiers import HEADLINE
+from faultgen.studies.training_signals import TEST
+from faultgen.studies.training_study import run_training
+from faultgen.studies.training_tables import NAMES as NAMES_OF_DESCRIPTORS
 
-PROPERTIES: dict[str, tuple[str, str, tuple[float, ...]]] = {
-    "unsteadiness": ("damage", "unsteadiness", (0.0, 0.25, 0.5, 1.0)),
+Value = float | tuple[float, float]
+
+PROPERTIES: dict[str, tuple[str, str, tuple[Value, ...]]] = {
+    "unsteadiness": ("damage", "unsteadiness", (0.0, 0.5, 1.0, 2.0)),
+    "life [d]": ("damage", "life", ((20.0, 60.0), (60.0, 200.0), (120.0, 600.0))),
     "constancy of the mix": ("programs", "mix", (15.0, 60.0, 1000.0, 100000.0)),
     "day-to-day friction": ("scatter", "lubricant", (0.0, 0.03, 0.1)),
 }
@@ -56,8 +66,10 @@ def _simulated(plan: str, number: int) -> list[Any]:
     return simulate_robot(FleetPlan.model_validate_json(plan), number)
 
 
-def look(plan: FleetPlan, section: str, entry: str, value: float, folder: Path) -> dict[str, float]:
-    """Mean AUC of each preprocessing on a fleet with one entry changed."""
+def look(
+    study: str, plan: FleetPlan, section: str, entry: str, value: Value, folder: Path
+) -> dict[str, float]:
+    """What a study finds on a fleet with one entry changed."""
     parts = getattr(plan, section).model_copy(update={entry: value})
     changed = plan.model_copy(update={section: parts})
     memory = Memory(folder, verbose=0)
@@ -65,57 +77,111 @@ def look(plan: FleetPlan, section: str, entry: str, value: float, folder: Path) 
         robots = tuple(
             record_robot(changed, k, simulated(plan, k, memory)) for k in range(plan.robots)
         )
-    fleet = Fleet(robots, event_names(), plan.days, plan.seed, {})
-    failed = [robot.failed for robot in robots]
+        return LOOKS[study](Fleet(robots, event_names(), plan.days, plan.seed, {}))
+
+
+def _classifiers(fleet: Fleet) -> dict[str, float]:
+    """Mean AUC of each preprocessing, and of our own method."""
+    failed = [robot.failed for robot in fleet.robots]
     mean = {}
     for name in NAMES:
         make = partial(make_classifier, CLASSIFIER, Combination.of(name))
-        found = leave_pair_out(horizon_rows(fleet, name, HORIZON), failed, make, seed=plan.seed)
+        found = leave_pair_out(horizon_rows(fleet, name, HORIZON), failed, make, seed=fleet.seed)
         mean[name] = float(found.auc.mean())
     rows = horizon_rows(fleet, OWN, HORIZON)
     mean[OWN] = float(leave_pair_out(rows, failed, make_history_classifier).auc.mean())
     return mean
 
 
-def draw(rows: list[dict[str, Any]], path: Path) -> None:
-    """Means over seeds: AUC above, gain of each step in the thesis' pair below."""
-    figure, panels = plt.subplots(2, len(PROPERTIES), figsize=(11, 6), sharey="row", squeeze=False)
-    for column, name in zip(panels.T, PROPERTIES, strict=True):
-        own = [row for row in rows if row["property"] == name]
-        values = sorted({row["value"] for row in own})
-        places = range(len(values))
+def _training(fleet: Fleet) -> dict[str, float]:
+    """Failing less normal robots, in each descriptor, by source and signal; all days of test."""
+    return {
+        f"{row['descriptor']}, {row['source']} {row['signal']}": row["failure"] - row["normal"]
+        for row in run_training(fleet, quick=True)["cuts"]
+        if row["days"] == TEST
+    }
 
+
+def _events(fleet: Fleet) -> dict[str, float]:
+    """Share of robots warned by the thesis' T2, and days of warning."""
+    one = run_events(fleet)["warnings"]["T2"]
+    return {
+        "failing": one["warned"]["share"],
+        "healthy": one["healthy_warned"]["share"],
+        "days": 0.0 if one["days"] is None else one["days"],
+    }
+
+
+LOOKS = {"classifiers": _classifiers, "events": _events, "training-data": _training}
+
+
+def curves(study: str, mean: dict[str, np.ndarray]) -> list[tuple[str, dict[str, np.ndarray]]]:
+    """Label and curves of the panels, from the top."""
+    if study == "classifiers":
+        shown = ("control", "+diff", "+estM+diff+var3+pca", OWN)
+        gains = {f"+{step}": mean[new] - mean[old] for step, (old, new) in HEADLINE.items()}
+        return [
+            (f"mean AUC, {CLASSIFIER}", {name: mean[name] for name in shown}),
+            ("gain of the step, thesis' pair", gains),
+        ]
+    if study == "events":
+        shares = {f"{name} robots": mean[name] for name in ("failing", "healthy")}
+        return [
+            ("share warned of by T²", shares),
+            ("days of warning, median", {"failing robots": mean["days"]}),
+        ]
+    return [
+        (
+            f"{NAMES_OF_DESCRIPTORS[name]}:\nfailing less normal",
+            {key.split(", ")[1]: mean[key] for key in mean if key.startswith(name)},
+        )
+        for name in NAMES_OF_DESCRIPTORS
+    ]
+
+
+def draw(study: str, rows: list[dict[str, Any]], path: Path) -> None:
+    """Means over seeds."""
+    names = list(dict.fromkeys(row["property"] for row in rows))
+    columns, zero = [], 0.5 if study == "classifiers" else 0.0
+    for name in names:
+        own = [row for row in rows if row["property"] == name]
+        values = list(dict.fromkeys(str(row["value"]) for row in own))
         mean = {
             key: np.array(
-                [np.mean([row["auc"][key] for row in own if row["value"] == v]) for v in values]
+                [np.mean([r["found"][key] for r in own if str(r["value"]) == v]) for v in values]
             )
-            for key in own[0]["auc"]
+            for key in own[0]["found"]
         }
-        for key in ("control", "+diff", "+estM+diff+var3+pca", OWN):
-            column[0].plot(places, mean[key], marker="o", label=key)
-        for step, (without, with_step) in HEADLINE.items():
-            column[1].plot(places, mean[with_step] - mean[without], marker="o", label=f"+{step}")
-        column[0].axhline(0.5, color="0.4", lw=0.8, ls=":")
-        column[1].axhline(0.0, color="0.4", lw=0.8, ls=":")
-        column[1].set_xticks(places, [f"{v:g}" for v in values])
-        column[0].set_xticks(places, [])
-        column[1].set(xlabel=name)
-    panels[0, 0].set(ylabel=f"mean AUC, {CLASSIFIER}")
-    panels[1, 0].set(ylabel="gain of the step, thesis' pair")
-    panels[0, 0].legend(fontsize=7)
-    panels[1, 0].legend(fontsize=7)
+        columns.append((name, values, curves(study, mean)))
+    height = len(columns[0][2])
+    figure, panels = plt.subplots(
+        height, len(names), figsize=(3.6 * len(names), 2.8 * height), sharey="row", squeeze=False
+    )
+    for column, (name, values, lines) in zip(panels.T, columns, strict=True):
+        for row, (axes, (label, found)) in enumerate(zip(column, lines, strict=True)):
+            for curve, heights in found.items():
+                axes.plot(range(len(values)), heights, marker="o", ms=4, label=curve)
+            axes.axhline(0.0 if row else zero, color="0.4", lw=0.8, ls=":")
+            axes.set_xticks(range(len(values)), values)
+            if column is panels.T[0]:
+                axes.set(ylabel=label)
+                axes.legend(fontsize=7)
+        column[-1].set(xlabel=name)
     figure.tight_layout()
     figure.savefig(path, dpi=120)
 
 
 @app.command()
 def main(
+    study: Annotated[str, typer.Argument(help="events, training-data or classifiers.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for cycles and results.")],
     seed: Annotated[list[int], typer.Option(help="Of a fleet; repeat for several.")],
     workers: Annotated[int, typer.Option(help="Processes.")] = 1,
 ) -> None:
-    """Run all values of all properties: `properties.json` and `properties.png`."""
-    known = (study_fleet("classifiers", one, quick=False) for one in seed)
+    """Run all values of all properties: `STUDY.json` and `STUDY.png`."""
+    if study not in LOOKS:
+        raise typer.BadParameter(f"choose {', '.join(LOOKS)}", param_hint="STUDY")
+    known = (study_fleet(study, one, quick=False) for one in seed)
     plans = [plan for plan in known if plan is not None]
     memory = Memory(out / "cycles", verbose=0)
     Parallel(n_jobs=workers)(
@@ -127,17 +193,16 @@ def main(
         for value in values
         for plan in plans
     ]
-    found = Parallel(n_jobs=workers, verbose=5)(
-        delayed(look)(plan, *PROPERTIES[name][:2], value, out / "cycles")
+    found = Parallel(n_jobs=workers, return_as="generator")(
+        delayed(look)(study, plan, *PROPERTIES[name][:2], value, out / "cycles")
         for plan, name, value in jobs
     )
     rows = [
-        {"property": name, "value": value, "seed": plan.seed, "auc": auc}
-        for (plan, name, value), auc in zip(jobs, found, strict=True)
+        {"property": name, "value": value, "seed": plan.seed, "found": one}
+        for (plan, name, value), one in zip(jobs, tqdm(found, total=len(jobs)), strict=True)
     ]
-    told = {"thesis": {key: AUC[key, CLASSIFIER][0] for key in NAMES}, "rows": rows}
-    write_text(out / "properties.json", json.dumps(told, indent=1) + "\n")
-    draw(rows, out / "properties.png")
+    write_text(out / f"{study}.json", json.dumps(rows, indent=1) + "\n")
+    draw(study, rows, out / f"{study}.png")
 
 
 if __name__ == "__main__":
