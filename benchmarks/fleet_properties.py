@@ -15,11 +15,12 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
+import joblib
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 import typer
-from joblib import Memory, Parallel, delayed
+from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
@@ -27,6 +28,7 @@ from analysis.classification import leave_pair_out, make_classifier
 from analysis.own_history import make_history_classifier
 from analysis.preprocessing import Combination
 from faultgen.fleet import FleetPlan
+from faultgen.fleet.cycles import Cycles
 from faultgen.fleet.data import Fleet
 from faultgen.fleet.events import event_names
 from faultgen.fleet.record import record_robot, simulate_robot
@@ -57,13 +59,15 @@ NAMES = list(
 app = typer.Typer(add_completion=False, help=__doc__)
 
 
-def simulated(plan: FleetPlan, number: int, memory: Memory) -> list[Any]:
-    """Cycles of a robot, from the disk where they are there."""
-    return list(memory.cache(_simulated)(plan.model_dump_json(), number))
-
-
-def _simulated(plan: str, number: int) -> list[Any]:
-    return simulate_robot(FleetPlan.model_validate_json(plan), number)
+def simulated(plan: FleetPlan, number: int, folder: Path) -> list[Cycles]:
+    """Cycles of a robot, from the folder where they are there."""
+    path = folder / f"{plan.sha256[:16]}_{number:03d}.joblib"
+    if not path.is_file():
+        part = path.with_suffix(".part")
+        joblib.dump(simulate_robot(plan, number), part)
+        part.replace(path)
+    cycles: list[Cycles] = joblib.load(path)
+    return cycles
 
 
 def look(
@@ -72,10 +76,9 @@ def look(
     """What a study finds on a fleet with one entry changed."""
     parts = getattr(plan, section).model_copy(update={entry: value})
     changed = plan.model_copy(update={section: parts})
-    memory = Memory(folder, verbose=0)
     with threadpool_limits(1):
         robots = tuple(
-            record_robot(changed, k, simulated(plan, k, memory)) for k in range(plan.robots)
+            record_robot(changed, k, simulated(plan, k, folder)) for k in range(plan.robots)
         )
         return LOOKS[study](Fleet(robots, event_names(), plan.days, plan.seed, {}))
 
@@ -183,9 +186,10 @@ def main(
         raise typer.BadParameter(f"choose {', '.join(LOOKS)}", param_hint="STUDY")
     known = (study_fleet(study, one, quick=False) for one in seed)
     plans = [plan for plan in known if plan is not None]
-    memory = Memory(out / "cycles", verbose=0)
+    folder = out / "cycles"
+    folder.mkdir(parents=True, exist_ok=True)
     Parallel(n_jobs=workers)(
-        delayed(simulated)(plan, k, memory) for plan in plans for k in range(plan.robots)
+        delayed(simulated)(plan, k, folder) for plan in plans for k in range(plan.robots)
     )
     jobs = [
         (plan, name, value)
@@ -194,7 +198,7 @@ def main(
         for plan in plans
     ]
     found = Parallel(n_jobs=workers, return_as="generator")(
-        delayed(look)(study, plan, *PROPERTIES[name][:2], value, out / "cycles")
+        delayed(look)(study, plan, *PROPERTIES[name][:2], value, folder)
         for plan, name, value in jobs
     )
     rows = [
