@@ -19,6 +19,7 @@ from faultgen.studies.classifiers_study import (
     run_classifiers,
 )
 from faultgen.studies.classifiers_tables import _verdict, tables
+from faultgen.studies.markdown import stars
 from faultgen.studies.study import run_study
 from faultgen.studies.thesis_classifiers import AUC, HEADLINE, MEAN_P, PAIRS, VARIANCE_P
 
@@ -87,6 +88,9 @@ def test_study_tells_pairs_and_means(result):
     change = cells[3, FULL_CHAIN]["mean"] - cells[3, "+estM+var3+pca"]["mean"]
     assert pair["mean_change"] == pytest.approx(change)
     assert result["headlines"][0]["mean"] == pytest.approx(change)
+    assert [row["combination"] for row in result["over_control"]] == [*SMALL.combinations[1:]]
+    gain = cells[3, FULL_CHAIN]["mean"] - cells[3, "control"]["mean"]
+    assert result["over_control"][-1]["change"] == pytest.approx(gain)
     by_robot = result["invariance"][1]["auc"]
     assert result["invariance"][1]["combination"] == FULL_CHAIN
     expected = np.array(cells[3, FULL_CHAIN]["auc"])
@@ -103,6 +107,16 @@ def test_verdict_on_a_hypothesis():
     assert _verdict([rises, neither]) == "yes"
     assert _verdict([rises, falls]) == "mixed"
     assert _verdict([neither, falls]) == "no"
+
+
+def test_marks_of_significance():
+    assert [stars(p) for p in (0.05, 0.04, 0.009, 0.0009, 0.00009)] == [
+        "",
+        "*",
+        "**",
+        "***",
+        "****",
+    ]
 
 
 def test_fleets_that_do_not_do():
