@@ -45,9 +45,9 @@ Value = float | tuple[float, float]
 
 PROPERTIES: dict[str, tuple[str, str, tuple[Value, ...]]] = {
     "unsteadiness": ("damage", "unsteadiness", (0.0, 0.5, 1.0, 2.0)),
-    "life [d]": ("damage", "life", ((20.0, 60.0), (60.0, 200.0), (120.0, 600.0))),
-    "constancy of the mix": ("programs", "mix", (15.0, 60.0, 1000.0, 100000.0)),
-    "day-to-day friction": ("scatter", "lubricant", (0.0, 0.03, 0.1)),
+    "life": ("damage", "life", ((20.0, 60.0), (60.0, 200.0), (120.0, 600.0))),
+    "mix": ("programs", "mix", (15.0, 60.0, 1000.0, 100000.0)),
+    "lubricant": ("scatter", "lubricant", (0.0, 0.03, 0.1)),
 }
 """Section and entry of the plan, and values."""
 
@@ -179,11 +179,16 @@ def main(
     study: Annotated[str, typer.Argument(help="events, training-data or classifiers.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for cycles and results.")],
     seed: Annotated[list[int], typer.Option(help="Of a fleet; repeat for several.")],
+    vary: Annotated[list[str] | None, typer.Option(help="Property; default: all.")] = None,
     workers: Annotated[int, typer.Option(help="Processes.")] = 1,
 ) -> None:
-    """Run all values of all properties: `STUDY.json` and `STUDY.png`."""
+    """Run all values of these properties: `STUDY.json` and `STUDY.png`."""
+    names = vary or [*PROPERTIES]
     if study not in LOOKS:
-        raise typer.BadParameter(f"choose {', '.join(LOOKS)}", param_hint="STUDY")
+        raise typer.BadParameter(f"unknown study '{study}': choose {', '.join(LOOKS)}")
+    for name in names:
+        if name not in PROPERTIES:
+            raise typer.BadParameter(f"unknown property '{name}': choose {', '.join(PROPERTIES)}")
     known = (study_fleet(study, one, quick=False) for one in seed)
     plans = [plan for plan in known if plan is not None]
     folder = out / "cycles"
@@ -192,10 +197,7 @@ def main(
         delayed(simulated)(plan, k, folder) for plan in plans for k in range(plan.robots)
     )
     jobs = [
-        (plan, name, value)
-        for name, (_, _, values) in PROPERTIES.items()
-        for value in values
-        for plan in plans
+        (plan, name, value) for name in names for value in PROPERTIES[name][2] for plan in plans
     ]
     found = Parallel(n_jobs=workers, return_as="generator")(
         delayed(look)(study, plan, *PROPERTIES[name][:2], value, folder)
