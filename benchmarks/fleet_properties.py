@@ -26,6 +26,7 @@ from tqdm import tqdm
 
 from analysis.classification import leave_pair_out, make_classifier
 from analysis.own_history import make_history_classifier
+from analysis.plots import COLOURS
 from analysis.preprocessing import Combination
 from faultgen.fleet import FleetPlan
 from faultgen.fleet.cycles import Cycles
@@ -118,60 +119,67 @@ def _events(fleet: Fleet) -> dict[str, float]:
 LOOKS = {"classifiers": _classifiers, "events": _events, "training-data": _training}
 
 
-def curves(study: str, mean: dict[str, np.ndarray]) -> list[tuple[str, dict[str, np.ndarray]]]:
-    """Label and curves of the panels, from the top."""
+def curves(study: str, found: dict[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
+    """Curves of each panel by their names, from the top; shapes (values, seeds)."""
     if study == "classifiers":
         shown = ("control", "+diff", "+estM+diff+var3+pca", OWN)
-        gains = {f"+{step}": mean[new] - mean[old] for step, (old, new) in HEADLINE.items()}
-        return [
-            (f"mean AUC, {CLASSIFIER}", {name: mean[name] for name in shown}),
-            ("gain of the step, thesis' pair", gains),
-        ]
+        gains = {f"+{step}": found[new] - found[old] for step, (old, new) in HEADLINE.items()}
+        return {
+            f"mean AUC, {CLASSIFIER}": {name: found[name] for name in shown},
+            "gain of the step, thesis' pair": gains,
+        }
     if study == "events":
-        shares = {f"{name} robots": mean[name] for name in ("failing", "healthy")}
-        return [
-            ("share warned of by T²", shares),
-            ("days of warning, median", {"failing robots": mean["days"]}),
-        ]
-    return [
-        (
-            f"{NAMES_OF_DESCRIPTORS[name]}:\nfailing less normal",
-            {key.split(", ")[1]: mean[key] for key in mean if key.startswith(name)},
-        )
-        for name in NAMES_OF_DESCRIPTORS
-    ]
+        shares = {f"{name} robots": found[name] for name in ("failing", "healthy")}
+        return {
+            "share warned of by T²": shares,
+            "days of warning, median": {"failing robots": found["days"]},
+        }
+    return {
+        f"{long}:\nfailing less normal": {
+            key.split(", ")[1]: found[key] for key in found if key.startswith(name)
+        }
+        for name, long in NAMES_OF_DESCRIPTORS.items()
+    }
 
 
 def draw(study: str, rows: list[dict[str, Any]], path: Path) -> None:
-    """Means over seeds."""
+    """Means over seeds, and from the least to the largest of them."""
     names = list(dict.fromkeys(row["property"] for row in rows))
-    columns, zero = [], 0.5 if study == "classifiers" else 0.0
+    columns = []
     for name in names:
         own = [row for row in rows if row["property"] == name]
-        values = list(dict.fromkeys(str(row["value"]) for row in own))
-        mean = {
+        values = list(dict.fromkeys(_label(row["value"]) for row in own))
+        found = {
             key: np.array(
-                [np.mean([r["found"][key] for r in own if str(r["value"]) == v]) for v in values]
+                [[r["found"][key] for r in own if _label(r["value"]) == v] for v in values]
             )
             for key in own[0]["found"]
         }
-        columns.append((name, values, curves(study, mean)))
+        columns.append((name, values, curves(study, found)))
     height = len(columns[0][2])
     figure, panels = plt.subplots(
-        height, len(names), figsize=(3.6 * len(names), 2.8 * height), sharey="row", squeeze=False
+        height, len(names), figsize=(3.4 * len(names), 2.8 * height), sharey="row", squeeze=False
     )
-    for column, (name, values, lines) in zip(panels.T, columns, strict=True):
-        for row, (axes, (label, found)) in enumerate(zip(column, lines, strict=True)):
-            for curve, heights in found.items():
-                axes.plot(range(len(values)), heights, marker="o", ms=4, label=curve)
-            axes.axhline(0.0 if row else zero, color="0.4", lw=0.8, ls=":")
-            axes.set_xticks(range(len(values)), values)
-            if column is panels.T[0]:
+    for k, (name, values, by_panel) in enumerate(columns):
+        for axes, (label, lines) in zip(panels[:, k], by_panel.items(), strict=True):
+            places = range(len(values))
+            for colour, (curve, of) in zip(COLOURS, lines.items(), strict=False):
+                axes.plot(places, of.mean(axis=1), "o-", ms=4, color=colour, label=curve)
+                low, high = of.min(axis=1), of.max(axis=1)
+                axes.fill_between(places, low, high, color=colour, alpha=0.1, lw=0)
+            axes.axhline(0.5 if "AUC" in label else 0.0, color="0.4", lw=0.8, ls=":")
+            axes.set_xticks(places, values)
+            if k == 0:
                 axes.set(ylabel=label)
-                axes.legend(fontsize=7)
-        column[-1].set(xlabel=name)
+            if k == len(names) - 1:
+                axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.02, 0.5))
+        panels[-1, k].set(xlabel=name)
     figure.tight_layout()
     figure.savefig(path, dpi=120)
+
+
+def _label(value: Any) -> str:
+    return " to ".join(f"{v:g}" for v in np.atleast_1d(value))
 
 
 @app.command()
