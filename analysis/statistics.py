@@ -78,17 +78,12 @@ def compare(groups: Mapping[str, ArrayLike], *, significant: float = SIGNIFICANT
     levene = levene_p(*values)
     differ = bool(levene < significant)
     anova_found = stats.f_oneway(*values, equal_var=not differ)
-    post_hoc = stats.tukey_hsd(*values, equal_var=not differ).pvalue
-    names = list(groups)
     return Comparison(
         levene=levene,
         variances_differ=differ,
         statistic=float(anova_found.statistic),
         p=float(anova_found.pvalue),
-        post_hoc={
-            (names[i], names[j]): float(post_hoc[i, j])
-            for i, j in combinations(range(len(names)), 2)
-        },
+        post_hoc=_post_hoc(list(groups), values, equal_variances=not differ),
     )
 
 
@@ -110,8 +105,11 @@ def tukey(groups: Mapping[str, ArrayLike]) -> Pairs:
     Args:
         groups: Values of at least two groups, as `compare`.
     """
-    found = stats.tukey_hsd(*_checked(groups)).pvalue
-    names = list(groups)
+    return _post_hoc(list(groups), _checked(groups), equal_variances=True)
+
+
+def _post_hoc(names: Sequence[str], values: Sequence[Floats], *, equal_variances: bool) -> Pairs:
+    found = stats.tukey_hsd(*values, equal_var=equal_variances).pvalue
     return {(names[i], names[j]): float(found[i, j]) for i, j in combinations(range(len(names)), 2)}
 
 

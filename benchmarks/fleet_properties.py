@@ -11,6 +11,7 @@ befalls robots from day to day, so that they serve for all its values.
 from __future__ import annotations
 
 import json
+from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -29,11 +30,11 @@ from analysis.own_history import make_history_classifier
 from analysis.plots import COLOURS
 from analysis.preprocessing import Combination
 from faultgen.fleet import FleetPlan
-from faultgen.fleet.cycles import Cycles
 from faultgen.fleet.data import Fleet
 from faultgen.fleet.events import event_names
 from faultgen.fleet.record import record_robot, simulate_robot
 from faultgen.storage import write_text
+from faultgen.studies.classifiers_findings import FULL_CHAIN
 from faultgen.studies.classifiers_study import HORIZON, OWN, horizon_rows
 from faultgen.studies.events_study import run_events
 from faultgen.studies.fleets import study_fleet
@@ -52,6 +53,9 @@ PROPERTIES: dict[str, tuple[str, str, tuple[Value, ...]]] = {
 }
 """Section and entry of the plan, and values."""
 
+Study = StrEnum("Study", ["classifiers", "events", "training-data"])
+Property = StrEnum("Property", ["unsteadiness", "life", "mix", "lubricant"])
+
 CLASSIFIER = "LR"
 NAMES = list(
     dict.fromkeys(["control", "+diff", *(name for pair in HEADLINE.values() for name in pair)])
@@ -60,15 +64,14 @@ NAMES = list(
 app = typer.Typer(add_completion=False, help=__doc__)
 
 
-def simulated(plan: FleetPlan, number: int, folder: Path) -> list[Cycles]:
-    """Cycles of a robot, from the folder where they are there."""
+def simulated(plan: FleetPlan, number: int, folder: Path) -> Path:
+    """File with the cycles of a robot; they are simulated where it is not there."""
     path = folder / f"{plan.sha256[:16]}_{number:03d}.joblib"
     if not path.is_file():
         part = path.with_suffix(".part")
         joblib.dump(simulate_robot(plan, number), part)
         part.replace(path)
-    cycles: list[Cycles] = joblib.load(path)
-    return cycles
+    return path
 
 
 def look(
@@ -79,7 +82,8 @@ def look(
     changed = plan.model_copy(update={section: parts})
     with threadpool_limits(1):
         robots = tuple(
-            record_robot(changed, k, simulated(plan, k, folder)) for k in range(plan.robots)
+            record_robot(changed, k, joblib.load(simulated(plan, k, folder)))
+            for k in range(plan.robots)
         )
         return LOOKS[study](Fleet(robots, event_names(), plan.days, plan.seed, {}))
 
@@ -122,7 +126,7 @@ LOOKS = {"classifiers": _classifiers, "events": _events, "training-data": _train
 def curves(study: str, found: dict[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
     """Curves of each panel by their names, from the top; shapes (values, seeds)."""
     if study == "classifiers":
-        shown = ("control", "+diff", "+estM+diff+var3+pca", OWN)
+        shown = ("control", "+diff", FULL_CHAIN, OWN)
         gains = {f"+{step}": found[new] - found[old] for step, (old, new) in HEADLINE.items()}
         return {
             f"mean AUC, {CLASSIFIER}": {name: found[name] for name in shown},
@@ -184,19 +188,14 @@ def _label(value: Any) -> str:
 
 @app.command()
 def main(
-    study: Annotated[str, typer.Argument(help="events, training-data or classifiers.")],
+    study: Study,
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for cycles and results.")],
     seed: Annotated[list[int], typer.Option(help="Of a fleet; repeat for several.")],
-    vary: Annotated[list[str] | None, typer.Option(help="Property; default: all.")] = None,
+    vary: Annotated[list[Property] | None, typer.Option(help="Property; default: all.")] = None,
     workers: Annotated[int, typer.Option(help="Processes.")] = 1,
 ) -> None:
     """Run all values of these properties: `STUDY.json` and `STUDY.png`."""
-    names = vary or [*PROPERTIES]
-    if study not in LOOKS:
-        raise typer.BadParameter(f"unknown study '{study}': choose {', '.join(LOOKS)}")
-    for name in names:
-        if name not in PROPERTIES:
-            raise typer.BadParameter(f"unknown property '{name}': choose {', '.join(PROPERTIES)}")
+    names = [one.value for one in vary or Property]
     known = (study_fleet(study, one, quick=False) for one in seed)
     plans = [plan for plan in known if plan is not None]
     folder = out / "cycles"

@@ -76,14 +76,16 @@ def study(
         Path | None,
         typer.Option(help="Folder of a fleet to study, for events, classifiers and training-data."),
     ] = None,
-    quick: Annotated[bool, typer.Option(help="Fewer seeds, for a first look.")] = False,
+    quick: Annotated[bool, typer.Option(help="Fewer seeds or robots, for a first look.")] = False,
     seed: Annotated[int, typer.Option(help="Root of all draws; docs/ reports the default.")] = 2026,
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
     """Run a whole study: judge every method, write tables and figures.
 
-    Detection and isolation simulate what they need; classifiers and training-data are of a fleet.
+    Detection and isolation simulate what they need. Events, training-data and classifiers are of a
+    fleet, which is made where none is given.
+
     The folder gets results.json, tables.md and figures/. Simulated cycles stay there, and are used
     again by the next call.
     """

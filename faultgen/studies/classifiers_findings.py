@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from scipy import stats
 
 from analysis.daily import daily
 from analysis.preprocessing import COMBINATIONS
-from analysis.statistics import compare, difference_over_robots, levene_p
+from analysis.statistics import Comparison, compare, difference_over_robots, levene_p
 from faultgen.fleet.data import Fleet
 from faultgen.studies.thesis_classifiers import HEADLINE, PAIRS
 
@@ -29,9 +29,13 @@ def _groups(auc: Auc, classifier: str) -> dict[str, np.ndarray]:
     }
 
 
-def overall(auc: Auc, classifier: str) -> dict[str, Any]:
-    """Procedure 2 over all combinations."""
-    found = compare(_groups(auc, classifier))
+def compared(auc: Auc, classifier: str) -> Comparison:
+    """Procedure 2 over all combinations of table 5.2."""
+    return compare(_groups(auc, classifier))
+
+
+def overall(classifier: str, found: Comparison) -> dict[str, Any]:
+    """Whether combinations differ at all."""
     return {
         "classifier": classifier,
         "levene": found.levene,
@@ -41,10 +45,9 @@ def overall(auc: Auc, classifier: str) -> dict[str, Any]:
     }
 
 
-def over_control(auc: Auc, classifier: str) -> list[dict[str, Any]]:
+def over_control(auc: Auc, classifier: str, found: Comparison) -> list[dict[str, Any]]:
     """Each combination against none: change of the mean and p of procedure 2."""
     groups = _groups(auc, classifier)
-    found = compare(groups)
     control = groups["control"]
     return [
         {
@@ -58,12 +61,11 @@ def over_control(auc: Auc, classifier: str) -> list[dict[str, Any]]:
     ]
 
 
-def pairs(auc: Auc, classifiers: Sequence[str]) -> list[dict[str, Any]]:
-    """Tables A.2 and A.3."""
+def pairs(auc: Auc, comparisons: Mapping[str, Comparison]) -> list[dict[str, Any]]:
+    """Tables A.2 and A.3, from the comparison of each classifier."""
     rows = []
-    for classifier in classifiers:
+    for classifier, found in comparisons.items():
         groups = _groups(auc, classifier)
-        found = compare(groups)
         for step, pairs in PAIRS.items():
             for without, with_step in pairs:
                 if without not in groups or with_step not in groups:

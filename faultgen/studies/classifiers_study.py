@@ -113,6 +113,7 @@ def run_classifiers(
             )
     auc = {key: one.auc for key, one in found.items() if key[0] == HORIZON}
     by_name = {key[1:]: one for key, one in auc.items()}
+    compared = {name: findings.compared(by_name, name) for name in size.classifiers}
     return {
         "seed": seed,
         "fleet": {
@@ -133,11 +134,13 @@ def run_classifiers(
             }
             for (horizon, name, classifier), one in found.items()
         ],
-        "overall": [findings.overall(by_name, classifier) for classifier in size.classifiers],
+        "overall": [findings.overall(name, one) for name, one in compared.items()],
         "over_control": [
-            row for name in size.classifiers for row in findings.over_control(by_name, name)
+            row
+            for name, one in compared.items()
+            for row in findings.over_control(by_name, name, one)
         ],
-        "pairs": findings.pairs(by_name, size.classifiers),
+        "pairs": findings.pairs(by_name, compared),
         "headlines": findings.headlines(by_name, size.classifiers, seed),
         "windows": findings.windows(by_name, size.classifiers),
         "invariance": findings.invariance(chosen, by_name, size.classifiers),
