@@ -29,11 +29,11 @@ from analysis.classification import leave_pair_out, make_classifier
 from analysis.own_history import make_history_classifier
 from analysis.plots import COLOURS
 from analysis.preprocessing import Combination
+from faultgen.files import write_text
 from faultgen.fleet import FleetPlan
 from faultgen.fleet.data import Fleet
 from faultgen.fleet.events import event_names
 from faultgen.fleet.record import record_robot, simulate_robot
-from faultgen.storage import write_text
 from faultgen.studies.classifiers_findings import FULL_CHAIN
 from faultgen.studies.classifiers_study import HORIZON, OWN, horizon_rows
 from faultgen.studies.events_study import run_events

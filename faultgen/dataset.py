@@ -1,9 +1,8 @@
 """Datasets on disk: run files, their merger, and how to read them.
 
 A dataset is a folder: ``experiment.toml``, ``runs.json`` (the runs it should hold),
-``runs/<id>.h5`` with a checksum beside each, and ``dataset.h5`` with all runs merged. A file is
-written under another name, synced and renamed: one that exists is whole. Reading needs no
-simulator.
+``runs/<id>.h5`` with a checksum beside each, and ``dataset.h5`` with all runs merged. A file that
+exists is whole, and it is compared with its checksum before it is read. Reading needs no simulator.
 
     dataset = open_dataset("out")
     for run in dataset.runs:
@@ -24,7 +23,10 @@ import h5py
 import numpy as np
 
 from faultgen.errors import InputError
-from faultgen.storage import file_sha256
+from faultgen.files import damage, file_sha256, verify
+from faultgen.manifest import EXPERIMENT, Manifest
+from faultgen.provenance import Provenance
+from faultgen.storage import plain_value
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,11 @@ class StoredRun:
         """Root attributes of the run file."""
         with self._open() as file:
             return {name: plain_value(value) for name, value in file.attrs.items()}
+
+    @property
+    def made_by(self) -> Provenance:
+        """The versions and the code that made the run."""
+        return Provenance.of(self.attributes)
 
     def __getitem__(self, name: str) -> Any:
         return self.attributes[name]
@@ -64,17 +71,14 @@ class StoredRun:
 
     @contextmanager
     def _open(self) -> Iterator[h5py.File]:
+        verify(self.path)
         try:
             file = h5py.File(self.path, "r")
         except OSError as error:
-            raise InputError(f"{self.path}: damaged or not an HDF5 file ({error})") from None
+            line = " ".join(str(error).split())
+            raise InputError(f"{self.path}: damaged or not an HDF5 file ({line})") from None
         with file:
             yield file
-
-
-def plain_value(value: Any) -> Any:
-    """An attribute as Python has it: scalars of numpy become numbers."""
-    return value.item() if isinstance(value, np.generic) else value
 
 
 @dataclass(frozen=True)
@@ -84,9 +88,18 @@ class Dataset:
     path: Path
 
     @cached_property
+    def manifest(self) -> Manifest:
+        """The list of runs that the dataset should hold.
+
+        Raises:
+            InputError: The list is missing or damaged.
+        """
+        return Manifest.read(self.path)
+
+    @property
     def planned(self) -> dict[str, dict[str, Any]]:
         """Parameters of every run that belongs to the dataset, by id."""
-        return json.loads((self.path / "runs.json").read_text())["runs"]
+        return self.manifest.runs
 
     @cached_property
     def runs(self) -> list[StoredRun]:
@@ -106,8 +119,16 @@ class Dataset:
         for i in self.missing:
             note = self.path / "runs" / f"{i}.failed.json"
             if note.is_file():
-                reasons[i] = json.loads(note.read_text())["reason"]
+                reasons[i] = _reason(note)
         return reasons
+
+    def versions(self) -> dict[Provenance, list[str]]:
+        """Ids of the intact runs that are there, by the versions and code that made them."""
+        found: dict[Provenance, list[str]] = {}
+        for run in self.runs:
+            if damage(run.path) is None:
+                found.setdefault(run.made_by, []).append(run.id)
+        return found
 
     def damaged(self) -> dict[str, str]:
         """What is wrong with files that are there, by name; reads everything.
@@ -115,44 +136,43 @@ class Dataset:
         Returns:
             File name relative to the folder, and the reason. Empty if all is well.
         """
-        found = {}
         files = [run.path for run in self.runs]
         merged = self.path / "dataset.h5"
         if merged.is_file():
             files.append(merged)
-        for path in files:
-            reason = damage(path)
-            if reason:
-                found[str(path.relative_to(self.path))] = reason
-        return found
+        reasons = {str(path.relative_to(self.path)): damage(path) for path in files}
+        reasons[EXPERIMENT] = self._experiment_damage()
+        return {name: reason for name, reason in reasons.items() if reason is not None}
+
+    def _experiment_damage(self) -> str | None:
+        try:
+            found = file_sha256(self.path / EXPERIMENT)
+        except OSError as error:
+            return f"cannot be read ({error.strerror})"
+        if found != self.manifest.experiment_sha256:
+            return "is not the experiment that made this dataset"
+        return None
 
 
-def damage(path: Path) -> str | None:
-    """What is wrong with a file that has a checksum beside it, or None."""
-    note = path.with_suffix(path.suffix + ".sha256")
-    if not note.is_file():
-        return "its checksum is missing"
-    if file_sha256(path) != note.read_text().strip():
-        return "differs from its checksum"
-    return None
+def _reason(note: Path) -> str:
+    """Why a run failed, from the note beside it."""
+    try:
+        return str(json.loads(note.read_bytes())["reason"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return "unknown: the note about it cannot be read"
 
 
 def open_dataset(folder: str | Path) -> Dataset:
     """Open a dataset.
 
+    Every file is compared with its checksum before it is first read.
+
     Args:
         folder: Folder that `faultgen generate` wrote.
 
     Raises:
-        InputError: The folder is no dataset.
+        InputError: The folder is no dataset, or its list of runs is damaged.
     """
-    path = Path(folder)
-    if not (path / "runs.json").is_file():
-        raise InputError(f"{folder}: no dataset there (no runs.json); make one: faultgen generate")
-    dataset = Dataset(path)
-    try:
-        for parameters in dataset.planned.values():
-            _ = parameters["robot"], parameters["task"], parameters["seed"]
-    except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
-        raise InputError(f"{path / 'runs.json'}: damaged ({error})") from None
+    dataset = Dataset(Path(folder))
+    _ = dataset.manifest
     return dataset

@@ -7,3 +7,7 @@ class InputError(ValueError):
 
 class SimulationFailed(RuntimeError):
     """A simulation diverged or was stopped by MuJoCo; the message says when and why."""
+
+
+class StorageFailed(OSError):
+    """A file could not be written, or does not hold what was written. The message is one line."""

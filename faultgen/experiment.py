@@ -48,6 +48,14 @@ def _listed(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
 
 
+def _places(value: Any) -> Any:
+    """Names as they are, and paths in full, so that they hold in every folder."""
+    return [
+        str(Path(item).resolve()) if isinstance(item, str) and Path(item).is_file() else item
+        for item in _listed(value)
+    ]
+
+
 def _axes(value: Any) -> Any:
     """[1, [2, 3]] to [[1], [2, 3]]."""
     return [_listed(item) for item in _listed(value)]
@@ -55,6 +63,7 @@ def _axes(value: Any) -> Any:
 
 Axes = Annotated[list[int], Field(min_length=1)]
 Names = Annotated[list[str], BeforeValidator(_listed), Field(min_length=1)]
+Places = Annotated[list[str], BeforeValidator(_places), Field(min_length=1)]
 Severity = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 
 
@@ -81,9 +90,9 @@ class Experiment(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
-    robot: Names
+    robot: Places
     """Names of robots, or paths of MJCF files."""
-    task: Names
+    task: Places
     """Names of tasks, or paths of task files; each must exist for each robot."""
     effect: Names = ["friction_wear"]
     """Names from the catalogue; 'healthy' is the robot without a fault."""
@@ -203,8 +212,9 @@ class Run:
 
     @property
     def id(self) -> str:
-        """Hash of the parameters, 16 hex digits."""
+        """Hash of the parameters, 16 hex digits; where robot and task are stored does not count."""
         told = {k: v for k, v in asdict(self).items() if v or k not in ("parameters", "beside")}
+        told |= {"robot": Path(self.robot).stem, "task": Path(self.task).stem}
         text = json.dumps(told, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 

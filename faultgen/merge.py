@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from faultgen.dataset import Dataset, damage
-from faultgen.storage import file_sha256, publish
+from faultgen.dataset import Dataset
+from faultgen.errors import StorageFailed
+from faultgen.files import checksum_path, damage, new_hdf5, publish, temporary_name, verify
 
 
 def merge(dataset: Dataset) -> Path:
@@ -25,35 +25,33 @@ def merge(dataset: Dataset) -> Path:
         Path of the file.
 
     Raises:
-        OSError: The merged file does not read back as the run files.
+        InputError: A run file is damaged.
+        StorageFailed: The merged file cannot be written, or does not read back as the run files.
     """
     path = dataset.path / "dataset.h5"
-    sums = {run.id: _checksum(run.path) for run in dataset.runs}
+    for run in dataset.runs:
+        verify(run.path)
+    sums = {run.id: checksum_path(run.path).read_text().strip() for run in dataset.runs}
     content = hashlib.sha256(json.dumps([sums, dataset.missing]).encode()).hexdigest()
     if path.is_file() and not damage(path):
         with h5py.File(path, "r") as file:
             if file.attrs.get("content_sha256") == content:
                 return path
-    temporary = path.with_name(f".dataset.{os.getpid()}.tmp")
+    temporary = temporary_name(path)
+    with new_hdf5(path) as (merged, sink):
+        merged.attrs["content_sha256"] = content
+        merged.attrs["complete"] = not dataset.missing
+        merged.attrs["n_runs"] = len(dataset.runs)
+        for run in dataset.runs:
+            with h5py.File(run.path, "r") as file:
+                _copy_run(file, merged.create_group(f"runs/{run.id}"))
+            sink.check()
     try:
-        with h5py.File(temporary, "w") as merged:
-            merged.attrs["content_sha256"] = content
-            merged.attrs["complete"] = not dataset.missing
-            merged.attrs["n_runs"] = len(dataset.runs)
-            for run in dataset.runs:
-                with h5py.File(run.path, "r") as file:
-                    group = merged.create_group(f"runs/{run.id}")
-                    _copy_run(file, group)
         _verify(dataset, temporary)
         publish(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
     return path
-
-
-def _checksum(path: Path) -> str:
-    note = path.with_suffix(path.suffix + ".sha256")
-    return note.read_text().strip() if note.is_file() else file_sha256(path)
 
 
 # attributes in which HDF5 keeps dimension scales; their references do not survive a copy
@@ -92,13 +90,32 @@ def _array_names(file: h5py.File) -> list[str]:
 
 
 def _verify(dataset: Dataset, merged_path: Path) -> None:
+    """Compare the merged file with the run files, which agree with their own checksums.
+
+    Raises:
+        StorageFailed: Something was not merged intact.
+    """
     with h5py.File(merged_path, "r") as merged:
         for run in dataset.runs:
             group = merged[f"runs/{run.id}"]
             with h5py.File(run.path, "r") as file:
-                for name in _array_names(file):
-                    if not _same(file[name], group[name]):
-                        raise OSError(f"dataset.h5: '{name}' of run {run.id} was not merged intact")
+                names = _array_names(file)
+                wrong = [name for name in names if not _same(file[name], group[name])]
+                wrong += [name for name in ["/", *names] if not _same_attributes(file, group, name)]
+                if wrong:
+                    raise StorageFailed(
+                        f"{merged_path.parent / 'dataset.h5'}: '{wrong[0]}' of run {run.id} does "
+                        "not read back as it was written"
+                    )
+
+
+def _same_attributes(file: h5py.File, group: h5py.Group, name: str) -> bool:
+    one, other = (file, group) if name == "/" else (file[name], group[name])
+    return all(
+        np.array_equal(value, other.attrs[key])
+        for key, value in one.attrs.items()
+        if key not in _SCALE_ATTRIBUTES
+    )
 
 
 def _same(one: h5py.Dataset, other: h5py.Dataset) -> bool:

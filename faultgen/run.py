@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import lru_cache
-from importlib.metadata import version
 from itertools import tee
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from faultgen.experiment import Run
 from faultgen.machine import Machine
 from faultgen.monitoring import BINS, Limits, monitor
 from faultgen.motion import plan
+from faultgen.provenance import Provenance, provenance
 from faultgen.robot import Robot, load_robot
 from faultgen.sensors import Surroundings, get_sensors, measure, surroundings
 from faultgen.servo import control_signal
@@ -42,12 +42,20 @@ def make_run(
 
     Returns:
         The run, and None or the reason for which it failed.
+
+    Raises:
+        StorageFailed: The file could not be written; other runs would fail in the same way.
     """
     try:
         _simulate_and_write(run, folder, on_cycle)
-    except (SimulationFailed, InputError, OSError, ValueError, ArithmeticError) as error:
+    except (SimulationFailed, InputError, ValueError, ArithmeticError) as error:
         return run, " ".join(str(error).split()) or type(error).__name__
     return run, None
+
+
+def run_provenance() -> Provenance:
+    """What makes runs: the versions and the code that their bytes depend on."""
+    return provenance("faultgen.run")
 
 
 @dataclass(frozen=True)
@@ -95,8 +103,7 @@ def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], object] |
     limits = Limits(
         robot.motor_torque_limit, robot.motor_velocity_limit, robot.joint_range, robot.gear_ratio
     )
-    writer = RunWriter(folder, run.id, _attributes(run, shared), robot.xml)
-    try:
+    with RunWriter(folder, run.id, _attributes(run, shared), robot.xml) as writer:
         _create_arrays(writer, run, shared, around, growth)
         machines, simulated = tee(_machines(run, robot, around, growth))
         cycles = simulate(robot, shared.control, simulated, sample_period=run.sample_period)
@@ -122,10 +129,6 @@ def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], object] |
                 writer.put(name, index, values[:: run.thin])
             if on_cycle:
                 on_cycle()
-        writer.close()
-    except BaseException:
-        writer.discard()
-        raise
 
 
 def _growth(run: Run) -> np.ndarray:
@@ -191,8 +194,7 @@ def _attributes(run: Run, nominal: Nominal) -> dict[str, Any]:
         "gear_ratio": robot.gear_ratio,
         "encoder_counts": robot.encoder_counts,
         "nominal_mean_torque": nominal.mean_torque,
-        "faultgen_version": version("faultgen"),
-        "mujoco_version": mujoco.__version__,
+        **asdict(run_provenance()),
         "model_sha256": run.model_sha256,
         "task_sha256": run.task_sha256,
     }

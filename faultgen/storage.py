@@ -1,17 +1,23 @@
-"""Writing run files and small files so that what exists is whole.
+"""Writing run files and files of arrays; all of it is checked before a file gets its name.
 
-A file is written under another name, synced, given a checksum beside it, and renamed.
+Every array that is written is also summed up (SHA-256). Before the file gets its final name, it is
+opened again, and its arrays and attributes are compared with what should have been written.
 """
 
 from __future__ import annotations
 
 import hashlib
-import os
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 import h5py
 import numpy as np
+
+from faultgen.errors import InputError, StorageFailed
+from faultgen.files import named_failures, new_hdf5, publish, rename, temporary_name
 
 _COMPRESSION: dict[str, Any] = {
     "compression": "gzip",
@@ -19,6 +25,8 @@ _COMPRESSION: dict[str, Any] = {
     "shuffle": True,
     "fletcher32": True,
 }
+
+_CONTENT = "content_sha256"
 
 DESCRIPTIONS = {
     "motor_position": ("rad", "motor position"),
@@ -49,10 +57,14 @@ DESCRIPTIONS = {
 
 
 class RunWriter:
-    """Writes one run file, a cycle at a time; it gets its name when it is whole."""
+    """Writes one run file, a cycle at a time.
+
+    It is a context manager. The file gets its name when the context ends without an error, and
+    nothing is left of it otherwise.
+    """
 
     def __init__(self, folder: Path, run_id: str, attributes: dict[str, Any], model: str) -> None:
-        """Open a file under a temporary name.
+        """Choose what the file is called and what it says of the run.
 
         Args:
             folder: The folder ``runs``.
@@ -61,99 +73,198 @@ class RunWriter:
             model: MJCF text of the healthy robot.
         """
         self.path = folder / f"{run_id}.h5"
-        self._temporary = folder / f".{run_id}.{os.getpid()}.tmp"
-        self._file = h5py.File(self._temporary, "w")
-        for name, value in attributes.items():
+        self._temporary = temporary_name(self.path)
+        self._context = new_hdf5(self.path)
+        self._attributes: dict[str, dict[str, Any]] = {"/": dict(attributes)}
+        self._model = model
+        self._arrays: dict[str, h5py.Dataset] = {}
+        self._sums: dict[str, Any] = {}
+        self._cycles: dict[str, int] = {}
+
+    def __enter__(self) -> RunWriter:
+        """Create the file under a temporary name.
+
+        Raises:
+            StorageFailed: The file cannot be written.
+        """
+        self._file, self._sink = self._context.__enter__()
+        for name, value in self._attributes["/"].items():
             self._file.attrs[name] = value
-        self._file["model"] = model
-        self._scales: dict[str, h5py.Dataset] = {}
+        self._file["model"] = self._model
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Compare the file with what should be in it and give it its name; or remove it.
+
+        Raises:
+            StorageFailed: The disk refused a write, or does not hold what was written.
+        """
+        self._context.__exit__(kind, error, trace)
+        if kind is not None:
+            return
+        try:
+            self._compare()
+        except BaseException:
+            with suppress(OSError):
+                self._temporary.unlink(missing_ok=True)
+            raise
+        publish(self._temporary, self.path)
 
     def scale(self, name: str, values: np.ndarray) -> None:
         """Add a dimension scale, at the root: netCDF looks for it in the groups above an array."""
-        data = self._file.create_dataset(name, data=values)
-        _describe(data, name)
-        data.make_scale(name)
-        self._scales[name] = data
+        values = np.asarray(values)
+        self._new(name, (), data=values, chunks=values.shape, fletcher32=True)
+        self._sums[name].update(np.ascontiguousarray(values).data)
+        self._arrays[name].make_scale(name)
 
     def create(self, name: str, shape: tuple[int, ...], dtype: str, dims: tuple[str, ...]) -> None:
         """Create a compressed array, one chunk a cycle."""
-        data = self._file.create_dataset(
-            name, shape=shape, dtype=dtype, chunks=(1, *shape[1:]), **_COMPRESSION
-        )
-        self._label(data, name, dims)
+        chunks = (1, *shape[1:])
+        self._new(name, dims, shape=shape, dtype=dtype, chunks=chunks, **_COMPRESSION)
+        self._cycles[name] = 0
 
     def put(self, name: str, index: int, values: np.ndarray) -> None:
-        """Write one cycle of an array."""
-        self._file[name][index] = values
+        """Write one cycle of an array. Cycles are written in their order.
+
+        Raises:
+            StorageFailed: The disk refused this write or an earlier one.
+        """
+        if index != self._cycles[name]:
+            raise ValueError(f"{name}: cycle {index} cannot follow {self._cycles[name]} cycles")
+        data = self._arrays[name]
+        stored = np.ascontiguousarray(values, data.dtype).reshape(data.shape[1:])
+        data[index] = stored
+        self._sink.check()
+        self._sums[name].update(stored.data)
+        self._cycles[name] += 1
 
     def add(self, name: str, values: np.ndarray, dims: tuple[str, ...]) -> None:
         """Write a whole small array."""
-        self._label(self._file.create_dataset(name, data=values, fletcher32=True), name, dims)
+        values = np.asarray(values)
+        self._new(name, dims, data=values, fletcher32=True)
+        self._sums[name].update(np.ascontiguousarray(values).data)
 
-    def close(self) -> str:
-        """Sync the file, write its checksum beside it, and give it its name.
-
-        Returns:
-            The checksum.
-        """
-        self._file.close()
-        return publish(self._temporary, self.path)
-
-    def discard(self) -> None:
-        """Remove the unfinished file."""
-        self._file.close()
-        self._temporary.unlink(missing_ok=True)
-
-    def _label(self, data: h5py.Dataset, name: str, dims: tuple[str, ...]) -> None:
-        _describe(data, name.split("/")[-1])
+    def _new(self, name: str, dims: tuple[str, ...], **how: Any) -> None:
+        data = self._file.create_dataset(name, **how)
+        units, long_name = DESCRIPTIONS[name.split("/")[-1]]
+        self._attributes[name] = {"units": units, "long_name": long_name}
+        data.attrs.update(self._attributes[name])
         for axis, scale in enumerate(dims):
             data.dims[axis].label = scale
-            data.dims[axis].attach_scale(self._scales[scale])
+            data.dims[axis].attach_scale(self._arrays[scale])
+        self._arrays[name] = data
+        self._sums[name] = hashlib.sha256()
+
+    def _compare(self) -> None:
+        """Read the file back.
+
+        Raises:
+            StorageFailed: It does not hold what was written.
+        """
+        try:
+            with h5py.File(self._temporary, "r") as file:
+                wrong = self._difference(file)
+        except (OSError, KeyError, ValueError, RuntimeError) as error:
+            wrong = " ".join(str(error).split())
+        if wrong:
+            raise StorageFailed(f"{self.path}: does not read back as it was written ({wrong})")
+
+    def _difference(self, file: h5py.File) -> str:
+        if file["model"][()].decode() != self._model:
+            return "model"
+        for name, wanted in self._sums.items():
+            found = hashlib.sha256()
+            data = file[name]
+            for part in data if name in self._cycles else [data[()]]:
+                found.update(np.ascontiguousarray(part).data)
+            if found.digest() != wanted.digest():
+                return name
+        for name, attributes in self._attributes.items():
+            for key, value in attributes.items():
+                if not np.array_equal(file[name].attrs[key], value):
+                    return f"attribute {key} of {name}"
+        return ""
 
 
-def _describe(data: h5py.Dataset, name: str) -> None:
-    data.attrs["units"], data.attrs["long_name"] = DESCRIPTIONS[name]
+def write_arrays(
+    path: Path, arrays: Mapping[str, np.ndarray], attributes: Mapping[str, Any]
+) -> None:
+    """Write arrays and root attributes as HDF5, whole or not at all; the folder is made.
 
+    The attribute ``content_sha256`` sums up all of it, for `read_arrays`.
 
-def publish(temporary: Path, path: Path) -> str:
-    """Sync a file, write ``<path>.sha256``, rename the file to its name. Returns the checksum."""
-    _sync(temporary)
-    checksum = file_sha256(temporary)
-    write_text(path.with_suffix(path.suffix + ".sha256"), checksum + "\n")
-    os.replace(temporary, path)
-    _sync(path.parent)
-    return checksum
+    Args:
+        path: The file.
+        arrays: By name; names may contain groups, as in "truth/damage".
+        attributes: Numbers, texts or arrays by name.
 
-
-def write_text(path: Path, text: str) -> None:
-    """Write a small file under another name, sync it, rename it."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    temporary.write_text(text)
-    _sync(temporary)
-    os.replace(temporary, path)
-
-
-def write_arrays(path: Path, arrays: dict[str, np.ndarray], attributes: dict[str, Any]) -> None:
-    """Write arrays and root attributes as HDF5, whole or not at all; the folder is made."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    with h5py.File(temporary, "w") as file:
+    Raises:
+        StorageFailed: The file cannot be written. What stood there before is unchanged.
+    """
+    temporary = temporary_name(path)
+    with named_failures(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    with new_hdf5(path) as (file, _):
         for name, values in arrays.items():
             file[name] = values
         file.attrs.update(attributes)
-    _sync(temporary)
-    os.replace(temporary, path)
-
-
-def file_sha256(path: Path) -> str:
-    """Checksum of a file."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _sync(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
+        file.attrs[_CONTENT] = _sum_up(arrays, attributes)
     try:
-        os.fsync(handle)
+        read_arrays(temporary)
+        with named_failures(path):
+            rename(temporary, path)
+    except InputError as error:
+        raise StorageFailed(f"{path}: does not read back as it was written ({error})") from None
     finally:
-        os.close(handle)
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def read_arrays(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Read what `write_arrays` wrote, and check that nothing in it has changed.
+
+    Returns:
+        Arrays by name, and root attributes by name; scalars of numpy become numbers of Python.
+
+    Raises:
+        InputError: The file cannot be read, is damaged, or was written by something else.
+    """
+    arrays: dict[str, np.ndarray] = {}
+
+    def note(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset):
+            arrays[name] = item[()]
+
+    try:
+        with h5py.File(path, "r") as file:
+            file.visititems(note)
+            attributes = {name: plain_value(value) for name, value in file.attrs.items()}
+    except (OSError, ValueError, RuntimeError) as error:
+        line = " ".join(str(error).split())
+        raise InputError(f"{path}: damaged or not an HDF5 file ({line})") from None
+    wanted = attributes.pop(_CONTENT, None)
+    if wanted != _sum_up(arrays, attributes):
+        raise InputError(f"{path}: damaged (its content differs from its checksum)")
+    return arrays, attributes
+
+
+def plain_value(value: Any) -> Any:
+    """An attribute as Python has it: scalars of numpy become numbers."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _sum_up(arrays: Mapping[str, np.ndarray], attributes: Mapping[str, Any]) -> str:
+    total = hashlib.sha256()
+    for name in sorted(arrays):
+        values = np.asarray(arrays[name])
+        total.update(f"{name} {values.dtype.str} {values.shape} ".encode())
+        total.update(np.ascontiguousarray(values).data)
+    for name in sorted(attributes):
+        value = np.asarray(plain_value(attributes[name]))
+        total.update(f"{name} {value.tolist()!r} ".encode())
+    return total.hexdigest()

@@ -20,21 +20,21 @@ import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import h5py
-import mujoco
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 from tqdm import tqdm
 
 from faultgen.condition import Condition, machine_at
-from faultgen.dataset import plain_value
 from faultgen.effects.temperature import TEMPERATURE_RANGE
 from faultgen.errors import InputError
+from faultgen.parallel import in_parallel
+from faultgen.provenance import provenance
 from faultgen.robot import load_robot
 from faultgen.run import nominal
 from faultgen.simulate import simulate
-from faultgen.storage import write_arrays
+from faultgen.storage import read_arrays, write_arrays
 
 CHANNELS = ("motor_position", "motor_velocity", "motor_torque")
 """What is interpolated."""
@@ -155,15 +155,14 @@ class Surrogate:
         """Read a surrogate.
 
         Raises:
-            InputError: The file cannot be read.
+            InputError: The file cannot be read, or is damaged.
         """
         try:
-            with h5py.File(path, "r") as file:
-                arrays = {name: file[name][()] for name in file}
-                plain = {name: plain_value(value) for name, value in file.attrs.items()}
-                return cls(**arrays, **plain)
-        except (OSError, TypeError) as error:
-            raise InputError(f"{path}: not a surrogate ({error}); delete it") from None
+            arrays, plain = read_arrays(path)
+            values: dict[str, Any] = {**arrays, **plain}
+            return cls(**values)
+        except (InputError, TypeError) as error:
+            raise InputError(f"{error}; not a surrogate: delete {path}") from None
 
 
 def lagrange(nodes: Iterable[float], x: Iterable[float]) -> np.ndarray:
@@ -255,12 +254,12 @@ def build_surrogate(
     around = np.cos(np.pi * np.arange(_BASE_NODES) / (_BASE_NODES - 1))[::-1]  # Chebyshev-Lobatto
     temperatures = (low + high) / 2 + (high - low) / 2 * around
     conditions = _conditions(temperatures, simulated.n_axes, effect)
-    done = Parallel(n_jobs=workers, return_as="generator")(
+    calls = [
         delayed(simulate_at)(robot, task, sample_period, condition, controller)
         for condition in conditions
-    )
+    ]
     shown = tqdm(
-        done,
+        in_parallel(calls, workers),
         total=len(conditions),
         unit="cycle",
         desc=f"{simulated.name} {task}",
@@ -302,7 +301,8 @@ def surrogate_file(
     told = [
         shared.robot.sha256,
         hashlib.sha256(shared.control.tobytes()).hexdigest(),
-        repr((sample_period, _SPREAD, _BASE_NODES, _EVERY, _LOAD, _WEAR, mujoco.__version__)),
+        repr(sample_period),
+        provenance("faultgen.surrogate").key,
     ]
     key = hashlib.sha256(" ".join(told).encode()).hexdigest()[:12]
     path = folder / f"{shared.robot.name}_{Path(task).stem}_{key}.h5"

@@ -6,24 +6,27 @@ summary.done, summary.failed
 
 from __future__ import annotations
 
-import fcntl
+import hashlib
 import json
 import os
+import time
 from collections.abc import Iterator
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from joblib import Parallel, delayed
+from filelock import FileLock, Timeout
+from joblib import delayed
 from tqdm import tqdm
 
 from faultgen.dataset import Dataset, open_dataset
-from faultgen.errors import InputError, SimulationFailed
+from faultgen.errors import InputError
 from faultgen.experiment import Experiment, Run, load_experiment, plan_runs, to_toml
+from faultgen.files import write_text, writer_of
+from faultgen.manifest import EXPERIMENT, Manifest
 from faultgen.merge import merge
-from faultgen.run import make_run, nominal
-from faultgen.storage import write_text
+from faultgen.parallel import in_parallel
+from faultgen.run import make_run, nominal, run_provenance
 
 
 @dataclass
@@ -47,24 +50,29 @@ def generate(
     out: str | Path,
     *,
     workers: int = 1,
+    regenerate: bool = False,
     progress: bool = True,
 ) -> Summary:
     """Make a dataset, or finish one that was begun.
 
-    Runs that are there stay; the same experiment gives the same files, bit for bit, whatever the
-    number of workers.
+    Runs that are there stay, unless they are damaged. The same experiment gives the same files,
+    bit for bit, for any number of workers.
 
     Args:
         experiment: The experiment, or the path of its file.
         out: Folder for the dataset; made if it is not there.
         workers: Processes that simulate.
+        regenerate: Make runs again that another version of the code has made.
         progress: Show a progress bar on stderr.
 
     Returns:
         What was done; failed runs are in it, they do not stop the sweep.
 
     Raises:
-        InputError: The experiment is wrong, the folder cannot be written or holds another dataset.
+        InputError: The experiment is wrong, the folder cannot be written or holds another dataset,
+            or some of its runs were made by another version of the code.
+        StorageFailed: A file could not be written. The same call goes on with the sweep.
+        SimulationFailed: A worker process was killed. The same call goes on with the sweep.
     """
     if not isinstance(experiment, Experiment):
         experiment = load_experiment(experiment)
@@ -72,14 +80,14 @@ def generate(
         raise InputError(f"workers: must be at least 1, not {workers}")
     runs = plan_runs(experiment)
     for robot, task, sample_period in {(r.robot, r.task, r.sample_period): None for r in runs}:
-        nominal(robot, task, sample_period)  # a motion that cannot be is told before anything
+        nominal(robot, task, sample_period)  # an impossible motion is reported before anything
     folder = Path(out)
     with _locked(folder):
         dataset = _prepare(folder, experiment, runs)
         summary = Summary(str(folder), planned=len(runs))
-        waiting = set(dataset.missing)
-        damaged = {Path(name).stem for name in dataset.damaged()}
-        todo = [run for run in runs if run.id in waiting or run.id in damaged]
+        again = {*dataset.missing, *(Path(name).stem for name in dataset.damaged())}
+        again |= _outdated(dataset, again, regenerate)
+        todo = [run for run in runs if run.id in again]
         summary.kept = len(runs) - len(todo)
         for run, reason in _make_all(todo, folder / "runs", workers, progress):
             note = folder / "runs" / f"{run.id}.failed.json"
@@ -105,58 +113,115 @@ def _make_all(
     )
     # within this process the bar moves with every cycle, else with every run
     on_cycle = bar.update if workers == 1 else None
-    jobs = Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)
-    results = jobs(delayed(make_run)(run, folder, on_cycle) for run in runs)
+    results = in_parallel(
+        (delayed(make_run)(run, folder, on_cycle) for run in runs), workers, ordered=False
+    )
     finished = 0
     with bar:
-        try:
-            for run, reason in results:
-                finished += run.cycles
-                bar.update(finished - bar.n)
-                yield run, reason
-        except BrokenProcessPool:
-            raise SimulationFailed(
-                "a worker process was killed, perhaps for want of memory; "
-                "run the same command again to go on"
-            ) from None
+        for run, reason in results:
+            finished += run.cycles
+            bar.update(finished - bar.n)
+            yield run, reason
+
+
+def _outdated(dataset: Dataset, again: set[str], regenerate: bool) -> set[str]:
+    """Ids of whole runs that another version of the code has made.
+
+    Raises:
+        InputError: There are some, and they are not to be made again.
+    """
+    now = run_provenance()
+    others = {
+        run.id: run.made_by for run in dataset.runs if run.id not in again and run.made_by != now
+    }
+    if others and not regenerate:
+        run_id, made_by = next(iter(others.items()))
+        raise InputError(
+            f"{dataset.path}: {len(others)} of {len(dataset.planned)} runs, such as {run_id}, were "
+            f"made by {made_by}, and this is {now}; finish the dataset with that version, or make "
+            "these runs again with --regenerate"
+        )
+    return set(others)
 
 
 def _prepare(folder: Path, experiment: Experiment, runs: list[Run]) -> Dataset:
-    """Make the folder, or check that it holds this very experiment."""
+    """Make the folder, or check that it holds this very experiment; repair its lists."""
     text = to_toml(experiment)
-    manifest = {"runs": {run.id: asdict(run) for run in runs}}
-    written = folder / "experiment.toml"
-    if (folder / "runs.json").is_file():
-        if open_dataset(folder).planned.keys() != manifest["runs"].keys():
-            raise InputError(
-                f"{folder}: holds another dataset (see its experiment.toml); give another folder"
-            )
-    else:
-        if written.is_file() and written.read_text() != text:
-            raise InputError(f"{folder}: holds an experiment.toml of its own; give another folder")
-        write_text(folder / "runs.json", json.dumps(manifest, indent=1))
-    if not written.is_file():
+    planned = {run.id: asdict(run) for run in runs}
+    manifest = Manifest(planned, hashlib.sha256(text.encode()).hexdigest())
+    written = folder / EXPERIMENT
+    old = _manifest_of(folder)
+    if old is None:
+        # without a list of runs, the run files show which dataset this is
+        there = {path.stem for path in folder.glob("runs/*.h5")}
+        if there - planned.keys():
+            raise InputError(f"{folder}: holds runs of another dataset; give another folder")
+        if not there and _differs(written, text):
+            raise InputError(f"{folder}: holds an {EXPERIMENT} of its own; give another folder")
+    elif old.runs.keys() != planned.keys():
+        raise InputError(
+            f"{folder}: holds another dataset (see its {EXPERIMENT}); give another folder"
+        )
+    if old != manifest:
+        manifest.write(folder)
+    if _differs(written, text) or not written.is_file():
         write_text(written, text)
     (folder / "runs").mkdir(exist_ok=True)
-    for leftover in [*folder.glob(".*.tmp"), *(folder / "runs").glob(".*.tmp")]:
-        leftover.unlink()
+    _clear_temporary([*folder.glob(".*.tmp"), *(folder / "runs").glob(".*.tmp")])
     return open_dataset(folder)
+
+
+def _manifest_of(folder: Path) -> Manifest | None:
+    """The list of runs in a folder; None if there is none that can be used."""
+    try:
+        return Manifest.read(folder)
+    except InputError:
+        return None
+
+
+def _differs(path: Path, text: str) -> bool:
+    """Whether a file is there and holds another text."""
+    return path.is_file() and path.read_bytes() != text.encode()
+
+
+def _clear_temporary(files: list[Path]) -> None:
+    """Remove unfinished files, once the processes that write them have ended."""
+    for _ in range(50):
+        if not any(_is_running(writer_of(file)) for file in files):
+            break
+        time.sleep(0.2)  # workers of a killed program end by themselves
+    for file in files:
+        file.unlink(missing_ok=True)
+
+
+def _is_running(process: int | None) -> bool:
+    if process is None or process == os.getpid() or os.name == "nt":
+        return False
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        pass
+    return True
 
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Hold the folder for this process alone."""
+    """Hold the folder for this process alone.
+
+    Raises:
+        InputError: It cannot be written, or another process holds it.
+    """
+    lock = FileLock(folder / ".lock", timeout=0)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        handle = os.open(folder / ".lock", os.O_CREAT | os.O_RDWR)
+        lock.acquire()
+    except Timeout:
+        raise InputError(f"{folder}: another process is writing there") from None
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(handle)
-        raise InputError(f"{folder}: another process is writing there") from None
-    try:
         yield
     finally:
-        os.close(handle)
+        lock.release()

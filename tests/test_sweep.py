@@ -16,7 +16,7 @@ from faultgen.dataset import open_dataset
 from faultgen.effects import EFFECTS, get_effect
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.experiment import make_experiment, plan_runs, to_toml
-from faultgen.storage import file_sha256
+from faultgen.files import file_sha256
 from faultgen.sweep import generate
 
 

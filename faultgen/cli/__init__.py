@@ -1,16 +1,20 @@
 """The command line. Results go to stdout, progress and messages to stderr.
 
-Exit status: 0 done, 1 failed while running, 2 bad input (one line), 130 interrupted.
+Exit status: 0 done, 1 failed while running, 2 bad input (one line), 130 interrupted,
+143 terminated.
 """
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
+from types import FrameType
+from typing import NoReturn
 
 from faultgen.cli import data, fleet, judge, lists
 from faultgen.cli.app import app
-from faultgen.errors import InputError, SimulationFailed
+from faultgen.errors import InputError, SimulationFailed, StorageFailed
 
 __all__ = ["data", "fleet", "judge", "lists", "main"]
 
@@ -21,6 +25,7 @@ def main() -> None:
     """Run the command line and exit with its status."""
     # when interrupted, two processes of joblib may clear up the same folder, and one complains
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
+    signal.signal(signal.SIGTERM, _terminate)
     try:
         status = app(standalone_mode=False)
         if status == _INTERRUPTED:  # the command-line library has caught Ctrl-C
@@ -32,6 +37,8 @@ def main() -> None:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
+    except StorageFailed as error:
+        _fail(f"{error}; see to the disk, then run the same command again to go on", 1)
     except (SimulationFailed, OSError) as error:
         _fail(" ".join(str(error).split()), 1)
     except Exception as error:
@@ -44,6 +51,11 @@ def main() -> None:
             sys.exit(2)
         _fail(" ".join(message.split()), 2)
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _terminate(number: int, frame: FrameType | None) -> NoReturn:
+    """End as after Ctrl-C: unfinished files are removed and worker processes stopped."""
+    raise SystemExit(128 + number)
 
 
 def _fail(message: str, status: int) -> None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from joblib import cpu_count
 
 app = typer.Typer(
     name="faultgen",
@@ -70,4 +70,4 @@ def print_table(rows: list[dict[str, Any]]) -> None:
 
 def worker_count(given: int | None) -> int:
     """Processes that were asked for, or one a core."""
-    return given if given is not None else len(os.sched_getaffinity(0))
+    return given if given is not None else cpu_count()

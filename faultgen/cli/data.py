@@ -41,6 +41,9 @@ def generate(
     repetitions: Annotated[
         int | None, typer.Option(help="Repeat everything with so many seeds.")
     ] = None,
+    regenerate: Annotated[
+        bool, typer.Option(help="Make runs again that another version of faultgen has made.")
+    ] = False,
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
@@ -79,7 +82,7 @@ def generate(
             if name not in given:
                 raise InputError(f"give an experiment file, or --robot and --task: no --{name}")
         chosen = make_experiment(given)
-    summary = run_generate(chosen, out, workers=worker_count(workers))
+    summary = run_generate(chosen, out, workers=worker_count(workers), regenerate=regenerate)
     if as_json:
         print_json(asdict(summary))
     else:
@@ -101,6 +104,7 @@ def info(folder: Folder, as_json: Json = False) -> None:
     dataset = open_dataset(folder)
     damaged = dataset.damaged()
     broken = {Path(name).stem for name in damaged}
+    versions = dataset.versions()
     rows = []
     for run_id, parameters in dataset.planned.items():
         state = "missing" if run_id in dataset.missing else "ok"
@@ -121,15 +125,17 @@ def info(folder: Folder, as_json: Json = False) -> None:
             }
         )
     merged = folder / "dataset.h5"
-    whole = not damaged and not dataset.missing and merged.is_file()
+    complete = not dataset.missing and merged.is_file()
+    whole = complete and not damaged and len(versions) < 2
     result = {
         "folder": str(folder),
-        "complete": not dataset.missing and merged.is_file(),
+        "complete": complete,
         "intact": not damaged,
         "runs": rows,
         "missing": dataset.missing,
         "failed": dataset.failed,
         "damaged": damaged,
+        "versions": {str(version): ids for version, ids in versions.items()},
     }
     if as_json:
         print_json(result)
@@ -142,6 +148,10 @@ def info(folder: Folder, as_json: Json = False) -> None:
             print(f"damaged: {name}: {reason}")
         if not merged.is_file():
             print("dataset.h5 is missing")
+        if len(versions) > 1:
+            for version, ids in versions.items():
+                print(f"made by {version}: {', '.join(ids)}")
+            print("its runs were made by different versions: make the others again, --regenerate")
         print("complete and intact" if whole else "not whole: run the generate command again")
     if not whole:
         raise typer.Exit(1)

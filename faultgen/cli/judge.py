@@ -200,8 +200,8 @@ def calibrate(
     """
     from faultgen.discovery.calibrate import calibrate as run_calibrate
     from faultgen.discovery.workflow import usable
+    from faultgen.files import write_text
     from faultgen.robot import load_robot
-    from faultgen.storage import write_text
 
     model = load_robot(robot)
     recording, warnings = usable(measured, model)

@@ -10,19 +10,19 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Sequence
-from functools import lru_cache
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 from tqdm import tqdm
 
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.terms import Term
 from faultgen.effects.temperature import friction_ratios
 from faultgen.errors import SimulationFailed
+from faultgen.parallel import in_parallel
+from faultgen.provenance import provenance
 
 TEMPERATURE = "temperature_friction"
 """Effect whose column follows from others, so that it does not depend on when it was recorded."""
@@ -135,9 +135,7 @@ def kept_runs(files: Sequence[Path | None], calls: Sequence[Any], workers: int) 
     }
     todo = [k for k in range(len(calls)) if k not in known]
     if todo:
-        done = Parallel(n_jobs=min(workers, len(todo)), return_as="generator")(
-            calls[k] for k in todo
-        )
+        done = in_parallel([calls[k] for k in todo], min(workers, len(todo)))
         progress = tqdm(
             done, total=len(todo), unit="replay", desc="probing", disable=None, leave=False
         )
@@ -184,18 +182,9 @@ def kept_in(folder: Path | None, replay: Replay, what: bytes) -> Path | None:
     recording = replay.recording
     reference = recording.reference_position
     motion = recording.position if reference is None else reference
-    content = hashlib.sha256(replay.robot.xml.encode() + _code())
+    made_by = provenance("faultgen.discovery.columns").key
+    content = hashlib.sha256(replay.robot.xml.encode() + made_by.encode())
     content.update(np.ascontiguousarray(motion).tobytes())
     content.update(repr((recording.segments, recording.sample_period, recording.side)).encode())
     content.update(what)
     return folder / f"{content.hexdigest()[:32]}.npy"
-
-
-@lru_cache
-def _code() -> bytes:
-    """Hash of what simulates, so that results of another version are not taken."""
-    files = resources.files("faultgen")
-    parts = [files.joinpath(name) for name in ("simulate.py", "machine.py", "servo.py")]
-    parts += sorted(files.joinpath("effects").iterdir(), key=lambda file: file.name)
-    texts = [file.read_bytes() for file in parts if file.name.endswith(".py")]
-    return hashlib.sha256(b"".join(texts)).digest()

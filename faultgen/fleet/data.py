@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
-from faultgen.dataset import plain_value
 from faultgen.errors import InputError
+from faultgen.storage import read_arrays
 
 STORED = (
     "day",
@@ -84,15 +83,14 @@ def read_robot(path: Path) -> tuple[FleetRobot, dict[str, Any]]:
     Raises:
         InputError: It is no such file, or damaged.
     """
+    arrays, told = read_arrays(path)
     try:
-        with h5py.File(path, "r") as file:
-            told = {name: plain_value(value) for name, value in file.attrs.items()}
-            stored = {name: file[name][()] for name in STORED}
-            truth = {name: file["truth"][name][()] for name in file["truth"]}
-            own = {name: told.pop(name) for name in ("name", "robot", "failed", "axis")}
-            return FleetRobot(**own, **stored, truth=truth), told
-    except (OSError, KeyError, TypeError) as error:
-        raise InputError(f"{path}: not the record of a robot ({error})") from None
+        stored: dict[str, Any] = {name: arrays.pop(name) for name in STORED}
+        truth = {name.removeprefix("truth/"): values for name, values in arrays.items()}
+        own: dict[str, Any] = {name: told.pop(name) for name in ("name", "robot", "failed", "axis")}
+        return FleetRobot(**own, **stored, truth=truth), told
+    except (KeyError, TypeError) as error:
+        raise InputError(f"{path}: not the record of a robot (no {error})") from None
 
 
 def open_fleet(folder: str | Path) -> Fleet:

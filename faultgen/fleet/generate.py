@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from importlib.metadata import version
+from dataclasses import asdict
 from pathlib import Path
 
-import mujoco
-from joblib import Parallel, delayed
+from joblib import delayed
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from faultgen.errors import InputError, SimulationFailed
+from faultgen.files import write_text
 from faultgen.fleet.data import STORED, Fleet, open_fleet, read_robot
 from faultgen.fleet.events import event_names
 from faultgen.fleet.plan import FleetPlan
 from faultgen.fleet.record import record_robot
-from faultgen.storage import write_arrays, write_text
+from faultgen.parallel import in_parallel
+from faultgen.provenance import Provenance, provenance
+from faultgen.storage import write_arrays
 
 
 def generate_fleet(
@@ -33,7 +35,9 @@ def generate_fleet(
         The fleet.
 
     Raises:
-        InputError: The folder holds another fleet, or cannot be written.
+        InputError: The folder holds another fleet, robots that another version of the code has
+            made, or cannot be written.
+        StorageFailed: A file could not be written.
         SimulationFailed: A robot could not be simulated; the others are there.
     """
     out = Path(out)
@@ -45,12 +49,14 @@ def generate_fleet(
         raise InputError(f"{out}: cannot be used as a folder ({error.strerror})") from None
     told = out / "fleet.json"
     text = plan.model_dump_json(indent=1) + "\n"
-    if told.is_file() and told.read_text() != text:
+    if told.is_file() and told.read_bytes() != text.encode():
         raise InputError(f"{out}: holds a fleet of another plan; give another folder")
     write_text(told, text)
     left = [k for k in range(plan.robots) if not _is_done(_path(out, k), plan)]
-    done = Parallel(n_jobs=min(workers, max(len(left), 1)), return_as="generator_unordered")(
-        delayed(_make)(plan, k, _path(out, k)) for k in left
+    done = in_parallel(
+        [delayed(_make)(plan, k, _path(out, k)) for k in left],
+        min(workers, max(len(left), 1)),
+        ordered=False,
     )
     bar = tqdm(
         done, total=len(left), unit="robot", desc="fleet", disable=None if progress else True
@@ -69,10 +75,21 @@ def _is_done(path: Path, plan: FleetPlan) -> bool:
     if not path.is_file():
         return False
     try:
-        return bool(read_robot(path)[1]["plan_sha256"] == plan.sha256)
+        attributes = read_robot(path)[1]
     except InputError:
         path.unlink()
         return False
+    made_by = Provenance.of(attributes)
+    if made_by != _made_by():
+        raise InputError(
+            f"{path}: was made by {made_by}, and this is {_made_by()}; finish the fleet with that "
+            "version, or give another folder"
+        )
+    return bool(attributes["plan_sha256"] == plan.sha256)
+
+
+def _made_by() -> Provenance:
+    return provenance("faultgen.fleet.record")
 
 
 def _make(plan: FleetPlan, number: int, path: Path) -> str | None:
@@ -97,8 +114,7 @@ def _make(plan: FleetPlan, number: int, path: Path) -> str | None:
             "seed": plan.seed,
             "event_names": " ".join(event_names(one.torque_indicator.shape[1])),
             "plan_sha256": plan.sha256,
-            "faultgen_version": version("faultgen"),
-            "mujoco_version": mujoco.__version__,
+            **asdict(_made_by()),
         },
     )
     return None

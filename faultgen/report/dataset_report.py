@@ -17,8 +17,8 @@ from analysis.plots import plot_accuracy, plot_net_transfer_entropy, plot_series
 from analysis.transfer_entropy import net_transfer_entropy
 from faultgen.dataset import Dataset, StoredRun, open_dataset
 from faultgen.effects import get_effect
+from faultgen.files import write_text
 from faultgen.report.page import image, page
-from faultgen.storage import write_text
 from faultgen.studies.isolation import isolate
 from faultgen.studies.runs import one_series
 from faultgen.studies.tally import Isolation, table

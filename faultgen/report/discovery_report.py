@@ -18,8 +18,8 @@ from analysis.plots import COLOURS, style
 from faultgen.discovery.calibrate import CARRIED, changed
 from faultgen.discovery.workflow import Discovery, dump
 from faultgen.effects import get_effect
+from faultgen.files import write_text
 from faultgen.report.page import image, page
-from faultgen.storage import write_text
 
 
 def write_discovery(folder: Path, result: dict[str, Any], found: Discovery) -> None:

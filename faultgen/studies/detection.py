@@ -22,7 +22,7 @@ from analysis.isolation import ChangeIsolator
 from analysis.pca import PCAMonitor
 from faultgen.dataset import Dataset
 from faultgen.errors import InputError
-from faultgen.storage import write_text
+from faultgen.files import write_text
 from faultgen.studies.counts import share
 from faultgen.studies.isolation import LEVELS, cuts
 from faultgen.studies.markdown import percent, table

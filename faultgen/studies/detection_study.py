@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from analysis import cross_correlation_lags, leading_axis
+from faultgen.parallel import in_parallel
 from faultgen.sensors import SENSORS
 from faultgen.studies.counts import share
 from faultgen.studies.detectors import DETECTORS, Divergences, Scored, alarms, score, threshold
@@ -91,11 +92,19 @@ def run_detection(
         for noise in NOISES
         for number in range(size.seeds)
     ]
-    done = Parallel(n_jobs=workers, return_as="generator")(
+    calls = (
         delayed(_job)(files[task], task, noise, role, number, seed)
         for task, noise, role, number in jobs
     )
-    parts = list(tqdm(done, total=len(jobs), unit="record", desc="detecting", disable=None))
+    parts = list(
+        tqdm(
+            in_parallel(calls, workers),
+            total=len(jobs),
+            unit="record",
+            desc="detecting",
+            disable=None,
+        )
+    )
     healthy = {(t, n, r, k): p for (t, n, r, k), p in zip(jobs, parts, strict=True) if r != _WEAR}
     worn = [
         row for (_, _, role, _), p in zip(jobs, parts, strict=True) if role == _WEAR for row in p

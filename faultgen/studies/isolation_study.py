@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
@@ -20,6 +20,7 @@ from analysis import net_transfer_entropy
 from analysis.isolation import Answer
 from analysis.te_bins import CANDIDATES, choose_bins
 from faultgen.monitoring import SPEED_WINDOW
+from faultgen.parallel import in_parallel
 from faultgen.studies.counts import share
 from faultgen.studies.isolation import LEVELS, METHODS
 from faultgen.studies.series import (
@@ -94,10 +95,18 @@ def run_isolation(
         for noise in reversed(NOISES)  # the longest first
         for robot, task in files
     ]
-    done = Parallel(n_jobs=workers, return_as="generator")(
+    calls = (
         delayed(_judge)(block, files[block.robot, block.task], out / "series") for block in blocks
     )
-    parts = list(tqdm(done, total=len(blocks), unit="block", desc="isolating", disable=None))
+    parts = list(
+        tqdm(
+            in_parallel(calls, workers),
+            total=len(blocks),
+            unit="block",
+            desc="isolating",
+            disable=None,
+        )
+    )
     result: dict[str, Any] = {"seed": seed, "seeds": size.worn, "size": vars(size)}
     for name in parts[0]:
         result[name] = [row for part in parts for row in part[name]]

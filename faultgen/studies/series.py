@@ -8,11 +8,11 @@ from functools import lru_cache
 from itertools import combinations
 from pathlib import Path
 
-import h5py
 import numpy as np
 
+from faultgen.provenance import provenance
 from faultgen.sensors import SENSORS, Sensors
-from faultgen.storage import write_arrays
+from faultgen.storage import read_arrays, write_arrays
 from faultgen.studies.monitored import Monitored
 from faultgen.studies.wear_model import Observed
 from faultgen.surrogate import Surrogate
@@ -107,12 +107,12 @@ def make_series(block: Block, surrogate: Path, folder: Path) -> Series:
     Returns:
         The series.
     """
-    told = f"{asdict(block)} {NOISES[block.noise]} {surrogate.name} {WEAR} {CYCLES}"
+    made_by = provenance("faultgen.studies.series").key
+    told = f"{asdict(block)} {NOISES[block.noise]} {surrogate.name} {made_by}"
     key = hashlib.sha256(told.encode()).hexdigest()[:12]
     path = folder / f"{Path(block.robot).stem}_{Path(block.task).stem}_{key}.h5"
     if path.is_file():
-        with h5py.File(path, "r") as file:
-            return Series(**{name: file[name][()] for name in file})
+        return Series(**read_arrays(path)[0])
     robot = monitored(surrogate)
     n_axes = robot.surrogate.n_axes
     grown = growth()

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from faultgen.errors import InputError
+from faultgen.files import write_text
 from faultgen.fleet import Fleet, generate_fleet, open_fleet
-from faultgen.storage import write_text
 from faultgen.studies.figures import Figures, draw
 from faultgen.studies.fleets import study_fleet
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from faultgen.effects import HEALTHY, get_effect
-from faultgen.storage import write_text
+from faultgen.files import write_text
 from faultgen.studies.counts import wilson
 
 # Thesis table 6.2, percent right of six axes, one simulation each; columns TE 10, TE 5 and CC

@@ -1,0 +1,88 @@
+"""Calls in several processes that end when the program ends.
+
+Results come back one by one. If the program is interrupted or killed, its worker processes stop at
+once: they never go on writing in a folder that another process may have begun to use.
+
+    for result in in_parallel([delayed(square)(k) for k in range(9)], workers=2):
+        print(result)
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any
+
+import joblib
+
+from faultgen.errors import SimulationFailed
+
+Call = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
+"""What `joblib.delayed` makes of a call."""
+
+_LOOK_EVERY = 0.2  # s; how soon a worker notices that the program is gone
+
+
+def in_parallel(calls: Iterable[Call], workers: int, *, ordered: bool = True) -> Iterator[Any]:
+    """Make calls in several processes.
+
+    Args:
+        calls: Calls, from `joblib.delayed`.
+        workers: Number of processes; 1 makes the calls in this process.
+        ordered: Whether results come in the order of the calls, or as they are finished.
+
+    Yields:
+        The result of each call.
+
+    Raises:
+        SimulationFailed: A worker process was killed.
+    """
+    own = os.getpid()
+    jobs = joblib.Parallel(
+        n_jobs=workers,
+        return_as="generator" if ordered else "generator_unordered",
+        batch_size=1,
+    )
+    results = jobs(
+        joblib.delayed(_make_call)(own, function, given, named) for function, given, named in calls
+    )
+    try:
+        yield from results
+    except BrokenProcessPool:
+        raise SimulationFailed(
+            "a worker process was killed, perhaps because memory ran out; "
+            "run the same command again to go on"
+        ) from None
+    finally:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that not all results were asked for
+            results.close()
+
+
+def _make_call(
+    parent: int, function: Callable[..., Any], given: tuple[Any, ...], named: dict[str, Any]
+) -> Any:
+    if os.getpid() != parent:
+        _end_with(parent)
+    return function(*given, **named)
+
+
+_watching: list[int] = []
+
+
+def _end_with(parent: int) -> None:
+    """End this process as soon as its parent is gone."""
+    if _watching or os.name == "nt":  # on Windows a process keeps the number of a dead parent
+        return
+    _watching.append(parent)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(_LOOK_EVERY)
+        os._exit(1)
+
+    threading.Thread(target=watch, name="watch-parent", daemon=True).start()

@@ -1,0 +1,131 @@
+"""Which code made a result.
+
+A stored result may be used again only if the same code would produce it. The key of that code is
+made of the version of this package, the version of MuJoCo, and a hash of every source file that
+the result depends on: a module and all modules of this package that it imports, directly or not.
+Comments, docstrings and blank lines do not count. Runs of datasets, interpolated cycles and all
+caches use this one key.
+
+    provenance("faultgen.run").key        # 16 hexadecimal digits
+    str(provenance("faultgen.run"))       # faultgen 0.1.0, MuJoCo 4.0.0, code 5b0c9c2e
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import io
+import tokenize
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from importlib.metadata import version
+from importlib.util import find_spec, resolve_name
+from pathlib import Path
+from typing import Any
+
+PACKAGES = ("faultgen", "analysis")
+"""Packages whose modules count."""
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What made a result."""
+
+    faultgen_version: str
+    """Version of this package."""
+    mujoco_version: str
+    """Version of MuJoCo."""
+    code_sha256: str
+    """Hash of the source files that the result depends on."""
+
+    @classmethod
+    def of(cls, attributes: Mapping[str, Any]) -> Provenance:
+        """What made a stored result, from its attributes; "unknown" where they do not say."""
+        return cls(*(str(attributes.get(field.name, "unknown")) for field in fields(cls)))
+
+    @property
+    def key(self) -> str:
+        """The three in one, 16 hexadecimal digits."""
+        text = f"{self.faultgen_version} {self.mujoco_version} {self.code_sha256}"
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def __str__(self) -> str:
+        return (
+            f"faultgen {self.faultgen_version}, MuJoCo {self.mujoco_version}, "
+            f"code {self.code_sha256[:8]}"
+        )
+
+
+@lru_cache
+def provenance(module: str) -> Provenance:
+    """What a result of a module is made by.
+
+    Args:
+        module: Name of the module that produces the result, such as "faultgen.run".
+    """
+    total = hashlib.sha256()
+    for name, path in sorted(source_files(module).items()):
+        total.update(f"{name}\n{code_of(path.read_text(encoding='utf-8'))}\n".encode())
+    return Provenance(version("faultgen"), version("mujoco"), total.hexdigest())
+
+
+def source_files(module: str) -> dict[str, Path]:
+    """Source files of a module and of all modules of this package that it imports, by name.
+
+    Imports for type checking only do not count, nor do the re-exports of the package itself.
+    """
+    found: dict[str, Path] = {}
+    waiting = [module]
+    while waiting:
+        name = waiting.pop()
+        if name in found or name in PACKAGES:
+            continue
+        path = _file_of(name)
+        if path is None:
+            continue
+        found[name] = path
+        package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+        waiting.append(name.rpartition(".")[0])
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        waiting += [one for one in _imports(tree, package) if one.partition(".")[0] in PACKAGES]
+    return found
+
+
+def _file_of(module: str) -> Path | None:
+    """The source file of a module; None if there is no such module (but a name in one)."""
+    try:
+        spec = find_spec(module)
+    except ModuleNotFoundError:
+        return None
+    return Path(spec.origin) if spec is not None and spec.origin else None
+
+
+def _imports(node: ast.AST, package: str) -> Iterator[str]:
+    """Names that a module imports; each may be a module or something in one."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.dump(child.test):
+            continue
+        if isinstance(child, ast.Import):
+            yield from (alias.name for alias in child.names)
+        elif isinstance(child, ast.ImportFrom):
+            base = resolve_name("." * child.level + (child.module or ""), package)
+            yield base
+            yield from (f"{base}.{alias.name}" for alias in child.names)
+        else:
+            yield from _imports(child, package)
+
+
+def code_of(text: str) -> str:
+    """Source text without comments, docstrings, blank lines and spaces at the end of lines."""
+    lines = [line.rstrip() for line in text.splitlines()]
+    for token in tokenize.generate_tokens(io.StringIO("\n".join(lines) + "\n").readline):
+        if token.type == tokenize.COMMENT:
+            row = token.start[0] - 1
+            lines[row] = lines[row][: token.start[1]].rstrip()
+    for node in ast.walk(ast.parse("\n".join(lines))):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            first, last = node.lineno - 1, node.end_lineno or node.lineno
+            if isinstance(node.value.value, str) and not lines[first][: node.col_offset].strip():
+                lines[first:last] = [""] * (last - first)
+    return "\n".join(line for line in lines if line)
