@@ -12,18 +12,16 @@ exists is whole, and it is compared with its checksum before it is read. Reading
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from faultgen.errors import InputError
-from faultgen.files import damage, file_sha256, verify
+from faultgen.files import damage, file_sha256, open_verified
 from faultgen.manifest import EXPERIMENT, Manifest
 from faultgen.provenance import Provenance
 from faultgen.storage import plain_value
@@ -39,7 +37,7 @@ class StoredRun:
     @cached_property
     def attributes(self) -> dict[str, Any]:
         """Root attributes of the run file."""
-        with self._open() as file:
+        with open_verified(self.path) as file:
             return {name: plain_value(value) for name, value in file.attrs.items()}
 
     @property
@@ -60,25 +58,14 @@ class StoredRun:
         Raises:
             InputError: There is no such array in this run.
         """
-        with self._open() as file:
+        with open_verified(self.path) as file:
             if name not in file:
                 raise InputError(f"{self.path}: holds no '{name}'")
             return file[name][select]
 
     def __contains__(self, name: str) -> bool:
-        with self._open() as file:
+        with open_verified(self.path) as file:
             return name in file
-
-    @contextmanager
-    def _open(self) -> Iterator[h5py.File]:
-        verify(self.path)
-        try:
-            file = h5py.File(self.path, "r")
-        except OSError as error:
-            line = " ".join(str(error).split())
-            raise InputError(f"{self.path}: damaged or not an HDF5 file ({line})") from None
-        with file:
-            yield file
 
 
 @dataclass(frozen=True)
@@ -126,7 +113,7 @@ class Dataset:
         """Ids of the intact runs that are there, by the versions and code that made them."""
         found: dict[Provenance, list[str]] = {}
         for run in self.runs:
-            if damage(run.path) is None:
+            with suppress(InputError):  # a damaged file is reported by `damaged`
                 found.setdefault(run.made_by, []).append(run.id)
         return found
 

@@ -306,40 +306,64 @@ def file_sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+_verified: dict[Path, tuple[int, int, str]] = {}
+"""Size, date and checksum of files that were found intact."""
+
+
 def damage(path: Path) -> str | None:
-    """What is wrong with a file that has a checksum beside it, or None."""
+    """What is wrong with a file that has a checksum beside it, or None; reads the whole file."""
     note = checksum_path(path)
     try:
+        state = path.stat()
         wanted = note.read_bytes().decode("ascii", errors="replace").strip()
         found = file_sha256(path)
     except FileNotFoundError as error:
         return "its checksum is missing" if Path(error.filename) == note else "it is missing"
     except OSError as error:
-        return f"cannot be read ({error.strerror})"
-    if len(wanted) != 64:
+        return f"cannot be read: {error.strerror}"
+    if len(wanted) != hashlib.sha256().digest_size * 2:
         return "its checksum is damaged"
-    return None if found == wanted else "differs from its checksum"
+    if found != wanted:
+        return "differs from its checksum"
+    _verified[path.resolve()] = (state.st_size, state.st_mtime_ns, found)
+    return None
 
 
-_verified: dict[Path, tuple[int, int]] = {}
-
-
-def verify(path: Path) -> None:
+def verify(path: Path) -> str:
     """Compare a file with its checksum, once for as long as its size and date stay the same.
+
+    Returns:
+        The checksum.
 
     Raises:
         InputError: The file is damaged or has no checksum.
     """
-    try:
-        state = path.stat()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
     key = path.resolve()
-    if _verified.get(key) == (state.st_size, state.st_mtime_ns):
-        return
+    with suppress(OSError):
+        state = path.stat()
+        size, date, checksum = _verified.get(key, (0, 0, ""))
+        if (size, date) == (state.st_size, state.st_mtime_ns):
+            return checksum
     reason = damage(path)
     if reason is not None:
         raise InputError(
             f"{path}: damaged ({reason}); run the generate command again to make it anew"
         )
-    _verified[key] = (state.st_size, state.st_mtime_ns)
+    return _verified[key][2]
+
+
+@contextmanager
+def open_verified(path: Path) -> Iterator[h5py.File]:
+    """Open an HDF5 file for reading after `verify`.
+
+    Raises:
+        InputError: The file is damaged or has no checksum.
+        StorageFailed: The file cannot be read.
+    """
+    verify(path)
+    try:
+        with h5py.File(path, "r") as file:
+            yield file
+    except (OSError, RuntimeError) as error:
+        line = " ".join(str(error).split())
+        raise StorageFailed(f"{path}: cannot be read ({line})") from None

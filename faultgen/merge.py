@@ -12,7 +12,7 @@ import numpy as np
 
 from faultgen.dataset import Dataset
 from faultgen.errors import StorageFailed
-from faultgen.files import checksum_path, damage, new_hdf5, publish, temporary_name, verify
+from faultgen.files import damage, new_hdf5, open_verified, publish, temporary_name, verify
 
 
 def merge(dataset: Dataset) -> Path:
@@ -29,12 +29,10 @@ def merge(dataset: Dataset) -> Path:
         StorageFailed: The merged file cannot be written, or does not read back as the run files.
     """
     path = dataset.path / "dataset.h5"
-    for run in dataset.runs:
-        verify(run.path)
-    sums = {run.id: checksum_path(run.path).read_text().strip() for run in dataset.runs}
+    sums = {run.id: verify(run.path) for run in dataset.runs}
     content = hashlib.sha256(json.dumps([sums, dataset.missing]).encode()).hexdigest()
     if path.is_file() and not damage(path):
-        with h5py.File(path, "r") as file:
+        with open_verified(path) as file:
             if file.attrs.get("content_sha256") == content:
                 return path
     temporary = temporary_name(path)
@@ -43,7 +41,7 @@ def merge(dataset: Dataset) -> Path:
         merged.attrs["complete"] = not dataset.missing
         merged.attrs["n_runs"] = len(dataset.runs)
         for run in dataset.runs:
-            with h5py.File(run.path, "r") as file:
+            with open_verified(run.path) as file:
                 _copy_run(file, merged.create_group(f"runs/{run.id}"))
             sink.check()
     try:
@@ -98,7 +96,7 @@ def _verify(dataset: Dataset, merged_path: Path) -> None:
     with h5py.File(merged_path, "r") as merged:
         for run in dataset.runs:
             group = merged[f"runs/{run.id}"]
-            with h5py.File(run.path, "r") as file:
+            with open_verified(run.path) as file:
                 names = _array_names(file)
                 wrong = [name for name in names if not _same(file[name], group[name])]
                 wrong += [name for name in ["/", *names] if not _same_attributes(file, group, name)]

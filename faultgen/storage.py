@@ -7,6 +7,7 @@ opened again, and its arrays and attributes are compared with what should have b
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -88,9 +89,13 @@ class RunWriter:
             StorageFailed: The file cannot be written.
         """
         self._file, self._sink = self._context.__enter__()
-        for name, value in self._attributes["/"].items():
-            self._file.attrs[name] = value
-        self._file["model"] = self._model
+        try:
+            for name, value in self._attributes["/"].items():
+                self._file.attrs[name] = value
+            self._file["model"] = self._model
+        except BaseException:
+            self._context.__exit__(*sys.exc_info())
+            raise
         return self
 
     def __exit__(

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from joblib import cpu_count
 
 app = typer.Typer(
     name="faultgen",
@@ -70,4 +69,6 @@ def print_table(rows: list[dict[str, Any]]) -> None:
 
 def worker_count(given: int | None) -> int:
     """Processes that were asked for, or one a core."""
+    from joblib import cpu_count
+
     return given if given is not None else cpu_count()

@@ -1,0 +1,84 @@
+"""Runs the command line again and again, each time with another failing system call.
+
+    LD_PRELOAD=shim.so python driver.py FOLDER KIND ERROR START STEP -- ARGUMENTS
+
+For each number START, START + STEP, ... the command runs in a child process, in a folder of its own
+in FOLDER, with the number-th call of that kind failing. It runs a second time without a fault. One
+line of JSON is printed for each number; the first number for which no call was left ends the loop.
+"""
+
+import ctypes
+import json
+import os
+import sys
+import traceback
+from pathlib import Path
+
+import faultgen.cli
+import faultgen.merge
+import faultgen.sweep  # noqa: F401
+
+KINDS = ["none", "open", "write", "sync", "rename", "close", "truncate"]
+
+
+def command(arguments: list[str], folder: Path, arm: tuple[int, int, int, str], log: Path) -> int:
+    """Run the command line in a child process, with a fault armed; its wait status."""
+    child = os.fork()
+    if child:
+        return os.waitpid(child, 0)[1]
+    status = 99
+    try:
+        for stream in (1, 2):
+            handle = os.open(f"{log}.{stream}", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+            os.dup2(handle, stream)
+        sys.argv = ["faultgen", *arguments, "-o", str(folder)]
+        shim = ctypes.CDLL(None)
+        if arm[0]:
+            shim.fault_arm(*arm[:3], os.fsencode(arm[3]))
+        try:
+            faultgen.cli.main()
+        except SystemExit as leave:
+            status = int(leave.code or 0)
+        if arm[0]:
+            Path(f"{log}.count").write_text(str(shim.fault_count()))
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+
+
+def main() -> None:
+    """See the docstring of the module."""
+    where, kind, error, start, step = sys.argv[1:6]
+    arguments = sys.argv[7:]
+    number = int(start)
+    while True:
+        folder = Path(where) / f"{kind}{number}"
+        log = Path(where) / f"{kind}{number}.log"
+        told = {"number": number, "folder": str(folder)}
+        arm = (KINDS.index(kind), number, int(error), f"{folder}/")
+        told["status"] = command(arguments, folder, arm, log)
+        told["out"], told["err"] = (Path(f"{log}.{k}").read_text() for k in (1, 2))
+        counted = Path(f"{log}.count")
+        told["failed"] = not counted.is_file() or int(counted.read_text()) >= abs(number)
+        told["sums"] = sums(folder)
+        told["again"] = command(arguments, folder, (0, 0, 0, ""), log)
+        told["sums_again"] = sums(folder)
+        print(json.dumps(told), flush=True)
+        if not told["failed"] or not counted.is_file():  # none left, or the process crashed
+            break
+        number += int(step)
+
+
+def sums(folder: Path) -> dict[str, str]:
+    """Checksums of the files in a folder, by name."""
+    from faultgen.files import file_sha256
+
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file() and path.name != ".lock"]
+    return {str(path.relative_to(folder)): file_sha256(path) for path in files}
+
+
+if __name__ == "__main__":
+    main()
