@@ -10,6 +10,8 @@ from typing import Annotated, Any
 import typer
 from joblib import cpu_count
 
+from faultgen.workers import check_workers
+
 app = typer.Typer(
     name="faultgen",
     help="Labelled condition-monitoring data from industrial robots that wear in MuJoCo.",
@@ -70,4 +72,4 @@ def print_table(rows: list[dict[str, Any]]) -> None:
 
 def worker_count(given: int | None) -> int:
     """Processes that were asked for, or one a core."""
-    return given if given is not None else cpu_count()
+    return check_workers(given) if given is not None else cpu_count()
