@@ -15,7 +15,7 @@ SPEED_WINDOW = (50.0, 120.0)
 
 _PART = (0.5, 1.2)  # of the top speed, where that window is empty: as 50 and 120 are of 100 rad/s
 _MARGIN = 1.02  # between planned speeds and those of a simulation, at the ends of the window
-_STILL = 1e-3  # top speed of an axis that does not move [rad/s]
+_STILL = 0.1  # top speed of an axis that does not move [rad/s]
 
 BINS = 12
 """Bins of every histogram, thesis 3.4 and 5.3.1."""

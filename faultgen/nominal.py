@@ -139,14 +139,13 @@ def _window_note(shared: Nominal, run: Run) -> str:
     if len(own):
         used = ", ".join(f"{low[a - 1]:.3g} to {high[a - 1]:.3g} (axis {a})" for a in own.tolist())
         window = "{:g} to {:g} rad/s".format(*SPEED_WINDOW)
-        parts.append(
-            f"axis {_listed(own)} never turns at {window}; mean_abs_torque uses {used} rad/s"
-        )
+        parts.append(f"{_never(own)} at {window}; mean_abs_torque uses {used} rad/s")
     if not inside.all():
-        never = _listed(np.flatnonzero(~inside) + 1)
-        parts.append(f"axis {never} never turns within its speed window; mean_abs_torque is nan")
+        never = _never(np.flatnonzero(~inside) + 1)
+        parts.append(f"{never} within the speed window; mean_abs_torque is nan there")
     return "; ".join(parts)
 
 
-def _listed(axes: np.ndarray) -> str:
-    return ", ".join(map(str, axes.tolist()))
+def _never(axes: np.ndarray) -> str:
+    listed = ", ".join(map(str, axes.tolist()))
+    return f"axis {listed} never turns" if len(axes) == 1 else f"axes {listed} never turn"

@@ -113,7 +113,7 @@ class Place:
         for number in range(seed, seed + seeds):
             measured = _measured(run, self.sensors, number)
             yield ObservedRun(
-                _mean_torque(measured, run),
+                _mean_torque(measured, _speed_window(run)),
                 self.model.features.transform(np.stack([m.motor_torque for m in measured])),
                 run.read("cycle/temperature"),
                 self._counts([m.motor_torque for m in measured]),
@@ -192,7 +192,7 @@ def one_series(run: StoredRun) -> np.ndarray:
     """
     if run["sensors"] != "none":
         return run.read("monitoring/mean_abs_torque")
-    return _mean_torque(_measured(run, get_sensors("thesis"), 1000), run)
+    return _mean_torque(_measured(run, get_sensors("thesis"), 1000), _speed_window(run))
 
 
 def _measured(run: StoredRun, sensors: Sensors, number: int) -> list[Measured]:
@@ -228,8 +228,7 @@ def _speed_window(run: StoredRun) -> ArrayLike:
     return run.attributes.get("speed_window", SPEED_WINDOW)
 
 
-def _mean_torque(measured: list[Measured], run: StoredRun) -> np.ndarray:
-    window = _speed_window(run)
+def _mean_torque(measured: list[Measured], window: ArrayLike = SPEED_WINDOW) -> np.ndarray:
     return np.array([mean_abs_torque(m.motor_velocity, m.motor_torque, window) for m in measured])
 
 
