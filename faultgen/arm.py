@@ -14,9 +14,11 @@ from faultgen.robot import Robot
 
 
 @lru_cache(maxsize=8)
-def _rigid(xml: str, n_axes: int, payload: bool) -> mujoco.MjModel:
+def _rigid(
+    xml: str, assets: tuple[tuple[str, bytes], ...], n_axes: int, payload: bool
+) -> mujoco.MjModel:
     """The arm without rotors, gearboxes and actuators; compiled once, and not to be edited."""
-    spec = mujoco.MjSpec.from_string(xml)
+    spec = mujoco.MjSpec.from_string(xml, assets=dict(assets))
     for actuator in list(spec.actuators):
         spec.delete(actuator)
     rotors = [spec.joint(f"motor{i + 1}").parent for i in range(n_axes)]
@@ -46,7 +48,7 @@ class Arm:
             payload: Keep the body ``payload``; False takes it off the flange.
         """
         self.robot = robot
-        self.model = _rigid(robot.xml, robot.n_axes, payload)
+        self.model = _rigid(robot.xml, tuple(sorted(robot.assets.items())), robot.n_axes, payload)
         self._data = mujoco.MjData(self.model)
         self._tool = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, "tool")
 

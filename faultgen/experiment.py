@@ -15,19 +15,29 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationError,
+    model_validator,
+)
 
-from faultgen.effects import HEALTHY, get_effect
+from faultgen.effects import HEALTHY, Applied, get_effect
+from faultgen.effects.base import DEFAULT_FRACTION
 from faultgen.errors import InputError
-from faultgen.machine import check_axis
-from faultgen.robot import Robot, load_robot
+from faultgen.faults import beside_of, check_severity, default_severity, list_faults, window_of
+from faultgen.reading import read_text
+from faultgen.robot import load_robot
 from faultgen.sensors import get_sensors
 from faultgen.simulate import decimation
 from faultgen.tasks import load_task
 from faultgen.wear import severities
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Version of the layout of run files."""
 
 SIGNALS = (
@@ -61,11 +71,37 @@ def _axes(value: Any) -> Any:
     return [_listed(item) for item in _listed(value)]
 
 
+def _severities(value: Any) -> Any:
+    """0.1 to [0.1], also within a table by effect."""
+    if isinstance(value, dict):
+        return {name: _listed(one) for name, one in value.items()}
+    return _listed(value)
+
+
+def _windows(value: Any) -> Any:
+    """[low, high] to [[low, high]]."""
+    single = isinstance(value, list) and not any(isinstance(one, list) for one in value)
+    return [value] if single else value
+
+
+def _kind(value: Any) -> str:
+    return "table" if isinstance(value, dict) else "list"
+
+
 Axes = Annotated[list[int], Field(min_length=1)]
 Names = Annotated[list[str], BeforeValidator(_listed), Field(min_length=1)]
 Places = Annotated[list[str], BeforeValidator(_places), Field(min_length=1)]
 Severity = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Severities = Annotated[list[Severity], Field(min_length=1)]
+Window = Annotated[
+    list[Annotated[float, Field(ge=0, allow_inf_nan=False)]], Field(min_length=2, max_length=2)
+]
 
+MOST_RUNS = 100_000
+"""Runs that a dataset may have."""
+
+LARGEST_SEED = 2**63 - 1
+"""Largest seed that run files can store."""
 
 Numbers = dict[str, int | float | str]
 
@@ -96,17 +132,16 @@ class Experiment(BaseModel):
     """Names of tasks, or paths of task files; each must exist for each robot."""
     effect: Names = ["friction_wear"]
     """Names from the catalogue; 'healthy' is the robot without a fault."""
-    axis: Annotated[list[Axes], BeforeValidator(_axes), Field(min_length=1)] = [
-        [1],
-        [2],
-        [3],
-        [4],
-        [5],
-        [6],
-    ]
-    """Axes that wear, one run each, from 1; a list within the list wears at once."""
-    severity: Annotated[list[Severity], BeforeValidator(_listed), Field(min_length=1)] = [0.2]
-    """Final severities."""
+    axis: Annotated[list[Axes], BeforeValidator(_axes), Field(min_length=1)] | None = None
+    """Axes that wear, one run each, from 1; a list within the list wears at once. Default: every
+    axis of the robot on which the effect can act."""
+    severity: Annotated[
+        Annotated[Severities, Tag("list")] | Annotated[dict[str, Severities], Tag("table")],
+        Discriminator(_kind),
+        BeforeValidator(_severities),
+    ] = [DEFAULT_FRACTION]
+    """Final severities: of all effects, or a table with those of each effect. Default: 0.2 for an
+    effect in fractions of nominal, else the effect's own default."""
     schedule: str | list[Severity] = "exponential"
     """Name of a wear schedule, or the severity of each cycle."""
     cycles: Annotated[int, Field(ge=1, le=1_000_000)] = 100
@@ -121,36 +156,38 @@ class Experiment(BaseModel):
     """Preset of noise and disturbance."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the first repetition; the next ones count up."""
-    repetitions: Annotated[int, Field(ge=1)] = 1
+    repetitions: Annotated[int, Field(ge=1, le=MOST_RUNS)] = 1
     """How often everything is repeated with another seed."""
-    paired: bool = True
-    """Give a faulty run the seed of the healthy one, so that wear is all that tells them apart;
-    false draws a seed for each run."""
+    paired: bool = False
+    """Give every run of a repetition the same seed, so that a faulty run and its healthy twin
+    share noise, temperature and payload, and differ by the fault alone. Default: every run has a
+    seed of its own, as a dataset to learn from needs it."""
     sample_period: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.004
     """Time between samples [s]."""
     signals: Literal["all", "none"] | list[str] = "all"
     """Which sampled signals are kept in the files."""
     thin: Annotated[int, Field(ge=1)] = 1
     """Keep every so many-th sample in the files; reductions use all."""
+    speed_window: Annotated[list[Window], BeforeValidator(_windows), Field(min_length=1)] | None = (
+        None
+    )
+    """Motor speeds whose samples `mean_abs_torque` uses [rad/s]: [low, high] for all axes, or one
+    pair for each axis. Default: 50 to 120, or, where the task never turns an axis so fast, a part
+    of the speeds that it does reach."""
 
     @model_validator(mode="after")
     def _check(self) -> Experiment:
         if not isinstance(self.schedule, str):
             if "severity" in self.model_fields_set:
                 raise InputError("severity: an array as schedule has the severities; leave it out")
-            self.severity = self.schedule[-1:]
+            self.severity = self.schedule[-1:] or [0.0]
+        effects = {name: get_effect(name) for name in self.faults}
+        if isinstance(self.schedule, str) and "severity" not in self.model_fields_set:
+            self.severity = default_severity(effects)
+        check_severity(effects, self.severity, self.schedule)
         warms = get_sensors(self.sensors).temperature_wander > 0
-        highest = max(self.severity, default=0.0)
-        if not isinstance(self.schedule, str):
-            highest = max(self.schedule, default=0.0)
-        for name in self.effect:
-            if name != HEALTHY and highest > get_effect(name).largest:
-                effect = get_effect(name)
-                raise InputError(
-                    f"severity: {name} takes up to {effect.largest:g} ({effect.unit}), "
-                    f"not {highest:g}"
-                )
-            if name != HEALTHY and "temperature" in get_effect(name).parameters and not warms:
+        for name in self.faults:
+            if "temperature" in get_effect(name).parameters and not warms:
                 raise InputError(
                     f"effect: {name} needs a temperature that changes, which sensors "
                     f"'{self.sensors}' do not have; choose realistic"
@@ -162,6 +199,13 @@ class Experiment(BaseModel):
                 raise InputError(f"signals: unknown '{name}': choose {', '.join(SIGNALS)}")
         if len(set(self.kept_signals)) < len(self.kept_signals):
             raise InputError("signals: the same name twice")
+        for low, high in self.speed_window or []:
+            if not low < high:
+                raise InputError(f"speed_window: must be [low, high], not [{low:g}, {high:g}]")
+        if self.seed + self.repetitions - 1 > LARGEST_SEED:
+            raise InputError(
+                f"seed: must be at most {LARGEST_SEED + 1 - self.repetitions}, not {self.seed}"
+            )
         return self
 
     def _check_parameters(self) -> None:
@@ -179,11 +223,25 @@ class Experiment(BaseModel):
                 )
 
     @property
+    def faults(self) -> list[str]:
+        """Names of the effects that are faults."""
+        return [name for name in self.effect if name != HEALTHY]
+
+    def severities_of(self, effect: str) -> list[float]:
+        """Final severities of an effect."""
+        if isinstance(self.severity, dict):
+            return self.severity[effect]
+        return self.severity
+
+    @property
     def kept_signals(self) -> tuple[str, ...]:
         """Names of the signals kept."""
         if self.signals == "all":
             return SIGNALS
         return () if self.signals == "none" else tuple(self.signals)
+
+
+_OPTIONAL = ("parameters", "beside", "speed_window")  # not in the id of a run without them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,6 +264,8 @@ class Run:
     """Of the effect, where they are not its defaults."""
     beside: tuple[tuple[str, int, float, tuple[tuple[str, int | float | str], ...]], ...] = ()
     """Effect, axis, final severity and parameters of those that grow beside it."""
+    speed_window: tuple[tuple[float, float], ...] = ()
+    """Low and high motor speed of each axis [rad/s]; empty: the default of robot and task."""
     model_sha256: str
     task_sha256: str
     schema_version: int = SCHEMA_VERSION
@@ -213,10 +273,18 @@ class Run:
     @property
     def id(self) -> str:
         """Hash of the parameters, 16 hex digits; where robot and task are stored does not count."""
-        told = {k: v for k, v in asdict(self).items() if v or k not in ("parameters", "beside")}
+        told = {k: v for k, v in asdict(self).items() if v or k not in _OPTIONAL}
         told |= {"robot": Path(self.robot).stem, "task": Path(self.task).stem}
         text = json.dumps(told, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    @property
+    def faults(self) -> list[Applied]:
+        """Every fault of the run with its final severity: that of the run, and those beside it."""
+        own = [
+            Applied(self.effect, axis, self.severity, dict(self.parameters)) for axis in self.axes
+        ]
+        return own + [Applied(name, axis, s, dict(more)) for name, axis, s, more in self.beside]
 
     @property
     def label(self) -> str:
@@ -235,11 +303,8 @@ def load_experiment(path: str | Path) -> Experiment:
     Raises:
         InputError: The file cannot be read, or says something wrong.
     """
-    path = Path(path)
     try:
-        content = tomllib.loads(path.read_text())
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"experiment file {path}: cannot be read ({error})") from None
+        content = tomllib.loads(read_text(path, "experiment file"))
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"experiment file {path}: not valid TOML: {error}") from None
     return make_experiment(content, where=f"experiment file {path}: ")
@@ -272,47 +337,52 @@ def make_experiment(content: dict[str, Any], *, where: str = "") -> Experiment:
 
 
 def to_toml(experiment: Experiment) -> str:
-    """The experiment as TOML, every entry written out."""
-    entries = experiment.model_dump()
+    """The experiment as TOML, every entry written out but those that depend on the robot."""
+    entries = experiment.model_dump(exclude_none=True)
     if not isinstance(experiment.schedule, str):
         del entries["severity"]  # the array has it
-    parameters, beside = entries.pop("parameters"), entries.pop("beside")
-    lines = [f"{name} = {json.dumps(value)}" for name, value in entries.items()]
-    if parameters:
-        lines.append(f"parameters = {_inline(parameters)}")
-    if beside:
-        lines.append(f"beside = [{', '.join(map(_inline, beside))}]")
-    return "\n".join(lines) + "\n"
+    for name in ("parameters", "beside"):
+        if not entries[name]:
+            del entries[name]
+    return "".join(f"{name} = {_inline(value)}\n" for name, value in entries.items())
 
 
 def _inline(value: Any) -> str:
-    """A TOML value; tables in one line, without what is None."""
+    """A TOML value; tables in one line."""
     if isinstance(value, dict):
-        kept = (f"{key} = {_inline(one)}" for key, one in value.items() if one is not None)
-        return f"{{{', '.join(kept)}}}"
-    return json.dumps(value)
+        return f"{{{', '.join(f'{key} = {_inline(one)}' for key, one in value.items())}}}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_inline, value))}]"
+    return json.dumps(value, ensure_ascii=False)
 
 
 def plan_runs(experiment: Experiment) -> list[Run]:
     """All runs of an experiment, without repetition, in a fixed order.
 
     Raises:
-        InputError: A robot, task or axis does not exist, or the sample period does not fit.
+        InputError: A robot, task or axis does not exist, an effect cannot act on it, a severity is
+            too large for it, the sample period does not fit, or there are too many runs.
     """
     runs: dict[str, Run] = {}
+    first = True
+    schedule = experiment.schedule
     for robot_name in experiment.robot:
         robot = load_robot(robot_name)
         decimation(robot.model.opt.timestep, experiment.sample_period)
-        _check_axes(experiment, robot)
+        faults = list_faults(experiment, robot)
+        window = window_of(experiment, robot)
+        count = len(faults) * experiment.repetitions * len(experiment.task)
+        if count > MOST_RUNS:
+            raise InputError(f"experiment: has {count} runs, but at most {MOST_RUNS} are possible")
         for task_name in experiment.task:
             task = load_task(robot.name, task_name)
             digest = hashlib.sha256(task.model_dump_json().encode()).hexdigest()
             for repetition in range(experiment.repetitions):
-                for effect, axes, severity in _faults(experiment):
+                for effect, axes, severity in faults:
                     seed = experiment.seed + repetition
-                    if axes and not experiment.paired:
-                        seed = _own_seed(seed, robot.name, task.name, effect, axes, severity)
-                    schedule = experiment.schedule
+                    # the healthy runs of the first robot and task have the seeds as given
+                    if not experiment.paired and (axes or not first):
+                        seed = _own_seed(seed, robot.sha256, digest, effect, axes, severity)
                     run = Run(
                         robot=robot_name,
                         task=task_name,
@@ -327,59 +397,17 @@ def plan_runs(experiment: Experiment) -> list[Run]:
                         signals=experiment.kept_signals,
                         thin=experiment.thin,
                         parameters=tuple(sorted(experiment.parameters.get(effect, {}).items())),
-                        beside=_beside(experiment, axes),
+                        beside=beside_of(experiment, axes),
+                        speed_window=window,
                         model_sha256=robot.sha256,
                         task_sha256=digest,
                     )
                     runs.setdefault(run.id, run)
+            first = False
     return list(runs.values())
 
 
-def _faults(experiment: Experiment) -> list[tuple[str, tuple[int, ...], float]]:
-    """(effect, axes, severity) of every run; severity 0 is the healthy robot."""
-    healthy = (HEALTHY, (), 0.0)
-    faults: list[tuple[str, tuple[int, ...], float]] = [healthy] if experiment.healthy else []
-    for effect in experiment.effect:
-        for axes in experiment.axis:
-            for severity in experiment.severity:
-                worn = effect != HEALTHY and (
-                    severity > 0 or not isinstance(experiment.schedule, str)
-                )
-                fault = (effect, tuple(sorted(axes)), float(severity)) if worn else healthy
-                if fault not in faults:
-                    faults.append(fault)
-    return faults
-
-
-def _beside(
-    experiment: Experiment, axes: tuple[int, ...]
-) -> tuple[tuple[str, int, float, tuple[tuple[str, int | float | str], ...]], ...]:
-    """What grows beside the effect of a run; nothing in a healthy one."""
-    return tuple(
-        (one.effect, axis, one.severity, tuple(sorted(one.parameters.items())))
-        for one in experiment.beside
-        for axis in ((one.axis,) if one.axis is not None and axes else axes)
-    )
-
-
-def _check_axes(experiment: Experiment, robot: Robot) -> None:
-    for one in experiment.beside:
-        for axis in [one.axis] if one.axis is not None else sum(experiment.axis, []):
-            check_axis(get_effect(one.effect), axis, robot)
-    for axes in experiment.axis:
-        for axis in axes:
-            if not 1 <= axis <= robot.n_axes:
-                raise InputError(
-                    f"axis {axis}: robot {robot.name} has axes 1 to {robot.n_axes} "
-                    f"(for the healthy robot alone: effect {HEALTHY})"
-                )
-            for name in experiment.effect:
-                if name != HEALTHY:
-                    check_axis(get_effect(name), axis, robot)
-        if len(set(axes)) != len(axes):
-            raise InputError(f"axis {axes}: the same axis twice")
-
-
 def _own_seed(*parts: Any) -> int:
+    """A seed that no other run has: 53 bits, which every reader of JSON keeps exactly."""
     digest = hashlib.sha256(json.dumps(parts).encode()).digest()
-    return int(np.frombuffer(digest[:4], np.uint32)[0])
+    return int.from_bytes(digest[:8], "little") >> 11

@@ -19,12 +19,28 @@ from typing import Any
 
 import joblib
 
-from faultgen.errors import SimulationFailed
+from faultgen.errors import InputError, SimulationFailed
 
 Call = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
 """What `joblib.delayed` makes of a call."""
 
+MOST_WORKERS = 1024
+"""Largest number of processes."""
+
 _LOOK_EVERY = 0.2  # s; how soon a worker notices that the program is gone
+
+
+def check_workers(workers: int) -> int:
+    """The number of processes, if it is possible.
+
+    Raises:
+        InputError: It is below 1 or above `MOST_WORKERS`.
+    """
+    if workers < 1:
+        raise InputError(f"workers: must be at least 1, not {workers}")
+    if workers > MOST_WORKERS:
+        raise InputError(f"workers: must be at most {MOST_WORKERS}, not {workers}")
+    return workers
 
 
 def in_parallel(calls: Iterable[Call], workers: int, *, ordered: bool = True) -> Iterator[Any]:

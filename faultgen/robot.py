@@ -11,6 +11,8 @@ By name in the file: arm joints ``joint1``..., rotor joints ``motor1``..., gearb
 from __future__ import annotations
 
 import hashlib
+import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import resources
@@ -19,11 +21,15 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from faultgen.dcmotor import BRISTLE_DAMPING as BRISTLE_DAMPING
+from faultgen.dcmotor import BRISTLE_STIFFNESS as BRISTLE_STIFFNESS
+from faultgen.dcmotor import COULOMB as COULOMB
+from faultgen.dcmotor import OFFSET as OFFSET
+from faultgen.dcmotor import STICTION as STICTION
+from faultgen.dcmotor import STRIBECK_VELOCITY as STRIBECK_VELOCITY
 from faultgen.errors import InputError
-
-# dcmotor parameters in MuJoCo's parameter arrays (mjModel.actuator_biasprm, actuator_dynprm)
-OFFSET, COULOMB, STICTION, STRIBECK_VELOCITY = 0, 3, 4, 5  # in biasprm
-BRISTLE_STIFFNESS, BRISTLE_DAMPING = 5, 6  # in dynprm
+from faultgen.mjcf import check_memory, mujoco_warnings, read_mjcf
+from faultgen.robot_checks import count_axes, missing_elements, wrong_elements, wrong_numbers
 
 
 @dataclass(frozen=True)
@@ -34,6 +40,8 @@ class Robot:
     """Name in datasets: the folder's name for a robot of ours, else the file's stem."""
     xml: str
     """The MJCF text."""
+    assets: Mapping[str, bytes] = field(default_factory=dict, repr=False)
+    """Content of the files that the text names (meshes, ...), by name."""
     n_axes: int = field(init=False)
     """Number of axes."""
     joints: tuple[int, ...] = field(init=False)
@@ -41,7 +49,11 @@ class Robot:
     motors: tuple[int, ...] = field(init=False)
     """Degree-of-freedom index of each rotor."""
     gear_ratio: np.ndarray = field(init=False)
-    """Rotor turns per joint turn, signed."""
+    """Rotor turns per joint turn, signed; per metre where the joint slides."""
+    slides: np.ndarray = field(init=False)
+    """Whether the arm joint slides instead of turning."""
+    payload_mass: float = field(init=False)
+    """Mass of the body ``payload`` [kg]; nan if there is none."""
     joint_range: np.ndarray = field(init=False)
     """Shape (n_axes, 2), in [rad]."""
     motor_velocity_limit: np.ndarray = field(init=False)
@@ -61,56 +73,72 @@ class Robot:
 
     def __post_init__(self) -> None:
         model = self.model
-        n = 0
-        while mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"joint{n + 1}") >= 0:
-            n += 1
+        n = count_axes(model)
         if n == 0:
             raise InputError(f"robot {self.name}: no joint named 'joint1'; see docs/robots.md")
+        self._refuse(missing_elements(model, n))
         put = object.__setattr__
         put(self, "n_axes", n)
-        joints = [_id(self.name, model, "joint", f"joint{i + 1}") for i in range(n)]
-        motors = [_id(self.name, model, "joint", f"motor{i + 1}") for i in range(n)]
-        put(self, "joints", tuple(int(model.jnt_dofadr[j]) for j in joints))
-        put(self, "motors", tuple(int(model.jnt_dofadr[j]) for j in motors))
+        joints, motors = self.ids("joint", "joint"), self.ids("joint", "motor")
+        put(self, "joints", tuple(model.jnt_dofadr[joints].tolist()))
+        put(self, "motors", tuple(model.jnt_dofadr[motors].tolist()))
         put(self, "joint_range", model.jnt_range[joints].copy())
-        put(self, "gear_ratio", np.array([self._gear_ratio(model, i) for i in range(n)]))
-        drives = [_id(self.name, model, "actuator", f"drive{i + 1}") for i in range(n)]
-        for i in range(n):
-            _id(self.name, model, "actuator", f"friction{i + 1}")
+        put(self, "slides", model.jnt_type[joints] == int(mujoco.mjtJoint.mjJNT_SLIDE))
+        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "payload")
+        put(self, "payload_mass", float(model.body_mass[body]) if body >= 0 else float("nan"))
+        drives = self.ids("actuator", "drive")
         limited = model.actuator_forcelimited[drives]
-        put(
-            self,
-            "motor_torque_limit",
-            np.where(limited, model.actuator_forcerange[drives, 1], np.inf),
-        )
-        put(self, "motor_velocity_limit", self._numeric(model, "motor_velocity_limit", np.inf))
-        put(self, "joint_acceleration_limit", self._numeric(model, "joint_acceleration_limit", 5.0))
-        put(self, "encoder_counts", self._numeric(model, "encoder_counts", 0.0))
-        put(self, "set_points", self._numeric(model, "servo_set_points", 1.0, 3))
-        put(self, "torque_gain", self._numeric(model, "torque_gain", 1.0))
-        put(
-            self,
-            "friction_temperature",
-            float(self._numeric(model, "friction_temperature", 40.0, 1)[0]),
-        )
+        limit = np.where(limited, model.actuator_forcerange[drives, 1], np.inf)
+        put(self, "motor_torque_limit", limit)
+        findings = wrong_elements(self)
+        ratio = np.array([self._gear_ratio(model, axis, findings) for axis in range(n)])
+        put(self, "gear_ratio", ratio)
+        for name, numeric, default, size in (
+            ("motor_velocity_limit", "motor_velocity_limit", np.inf, n),
+            ("joint_acceleration_limit", "joint_acceleration_limit", 5.0, n),
+            ("encoder_counts", "encoder_counts", 0.0, n),
+            ("set_points", "servo_set_points", 1.0, 3),
+            ("torque_gain", "torque_gain", 1.0, n),
+            ("friction_temperature", "friction_temperature", 40.0, 1),
+        ):
+            put(self, name, self._numeric(model, numeric, default, size, findings))
+        put(self, "friction_temperature", float(np.ravel(self.friction_temperature)[0]))
+        self._refuse([*findings, *wrong_numbers(self)])
+
+    def _refuse(self, findings: list[str]) -> None:
+        if findings:
+            raise InputError(f"robot {self.name}: {'; '.join(findings)} (see docs/robots.md)")
 
     def spec(self) -> mujoco.MjSpec:
         """A fresh, editable copy of the model."""
-        return mujoco.MjSpec.from_string(self.xml)
+        return mujoco.MjSpec.from_string(self.xml, assets=dict(self.assets))
 
     @cached_property
     def model(self) -> mujoco.MjModel:
         """The healthy robot, compiled. Not to be edited."""
-        try:
-            return self.spec().compile()
-        except ValueError as error:
-            line = " ".join(str(error).split())
-            raise InputError(f"robot {self.name}: MuJoCo cannot read the model: {line}") from None
+        with mujoco_warnings() as warned:
+            try:
+                model = self.spec().compile()
+            except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
+                line = " ".join(str(error).split()) or "not enough memory"
+                raise InputError(
+                    f"robot {self.name}: MuJoCo cannot read the model: {line}"
+                ) from None
+        if any("NaN" in message for message in warned):
+            raise InputError(f"robot {self.name}: an attribute of the model is NaN, not a number")
+        return model
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of the MJCF text."""
-        return hashlib.sha256(self.xml.encode()).hexdigest()
+        """Hash of the MJCF text and of the files that it names."""
+        digest = hashlib.sha256(self.xml.encode())
+        for name, content in sorted(self.assets.items()):
+            digest.update(f"{name} {len(content)}\n".encode() + content)
+        return digest.hexdigest()
+
+    def edited(self, spec: mujoco.MjSpec) -> Robot:
+        """A robot of the same name and files, with another model."""
+        return Robot(self.name, spec.to_xml(), self.assets)
 
     def ids(self, kind: str, name: str, model: mujoco.MjModel | None = None) -> np.ndarray:
         """Ids of the elements ``name1`` ... ``name{n_axes}``, in the robot or an edit of it.
@@ -133,33 +161,35 @@ class Robot:
         )
         return motors, joints
 
-    def _gear_ratio(self, model: mujoco.MjModel, axis: int) -> float:
+    def _gear_ratio(self, model: mujoco.MjModel, axis: int, findings: list[str]) -> float:
         tendon = _id(self.name, model, "tendon", f"gearbox{axis + 1}")
         start = model.tendon_adr[tendon]
         wraps = range(start, start + model.tendon_num[tendon])
-        coefficient = {int(model.jnt_dofadr[model.wrap_objid[w]]): model.wrap_prm[w] for w in wraps}
+        joint_wraps = [w for w in wraps if model.wrap_type[w] == int(mujoco.mjtWrap.mjWRAP_JOINT)]
+        coefficient = {
+            int(model.jnt_dofadr[model.wrap_objid[w]]): model.wrap_prm[w] for w in joint_wraps
+        }
         motor, joint = coefficient.get(self.motors[axis]), coefficient.get(self.joints[axis])
-        if not motor or joint != -1.0:
-            raise InputError(
-                f"robot {self.name}: tendon 'gearbox{axis + 1}' must have coef 1/n on "
-                f"motor{axis + 1} and -1 on joint{axis + 1}"
-            )
-        return 1.0 / motor
+        if motor and joint == -1.0 and np.isfinite(motor):
+            return 1.0 / motor
+        findings.append(
+            f"tendon 'gearbox{axis + 1}' must have coef 1/n on motor{axis + 1} and -1 on "
+            f"joint{axis + 1}"
+        )
+        return 1.0
 
     def _numeric(
-        self, model: mujoco.MjModel, name: str, default: float, size: int | None = None
+        self, model: mujoco.MjModel, name: str, default: float, size: int, findings: list[str]
     ) -> np.ndarray:
-        size = size or self.n_axes
         index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, name)
         if index < 0:
             return np.full(size, default)
         start = model.numeric_adr[index]
         values = model.numeric_data[start : start + model.numeric_size[index]].copy()
-        if len(values) != size:
-            raise InputError(
-                f"robot {self.name}: numeric '{name}' has {len(values)} values, not {size}"
-            )
-        return values
+        if len(values) == size:
+            return values
+        findings.append(f"numeric '{name}' has {len(values)} values, not {size}")
+        return np.full(size, default)
 
 
 def robot_names() -> list[str]:
@@ -185,13 +215,12 @@ def load_robot(name_or_path: str | Path) -> Robot:
         text = resources.files("robots").joinpath(name, f"{name}.xml").read_text()
         return Robot(name, text)
     path = Path(name_or_path)
-    if not path.is_file():
+    if not os.path.exists(path):
         known = ", ".join(robot_names())
         raise InputError(f"unknown robot '{name}': choose {known}, or give the path of an MJCF")
-    try:
-        return Robot(path.stem, path.read_text())
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"robot file {path}: cannot be read as text ({error})") from None
+    xml, assets = read_mjcf(path)
+    check_memory(path.stem, xml, assets)
+    return Robot(path.stem, xml, assets)
 
 
 def _id(robot: str, model: mujoco.MjModel, kind: str, name: str) -> int:

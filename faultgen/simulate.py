@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 
 import mujoco
 import numpy as np
@@ -24,6 +23,7 @@ from faultgen.channels import RECORD, Channels, Cycle
 from faultgen.effects.base import Moment
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.machine import Machine
+from faultgen.mjcf import mujoco_warnings
 from faultgen.robot import Robot
 
 LEAD_IN = 2.0
@@ -36,6 +36,7 @@ _BAD = (
     (mujoco.mjtWarning.mjWARN_BADQACC, "acceleration"),
     (mujoco.mjtWarning.mjWARN_BADCTRL, "control"),
 )
+_SEARCH = 64  # steps of the first search for the one that diverged
 _BAD_IDS = [int(warning) for warning, _ in _BAD]
 
 
@@ -146,27 +147,76 @@ class _Stepper:
         """
         for start in range(0, len(control), self.chunk):
             part = control[None, start : start + self.chunk]
-            steps = part.shape[1]
-            try:
-                with _quiet():
-                    if self.machine.updates:
-                        out, damping = self._update_and_step(part, first + start)
-                    else:
-                        out = self.batch.rollout(
-                            steps, part, record=RECORD, out=self.out.get(steps)
-                        )
-                        damping = self.machine.model.actuator_damping[self.channels.friction]
-            except SimulationError as error:
-                raise SimulationFailed(f"cycle {cycle}: {error}") from None
-            self.out[steps] = out
-            for warning, what in _BAD:
-                if self.batch.warning[0, int(warning), 1]:  # (last info, count)
-                    seconds = (start + steps) * self.batch.model.opt.timestep
-                    raise SimulationFailed(
-                        f"cycle {cycle}: the simulation diverged before {seconds:.2f} s of the "
-                        f"cycle: bad {what}"
-                    )
+            before = self.batch.state.copy()
+            out, damping = self._roll(part, cycle, first + start)
+            if self._broken():
+                raise SimulationFailed(self._diverged(before, part, cycle, first + start))
             yield out, damping
+
+    def _roll(
+        self, control: np.ndarray, cycle: int, first: int
+    ) -> tuple[dict[str, np.ndarray], np.ndarray]:
+        """Step through a chunk; as `run` yields."""
+        steps = control.shape[1]
+        try:
+            with mujoco_warnings():
+                if self.machine.updates:
+                    out, damping = self._update_and_step(control, first)
+                else:
+                    out = self.batch.rollout(steps, control, record=RECORD, out=self.out.get(steps))
+                    damping = self.machine.model.actuator_damping[self.channels.friction]
+        except SimulationError as error:
+            raise SimulationFailed(f"{_when(cycle)}: {error}") from None
+        self.out[steps] = out
+        return out, damping
+
+    def _broken(self) -> str:
+        """What MuJoCo found to be bad since the counts were set to zero; empty if nothing."""
+        for warning, what in _BAD:
+            if self.batch.warning[0, int(warning), 1]:  # (last info, count)
+                return what
+        return ""
+
+    def _diverged(self, before: np.ndarray, control: np.ndarray, cycle: int, first: int) -> str:
+        """Where and when a chunk diverged: it is stepped again, in ever shorter parts.
+
+        Args:
+            before: State before the chunk.
+            control: Of the chunk, shape (1, steps, n_controls).
+            cycle: Number for the message.
+            first: Number of the first step.
+        """
+        steps = control.shape[1]
+        whole = self.stride if self.machine.updates else 1
+        start = 0
+        for width in (_SEARCH * whole, whole):
+            while start < steps:
+                self.batch.state[:] = before
+                self.batch.warning[:] = 0
+                self._roll(control[:, start : start + width], cycle, first + start)
+                if self._broken():
+                    break
+                before = self.batch.state.copy()
+                start += width
+        what = self._broken() or "state"
+        self.batch.state[:] = before
+        axis = self._wildest()
+        seconds = (first + start + whole) * self.batch.model.opt.timestep
+        return (
+            f"{_when(cycle)}: the simulation diverged before {seconds:.3f} s of the cycle, "
+            f"on axis {axis}: bad {what}"
+        )
+
+    def _wildest(self) -> int:
+        """The axis whose rotor accelerates most beyond the robot's limits, from 1."""
+        model = self.machine.model
+        data = self.batch.get_data(0)
+        with mujoco_warnings():
+            mujoco.mj_forward(model, data)
+        motors, _ = self.robot.addresses(model)
+        acceleration = np.nan_to_num(np.abs(data.qacc[motors]), nan=np.inf)
+        usual = self.robot.joint_acceleration_limit * np.abs(self.robot.gear_ratio)
+        return int(np.argmax(acceleration / usual)) + 1
 
     def _update_and_step(
         self, control: np.ndarray, first: int
@@ -246,15 +296,8 @@ def _carry(before: Batch, after: Batch) -> None:
             after.act[:, to : to + count] = before.act[:, at : at + count]
 
 
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep MuJoCo's warnings from stderr and from a log file; they are read from its counters."""
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda message: None)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(before)
+def _when(cycle: int) -> str:
+    return f"cycle {cycle}" if cycle else "before cycle 1"
 
 
 def _start(robot: Robot, batch: Batch, control: np.ndarray) -> None:

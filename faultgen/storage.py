@@ -37,7 +37,7 @@ DESCRIPTIONS = {
     "gear_torque": ("N m", "gearbox torque on the joint, arm side"),
     "joint_position": ("rad", "joint position, arm side"),
     "joint_velocity": ("rad/s", "joint velocity, arm side"),
-    "mean_abs_torque": ("N m", "mean |motor torque| at motor speeds of 50 to 120 rad/s"),
+    "mean_abs_torque": ("N m", "mean |motor torque| at motor speeds within speed_window [rad/s]"),
     "torque_histogram": ("1", "share of time by motor torque, 12 parts of +- its limit"),
     "speed_histogram": ("1", "share of time by motor speed, 12 parts of +- its limit"),
     "angle_histogram": ("1", "share of time by joint angle, 12 parts of its range"),
@@ -45,7 +45,7 @@ DESCRIPTIONS = {
     "speed_indicator": ("rad/s", "mean |motor speed|"),
     "index": ("1", "cycle, from 1"),
     "severity": ("1", "severity of the effect in the cycle"),
-    "axis_severity": ("1", "severity of the effect in the cycle, by axis"),
+    "fault_severity": ("1", "severity of the effect in the cycle, by axis"),
     "temperature": ("degC", "gearbox temperature as measured"),
     "gearbox_temperature": ("degC", "true gearbox temperature"),
     "payload_mass": ("kg", "true mass of the payload"),
@@ -54,7 +54,7 @@ DESCRIPTIONS = {
     "axis": ("1", "axis, from 1"),
     "bin": ("1", "bin, from 1"),
 }
-"""Unit and long name of every array, by the last part of its name."""
+"""Unit and long name of every array, by the last part of its name, or else by its group."""
 
 
 class RunWriter:
@@ -148,15 +148,32 @@ class RunWriter:
         self._sums[name].update(stored.data)
         self._cycles[name] += 1
 
-    def add(self, name: str, values: np.ndarray, dims: tuple[str, ...]) -> None:
-        """Write a whole small array."""
+    def add(
+        self, name: str, values: np.ndarray, dims: tuple[str, ...], units: str | None = None
+    ) -> None:
+        """Write a whole small array.
+
+        Args:
+            name: Its path in the file.
+            values: What it holds.
+            dims: Names of its scales.
+            units: SI unit, if it is not that of `DESCRIPTIONS`.
+        """
         values = np.asarray(values)
         self._new(name, dims, data=values, fletcher32=True)
         self._sums[name].update(np.ascontiguousarray(values).data)
+        if units is not None:
+            self.describe(name, units=units)
+
+    def describe(self, name: str, **attributes: Any) -> None:
+        """Give an array more attributes, or other ones."""
+        self._attributes[name].update(attributes)
+        self._arrays[name].attrs.update(attributes)
 
     def _new(self, name: str, dims: tuple[str, ...], **how: Any) -> None:
         data = self._file.create_dataset(name, **how)
-        units, long_name = DESCRIPTIONS[name.split("/")[-1]]
+        parts = name.split("/")
+        units, long_name = DESCRIPTIONS[parts[-1] if parts[-1] in DESCRIPTIONS else parts[-2]]
         self._attributes[name] = {"units": units, "long_name": long_name}
         data.attrs.update(self._attributes[name])
         for axis, scale in enumerate(dims):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -25,8 +26,9 @@ from faultgen.experiment import Experiment, Run, load_experiment, plan_runs, to_
 from faultgen.files import write_text, writer_of
 from faultgen.manifest import EXPERIMENT, Manifest
 from faultgen.merge import merge
-from faultgen.parallel import in_parallel
-from faultgen.run import make_run, nominal, run_provenance
+from faultgen.nominal import check_runs
+from faultgen.parallel import check_workers, in_parallel
+from faultgen.run import make_run, run_provenance
 
 
 @dataclass
@@ -76,11 +78,11 @@ def generate(
     """
     if not isinstance(experiment, Experiment):
         experiment = load_experiment(experiment)
-    if workers < 1:
-        raise InputError(f"workers: must be at least 1, not {workers}")
+    check_workers(workers)
     runs = plan_runs(experiment)
-    for robot, task, sample_period in {(r.robot, r.task, r.sample_period): None for r in runs}:
-        nominal(robot, task, sample_period)  # an impossible motion is reported before anything
+    for line in check_runs(runs):  # what cannot be is refused before anything is written
+        if progress:
+            print(f"faultgen: {line}", file=sys.stderr)
     folder = Path(out)
     with _locked(folder):
         dataset = _prepare(folder, experiment, runs)
@@ -111,6 +113,7 @@ def _make_all(
         disable=None if progress and runs else True,
         desc="simulating",
     )
+    workers = min(workers, max(len(runs), 1))
     # within this process the bar moves with every cycle, else with every run
     on_cycle = bar.update if workers == 1 else None
     results = in_parallel(

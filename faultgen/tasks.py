@@ -8,6 +8,7 @@ start. `faultgen.motion` makes a motion of it.
 
 from __future__ import annotations
 
+import os
 import tomllib
 from importlib import resources
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from faultgen.errors import InputError
+from faultgen.reading import read_text
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 
@@ -90,13 +92,13 @@ def load_task(robot: str, name_or_path: str | Path) -> Task:
         text = resources.files("robots").joinpath(robot, "tasks", f"{name}.toml").read_text()
     else:
         path = Path(name_or_path)
-        if not path.is_file():
+        if not os.path.exists(path):
             known = ", ".join(task_names(robot)) or "none"
             raise InputError(
                 f"unknown task '{name}' for robot {robot}: choose {known}, "
                 "or give the path of a task file"
             )
-        text, name = path.read_text(), path.stem
+        text, name = read_text(path, "task file"), path.stem
     try:
         return Task(**{"name": name, "robot": robot, **tomllib.loads(text)})
     except tomllib.TOMLDecodeError as error:

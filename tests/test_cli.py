@@ -69,6 +69,22 @@ def test_generate_again_keeps_what_is_there(tiny_robot_path, tiny_task_path, dat
     assert "3 runs, 0 made now, 3 there before, 0 failed" in again.stdout
 
 
+def test_severities_and_pairing_by_flags(tiny_robot_path, tiny_task_path, tmp_path):
+    """A severity for each effect; one seed for all runs of a repetition where that is asked for."""
+    severity = "backlash=0.001,0.002,encoder_offset=0.02"
+    chosen = {"effect": "backlash,encoder_offset", "severity": severity, "axis": 1, "cycles": 1}
+    arguments = flags(tiny_robot_path, tiny_task_path, tmp_path, **chosen)
+    assert faultgen(*arguments, "--paired").returncode == 0
+    runs = json.loads((tmp_path / "runs.json").read_text())["runs"].values()
+    assert [(run["effect"], run["severity"]) for run in runs] == [
+        ("healthy", 0.0),
+        ("backlash", 0.001),
+        ("backlash", 0.002),
+        ("encoder_offset", 0.02),
+    ]
+    assert {run["seed"] for run in runs} == {0}
+
+
 def test_info_tells_what_is_there(dataset):
     """A whole dataset is complete and intact, in words and in JSON."""
     said = json.loads(faultgen("info", dataset, "--json").stdout)
@@ -127,6 +143,13 @@ BAD = {
     "cycles 0": ({"cycles": 0}, r"cycles: .*greater than or equal to 1, not 0"),
     "cycles x": ({"cycles": "many"}, r".*'--cycles'.* valid integer"),
     "an unknown schedule": ({"schedule": "sudden"}, r"unknown schedule 'sudden'"),
+    "two units": (
+        {"effect": "backlash,friction_wear", "severity": 0.01},
+        r"severity: one list cannot serve .*--severity backlash=0.0003,friction_wear=0.2",
+    ),
+    "0.2 rad of play": ({"effect": "backlash", "severity": 0.2}, r"severity: backlash takes up to"),
+    "a nameless severity": ({"severity": "0.1,delay=0.01"}, r"severity '.*': give numbers such as"),
+    "a huge seed": ({"seed": 18446744073709551616}, r"seed: must be at most 9223372036854775807"),
     "an unknown option": ({"colour": "red"}, r"No such option: --colour"),
 }
 
@@ -158,6 +181,9 @@ def test_bad_files_and_folders_get_one_line(tmp_path):
         (["generate", good, "--cycles", "3", "-o", out], "file or flags, not both: --cycles"),
         (["generate", "--robot", "puma560", "-o", out], "no --task"),
         (["generate", good, "--workers", "0", "-o", out], "workers: must be at least 1, not 0"),
+        (["generate", good, "--workers", "99999", "-o", out], "workers: must be at most 1024"),
+        (["generate", "/dev/zero", "-o", out], "/dev/zero: cannot be read (not a regular file)"),
+        (["generate", good, "--paired", "-o", out], "file or flags, not both: --paired"),
         (["info", tmp_path], "no dataset there"),
         (["isolate", tmp_path / "nowhere"], "no dataset there"),
         (["report", tmp_path], "no dataset there"),

@@ -38,7 +38,7 @@ def test_wear_is_detected_and_the_healthy_robot_stands_beside(made):
 
 def test_stored_noise_learns_from_other_seeds(made):
     """With realistic noise a run is judged by healthy runs of other seeds only."""
-    dataset = made("stored", sensors="realistic", repetitions=3)
+    dataset = made("stored", sensors="realistic", repetitions=3, paired=True)
     result = detect(dataset, progress=False)
     assert not result.redrawn and result.seeds == 3
     assert set(result.healthy_cycles.values()) == {60}
@@ -49,7 +49,7 @@ def test_stored_noise_learns_from_other_seeds(made):
 def test_what_is_missing_is_said(made):
     """One seed with stored noise; no healthy run; no torque in the files; other effects."""
     with pytest.raises(InputError, match="of another seed to learn from"):
-        detect(made("one", sensors="realistic"), progress=False)
+        detect(made("one", sensors="realistic", paired=True), progress=False)
     with pytest.raises(InputError, match="no healthy run to learn from"):
         detect(made("worn", healthy=False), progress=False)
     bare = detect(made("bare", sensors="realistic", repetitions=3, signals="none"), progress=False)

@@ -121,7 +121,9 @@ def test_draws_follow_the_seed(tiny_robot, measured):
 def dataset(out, robot, task, effect, **more):
     """Runs of a healthy robot and of one with an effect on axis 2, last cycle."""
     entries = {"robot": robot, "task": task, "effect": effect, "axis": 2, "cycles": 3, "seed": 7}
-    experiment = make_experiment(entries | {"sensors": "thesis", "schedule": "linear"} | more)
+    experiment = make_experiment(
+        entries | {"sensors": "thesis", "schedule": "linear", "paired": True} | more
+    )
     generate(experiment, out, progress=False)
     healthy, faulty = sorted(open_dataset(out).runs, key=lambda run: int(run["axis"]))
     return healthy, faulty

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from faultgen import simulate as module
+from faultgen.effects import Applied
 from faultgen.errors import InputError, SimulationFailed
+from faultgen.machine import assemble
 from faultgen.motion import plan
 from faultgen.robot import load_robot, robot_names
 from faultgen.servo import control_signal
@@ -92,6 +94,21 @@ def test_every_robot_runs_a_second_alone(name):
     for _ in range(round(1 / model.opt.timestep)):
         mujoco.mj_step(model, data)
     assert all(warning.number == 0 for warning in data.warning)
+
+
+@pytest.mark.parametrize("axis", [1, 2])
+@pytest.mark.parametrize("beside", [[], [Applied("load_friction", 1, 0.02)]])
+def test_divergence_names_the_axis_and_the_time(tiny_robot, swing, axis, beside):
+    """The axis whose gearbox is far too stiff, also with effects that act between steps."""
+    spec = tiny_robot.spec()
+    spec.tendon(f"gearbox{axis}").stiffness[0] = 1e9
+    healthy = assemble(tiny_robot, beside)
+    broken = assemble(tiny_robot, beside, spec=spec)
+    cycles = simulate(tiny_robot, swing[1], [healthy, broken], sample_period=0.004)
+    next(cycles)
+    message = rf"cycle 2: the simulation diverged before 0\.[0-9]{{3}} s of .*, on axis {axis}: bad"
+    with pytest.raises(SimulationFailed, match=message):
+        next(cycles)
 
 
 def test_divergence_is_reported(tiny_robot, swing, tmp_path, monkeypatch, capfd):

@@ -98,12 +98,12 @@ def test_observed_as_in_a_generated_run(surrogate, where, tmp_path):
     """The same seed gives the reductions of a run of `generate`, but for interpolation."""
     experiment = make_experiment(
         {"robot": where[0], "task": where[1], "axis": [2], "cycles": 12, "severity": 0.15}
-        | {"sensors": "realistic", "seed": 4}
+        | {"sensors": "realistic", "seed": 4, "paired": True}
     )
     generate(experiment, tmp_path, progress=False)
     monitored = Monitored.of(surrogate)
     for run in open_dataset(tmp_path).runs:
-        severity = run.read("cycle/axis_severity")
+        severity = run.read("cycle/severity")[:, None] * np.isin([1, 2], run["axes"])
         seen = monitored.observe(get_sensors("realistic"), severity, np.random.default_rng(4))
         stored = run.read("monitoring/mean_abs_torque")
         np.testing.assert_array_equal(seen.temperature, run.read("cycle/temperature"))

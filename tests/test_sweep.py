@@ -37,7 +37,7 @@ def small(tiny_robot_path, tiny_task_path):
 def made(small, tmp_path_factory):
     """A finished dataset, not to be changed."""
     folder = tmp_path_factory.mktemp("dataset") / "out"
-    generate(small(sensors="realistic"), folder, progress=False)
+    generate(small(sensors="realistic", paired=True), folder, progress=False)
     return folder
 
 
@@ -48,7 +48,7 @@ def contents(folder: Path) -> dict[str, str]:
 
 def test_workers_do_not_change_a_byte(small, made, tmp_path):
     """One worker and two give the same folder, file by file, byte by byte."""
-    generate(small(sensors="realistic"), tmp_path / "two", workers=2, progress=False)
+    generate(small(sensors="realistic", paired=True), tmp_path / "two", workers=2, progress=False)
     assert contents(tmp_path / "two") == contents(made)
 
 
@@ -94,7 +94,8 @@ def test_labels_are_true(made):
     severity = first.read("cycle/severity")
     assert severity[-1] == first["severity"] == 0.3
     np.testing.assert_array_equal(
-        first.read("cycle/axis_severity"), np.stack([severity, 0 * severity], axis=1)
+        first.read("cycle/fault_severity/friction_wear"),
+        np.stack([severity, 0 * severity], axis=1),
     )
     speed = np.abs(first.read("truth/motor_velocity"))
     fast = np.abs(speed - 60) < 3
@@ -123,8 +124,8 @@ def test_healthy_twin_differs_by_wear_only(made):
 
 
 def test_unpaired_runs_have_seeds_of_their_own(small):
-    """With paired = false no two faulty runs share a seed, and the seeds are stable."""
-    runs = plan_runs(small(paired=False, repetitions=3))
+    """Unless paired = true no two runs share a seed, and the seeds are stable."""
+    runs = plan_runs(small(repetitions=3))
     seeds = [run.seed for run in runs]
     assert len(set(seeds)) == len(seeds) == 9
     assert seeds == [run.seed for run in plan_runs(small(paired=False, repetitions=3))]
@@ -146,7 +147,8 @@ def test_several_axes_wear_at_once(small, tmp_path):
     (run,) = open_dataset(tmp_path).runs
     assert list(run["axes"]) == [1, 2]
     severity = run.read("cycle/severity")
-    np.testing.assert_array_equal(run.read("cycle/axis_severity"), severity[:, None] * [1, 1])
+    labels = run.read("cycle/fault_severity/friction_wear")
+    np.testing.assert_array_equal(labels, severity[:, None] * [1, 1])
 
 
 def test_schedules_may_be_arrays(small, tmp_path):
@@ -190,7 +192,7 @@ def test_merged_file_holds_every_run(made):
 def test_finished_datasets_are_left_alone(small, made):
     """Generating again makes nothing and changes nothing."""
     before = contents(made)
-    summary = generate(small(sensors="realistic"), made, progress=False)
+    summary = generate(small(sensors="realistic", paired=True), made, progress=False)
     assert (summary.done, summary.kept, summary.failed) == (0, 3, {})
     assert contents(made) == before
 
@@ -215,7 +217,7 @@ def test_missing_and_damaged_runs_are_made_again(small, tmp_path):
 def test_killed_sweeps_are_finished_by_running_again(small, made, tmp_path):
     """After SIGKILL in the middle, running again gives the very bytes of an unbroken sweep."""
     toml = tmp_path / "experiment.toml"
-    toml.write_text(to_toml(small(sensors="realistic")))
+    toml.write_text(to_toml(small(sensors="realistic", paired=True)))
     code = (
         "import sys, time, faultgen.run as r, faultgen.sweep as s; real = r.simulate\n"
         "def slow(*a, **k):\n"
@@ -252,7 +254,12 @@ def test_every_effect_grows_in_a_dataset(small, tmp_path, effect):
     """At severity 0 the run is the healthy one, bit for bit, and after that it is not."""
     severity = BESIDE_THE_MODEL[effect]
     experiment = small(
-        effect=effect, axis=[2], severity=severity, schedule="step", sensors="realistic"
+        effect=effect,
+        axis=[2],
+        severity=severity,
+        schedule="step",
+        sensors="realistic",
+        paired=True,
     )
     generate(experiment, tmp_path, progress=False)
     healthy, worn = open_dataset(tmp_path).runs
@@ -392,7 +399,7 @@ def test_experiments_survive_being_written_out(small, made):
     from faultgen.experiment import load_experiment
 
     experiment = load_experiment(made / "experiment.toml")
-    assert experiment == small(sensors="realistic")
+    assert experiment == small(sensors="realistic", paired=True)
     planned = json.loads((made / "runs.json").read_text())["runs"]
     assert list(planned) == [run.id for run in plan_runs(experiment)]
 

@@ -25,11 +25,19 @@ def generate(
         str | None, typer.Option(help="Task, or the path of a task file; several: a,b.")
     ] = None,
     axis: Annotated[
-        str | None, typer.Option(help="Axes that wear, one run each: 1,2,3; at once: 2+3.")
+        str | None,
+        typer.Option(
+            help="Axes that wear, one run each: 1,2,3; at once: 2+3; default: all that the effect "
+            "can act on."
+        ),
     ] = None,
     effect: Annotated[str | None, typer.Option(help="Effect; several: a,b. See: effects.")] = None,
     severity: Annotated[
-        str | None, typer.Option(help="Final severity, 0.1 = 10 %; several: 0.1,0.2.")
+        str | None,
+        typer.Option(
+            help="Final severity in the unit of the effect, such as 0.1 for 10 %; several: "
+            "0.1,0.2; for each effect: backlash=0.001,encoder_offset=0.02."
+        ),
     ] = None,
     schedule: Annotated[
         str | None,
@@ -41,6 +49,14 @@ def generate(
     repetitions: Annotated[
         int | None, typer.Option(help="Repeat everything with so many seeds.")
     ] = None,
+    paired: Annotated[
+        bool | None,
+        typer.Option(
+            "--paired/--unpaired",
+            help="Whether faulty and healthy runs of a repetition share their noise; "
+            "default: unpaired, as a dataset to learn from needs it.",
+        ),
+    ] = None,
     regenerate: Annotated[
         bool, typer.Option(help="Make runs again that another version of faultgen has made.")
     ] = False,
@@ -50,8 +66,9 @@ def generate(
     """Generate a labelled dataset; run the same command again to resume.
 
     Every combination of robot, task, effect, axis and severity is a run, and the healthy robot is
-    one more. Without flags of their own, axes are 1 to 6, the effect is friction_wear, the severity
-    0.2, the schedule exponential, 100 cycles, no noise.
+    one more. Without flags of their own, the axes are all on which the effect can act, the effect
+    is friction_wear, the severity 0.2 (for effects with a unit: see the command effects), the
+    schedule exponential, 100 cycles, no noise.
 
     \b
     faultgen generate --robot irb6700 --task spot_weld --axis 3 --cycles 50 -o out
@@ -65,12 +82,13 @@ def generate(
         "task": _split(task),
         "axis": _axes(axis),
         "effect": _split(effect),
-        "severity": _numbers(severity),
+        "severity": _severities(severity),
         "schedule": schedule,
         "cycles": cycles,
         "sensors": sensors,
         "seed": seed,
         "repetitions": repetitions,
+        "paired": paired,
     }
     given = {name: value for name, value in flags.items() if value is not None}
     if experiment is not None and given:
@@ -212,10 +230,22 @@ def _axes(text: str | None) -> list[list[int]] | None:
         ) from None
 
 
-def _numbers(text: str | None) -> list[float] | None:
+def _severities(text: str | None) -> list[float] | dict[str, list[float]] | None:
+    """0.1,0.2 as a list; backlash=0.001,0.002,delay=0.01 as a list for each effect."""
     if text is None:
         return None
+    found: dict[str, list[float]] = {}
+    name = ""
     try:
-        return [float(part) for part in text.split(",")]
+        for part in text.split(","):
+            before, equals, number = part.rpartition("=")
+            name = before.strip() if equals else name
+            found.setdefault(name, []).append(float(number))
     except ValueError:
-        raise InputError(f"severity '{text}': give numbers such as 0.1,0.2") from None
+        found = {}
+    if not found or ("" in found and len(found) > 1):
+        raise InputError(
+            f"severity '{text}': give numbers such as 0.1,0.2, or those of each effect such as "
+            "backlash=0.001,encoder_offset=0.02"
+        )
+    return found[""] if "" in found else found

@@ -64,6 +64,8 @@ def effects(as_json: Json = False) -> None:
         {
             "effect": effect.name,
             "severity": effect.unit,
+            "units": effect.units,
+            "default": effect.default,
             "smallest": effect.smallest,
             "largest": effect.largest,
             "parameters": dict(effect.parameters),

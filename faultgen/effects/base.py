@@ -30,6 +30,12 @@ if TYPE_CHECKING:
 HEALTHY = "healthy"
 """Effect name of runs without a fault."""
 
+DEFAULT_FRACTION = 0.2
+"""Severity of an experiment that gives none, of effects that are fractions."""
+
+MASSLESS = 1e-3
+"""Mass below which a payload is a place only [kg]."""
+
 FRACTION = "fraction of nominal (0.1 = 10 % more)"
 """Unit of effects that scale a nominal value."""
 
@@ -120,7 +126,13 @@ class Effect:
     description: str
     """What happens in the robot."""
     unit: str
-    """What severity 1 means."""
+    """What severity 1 means, in words."""
+    units: str = "1"
+    """SI unit of severity, as files state it; "1" for a fraction. See `units_on`."""
+    slide_units: str = ""
+    """SI unit on a joint that slides, if it is another one."""
+    point_units: str = ""
+    """SI unit if the robot's payload has no mass, if it is another one."""
     signature: str
     """How it shows in the motor's torque."""
     element: str
@@ -137,8 +149,12 @@ class Effect:
     """Further numbers and choices, by name, with their defaults."""
     same_as: str = ""
     """Name of an effect that changes the robot in the same way, in another unit."""
+    motor_torque: bool = False
+    """Whether severity is a torque on the rotor, which stays below the motor's torque limit."""
     axes: Callable[[int], range] = _all_axes
-    """Axes that it can act on, from the number of axes."""
+    """Axes that it can act on, from the number of axes. See `axes_on`."""
+    payload: float | None = None
+    """Least mass of the robot's payload [kg] with which it can act; None: it needs no payload."""
     edit: Callable[..., None] | None = None
     """Changes the spec in place: (spec, axis, severity, **parameters)."""
     last: bool = False
@@ -164,6 +180,40 @@ class Effect:
     def signed(self) -> bool:
         """Whether negative severities are meaningful."""
         return self.smallest < 0
+
+    @property
+    def default(self) -> float:
+        """Severity of an experiment that gives none: 0.2 of nominal, else `step`."""
+        return DEFAULT_FRACTION if self.units == "1" else self.step
+
+    def axes_on(self, robot: Robot) -> tuple[int, ...]:
+        """Axes of a robot that the effect can act on, from 1; none if its payload is too light."""
+        if self.payload is not None and not robot.payload_mass >= self.payload:
+            return ()
+        return tuple(self.axes(robot.n_axes))
+
+    def units_on(self, robot: Robot, axis: int) -> str:
+        """SI unit of severity on an axis of a robot."""
+        if self.point_units and robot.payload_mass < MASSLESS:
+            return self.point_units
+        if self.slide_units and robot.slides[axis - 1]:
+            return self.slide_units
+        return self.units
+
+    def check_severity(self, severity: float, robot: Robot, axis: int) -> None:
+        """Refuse a severity that is too large for its unit on an axis of a robot.
+
+        Raises:
+            InputError: With the largest severity.
+        """
+        limit = robot.motor_torque_limit[axis - 1] if self.motor_torque else np.inf
+        if severity > self.largest:
+            raise InputError(f"severity: {self.name} takes up to {self.largest:g} ({self.unit})")
+        if severity > limit:
+            raise InputError(
+                f"severity: {self.name} on axis {axis} of robot {robot.name} takes up to the "
+                f"motor's torque limit of {limit:g} N m, not {severity:g}"
+            )
 
     def shown(self, severity: float) -> str:
         """A severity for people, with its unit."""

@@ -56,6 +56,8 @@ EFFECTS = (
         description="the tool changer has play: the payload slides on its flange and strikes; "
         "belongs to the last axis",
         unit="m, the whole play, along the flange's x, or y or z by direction (0, 1, 2)",
+        units="m",
+        payload=MASSLESS,
         signature="strikes and ringing where the payload's weight and inertia change sign along "
         "the play",
         element="slide loose_tool_x (y, z) of the payload, tendon springlength (dead band)",

@@ -93,6 +93,7 @@ EFFECTS = (
         name="encoder_quantisation",
         description="the encoder of the motor tells whole steps only, beyond those of the sensors",
         unit="rad, motor side, the step",
+        units="rad",
         signature="none in torque; logged position in steps, logged speed in steps over the "
         "sample period",
         element="log of position and speed",

@@ -6,10 +6,8 @@ import mujoco
 import numpy as np
 
 from faultgen.effects.base import FRACTION, Effect, last_axis
+from faultgen.effects.base import MASSLESS as MASSLESS
 from faultgen.errors import InputError
-
-MASSLESS = 1e-3
-"""Mass below which a payload is a place only [kg]."""
 
 _POINT = 0.01  # radius of gyration of a point [m]: assumed
 
@@ -72,6 +70,8 @@ EFFECTS = (
         description="the payload is heavier; belongs to the last axis. Where the model's payload "
         "has no mass: a point of severity kg at x, y, z [m]",
         unit=FRACTION,
+        point_units="kg",
+        payload=0.0,
         signature="gravity and inertia on several axes, by the pose",
         element="body payload, mass and inertia",
         source="definition",
@@ -84,10 +84,13 @@ EFFECTS = (
         name="payload_offset",
         description="the payload sits off its place; belongs to the last axis",
         unit="m, along the flange's x, or y or z by direction (0, 1, 2)",
+        units="m",
+        payload=MASSLESS,
         signature="gravity on the wrist by the tool's orientation",
         element="body payload, inertial pos",
         source="definition",
-        smallest=-10.0,
+        largest=2.0,
+        smallest=-2.0,
         axes=last_axis,
         step=0.02,
         parameters={"direction": 0},
@@ -97,6 +100,8 @@ EFFECTS = (
         name="gravity_spring",
         description="a balancing device pulls the joint to its zero angle",
         unit="N m/rad, joint side",
+        units="N m/rad",
+        slide_units="N/m",
         signature="torque in proportion to the angle of the joint, at all speeds",
         element="joint{i}, stiffness",
         source="linear spring",

@@ -92,6 +92,8 @@ EFFECTS = (
         description="a tooth is chipped or pitted: the gearbox leads while it is in mesh, "
         "once a turn of the motor or of the joint",
         unit="rad, joint side, at the peak",
+        units="rad",
+        slide_units="m",
         signature="a short pulse and its ringing at one angle of the shaft, once a turn",
         element="tooth_damage{i}, two passive dcmotors with cogging for each harmonic of the pulse",
         source="displacement of a damaged tooth as a local transmission error; its form, "

@@ -59,7 +59,7 @@ class Unit:
         spec = nominal.spec()
         spec.body("payload").mass *= self.payload
         spec.body("payload").inertia *= self.payload
-        return Robot(nominal.name, spec.to_xml())
+        return nominal.edited(spec)
 
 
 def draw_unit(plan: FleetPlan, number: int) -> Unit:

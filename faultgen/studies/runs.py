@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from analysis.isolation import ChangeIsolator
 from faultgen.dataset import Dataset, StoredRun
 from faultgen.errors import InputError
-from faultgen.monitoring import histogram, mean_abs_torque
+from faultgen.monitoring import SPEED_WINDOW, histogram, mean_abs_torque
 from faultgen.robot import load_robot
 from faultgen.sensors import Measured, Sensors, get_sensors, measure
 from faultgen.studies.wear_model import (
@@ -112,7 +113,7 @@ class Place:
         for number in range(seed, seed + seeds):
             measured = _measured(run, self.sensors, number)
             yield ObservedRun(
-                _mean_torque(measured),
+                _mean_torque(measured, _speed_window(run)),
                 self.model.features.transform(np.stack([m.motor_torque for m in measured])),
                 run.read("cycle/temperature"),
                 self._counts([m.motor_torque for m in measured]),
@@ -191,7 +192,7 @@ def one_series(run: StoredRun) -> np.ndarray:
     """
     if run["sensors"] != "none":
         return run.read("monitoring/mean_abs_torque")
-    return _mean_torque(_measured(run, get_sensors("thesis"), 1000))
+    return _mean_torque(_measured(run, get_sensors("thesis"), 1000), _speed_window(run))
 
 
 def _measured(run: StoredRun, sensors: Sensors, number: int) -> list[Measured]:
@@ -222,8 +223,13 @@ def _measured(run: StoredRun, sensors: Sensors, number: int) -> list[Measured]:
     ]
 
 
-def _mean_torque(measured: list[Measured]) -> np.ndarray:
-    return np.array([mean_abs_torque(m.motor_velocity, m.motor_torque) for m in measured])
+def _speed_window(run: StoredRun) -> ArrayLike:
+    """The window that the run's own mean torque was taken in."""
+    return run.attributes.get("speed_window", SPEED_WINDOW)
+
+
+def _mean_torque(measured: list[Measured], window: ArrayLike = SPEED_WINDOW) -> np.ndarray:
+    return np.array([mean_abs_torque(m.motor_velocity, m.motor_torque, window) for m in measured])
 
 
 def places(dataset: Dataset, sensors: str | None = None) -> list[Place]:
@@ -246,7 +252,9 @@ def places(dataset: Dataset, sensors: str | None = None) -> list[Place]:
     for (robot, task), runs in groups.items():
         planned = dataset.planned[runs[0].id]
         model = _model(planned["robot"], planned["task"], runs)
-        limit = load_robot(planned["robot"]).motor_torque_limit
+        limit = runs[0].attributes.get(
+            "motor_torque_limit", load_robot(planned["robot"]).motor_torque_limit
+        )
         preset = get_sensors(chosen) if redraw else None
         found.append(Place(robot, task, runs, preset, model, limit))
     return found
@@ -259,4 +267,4 @@ def _model(robot_path: str, task_path: str, runs: list[StoredRun]) -> WearModel:
     period = runs[0]["sample_period"]
     conditions = wear_points(robot, WEAR)
     cycles = [simulate_at(robot_path, task_path, period, condition) for condition in conditions]
-    return wear_model(robot, np.stack(cycles))
+    return wear_model(robot, np.stack(cycles), _speed_window(runs[0]))

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from analysis.friction_features import FrictionFeatures
 from analysis.isolation import ChangeIsolator
 from faultgen.condition import Condition
-from faultgen.monitoring import mean_abs_torque
+from faultgen.monitoring import SPEED_WINDOW, mean_abs_torque
 from faultgen.robot import STRIBECK_VELOCITY, Robot
 
 OWN_TORQUE = "own torque"
@@ -135,13 +136,14 @@ def wear_points(robot: Robot, effect: str) -> list[Condition]:
     return conditions
 
 
-def wear_model(robot: Robot, cycles: np.ndarray) -> WearModel:
+def wear_model(robot: Robot, cycles: np.ndarray, window: ArrayLike = SPEED_WINDOW) -> WearModel:
     """Take friction terms and directions from nominal cycles.
 
     Args:
         robot: The healthy robot.
         cycles: Noise-free cycles at `wear_points`, shape (points, 3, samples, n_axes): motor
             position [rad], velocity [rad/s] and torque [N m].
+        window: Speed window of the mean torque, shape (2,) or (n_axes, 2), in [rad/s].
 
     Returns:
         What the model says of wear.
@@ -151,7 +153,7 @@ def wear_model(robot: Robot, cycles: np.ndarray) -> WearModel:
     features = FrictionFeatures(
         stribeck_velocity=robot.model.actuator_biasprm[friction, STRIBECK_VELOCITY]
     ).fit(nominal[1], load=(heavy[2] - nominal[2]) / (_HEAVIER - 1))
-    torque = np.nan_to_num([mean_abs_torque(cycle[1], cycle[2]) for cycle in cycles[1:]])
+    torque = np.nan_to_num([mean_abs_torque(cycle[1], cycle[2], window) for cycle in cycles[1:]])
     coefficients = features.transform(cycles[1:, 2])
     return WearModel(features, wear_slopes(torque), wear_slopes(coefficients))
 

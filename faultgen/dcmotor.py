@@ -1,0 +1,6 @@
+"""Where the parameters of a dcmotor are in MuJoCo's parameter arrays."""
+
+# in mjModel.actuator_biasprm
+OFFSET, COULOMB, STICTION, STRIBECK_VELOCITY = 0, 3, 4, 5
+# in mjModel.actuator_dynprm
+BRISTLE_STIFFNESS, BRISTLE_DAMPING = 5, 6
