@@ -14,10 +14,9 @@ from faultgen.errors import InputError, SimulationFailed
 from faultgen.experiment import Run
 from faultgen.machine import Machine
 from faultgen.monitoring import monitor
-from faultgen.nominal import nominal as nominal
+from faultgen.nominal import nominal
 from faultgen.robot import Robot
 from faultgen.run_file import create_arrays, growth_of, run_attributes, shares_of
-from faultgen.run_file import run_provenance as run_provenance
 from faultgen.sensors import Surroundings, get_sensors, measure, surroundings
 from faultgen.simulate import simulate
 from faultgen.storage import RunWriter

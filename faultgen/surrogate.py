@@ -29,10 +29,10 @@ from tqdm import tqdm
 from faultgen.condition import Condition, machine_at
 from faultgen.effects.temperature import TEMPERATURE_RANGE
 from faultgen.errors import InputError
+from faultgen.nominal import nominal
 from faultgen.parallel import in_parallel
 from faultgen.provenance import provenance
 from faultgen.robot import load_robot
-from faultgen.run import nominal
 from faultgen.simulate import simulate
 from faultgen.storage import read_arrays, write_arrays
 

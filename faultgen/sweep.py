@@ -28,7 +28,8 @@ from faultgen.manifest import EXPERIMENT, Manifest
 from faultgen.merge import merge
 from faultgen.nominal import check_runs
 from faultgen.parallel import check_workers, in_parallel
-from faultgen.run import make_run, run_provenance
+from faultgen.run import make_run
+from faultgen.run_file import run_provenance
 
 
 @dataclass

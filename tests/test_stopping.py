@@ -1,0 +1,99 @@
+"""Programs that are terminated or killed leave no process behind that still writes."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from faultgen.dataset import open_dataset
+from faultgen.experiment import make_experiment
+from faultgen.sweep import generate
+
+HANG = 900  # s; a limit for hangs only
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX systems")
+
+
+def start(tiny_robot_path, tiny_task_path, out):
+    """A sweep whose two workers would simulate for hours."""
+    command = [sys.executable, "-m", "faultgen.cli", "generate", "--robot", tiny_robot_path]
+    command += ["--task", tiny_task_path, "--axis", "1,2", "--cycles", "1000000"]
+    return subprocess.Popen(
+        [*command, "--workers", "2", "-o", str(out)],
+        start_new_session=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def wait_for(condition):
+    deadline = time.monotonic() + HANG
+    while not condition():
+        assert time.monotonic() < deadline, "it hangs"
+        time.sleep(0.05)
+
+
+def has_ended(process):
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return True
+    state = Path(f"/proc/{process}/stat")
+    # ended, but the process that adopted it has not yet asked how
+    return state.is_file() and state.read_text().rpartition(")")[2].split()[0] == "Z"
+
+
+def writers(out):
+    return {path.name.split(".")[-2] for path in out.glob("runs/.*.tmp")}
+
+
+@pytest.mark.parametrize(
+    ("how", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130), (signal.SIGKILL, -9)]
+)
+def test_workers_end_with_the_program(tiny_robot_path, tiny_task_path, tmp_path, how, status):
+    """Only the program gets the signal; its workers end too, release stdout and stop writing."""
+    process = start(tiny_robot_path, tiny_task_path, tmp_path / "out")
+    wait_for(lambda: len(writers(tmp_path / "out")) == 2 or process.poll() is not None)
+    workers = [int(number) for number in writers(tmp_path / "out")]
+    assert len(workers) == 2
+    os.kill(process.pid, how)
+    # ends only when no process holds the pipes any more
+    said, complained = process.communicate(timeout=HANG)
+    assert process.returncode == status
+    assert "Traceback" not in complained
+    for worker in workers:
+        wait_for(lambda worker=worker: has_ended(worker))
+    given = {"robot": tiny_robot_path, "task": tiny_task_path, "axis": [1], "cycles": 2}
+    if how != signal.SIGKILL:
+        assert not list((tmp_path / "out").rglob("*.h5"))
+    generate(make_experiment(given), tmp_path / "other", progress=False)
+    assert not open_dataset(tmp_path / "other").damaged()
+
+
+def test_resuming_waits_for_writers_of_a_killed_program(
+    tiny_robot_path, tiny_task_path, tmp_path, monkeypatch
+):
+    """Unfinished files are removed only when the processes that write them have ended."""
+    given = {"robot": tiny_robot_path, "task": tiny_task_path, "axis": [1], "cycles": 2}
+    generate(make_experiment(given), tmp_path, progress=False)
+    writer = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(3600)"])
+    unfinished = tmp_path / "runs" / f".{'0' * 16}.h5.{writer.pid}.tmp"
+    unfinished.write_text("being written")
+    waits = []
+
+    def wait(seconds):
+        assert unfinished.exists()
+        waits.append(seconds)
+        if len(waits) == 3:
+            writer.kill()
+            writer.wait()
+
+    monkeypatch.setattr("faultgen.sweep.time.sleep", wait)
+    generate(make_experiment(given), tmp_path, progress=False)
+    assert len(waits) == 3
+    assert not unfinished.exists()
