@@ -166,7 +166,7 @@ def plot_divergence(
             lw=1.3,
             label=name,
         )
-    axes.legend(fontsize=8, ncols=2, handlelength=3.5)
+    axes.legend(loc="upper left", fontsize=8, ncols=2, handlelength=3.5)
     axes.set(xlabel="time [h]", ylabel="KL divergence [bit]", ylim=(0, None))
 
 

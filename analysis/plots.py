@@ -32,10 +32,20 @@ def style() -> Iterator[None]:
         "font.size": 9,
         "figure.dpi": 110,
         "legend.frameon": False,
+        "legend.loc": "upper left",  # "best" searches for seconds among many points
         "figure.constrained_layout.use": True,
     }
     with plt.rc_context(settings):
         yield
+
+
+def legend_beside(axes: Axes) -> None:
+    """Put the legend to the right of the axes, where it covers nothing.
+
+    Args:
+        axes: Which carry lines or bars with labels.
+    """
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
 
 
 def plot_net_transfer_entropy(

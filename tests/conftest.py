@@ -1,3 +1,4 @@
+import matplotlib.legend
 import numpy as np
 import pytest
 
@@ -8,6 +9,9 @@ from faultgen.robot import Robot, load_robot
 from faultgen.servo import control_signal
 from faultgen.simulate import simulate
 from faultgen.tasks import load_task
+
+HANG = 1800
+"""A process that takes longer hangs [s]; no test may depend on how fast or busy the machine is."""
 
 TWO_AXES = """
 <mujoco model="tiny">
@@ -142,3 +146,13 @@ def measured(tiny_robot, tmp_path_factory):
         )
 
     return record
+
+
+@pytest.fixture(autouse=True)
+def legends_have_a_place(monkeypatch):
+    """No figure searches for the best place of its legend: on a busy machine that takes seconds."""
+
+    def search(self, *args):
+        raise AssertionError("give this legend a place instead of loc='best'")
+
+    monkeypatch.setattr(matplotlib.legend.Legend, "_find_best_position", search)

@@ -12,7 +12,7 @@ from analysis.monitoring_plots import (
     plot_divergence,
     plot_scores,
 )
-from analysis.plots import COLOURS, style
+from analysis.plots import COLOURS, legend_beside, style
 
 
 @pytest.fixture
@@ -110,3 +110,23 @@ def test_delays_share_a_scale_that_holds_all(axes):
     assert axes.get_ylim()[0] == 0
     assert 90 < axes.get_ylim()[1] < 110
     assert to_rgba(axes.lines[1].get_color()) == to_rgba(COLOURS[1])
+
+
+def test_legends_beside_cover_no_data(axes):
+    """The legend is drawn outside the axes, and inside the figure."""
+    axes.plot([0, 1], [0, 1], label="a line")
+    legend_beside(axes)
+    axes.figure.canvas.draw()
+    legend, inside = axes.get_legend().get_window_extent(), axes.get_window_extent()
+    assert legend.x0 >= inside.x1
+    assert legend.x1 <= axes.figure.bbox.x1
+
+
+def test_legends_without_a_place_do_not_search_for_one(axes):
+    """A search takes longer the more points there are; the style puts legends into a corner."""
+    axes.plot([0, 1], [0, 1], label="a line")
+    axes.legend()
+    axes.figure.canvas.draw()
+    legend, inside = axes.get_legend().get_window_extent(), axes.get_window_extent()
+    assert legend.x0 - inside.x0 < 0.1 * inside.width
+    assert inside.y1 - legend.y1 < 0.1 * inside.height

@@ -3,6 +3,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from conftest import HANG
+
 from faultgen.motion import plan
 from faultgen.robot import load_robot
 from faultgen.tasks import load_task
@@ -17,7 +19,7 @@ def test_the_python_examples_of_the_readme_run(tmp_path):
     for code in codes:
         code = code.replace("benchmarks/example.toml", str(ROOT / "benchmarks" / "example.toml"))
         done = subprocess.run(
-            [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=300
+            [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=HANG
         )
         assert done.returncode == 0, done.stderr
         printed.append(done.stdout)

@@ -3,7 +3,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -219,20 +218,24 @@ def test_killed_sweeps_are_finished_by_running_again(small, made, tmp_path):
     toml = tmp_path / "experiment.toml"
     toml.write_text(to_toml(small(sensors="realistic", paired=True)))
     code = (
-        "import sys, time, faultgen.run as r, faultgen.sweep as s; real = r.simulate\n"
-        "def slow(*a, **k):\n"
-        "    for c in real(*a, **k): time.sleep(0.1); yield c\n"
-        "r.simulate = slow\n"
+        "import sys, pathlib, faultgen.run as r, faultgen.sweep as s; real = r.simulate\n"
+        "def halting(*a, **k):\n"
+        "    for number, cycle in enumerate(real(*a, **k)):\n"
+        "        yield cycle\n"
+        "        if number == 2 and list(pathlib.Path(sys.argv[2], 'runs').glob('*.h5')):\n"
+        "            print('halted', flush=True); sys.stdin.read()\n"
+        "r.simulate = halting\n"
         "s.generate(sys.argv[1], sys.argv[2], progress=False)"
     )
     out = tmp_path / "out"
-    process = subprocess.Popen([sys.executable, "-c", code, str(toml), str(out)])
-    deadline = time.time() + 60
-    while not list(out.glob("runs/*.h5")) and time.time() < deadline:
-        time.sleep(0.02)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    assert len(open_dataset(out).missing) in (1, 2)
+    command = [sys.executable, "-c", code, str(toml), str(out)]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout.readline() == "halted\n"  # in the middle of the second run
+        process.send_signal(signal.SIGKILL)
+    assert len(open_dataset(out).missing) == 2
+    assert list(out.glob("runs/.*.tmp"))
     generate(toml, out, progress=False)
     assert contents(out) == contents(made)
 

@@ -13,7 +13,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.plots import plot_accuracy, plot_net_transfer_entropy, plot_series, style
+from analysis.plots import (
+    legend_beside,
+    plot_accuracy,
+    plot_net_transfer_entropy,
+    plot_series,
+    style,
+)
 from analysis.transfer_entropy import net_transfer_entropy
 from faultgen.dataset import Dataset, StoredRun, open_dataset
 from faultgen.effects import get_effect
@@ -93,7 +99,7 @@ def _wear_figure(runs: list[StoredRun]) -> Figure:
                 plot_series(axes, np.arange(1, len(values) + 1), values, _name(run), number)
             axes.set(title=f"axis {axis}", ylabel="mean |torque| [N m]")
             if chosen:
-                axes.legend(fontsize=7)
+                axes.legend(loc="upper left", fontsize=7)
     return figure
 
 
@@ -131,7 +137,7 @@ def _isolation_figure(runs: list[StoredRun], result: Isolation, robot: str, task
                     number,
                 )
         if here:
-            grid[2].legend(fontsize=7)
+            legend_beside(grid[2])
         else:
             grid[2].axis("off")
     return figure

@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.plots import COLOURS, style
+from analysis.plots import COLOURS, legend_beside, style
 from faultgen.discovery.calibrate import CARRIED, changed
 from faultgen.discovery.workflow import Discovery, dump
 from faultgen.effects import get_effect
@@ -202,7 +202,7 @@ def _steps(result: dict[str, Any]) -> Figure:
         axes.set_yticks(range(len(names)), names)
         axes.invert_yaxis()
         axes.set(xlabel="RMS torque error over RMS torque")
-        axes.legend()
+        legend_beside(axes)
     return figure
 
 

@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.plots import COLOURS
+from analysis.plots import COLOURS, legend_beside
 from analysis.preprocessing import COMBINATIONS
 from faultgen.studies.classifiers_findings import FULL_CHAIN
 from faultgen.studies.classifiers_study import HORIZON, OWN, OWN_EVENTS
@@ -89,7 +89,7 @@ def _horizons(result: dict[str, Any]) -> Figure:
         )
     axes.axhline(0.5, color="0.4", lw=1.0, ls=":")
     axes.set(xlabel="days ahead", ylabel="mean AUC", ylim=(0, 1.02))
-    axes.legend(fontsize=7, ncols=2)
+    axes.legend(loc="lower left", fontsize=7, ncols=2)
     return figure
 
 
@@ -108,7 +108,7 @@ def _speed(result: dict[str, Any]) -> Figure:
         ends = np.array([level.min(), level.max()])
         axes.plot(ends, auc.mean() + row["slope"] * (ends - level.mean()), color=colour, lw=1.2)
     axes.set(xlabel="mean speed over the fleet's largest", ylabel="mean AUC of the robot, LR")
-    axes.legend()
+    legend_beside(axes)
     return figure
 
 

@@ -15,6 +15,7 @@ from analysis.monitoring_plots import (
     plot_divergence,
     plot_scores,
 )
+from analysis.plots import legend_beside
 from faultgen.studies.detection_study import NOISES, TRAINING, WORN
 from faultgen.studies.detectors import KL_EWMA, KL_Q, TORQUE_PCA, WEAR, WEAR_CUSUM
 from faultgen.studies.figures import Figures
@@ -77,7 +78,7 @@ def _delay(result: dict[str, Any]) -> Figure:
         column[1].set(ylabel="alarm with the right axis [%]", ylim=(0, 103))
     for axes in panels[:, 1]:
         axes.set(ylabel="")
-    panels[0, 1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
+    legend_beside(panels[0, 1])
     return figure
 
 

@@ -24,7 +24,7 @@ def _course(result: dict[str, Any]) -> Figure:
         axes.axhline(1, color="0.4", lw=0.8, ls="--")
         axes.axvline(-BEFORE, color="0.4", lw=0.8, ls=":")
         axes.set(yscale="log", ylabel=f"{name.replace('2', '²')} / limit, median")
-    panels[0].legend()
+    panels[0].legend(loc="upper left")
     panels[1].set(xlabel="days to failure, or to the end of the record")
     return figure
 
@@ -41,7 +41,7 @@ def _example(result: dict[str, Any]) -> Figure:
         axes.axvline(days[0] + TRAINING, color="0.4", lw=0.8, ls=":", label="end of training")
         axes.set(ylabel=f"{name.replace('2', '²')} / limit")
     panels[0].set(title=f"{example['robot']}, gearbox {example['axis']} fails at day 0")
-    panels[0].legend()
+    panels[0].legend(loc="upper left")
     panels[1].set(xlabel="days to failure")
     return figure
 

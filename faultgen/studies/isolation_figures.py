@@ -7,7 +7,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
-from analysis.plots import plot_accuracy, plot_net_transfer_entropy
+from analysis.plots import legend_beside, plot_accuracy, plot_net_transfer_entropy
 from faultgen.studies.figures import Figures
 from faultgen.studies.isolation import LEVELS
 from faultgen.studies.isolation_tables import pooled
@@ -58,7 +58,7 @@ def _bins(result: dict[str, Any]) -> Figure:
         axes.set(xlabel="bins", title=f"IRB 6700, task 1, noise: {noise}")
         if axes is not panels[0]:
             axes.set(ylabel="")
-    panels[-1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
+    legend_beside(panels[-1])
     return figure
 
 
@@ -83,7 +83,7 @@ def _accuracy(result: dict[str, Any]) -> Figure:
         axes.set(title=f"noise: {noise}", xticks=[100 * level for level in LEVELS])
         if axes is not panels[0]:
             axes.set(ylabel="")
-    panels[-1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
+    legend_beside(panels[-1])
     return figure
 
 
@@ -111,7 +111,7 @@ def _severity(result: dict[str, Any]) -> Figure:
         axes.set(xlabel="wear [%]", title=f"noise: {noise}", yscale="log")
         axes.set_xticks([100 * level for level in LEVELS])
     panels[0].set_ylabel("RMS error of severity [percentage points]")
-    panels[-1].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
+    legend_beside(panels[-1])
     return figure
 
 

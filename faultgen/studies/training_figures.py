@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.plots import COLOURS
+from analysis.plots import COLOURS, legend_beside
 from faultgen.studies.figures import Figures
 from faultgen.studies.training_signals import SIGNALS, TEST
 from faultgen.studies.training_study import SHARE
@@ -39,7 +39,7 @@ def _descriptor(name: str, result: dict[str, Any]) -> Figure:
         axes.set(title={"OTM": "one to many", "OTO": "one to one"}[source])
         axes.margins(y=0.15)
     panels[0].set(ylabel=NAMES[name])
-    panels[1].legend()
+    legend_beside(panels[1])
     return figure
 
 
