@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: install demo test test-slow lint benchmark pictures clean
+.PHONY: install demo test test-slow lint mutation benchmark pictures clean
 
 install: $(VENV)/installed
 
@@ -27,6 +27,10 @@ lint: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# Hours: see "Mutation run" in docs/methods.md. Name modules to run a part: MODULES="faultgen/wear.py"
+mutation: install
+	$(BIN)/python benchmarks/mutation.py $(MODULES) --save benchmarks/results/mutation.json
 
 benchmark: install
 	$(BIN)/python benchmarks/speed.py --save benchmarks/results/speed.json

@@ -134,14 +134,16 @@ def draw_mutants(source: str, number: int, rng: np.random.Generator) -> list[Mut
     Returns:
         The mutants in the order of their lines.
     """
+    lines, parsed = source.splitlines(), get_ast(source)
     spared = _spared(source)
     places = defaultdict(list)
     for kind, members in operators().items():
         for operator in members:
             visitor = _Positions(operator)
-            visitor.walk(get_ast(source))
+            visitor.walk(parsed)
             for occurrence, (start, end) in enumerate(visitor.found):
-                if not any(low <= start and end <= high for low, high in spared):
+                star = lines[start[0] - 1].startswith("*,", start[1])  # of keyword-only arguments
+                if not star and not any(low <= start and end <= high for low, high in spared):
                     places[start].append((kind, operator, occurrence))
     starts = sorted(places)
     chosen = rng.choice(len(starts), size=min(number, len(starts)), replace=False)

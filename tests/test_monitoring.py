@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from faultgen.monitoring import Limits, mean_abs_torque, monitor
+from faultgen.monitoring import Limits, histogram, mean_abs_torque, monitor
 
 LIMITS = Limits(
     torque=np.array([6.0]),
@@ -57,3 +57,17 @@ def test_torque_indicator_is_the_rating_life_mean():
     seen = monitor(column(0, 0), column(10, -30), column(1, 2), LIMITS)
     expected = ((10 * 1 + 30 * 2 ** (10 / 3)) / 40) ** 0.3
     assert seen["torque_indicator"][0] == pytest.approx(expected)
+
+
+def test_one_sample_in_the_window_is_enough():
+    """The mean of a single sample is that sample."""
+    assert mean_abs_torque(column(10, 60, 130), column(1, -2.5, 4))[0] == 2.5
+
+
+def test_every_axis_has_all_its_bins():
+    """Bins beyond the highest value are there, on the last axis too."""
+    values = np.array([[0.0, 0.0], [0.3, 0.01]])
+    shares = histogram(values, np.array([-1.0, 0.0]), np.array([1.0, 1.0]))
+    assert shares.shape == (2, 12)
+    np.testing.assert_array_equal(shares[1], [1.0] + [0.0] * 11)
+    np.testing.assert_array_equal(np.flatnonzero(shares[0]), [6, 7])

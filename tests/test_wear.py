@@ -50,3 +50,11 @@ def test_unknown_schedules_are_refused_with_the_choices():
     """The message names the schedules that there are."""
     with pytest.raises(InputError, match="unknown schedule 'cubic': choose exponential, sigmoid"):
         severities("cubic", 0.1, 4)
+
+
+@pytest.mark.parametrize("cycles", [1, 5, 6])
+def test_a_step_comes_after_the_first_half(cycles):
+    """The first half of the cycles, rounded down, is healthy; the rest has the whole severity."""
+    healthy = cycles // 2
+    expected = [0.0] * healthy + [0.3] * (cycles - healthy)
+    np.testing.assert_array_equal(severities("step", 0.3, cycles), expected)

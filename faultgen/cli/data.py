@@ -205,7 +205,7 @@ def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = F
     summary = run_generate(chosen, out, workers=worker_count(workers))
     if summary.failed:
         raise SimulationFailed("; ".join(summary.failed.values()))
-    result = run_isolate(open_dataset(out), progress=False)
+    result = run_isolate(open_dataset(out), seeds=5, progress=False)
     save(result, out)
     path = write_report(out, result)
     if as_json:
