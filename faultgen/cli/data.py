@@ -186,7 +186,11 @@ def report(folder: Folder, as_json: Json = False) -> None:
 
 @app.command()
 def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = False) -> None:
-    """The main job in under a minute: wear sweep, dataset, isolators, report."""
+    """The main job from end to end: a small wear sweep, its dataset, isolators and a report.
+
+    Takes about a minute of processor time on a 2-core AMD EPYC server. With both cores free that is
+    less on the clock; on a busy machine it can be several minutes.
+    """
     from faultgen.dataset import open_dataset
     from faultgen.experiment import make_experiment
     from faultgen.report import write_report
