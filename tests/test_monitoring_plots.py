@@ -12,7 +12,7 @@ from analysis.monitoring_plots import (
     plot_divergence,
     plot_scores,
 )
-from analysis.plots import COLOURS, legend_beside, style
+from analysis.plots import COLOURS, legend_beside, plot_accuracy, style
 
 
 @pytest.fixture
@@ -130,3 +130,11 @@ def test_legends_without_a_place_do_not_search_for_one(axes):
     legend, inside = axes.get_legend().get_window_extent(), axes.get_window_extent()
     assert legend.x0 - inside.x0 < 0.1 * inside.width
     assert inside.y1 - legend.y1 < 0.1 * inside.height
+
+
+def test_seven_methods_can_be_told_apart(axes):
+    """As many methods as a dataset's report shows: each has its own colour and its own marker."""
+    for number in range(7):
+        plot_accuracy(axes, [0.01], [0.5], [(0.4, 0.6)], f"method {number}", number)
+    assert len({bar.lines[0].get_color() for bar in axes.containers}) == 7
+    assert len({bar.lines[0].get_marker() for bar in axes.containers}) == 7
