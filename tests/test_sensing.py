@@ -16,7 +16,7 @@ PERIOD = 0.004
 @pytest.fixture
 def measured():
     """A cycle of two axes, and nothing in it twice."""
-    time = np.arange(2000) * PERIOD
+    time = 0.5 + np.arange(2000) * PERIOD  # already in motion in the first sample
     position = np.column_stack([20 * np.sin(time), 30 * np.cos(1.3 * time)])
     velocity = np.column_stack([20 * np.cos(time), -39 * np.sin(1.3 * time)])
     torque = np.random.default_rng(0).normal(size=position.shape)
@@ -57,6 +57,9 @@ def test_encoder_quantisation(tiny_robot, measured):
     np.testing.assert_allclose(
         seen.motor_velocity[1:, 1], np.diff(seen.motor_position[:, 1]) / PERIOD, atol=1e-9
     )
+    # the first speed too is a whole number of steps, from where the motor came from
+    steps = seen.motor_velocity[0, 1] * PERIOD / step
+    assert steps == pytest.approx(round(steps), abs=1e-9)
     np.testing.assert_array_equal(seen.motor_torque, exact.motor_torque)
     np.testing.assert_array_equal(seen.motor_position[:, 0], exact.motor_position[:, 0])
 
@@ -102,8 +105,9 @@ def test_sensor_stuck(tiny_robot, measured):
     # uniform over 0 to 1400: mean 700, deviation 404 / sqrt(200)
     assert np.mean(starts) == pytest.approx(700, abs=4 * 404 / np.sqrt(200))
     assert np.ptp(starts) > 1300
-    seen = sense(tiny_robot, measured, ("sensor_stuck", 1, 1.0))
-    assert np.ptp(seen.motor_position[:, 0]) == 0
+    for seed in range(20):
+        seen = sense(tiny_robot, measured, ("sensor_stuck", 1, 1.0), seed=seed)
+        assert (seen.motor_position[:, 0] == measured.motor_position[0, 0]).all()
 
 
 def test_draws_follow_the_seed(tiny_robot, measured):
