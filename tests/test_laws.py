@@ -106,3 +106,15 @@ def test_severities_are_shown_with_their_unit():
     assert get_effect("torque_offset").shown(-0.02) == "-0.02 N m"
     assert get_effect("backlash").shown(0.003) == "0.003 rad"
     assert get_effect("friction_asymmetry").shown(0.3) == "0.3 fraction"
+
+
+def test_a_late_drive_begins_with_the_first_row(swing):
+    """Of a control that does not repeat, the first row holds until the delayed ones come."""
+    robot, motion = swing()
+    step = robot.model.opt.timestep
+    control = control_signal(motion, step)[200:]
+    assert np.abs(control[1] - control[0]).max() > 1e-4
+    late = assemble(robot, [Applied("delay", 2, 5 * step)]).command(control, False)
+    own = robot.model.actuator_ctrladr[robot.ids("actuator", "drive")[1]] + np.arange(3)
+    np.testing.assert_allclose(late[:5, own], control[[0] * 5][:, own], atol=1e-12)
+    np.testing.assert_allclose(late[5:, own], control[:-5, own], atol=1e-9)
