@@ -19,6 +19,7 @@ import json
 import os
 import platform
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -105,6 +106,7 @@ def main() -> None:
     }
     if unknown := set(arguments.modules) - set(known):
         parser.error(f"not in mutation.toml: {', '.join(sorted(unknown))}")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends the tests that still run
     preload()
     with tempfile.TemporaryDirectory() as parent:
         folders = [copy_of_repository(Path(parent, str(k))) for k in range(arguments.workers)]

@@ -38,6 +38,8 @@ def test_angles_are_joint_side():
     """A motor at -10 x 1.15 rad stands for a joint at 1.15 rad: the last bin."""
     shares = monitor(column(-11.5), column(0), column(0), LIMITS)["angle_histogram"][0]
     assert shares[-1] == 1
+    shares = monitor(column(-5), column(0), column(0), LIMITS)["angle_histogram"][0]
+    assert shares[8] == 1  # 0.5 rad of -1.2 to 1.2 rad
 
 
 def test_indicators():
