@@ -71,26 +71,30 @@ def nominal(robot_name: str, task_name: str, sample_period: float) -> Nominal:
             f"not {sample_period:g} s"
         )
     speed, torque = np.abs(control[:, feed_forward - 1]), np.abs(control[:, feed_forward])
+    angle = control[:, feed_forward - 2] / robot.gear_ratio
     return Nominal(
         robot=robot,
         control=control,
         mean_torque=torque.mean(axis=0),
         samples=-(-len(control) // every),
         speed=speed[::every],
-        limits=_limits(robot, speed.max(axis=0), torque.max(axis=0)),
+        limits=_limits(robot, angle, speed.max(axis=0), torque.max(axis=0)),
     )
 
 
-def _limits(robot: Robot, speed: np.ndarray, torque: np.ndarray) -> Limits:
+def _limits(robot: Robot, angle: np.ndarray, speed: np.ndarray, torque: np.ndarray) -> Limits:
     """Design values; where the robot gives none, somewhat more than the task needs."""
 
     def given(limit: np.ndarray, top: np.ndarray) -> np.ndarray:
         return np.where(np.isfinite(limit), limit, np.where(top > 0, _BEYOND * top, 1.0))
 
+    middle = (angle.max(axis=0) + angle.min(axis=0)) / 2
+    reach = np.maximum(_BEYOND * np.ptp(angle, axis=0) / 2, 1e-3)
+    needed = np.stack([middle - reach, middle + reach], axis=1)
     return Limits(
         given(robot.motor_torque_limit, torque),
         given(robot.motor_velocity_limit, speed),
-        robot.joint_range,
+        np.where(np.isfinite(robot.joint_range), robot.joint_range, needed),
         robot.gear_ratio,
     )
 

@@ -55,7 +55,7 @@ class Robot:
     payload_mass: float = field(init=False)
     """Mass of the body ``payload`` [kg]; nan if there is none."""
     joint_range: np.ndarray = field(init=False)
-    """Shape (n_axes, 2), in [rad]."""
+    """Shape (n_axes, 2), in [rad]; infinite where a joint has no limits."""
     motor_velocity_limit: np.ndarray = field(init=False)
     """In [rad/s]."""
     motor_torque_limit: np.ndarray = field(init=False)
@@ -82,7 +82,8 @@ class Robot:
         joints, motors = self.ids("joint", "joint"), self.ids("joint", "motor")
         put(self, "joints", tuple(model.jnt_dofadr[joints].tolist()))
         put(self, "motors", tuple(model.jnt_dofadr[motors].tolist()))
-        put(self, "joint_range", model.jnt_range[joints].copy())
+        limited = model.jnt_limited[joints].astype(bool)[:, None]
+        put(self, "joint_range", np.where(limited, model.jnt_range[joints], [-np.inf, np.inf]))
         put(self, "slides", model.jnt_type[joints] == int(mujoco.mjtJoint.mjJNT_SLIDE))
         body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "payload")
         put(self, "payload_mass", float(model.body_mass[body]) if body >= 0 else float("nan"))

@@ -94,10 +94,20 @@ def wrong_numbers(robot: Robot) -> list[str]:
         if any(value.startswith("-") for value in values.split()):
             found.append(f"saturation must not be negative, as in '{values}'")
     low, high = robot.joint_range.T
+    # a joint may have no limits; limits that are given as 0 0 look the same once compiled
+    width = np.where(np.isinf(high - low), 1.0, high - low)
+    for axis in range(robot.n_axes):
+        given = re.search(rf'<joint\b[^>]*\bname=["\']joint{axis + 1}["\'][^>]*>', robot.xml)
+        limits = re.search(r'\brange=["\']([^"\']*)', given[0]) if given else None
+        if limits:
+            first, last = (float(value) for value in limits[1].split())
+            width[axis] = min(width[axis], last - first)
     tendon, friction = robot.ids("tendon", "gearbox"), robot.ids("actuator", "friction")
     bias, bristles = model.actuator_biasprm[friction], model.actuator_dynprm[friction]
+    # where there is no dry friction, the parameters of its law do not count
+    without = (bias[:, COULOMB] == 0) & (bias[:, STICTION] == 0)
     rules: list[tuple[str, np.ndarray, bool]] = [  # where, values, whether 0 is right
-        ("joint{}: width of its range", high - low, False),
+        ("joint{}: width of its range", width, False),
         ("motor_velocity_limit of axis {}", robot.motor_velocity_limit, False),
         ("joint_acceleration_limit of axis {}", robot.joint_acceleration_limit, False),
         ("encoder_counts of axis {}", robot.encoder_counts, True),
@@ -106,8 +116,8 @@ def wrong_numbers(robot: Robot) -> list[str]:
         ("gearbox{}: damping", model.tendon_damping[tendon], True),
         ("friction{}: Coulomb friction", bias[:, COULOMB], True),
         ("friction{}: static friction", bias[:, STICTION], True),
-        ("friction{}: Stribeck velocity", bias[:, STRIBECK_VELOCITY], False),
-        ("friction{}: bristle stiffness", bristles[:, BRISTLE_STIFFNESS], False),
+        ("friction{}: Stribeck velocity", bias[:, STRIBECK_VELOCITY] + without, False),
+        ("friction{}: bristle stiffness", bristles[:, BRISTLE_STIFFNESS] + without, False),
     ]
     for where, values, zero in rules:
         right = values >= 0 if zero else values > 0

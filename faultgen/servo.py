@@ -31,7 +31,8 @@ def nominal_friction(robot: Robot, speed: np.ndarray) -> np.ndarray:
     """
     friction = robot.ids("actuator", "friction")
     bias = robot.model.actuator_biasprm[friction]
-    share = np.tanh(speed / bias[:, STRIBECK_VELOCITY])
+    width = bias[:, STRIBECK_VELOCITY]  # 0 only where there is no dry friction
+    share = np.tanh(speed / np.where(width > 0, width, 1.0))
     sliding = bias[:, COULOMB] * share - bias[:, OFFSET] * np.abs(share)
     return sliding + robot.model.actuator_damping[friction] * speed
 

@@ -1,7 +1,10 @@
+import re
+
 import numpy as np
 import pytest
 
 from faultgen.errors import InputError
+from faultgen.nominal import nominal
 from faultgen.robot import load_robot
 
 
@@ -51,3 +54,16 @@ def test_unknown_robots_are_refused_with_the_choices():
     """The message names the robots that there are."""
     with pytest.raises(InputError, match="unknown robot 'r2d2': choose irb6700, puma560"):
         load_robot("r2d2")
+
+
+def test_joints_may_be_without_limits_and_without_friction(tiny_robot, tiny_task_path, tmp_path):
+    """A joint that turns for ever and a frictionless motor are fine; histograms span the task."""
+    path = tmp_path / "free.xml"
+    text = tiny_robot.xml.replace('lugre="20 0.1 0.2 0.3 5"', 'lugre="0 0 0 0 0"')
+    first = re.search(r'<joint name="joint1"[^>]*>', text)[0]
+    path.write_text(text.replace(first, re.sub(r' range="[^"]*"', "", first)))
+    free = load_robot(str(path))
+    assert np.isinf(free.joint_range).tolist() == [[True, True], [False, False]]
+    limits = nominal(str(path), tiny_task_path, 0.004).limits
+    low, high = np.degrees(limits.angle[0])
+    assert (low, high) == pytest.approx((-48, 48), abs=0.5)  # 20 % more than the swing to 40 deg

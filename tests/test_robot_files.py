@@ -168,8 +168,6 @@ def test_all_that_is_wrong_is_reported_at_once(tiny_robot, tmp_path):
         ('data="1000 1000"', 'data="-1 0"', "encoder_counts of axis 1 must not be negative"),
         ('range="-3 3"', 'range="0 0"', "joint1: width of its range must be positive, not 0"),
         ('range="-3 3"', 'range="3 -3"', "joint1: width of its range must be positive, not -6"),
-        ('range="-3 3"', "", "joint1: width of its range must be positive"),
-        ('range="-3 3"', 'range="-inf inf"', "joint1: width of its range must be positive"),
         ('saturation="2 0 0"', 'saturation="-2 0 0"', "saturation must not be negative"),
         ('saturation="2 0 0"', 'saturation="nan 0 0"', "an attribute of the model is NaN"),
         ('stiffness="20000"', 'stiffness="0"', "gearbox1: stiffness must be positive, not 0"),
