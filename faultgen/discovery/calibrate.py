@@ -34,6 +34,7 @@ from faultgen.discovery.terms import (
 )
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
+from faultgen.mjcf_edit import mjcf_text
 from faultgen.robot import Robot
 
 WIDTHS = (1.0, 3.0, 10.0, 30.0, 100.0)
@@ -214,4 +215,4 @@ def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
         numeric = spec.numeric("torque_gain") or spec.add_numeric(name="torque_gain")
         numeric.size, numeric.data = len(gain), gain.tolist()
     spec.compile()
-    return Robot(robot.name, spec.to_xml())
+    return Robot(robot.name, mjcf_text(spec))
