@@ -21,6 +21,7 @@ from faultgen.discovery.terms import (
     widened,
 )
 from faultgen.effects import get_effect
+from faultgen.errors import InputError
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot, load_robot
 
 
@@ -150,3 +151,9 @@ def test_the_command_writes_a_calibrated_model(measured, tiny_robot_path, tmp_pa
     friction = before.ids("actuator", "friction")[0]
     coulomb = [one.model.actuator_biasprm[friction, COULOMB] for one in (before, after)]
     assert coulomb[1] / coulomb[0] / after.torque_gain[0] == pytest.approx(1.3, rel=0.1)
+
+
+def test_numbers_are_known_by_their_names(measured, tiny_robot):
+    for option in ("known", "exclude"):
+        with pytest.raises(InputError, match=f"{option}: unknown name 'foo'; choose coulomb_fr"):
+            calibrate(measured([], 1), tiny_robot, **{option: ["foo"]})

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 import faultgen
-from faultgen.discovery import write_recording
+from faultgen.discovery import check_recording, read_recording, write_recording
+from faultgen.discovery.problem import near_reversal, rolling
+from faultgen.discovery.recording import low_passed
 from faultgen.errors import InputError
 from faultgen.robot import load_robot
 
@@ -91,6 +93,40 @@ def test_what_cannot_be_used_is_refused(files, tiny_robot_path, measured, tmp_pa
     write_recording(turned, tmp_path / "turned.h5")
     with pytest.raises(InputError, match="axis 2: torque has the opposite sign"):
         faultgen.discover(tmp_path / "turned.h5", tiny_robot_path, files / "healthy.h5")
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ({"include": ["nonsense"]}, "include: unknown name 'nonsense'; choose low_speed_friction"),
+        ({"exclude": ["nonsense"]}, "exclude: unknown name 'nonsense'; choose backlash"),
+        ({"width": float("nan")}, "width: must be a positive number, not nan"),
+        ({"low_pass": -3.0}, "low-pass: must be a positive number, not -3"),
+    ],
+)
+def test_options_are_checked_first(files, tiny_robot_path, option, message):
+    with pytest.raises(InputError, match=message):
+        discovered(files, tiny_robot_path, "worn", **option)
+
+
+def test_a_recording_that_would_be_simulated_for_days_is_refused(files, tiny_robot_path, tmp_path):
+    long = replace(read_recording(files / "clean.h5"), sample_period=1.0)
+    count = 3700
+    arrays = ("position", "torque", "reference_position")
+    long = replace(long, **{name: np.resize(getattr(long, name), (count, 2)) for name in arrays})
+    write_recording(long, tmp_path / "long.h5")
+    with pytest.raises(InputError, match="3700 s; give a recording of at most 3600 s"):
+        faultgen.discover(tmp_path / "long.h5", tiny_robot_path)
+
+
+def test_separate_recordings_may_be_short(tiny_robot, measured):
+    """Masks have the shape of the recording, however few samples one of them has."""
+    recording = replace(measured([], 1), segments=(0, 5, 12, 300))
+    assert check_recording(recording, tiny_robot) is not None
+    for mask in (near_reversal, rolling):
+        assert mask(recording, tiny_robot).shape == recording.position.shape
+    with pytest.raises(InputError, match="5 samples is too short for the low-pass filter"):
+        low_passed(recording, 10.0)
 
 
 def test_the_order_of_the_catalogue_does_not_matter(files, tiny_robot_path, monkeypatch):

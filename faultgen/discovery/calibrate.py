@@ -28,6 +28,7 @@ from faultgen.discovery.terms import (
     Term,
     applied,
     apply_inertia,
+    check_names,
     effect_terms,
     inertia_terms,
     widened,
@@ -85,9 +86,11 @@ def calibrate(
         cache: Folder that keeps sensitivities.
 
     Raises:
-        InputError: Too little of the recording can be used.
+        InputError: Too little of the recording can be used, or a number has another name.
         SimulationFailed: The model diverges on the recorded motion.
     """
+    check_names("known", known, NUMBERS)
+    check_names("exclude", exclude, NUMBERS)
     replay = Replay(recording, robot)
     terms = [t for t in effect_terms(robot, exclude) if t.name in NUMBERS]
     terms += inertia_terms(robot) if INERTIA not in exclude else []

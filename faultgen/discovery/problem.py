@@ -284,6 +284,6 @@ def near_reversal(recording: Recording, robot: Robot) -> np.ndarray:
         speed = np.gradient(position[part], recording.sample_period, axis=0)
         still = np.abs(speed) < slow
         for axis in range(robot.n_axes):
-            spread = np.convolve(still[:, axis].astype(int), np.ones(2 * width + 1, int), "same")
-            near[part, axis] = spread > 0
+            spread = np.convolve(still[:, axis].astype(int), np.ones(2 * width + 1, int))
+            near[part, axis] = spread[width : width + len(still)] > 0
     return near

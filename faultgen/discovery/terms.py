@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from faultgen.effects import EFFECTS, Applied, Effect
 from faultgen.effects.friction import no_static_friction
 from faultgen.effects.structure import MASSLESS
+from faultgen.errors import InputError
 from faultgen.robot import COULOMB, OFFSET, STRIBECK_VELOCITY, Robot
 
 INERTIA = "inertia"
@@ -150,6 +151,22 @@ _OF_TORQUE = {
     "gravity_spring": 4e-5,
     "wrist_coupling_friction": 1e-4,
 }
+
+
+def check_names(what: str, given: Collection[str], known: Collection[str]) -> None:
+    """Refuse names that are none of those that are known.
+
+    Args:
+        what: What they are given as, for the message.
+        given: The names.
+        known: Names to choose from.
+
+    Raises:
+        InputError: A name is not known.
+    """
+    for name in given:
+        if name not in known:
+            raise InputError(f"{what}: unknown name '{name}'; choose {', '.join(sorted(known))}")
 
 
 def tolerance(name: str, robot: Robot, axis: int) -> float:

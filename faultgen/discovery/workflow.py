@@ -24,22 +24,29 @@ from faultgen.discovery.forms import form_columns, form_terms
 from faultgen.discovery.next_experiment import Experiment, next_experiment
 from faultgen.discovery.orders import find_orders
 from faultgen.discovery.problem import Problem, plain, pose
-from faultgen.discovery.recording import Recording, low_passed, read_recording
+from faultgen.discovery.read import read_recording
+from faultgen.discovery.recording import Recording, low_passed
 from faultgen.discovery.replay import Replay, relative_error, settled
 from faultgen.discovery.result import AMBIGUOUS, Answer
 from faultgen.discovery.terms import (
+    OPTIONAL,
     ORDERS,
     PERIODIC,
     SAME_MOTIONS,
     Term,
+    check_names,
     effect_terms,
     inertia_terms,
     periodic_terms,
     widened,
     with_tolerance,
 )
+from faultgen.effects import EFFECTS
 from faultgen.errors import InputError
 from faultgen.robot import Robot, load_robot
+
+LONGEST = 3600.0
+"""Time of a recording that is simulated again for every term [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,10 +102,16 @@ def discover(
         The content of ``discovery.json``.
 
     Raises:
-        InputError: A recording cannot be used, or the two are not of the same motions.
+        InputError: A recording or an option cannot be used, or the two recordings are not of the
+            same motions.
         SimulationFailed: The model diverges on the recorded motion.
     """
     started = time.monotonic()
+    check_names("include", include, OPTIONAL)
+    check_names("exclude", exclude, EFFECTS)
+    check_positive("width", width)
+    if low_pass is not None:
+        check_positive("low-pass", low_pass)
     model = load_robot(str(robot))
     recording, warnings = usable(measured, model, low_pass)
     twin = None
@@ -235,6 +248,16 @@ def _path(folder: str | Path | None) -> Path | None:
     return None if folder is None else Path(folder)
 
 
+def check_positive(what: str, value: float) -> None:
+    """Refuse a number that is not positive and finite.
+
+    Raises:
+        InputError: It is not.
+    """
+    if not 0 < value < np.inf:
+        raise InputError(f"{what}: must be a positive number, not {value:g}")
+
+
 def usable(
     path: str | Path, robot: Robot, low_pass: float | None = None
 ) -> tuple[Recording, list[str]]:
@@ -249,6 +272,12 @@ def usable(
         InputError: The file cannot be used, in one line.
     """
     recording = as_modelled(read_recording(path), robot)
+    seconds = len(recording.position) * recording.sample_period
+    if seconds > LONGEST:
+        raise InputError(
+            f"{path}: {len(recording.position)} samples of {recording.sample_period:g} s are "
+            f"{seconds:.0f} s; give a recording of at most {LONGEST:g} s"
+        )
     if low_pass is not None and recording.reference_position is None:
         recording = low_passed(recording, low_pass)
     findings = check_recording(recording, robot)
