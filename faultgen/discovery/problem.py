@@ -146,6 +146,21 @@ def for_scoring(parts: Sequence[slice]) -> list[int]:
     return list(range(len(parts) - max(1, len(parts) // 5), len(parts)))
 
 
+def counted(recording: Recording, robot: Robot, *, twin: bool) -> np.ndarray:
+    """Samples that count in a comparison, as a mask of shape (samples, n_axes).
+
+    Every number of an answer is of these samples, and so is the score on other motions.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+        twin: Whether it is compared with another recording. Without, rest and the moments after it
+            and after a reversal do not count.
+    """
+    inside = settled(recording, robot)
+    return inside if twin else inside & rolling(recording, robot)
+
+
 def samples_of(parts: Sequence[slice], count: int) -> np.ndarray:
     """Samples of parts, as a mask of shape (count,)."""
     use = np.zeros(count, bool)
@@ -182,9 +197,9 @@ def pose(
     """
     recording, robot = replay.recording, replay.robot
     parts = blocks(recording)
-    inside = settled(recording, robot)
-    if not twin:
-        inside &= rolling(recording, robot)
+    inside = counted(recording, robot, twin=twin)
+    if not (inside & samples_of([parts[p] for p in for_scoring(parts)], len(gap))[:, None]).any():
+        raise ValueError("nothing moves in the last fifth, which is kept for scoring")
     steady = inside & ~near_reversal(recording, robot)
     tolerances = np.array([term.tolerance for term in terms], np.float32)[:, None, None]
     scale = tolerances[:, 0, 0]

@@ -23,10 +23,10 @@ from faultgen.discovery.columns import columns, own_columns
 from faultgen.discovery.forms import form_columns, form_terms
 from faultgen.discovery.next_experiment import Experiment, next_experiment
 from faultgen.discovery.orders import find_orders
-from faultgen.discovery.problem import Problem, plain, pose
+from faultgen.discovery.problem import Problem, counted, plain, pose
 from faultgen.discovery.read import read_recording
 from faultgen.discovery.recording import Recording, low_passed
-from faultgen.discovery.replay import Replay, relative_error, settled
+from faultgen.discovery.replay import Replay, relative_error
 from faultgen.discovery.result import AMBIGUOUS, Answer
 from faultgen.discovery.terms import (
     OPTIONAL,
@@ -42,7 +42,7 @@ from faultgen.discovery.terms import (
     with_tolerance,
 )
 from faultgen.effects import EFFECTS
-from faultgen.errors import InputError
+from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import Robot, load_robot
 
 LONGEST = 3600.0
@@ -135,8 +135,14 @@ def discover(
             steady=steady,
             cache=_path(cache),
         )
-        result = _result(found, other)
-    result["warnings"] = warnings
+        result = _result(found)
+        if other is not None:
+            try:
+                result["gap"]["validation"] = _validation(found, other)
+            except (InputError, SimulationFailed) as error:  # what was found is not lost
+                result["gap"]["validation"] = None
+                warnings.append(f"{validate}: not scored: {error}")
+    result["warnings"] = [*warnings, *found.answer.lacks]
     result["seconds"] = round(time.monotonic() - started, 1)
     if out is not None:
         from faultgen.report.discovery_report import write_discovery
@@ -318,7 +324,7 @@ def check_same_motion(worn: Recording, twin: Recording) -> None:
         )
 
 
-def _result(found: Discovery, validate: Recording | None) -> dict[str, Any]:
+def _result(found: Discovery) -> dict[str, Any]:
     result = found.answer.contract()
     if found.experiment is not None:
         result["next_experiment"] = {
@@ -328,16 +334,19 @@ def _result(found: Discovery, validate: Recording | None) -> dict[str, Any]:
             "distance": found.experiment.distance,
             "now": found.experiment.now,
         }
-    if validate is not None:
-        result["gap"]["validation"] = _validation(found, validate)
     return result
 
 
 def _validation(found: Discovery, validate: Recording) -> dict[str, float]:
-    """Gap on motions that played no part, against the model without twin."""
+    """Gap on motions that played no part, between recording and model: never against a twin.
+
+    Raises:
+        InputError: No sample of the recording counts.
+        SimulationFailed: The model diverges on these motions.
+    """
     problem = found.problem
     replay = Replay(validate, problem.robot)
-    inside = settled(validate, problem.robot)
+    inside = counted(validate, problem.robot, twin=False)
 
     def gap(changes: list[tuple[Term, float]]) -> float:
         error = validate.torque - replay.torque(changes)
