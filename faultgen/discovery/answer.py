@@ -53,9 +53,9 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     white_shown = problem.whiten(shown)
     shares = where(problem, white_shown)
     p_value = significance(problem, problem.whiten(without))
-    open_ = [_score(problem, x)[1] for x in (problem.gap, left)]
-    floor = np.array(_score(problem, np.broadcast_to(problem.noise.deviation, left.shape))[1])
-    is_open = problem.twin and _is_open(open_[0], open_[1], floor.tolist())
+    noise = np.broadcast_to(problem.noise.deviation, left.shape)
+    open_ = [_score(problem, x)[1] for x in (problem.gap, left, noise)]
+    is_open = problem.twin and _is_open(*open_)
     verdict = _verdict(problem, choice, found, white_shown, is_open)
     known = verdict in (NAMED, AMBIGUOUS)
     effects, alternatives = _named(problem, choice)
@@ -63,8 +63,8 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     chosen = (best, values) if known else (empty, base_values)
     built, robot, lacks = build_stable(problem, *chosen)
     before, calibrated, after = (_score(problem, x) for x in (problem.gap, basic.left, built.left))
-    # an error holds the noise, so that no noise is larger than the error of an axis
-    floor = np.min([floor, before[1], calibrated[1], after[1]], axis=0)
+    # an error holds the noise, so that the noise of an axis is no larger than any of its errors
+    floor = np.min([open_[2], before[1], calibrated[1], after[1]], axis=0)
     return Answer(
         verdict=verdict,
         effects=effects if known else (),
@@ -74,7 +74,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         before=before[0],
         calibrated=calibrated[0],
         after=after[0],
-        floor=_score(problem, np.broadcast_to(floor, left.shape))[0],
+        floor=float(np.sqrt(np.mean(floor[_scored(problem).any(axis=0)] ** 2))),
         per_axis=tuple(
             {"axis": k + 1, "before": a, "calibrated": b, "after": c, "floor": d}
             for k, (a, b, c, d) in enumerate(
@@ -103,10 +103,14 @@ def _left(problem: Problem, fitted: Fit) -> tuple[np.ndarray, np.ndarray]:
     return problem.gap - fitted.change - explained, solution
 
 
+def _scored(problem: Problem) -> np.ndarray:
+    """Samples of the scoring motions that count, as a mask of shape (samples, n_axes)."""
+    return problem.inside & problem.samples(problem.scoring)[:, None]
+
+
 def _score(problem: Problem, error: np.ndarray) -> tuple[float, list[float]]:
     """Relative error on the scoring motions: all axes, and each."""
-    inside = problem.inside & problem.samples(problem.scoring)[:, None]
-    recording = problem.recording
+    inside, recording = _scored(problem), problem.recording
     by_axis = relative_errors(error**2, recording, inside)
     return relative_error(error**2, recording, inside), by_axis.tolist()
 
