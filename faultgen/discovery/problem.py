@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from faultgen.discovery.evidence import Evidence
-from faultgen.discovery.noise import Autoregression, autoregression, noise_of
+from faultgen.discovery.noise import SHARED, Autoregression, autoregression, noise_of, shared_noise
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.replay import Changes, Replay, settled
 from faultgen.discovery.terms import Term
@@ -62,6 +62,8 @@ class Problem:
     """Whitened columns in units of the tolerances, shape (terms, samples, n_axes)."""
     twin: bool
     """Whether the gap is the difference of two recordings."""
+    shared: np.ndarray
+    """Axes on which the two have the same noise, which their difference lacks; shape (n_axes,)."""
 
     @property
     def fitting(self) -> list[int]:
@@ -183,6 +185,8 @@ def pose(
     The noise is what no combination of the terms explains, as an autoregression. In slow motion,
     where that is more than at speed, samples count less: there friction of any real robot has
     another form than a model's. Without a twin, rest and the moments after it do not count at all.
+    On axes on which two recordings have the same noise, that of the recording is reckoned with, as
+    if the other had its own.
 
     Args:
         replay: The recording and the model.
@@ -204,15 +208,28 @@ def pose(
     tolerances = np.array([term.tolerance for term in terms], np.float32)[:, None, None]
     scale = tolerances[:, 0, 0]
 
-    def unexplained(white: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        evidence = Evidence.of(white(raw) * tolerances, white(gap), parts)
-        value, _, _ = evidence.solve(free=range(len(terms)))
-        return gap - np.tensordot((value * scale).astype(np.float32), raw, axes=1)
-
-    first = noise_of(gap, steady, parts)
     mask = inside.astype(np.float32)
-    noise = autoregression(unexplained(lambda x: first.whiten(x, parts) * mask), steady, parts)
-    left = noise.whiten(unexplained(lambda x: noise.whiten(x, parts) * mask), parts)
+
+    def unexplained(x: np.ndarray, by: Autoregression) -> np.ndarray:
+        """What no combination of the terms explains."""
+        white = [by.whiten(y, parts) * mask for y in (raw, x)]
+        evidence = Evidence.of(white[0] * tolerances, white[1], parts)
+        value, _, _ = evidence.solve(free=range(len(terms)))
+        return x - np.tensordot((value * scale).astype(np.float32), raw, axes=1)
+
+    def noise_in(x: np.ndarray) -> Autoregression:
+        first = noise_of(x, steady, parts)
+        return autoregression(unexplained(x, first), steady, parts)
+
+    noise = noise_in(gap)
+    shared = np.zeros(robot.n_axes, bool)
+    if twin:
+        shared = shared_noise(recording.torque, recording.torque - gap, parts)
+    if shared.any():  # what of it the model foretells is no noise
+        own = noise_in(recording.torque - base).times(np.sqrt(2))
+        shared &= noise.innovation < SHARED * own.innovation
+        noise = noise.replaced(own, shared)
+    left = noise.whiten(unexplained(gap, noise), parts)
     trust = _trust(recording, robot, left, inside)
     weight = (mask * trust).astype(np.float32)
     return Problem(
@@ -228,6 +245,7 @@ def pose(
         trust=trust,
         white=noise.whiten(raw, parts) * weight * tolerances,
         twin=twin,
+        shared=shared,
     )
 
 

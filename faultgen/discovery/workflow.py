@@ -142,7 +142,7 @@ def discover(
             except (InputError, SimulationFailed) as error:  # what was found is not lost
                 result["gap"]["validation"] = None
                 warnings.append(f"{validate}: not scored: {error}")
-    result["warnings"] = [*warnings, *found.answer.lacks]
+    result["warnings"] = [*warnings, *_on_noise(found.problem), *found.answer.lacks]
     result["seconds"] = round(time.monotonic() - started, 1)
     if out is not None:
         from faultgen.report.discovery_report import write_discovery
@@ -210,6 +210,18 @@ def investigate(
     told = answer(problem, choice)
     experiment = next_experiment(problem, choice) if told.verdict == AMBIGUOUS else None
     return Discovery(problem, choice, told, experiment)
+
+
+def _on_noise(problem: Problem) -> list[str]:
+    """A line on noise that the two recordings share."""
+    if not problem.shared.any():
+        return []
+    axes = ", ".join(str(axis + 1) for axis in np.flatnonzero(problem.shared))
+    return [
+        f"axis {axes}: the recording and its healthy twin differ by far less than the noise in "
+        "each, as runs of one dataset with paired = true do; they are compared as if each had "
+        "noise of its own, and runs with paired = false are the better test"
+    ]
 
 
 def _waves(robot: Robot, name: str, exclude: Collection[str]) -> list[Term]:
