@@ -88,8 +88,8 @@ def certainty(problem: Problem, fitted: Fit, place: int) -> Certainty:
     return Certainty(
         severity,
         error,
-        severity - _end(lambda step: worse(-step), error, severity - least),
-        severity + _end(worse, error, effect.largest - severity),
+        float(severity - _end(lambda step: worse(-step), error, severity - least)),
+        float(severity + _end(worse, error, effect.largest - severity)),
         worse(-severity),
     )
 

@@ -19,6 +19,7 @@ from faultgen.robot import STRIBECK_VELOCITY, Robot
 _JUMP = 0.05  # time around a change of direction in which the noise is not looked for [s]
 _PRESLIDING = 0.1  # time from rest or reversal until friction has settled [s]: assumed
 _FEWEST = 50  # samples of a regime from which its weight is told
+_EXACT = 1e-5  # noise over torque that simulations and columns are not exact enough to go below
 _BLOCKS = 6  # into which a single recording is cut, to fit on some and choose on others
 
 
@@ -229,6 +230,8 @@ def pose(
         own = noise_in(recording.torque - base).times(np.sqrt(2))
         shared &= noise.innovation < SHARED * own.innovation
         noise = noise.replaced(own, shared)
+    torque = np.sqrt(np.mean(recording.torque**2, axis=0))
+    noise = replace(noise, innovation=np.maximum(noise.innovation, _EXACT * torque))
     left = noise.whiten(unexplained(gap, noise), parts)
     trust = _trust(recording, robot, left, inside)
     weight = (mask * trust).astype(np.float32)
