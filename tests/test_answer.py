@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from linear import linear
 
-from faultgen.discovery import investigate
+from faultgen.discovery import investigate, model
 from faultgen.discovery import next_experiment as motions
 from faultgen.discovery.answer import answer
 from faultgen.discovery.certainty import LEVEL, certainty
@@ -252,3 +252,29 @@ def test_the_numbers_of_an_answer_agree(posed, twin):
         total = sum(one["confidence"] for one in result["alternatives"])
         assert total <= len(result["effects"]) or not result["effects"]
     assert len(seen) > 1
+
+
+@pytest.mark.parametrize(("fails", "share"), [(0, 1.0), (2, 0.25), (99, 0.0)])
+def test_a_model_that_diverges_is_not_written(posed, monkeypatch, fails, share):
+    """The model keeps the largest share of calibration that replays the recording, and says so."""
+    problem = posed[False]
+    offset = at(problem, "viscous_friction", 1)
+    case = linear(problem, {offset: 0.03})
+    asked = []
+
+    def sometimes(recording, robot, changes):
+        asked.append(changes)
+        return None if len(asked) <= fails else robot
+
+    monkeypatch.setattr(model, "replaying", sometimes)
+    told = answer(case, choose(case))
+    calibrated = dict((term.key, value) for term, value in told.changes)
+    assert told.verdict == NONE
+    full = dict((term.key, value) for term, value in asked[0])
+    key = problem.terms[offset].key
+    assert full[key] == pytest.approx(0.03, rel=0.5)
+    assert calibrated.get(key, 0.0) == pytest.approx(share * full[key])
+    assert len(told.lacks) == (share < 1)
+    result = told.contract()
+    if not share:
+        assert result["gap"]["after"] == pytest.approx(result["gap"]["before"])

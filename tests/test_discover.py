@@ -11,6 +11,7 @@ from faultgen.discovery import check_recording, read_recording, write_recording
 from faultgen.discovery.problem import near_reversal, rolling
 from faultgen.discovery.recording import low_passed
 from faultgen.errors import InputError
+from faultgen.report import discovery_report
 from faultgen.robot import load_robot
 
 
@@ -219,3 +220,47 @@ def test_a_recording_is_its_own_healthy_twin(shared, tiny_robot_path):
     """Nothing is missing between two equal recordings, though they have no noise apart."""
     result = faultgen.discover(shared / "healthy.h5", tiny_robot_path, shared / "healthy.h5")
     assert (result["verdict"], result["effects"]) == ("no missing effect", [])
+
+
+def test_gap_and_validation_are_the_same_on_the_same_motions(measured, tiny_robot_path, tmp_path):
+    """The motion that is kept for scoring, and a file of that motion alone, without a twin."""
+    cycles = [measured([("torque_offset", 1, 0.05)], seed) for seed in (3, 4, 5)]
+    count = len(cycles[0].torque)
+    names = ("position", "torque", "reference_position")
+    together = replace(
+        cycles[0],
+        **{name: np.concatenate([getattr(one, name) for one in cycles]) for name in names},
+        segments=(0, count, 2 * count),
+    )
+    write_recording(together, tmp_path / "measured.h5")
+    write_recording(cycles[-1], tmp_path / "other.h5")
+    result = faultgen.discover(
+        tmp_path / "measured.h5", tiny_robot_path, validate=tmp_path / "other.h5"
+    )
+    gap = result["gap"]
+    assert [(one["effect"], one["axis"]) for one in result["effects"]] == [("torque_offset", 1)]
+    for name in ("before", "after"):
+        assert gap["validation"][name] == pytest.approx(gap[name], rel=1e-6)
+    assert gap["floor"] <= gap["after"] < 0.7 * gap["before"]
+
+
+def test_what_was_found_is_kept_where_a_later_stage_fails(
+    files, tiny_robot_path, tmp_path, monkeypatch
+):
+    """Motions that cannot be scored, and a page that cannot be drawn."""
+    recording = read_recording(files / "clean.h5")
+    still = {name: 0 * getattr(recording, name) for name in ("position", "reference_position")}
+    write_recording(replace(recording, **still), tmp_path / "still.h5")
+    result = discovered(files, tiny_robot_path, "worn", validate=tmp_path / "still.h5")
+    assert result["gap"]["validation"] is None
+    assert any("still.h5: not scored" in line for line in result["warnings"])
+
+    def fails(*_):
+        raise RuntimeError("no figure")
+
+    monkeypatch.setattr(discovery_report, "_report", fails)
+    with pytest.raises(RuntimeError, match="no figure"):
+        discovered(files, tiny_robot_path, "worn", out=tmp_path / "out")
+    kept = json.loads((tmp_path / "out" / "discovery.json").read_text())
+    assert kept["effects"] == result["effects"]
+    assert load_robot(tmp_path / "out" / "model.xml").n_axes == 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -208,9 +209,13 @@ def calibrate(
     for warning in warnings:
         print(f"faultgen: {warning}", file=sys.stderr)
     found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))
+    result = {"width": found.width, "held_out": found.held_out, "values": found.values}
+    write_text(out.with_suffix(".json"), json.dumps({**result, "lacks": found.lacks}, indent=1))
     write_text(out, found.robot.xml)
+    for line in found.lacks:
+        print(f"faultgen: {line}", file=sys.stderr)
     if as_json:
-        print_json({"width": found.width, "held_out": found.held_out, "values": found.values})
+        print_json(result)
         return
     print(f"tolerances times {found.width:g}")
     for name, values in found.values.items():

@@ -11,17 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultgen.discovery.calibrate import changed
+from faultgen.discovery.calibrate import SHARES, replaying
 from faultgen.discovery.fit import Fit, changes_of
 from faultgen.discovery.problem import Problem
-from faultgen.discovery.replay import Replay, relative_error
+from faultgen.discovery.replay import relative_error
 from faultgen.discovery.terms import INERTIA, PERIODIC, Term
 from faultgen.effects import get_effect
-from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import Robot
-
-SHARES = (1.0, 0.5, 0.25, 0.1)
-"""Shares of the calibrated values that are tried: they are of first order, and may be too large."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +61,7 @@ def build_stable(
         simulated; and one line for each thing that the robot lacks.
     """
     for built in _candidates(problem, fitted, solution):
-        robot = _written(problem, built)
+        robot = replaying(problem.recording, problem.robot, built.changes)
         if robot is not None:
             return built, robot, _lacks(problem, built, solution)
     line = "model.xml is the model as it was given: with the effects in it, its simulation diverges"
@@ -107,18 +103,6 @@ def _fitting_error(problem: Problem, left: np.ndarray) -> float:
     """Relative error on the motions for fitting."""
     inside = problem.inside & problem.samples(problem.fitting)[:, None]
     return relative_error(left**2, problem.recording, inside)
-
-
-def _written(problem: Problem, built: Built) -> Robot | None:
-    """The robot as it is written, or None where it does not replay the recording."""
-    if not built.changes:
-        return problem.robot
-    try:
-        robot = changed(problem.robot, built.changes)
-        torque = Replay(problem.recording, robot).torque()
-    except (InputError, SimulationFailed):
-        return None
-    return robot if np.isfinite(torque).all() else None
 
 
 def _lacks(problem: Problem, built: Built, solution: np.ndarray) -> list[str]:
