@@ -5,12 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from own_wear import recording_of
 
 import faultgen
 from faultgen.discovery import check_recording, read_recording, write_recording
 from faultgen.discovery.problem import near_reversal, rolling
 from faultgen.discovery.recording import low_passed
 from faultgen.errors import InputError
+from faultgen.experiment import Experiment
 from faultgen.report import discovery_report
 from faultgen.robot import load_robot
 
@@ -190,30 +192,80 @@ def test_names_of_files_and_robots_do_not_matter(files, tiny_robot_path, tmp_pat
 
 @pytest.fixture(scope="module")
 def shared(measured, tmp_path_factory):
-    """Two recordings with the same noise in torque and position, one of a gearbox with play."""
+    """Recordings with the same noise as the healthy one, in torque and in position."""
     folder = tmp_path_factory.mktemp("shared")
-    for name, effects in (("healthy", []), ("worn", [("backlash", 2, 0.002)])):
+    cases = {
+        "healthy": ([], 1),
+        "play": ([("backlash", 2, 0.008)], 1),
+        "own_noise": ([("backlash", 2, 0.008)], 2),
+        "worn": ([("viscous_friction", 2, 0.3)], 1),
+    }
+    for name, (effects, seed) in cases.items():
         recording = measured(effects, 1)
-        rng = np.random.default_rng(9)
-        noise = rng.standard_normal(recording.position.shape)
+        clean = recording.torque - measured(effects, 2).torque
+        z = [np.random.default_rng(k).standard_normal(clean.shape) for k in (1, 2)]
+        scale = np.median(clean / (z[0] - z[1]), axis=0)
+        rng = np.random.default_rng(seed)
+        noise = rng.standard_normal((2, *clean.shape))
         recording = replace(
             recording,
-            position=recording.position + 1e-4 * np.array([100.0, 50.0]) * noise,
-            torque=recording.torque + 2e-3 * rng.standard_normal(recording.torque.shape),
+            position=recording.position + 1e-4 * np.array([100.0, 50.0]) * noise[0],
+            torque=recording.torque - scale * z[0] + 2e-3 * noise[1],
         )
         write_recording(recording, folder / f"{name}.h5")
     return folder
 
 
-def test_play_is_named_between_recordings_that_share_their_noise(shared, tiny_robot_path):
-    """As runs of one seed do: the noise that their difference lacks is reckoned with, and told."""
-    result = faultgen.discover(shared / "worn.h5", tiny_robot_path, shared / "healthy.h5")
-    (one,) = result["effects"]
-    assert (result["verdict"], one["effect"], one["axis"]) == ("named", "backlash", 2)
-    assert one["parameters"]["severity"] == pytest.approx(0.002, rel=0.05)
+def against_healthy(shared, robot, name):
+    result = faultgen.discover(shared / f"{name}.h5", robot, shared / "healthy.h5")
+    return result, [(one["effect"], one["axis"]) for one in result["effects"]]
+
+
+def test_noise_that_two_recordings_share_is_reckoned_with(shared, tiny_robot_path):
+    """Their difference has none of it; the answer is that of recordings with their own noise.
+
+    This play is too small to be told in the noise. A difference without any noise shows it, and
+    small errors of simulation beside it, which made it an unknown effect.
+    """
+    own, none = against_healthy(shared, tiny_robot_path, "own_noise")
+    result, effects = against_healthy(shared, tiny_robot_path, "play")
+    assert (result["verdict"], effects) == (own["verdict"], none) == ("no missing effect", [])
+    assert own["warnings"] == []
     (warning,) = result["warnings"]
     assert "axis 1, 2: the recording and its healthy twin differ by far less" in warning
     assert "paired = false" in warning
+
+
+def test_what_is_larger_than_shared_noise_is_named(shared, tiny_robot_path):
+    result, effects = against_healthy(shared, tiny_robot_path, "worn")
+    assert (result["verdict"], effects) == ("named", [("viscous_friction", 2)])
+    low, high = result["effects"][0]["interval"]["severity"]
+    assert low < 0.3 < high < 1.1 * low
+
+
+@pytest.mark.slow
+def test_play_is_named_in_runs_of_a_paired_dataset(tmp_path):
+    """Backlash of 2 mrad of a PUMA, whose healthy run has the same noise."""
+    robot = load_robot("puma560")
+    experiment = Experiment(
+        robot=["puma560"],
+        task=["pick_and_place", "spot_weld", "arc_weld"],
+        axis=[[2]],
+        effect=["backlash"],
+        schedule=[0.002] * 2,
+        cycles=2,
+        sensors="thesis",
+        seed=3,
+        paired=True,
+    )
+    faultgen.generate(experiment, tmp_path / "data", workers=2, progress=False)
+    runs = faultgen.open_dataset(tmp_path / "data").runs
+    for name, worn in (("healthy", False), ("worn", True)):
+        own = [run for run in runs if (int(run["axis"]) > 0) == worn]
+        write_recording(recording_of(own, robot), tmp_path / f"{name}.h5")
+    result, effects = against_healthy(tmp_path, "puma560", "worn")
+    assert (result["verdict"], effects) == ("named", [("backlash", 2)])
+    assert result["effects"][0]["parameters"]["severity"] == pytest.approx(0.002, rel=0.02)
 
 
 def test_a_recording_is_its_own_healthy_twin(shared, tiny_robot_path):

@@ -361,6 +361,8 @@ def test_bad_csv(tmp_path):
         read_recording(tmp_path / "w.csv")
     with pytest.raises(InputError, match="no such file"):
         read_recording(tmp_path / "none.h5")
+    with pytest.raises(InputError, match="is not a file"):
+        read_recording(tmp_path)
     (tmp_path / "n.h5").write_text("not HDF5")
     with pytest.raises(InputError, match="cannot be read"):
         read_recording(tmp_path / "n.h5")

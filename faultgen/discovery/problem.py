@@ -226,8 +226,8 @@ def pose(
     shared = np.zeros(robot.n_axes, bool)
     if twin:
         shared = shared_noise(recording.torque, recording.torque - gap, parts)
-    if shared.any():  # what of it the model foretells is no noise
-        own = noise_in(recording.torque - base).times(np.sqrt(2))
+    if shared.any():  # of the healthy recording, which the model foretells
+        own = noise_in(recording.torque - gap - base).times(np.sqrt(2))
         shared &= noise.innovation < SHARED * own.innovation
         noise = noise.replaced(own, shared)
     torque = np.sqrt(np.mean(recording.torque**2, axis=0))

@@ -43,7 +43,7 @@ def read_recording(path: str | Path) -> Recording:
     """
     path = Path(path)
     if not path.is_file():
-        raise InputError(f"{path}: no such file")
+        raise InputError(f"{path}: {'is not a file' if path.exists() else 'no such file'}")
     is_csv = path.suffix.lower() == ".csv"
     try:
         named, attributes = read_csv(path) if is_csv else read_hdf5(path)
