@@ -226,8 +226,11 @@ def pose(
     shared = np.zeros(robot.n_axes, bool)
     if twin:
         shared = shared_noise(recording.torque, recording.torque - gap, parts)
-    if shared.any():  # of the healthy recording, which the model foretells
-        own = noise_in(recording.torque - gap - base).times(np.sqrt(2))
+    if shared.any():  # what neither the model nor the samples before foretell of the healthy one
+        healthy = recording.torque - gap
+        own, plainly = noise_in(healthy - base), autoregression(healthy, steady, parts)
+        white = replace(plainly, coefficients=0 * plainly.coefficients)
+        own = own.replaced(white, white.innovation < own.innovation).times(np.sqrt(2))
         shared &= noise.innovation < SHARED * own.innovation
         noise = noise.replaced(own, shared)
     torque = np.sqrt(np.mean(recording.torque**2, axis=0))
