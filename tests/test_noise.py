@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from faultgen.discovery.noise import noise_of, shared_noise
+from faultgen.discovery.noise import is_same_noise, noise_of, shared_noise
 
 
 def coloured(rng, n, memory, deviation):
@@ -72,3 +72,6 @@ def test_noise_of_two_recordings_is_their_own_or_shared(motion, memory, size):
     assert shared_noise(worn, motion + noises[0], parts).all()
     mixed = np.stack([noises[0][:, 0], noises[1][:, 1]], axis=1)
     assert shared_noise(worn, motion + mixed, parts).tolist() == [True, False]
+    assert is_same_noise(worn, motion + mixed, parts).tolist() == [True, False]
+    smooth = np.sin(np.outer(np.arange(6000) * 0.004, [0.7, 1.3]))
+    assert not is_same_noise(1.05 * smooth, smooth, parts).any()  # there is none at all

@@ -10,6 +10,8 @@ from scipy.optimize import brentq
 from scipy.signal import lfilter
 
 _IMPULSE = np.concatenate([[1.0], np.zeros(4095)])
+_SAME = 0.05  # as `SHARED`, of noise that is the same beyond doubt
+_CONSIDERABLE = 3e-3  # noise over torque; simulations without any seem to have 0.001
 _LARGEST = 0.98  # autocorrelation; beyond it noise cannot be told from a drift
 
 
@@ -166,7 +168,9 @@ which they have the same noise: 0.45 to 0.73 by axis for independent noise, 0.00
 same noise or none (simulated PUMA)."""
 
 
-def shared_noise(first: np.ndarray, second: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+def shared_noise(
+    first: np.ndarray, second: np.ndarray, parts: Sequence[slice], share: float = SHARED
+) -> np.ndarray:
     """Axes on which two recordings of the same motions may have the same noise.
 
     What a sample has that those before it do not foretell is noise, but for jumps, which the median
@@ -177,12 +181,35 @@ def shared_noise(first: np.ndarray, second: np.ndarray, parts: Sequence[slice]) 
         first: Torque of one recording, shape (samples, n_axes).
         second: Of the other.
         parts: Separate recordings.
+        share: Size of the noise in the difference, over that in both, below which it is shared.
 
     Returns:
         Shape (n_axes,).
+
+    Raises:
+        ValueError: There are fewer than 50 samples.
     """
     use = np.ones(first.shape, bool)
     one, other, apart = (
         autoregression(x, use, parts).innovation for x in (first, second, first - second)
     )
-    return apart < SHARED * np.hypot(one, other)
+    return apart < share * np.hypot(one, other)
+
+
+def is_same_noise(first: np.ndarray, second: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+    """Axes on which two recordings have noise that is considerable, and the very same.
+
+    Args:
+        first: Torque of one recording, shape (samples, n_axes).
+        second: Of the other.
+        parts: Separate recordings.
+
+    Returns:
+        Shape (n_axes,).
+
+    Raises:
+        ValueError: There are fewer than 50 samples.
+    """
+    noise = autoregression(second, np.ones(second.shape, bool), parts).innovation
+    considerable = noise > _CONSIDERABLE * np.sqrt(np.mean(second**2, axis=0))
+    return considerable & shared_noise(first, second, parts, _SAME)

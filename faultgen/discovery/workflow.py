@@ -22,6 +22,7 @@ from faultgen.discovery.choose import Choice, choose
 from faultgen.discovery.columns import columns, own_columns
 from faultgen.discovery.forms import form_columns, form_terms
 from faultgen.discovery.next_experiment import Experiment, next_experiment
+from faultgen.discovery.noise import is_same_noise
 from faultgen.discovery.orders import find_orders
 from faultgen.discovery.problem import Problem, counted, plain, pose
 from faultgen.discovery.read import read_recording
@@ -182,6 +183,8 @@ def investigate(
         InputError: Too little of the recording can be used.
         SimulationFailed: The model diverges on the recorded motion.
     """
+    if twin is not None and recording.reference_position is None:
+        _check_followed(recording, twin)
     replay = Replay(recording, robot)
     terms = effect_terms(robot, exclude, include) + inertia_terms(robot)
     terms += _waves(robot, "transmission_error", exclude)
@@ -210,6 +213,25 @@ def investigate(
     told = answer(problem, choice)
     experiment = next_experiment(problem, choice) if told.verdict == AMBIGUOUS else None
     return Discovery(problem, choice, told, experiment)
+
+
+def _check_followed(recording: Recording, twin: Recording) -> None:
+    """Refuse noise that is the same in both where the measured, noisy position is followed.
+
+    Raises:
+        InputError: It is, or there are too few samples.
+    """
+    try:
+        same = is_same_noise(recording.torque, twin.torque, recording.parts)
+    except ValueError as error:
+        raise InputError(f"{recording.source}: {error}") from None
+    if same.any():
+        axes = ", ".join(str(axis + 1) for axis in np.flatnonzero(same))
+        raise InputError(
+            f"{recording.source}: axis {axes}: has the same noise as {twin.source}, as runs of one "
+            "dataset with paired = true do, and no reference_position; generate the dataset with "
+            "paired = false, or add reference_position to the recordings"
+        )
 
 
 def _on_noise(problem: Problem) -> list[str]:
