@@ -8,12 +8,15 @@ digits, which makes another model, and one that it may not read again.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 import mujoco
 import numpy as np
+
+from faultgen.files import write_text
 
 _DIGITS = 17
 """Decimal digits from which every double is read back exactly."""
@@ -72,6 +75,27 @@ def mjcf_text(spec: mujoco.MjSpec) -> str:
     """
     with _all_digits():
         return spec.to_xml()
+
+
+def write_model(path: Path, xml: str, assets: Mapping[str, bytes]) -> None:
+    """Write a model, and beside it the files that it names.
+
+    Files that the model names outside its folder are not written.
+
+    Args:
+        path: Where to.
+        xml: Text of the model.
+        assets: Content of its files by name, relative to the model.
+    """
+    for name, content in assets.items():
+        file = Path(os.path.normpath(name))
+        if file.is_absolute() or ".." in file.parts:
+            continue
+        target = path.parent / file
+        if not target.exists():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(content)
+    write_text(path, xml)
 
 
 @contextmanager

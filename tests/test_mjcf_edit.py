@@ -6,7 +6,7 @@ import pytest
 
 from faultgen.discovery.terms import apply_inertia, inertia_terms
 from faultgen.effects import get_effect
-from faultgen.mjcf_edit import mjcf_text
+from faultgen.mjcf_edit import mjcf_text, write_model
 from faultgen.robot import Robot
 
 LINK = '<inertial pos="0.1 0 0" mass="1" diaginertia="0.02 0.02 0.02"/>'
@@ -101,3 +101,11 @@ def test_impossible_links_are_made_possible_and_written(tiny_robot):
             model = mujoco.MjModel.from_xml_string(mjcf_text(spec))
             a, b, c = np.sort(model.body_inertia[1:], axis=1).T
             assert (a > 0).all() and (a + b >= c).all() and (model.body_mass[1:] > 0).all()
+
+
+def test_a_written_model_has_its_files_beside_it(tmp_path):
+    """But nothing is written outside the folder."""
+    files = {"meshes/a.stl": b"a", "../b.stl": b"b", str(tmp_path / "c.stl"): b"c"}
+    write_model(tmp_path / "out" / "model.xml", "<mujoco/>", files)
+    every = sorted(str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file())
+    assert every == ["out/meshes/a.stl", "out/model.xml"]

@@ -202,6 +202,7 @@ def calibrate(
     from faultgen.discovery.calibrate import calibrate as run_calibrate
     from faultgen.discovery.workflow import usable
     from faultgen.files import write_text
+    from faultgen.mjcf_edit import write_model
     from faultgen.robot import load_robot
 
     model = load_robot(robot)
@@ -211,7 +212,7 @@ def calibrate(
     found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))
     result = {"width": found.width, "held_out": found.held_out, "values": found.values}
     write_text(out.with_suffix(".json"), json.dumps({**result, "lacks": found.lacks}, indent=1))
-    write_text(out, found.robot.xml)
+    write_model(out, found.robot.xml, found.robot.assets)
     for line in found.lacks:
         print(f"faultgen: {line}", file=sys.stderr)
     if as_json:

@@ -238,7 +238,7 @@ def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
     except ValueError as error:
         line = " ".join(str(error).split())
         raise SimulationFailed(f"MuJoCo cannot compile the changed model: {line}") from None
-    return Robot(robot.name, mjcf_text(spec))
+    return Robot(robot.name, mjcf_text(spec), robot.assets)
 
 
 def replaying(

@@ -19,6 +19,7 @@ from faultgen.discovery.calibrate import CARRIED
 from faultgen.discovery.workflow import Discovery, dump
 from faultgen.effects import get_effect
 from faultgen.files import write_text
+from faultgen.mjcf_edit import write_model
 from faultgen.report.page import image, page
 
 
@@ -33,7 +34,8 @@ def write_discovery(folder: Path, result: dict[str, Any], found: Discovery) -> N
     folder.mkdir(parents=True, exist_ok=True)
     # what was found comes first, so that nothing that fails afterwards loses it
     write_text(folder / "discovery.json", dump(result))
-    write_text(folder / "model.xml", found.answer.robot.xml)
+    robot = found.answer.robot
+    write_model(folder / "model.xml", robot.xml, robot.assets)
     if found.experiment is not None:
         write_text(folder / "next_experiment.toml", found.experiment.toml)
     write_text(folder / "report.html", _report(result, found))
