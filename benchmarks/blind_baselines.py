@@ -23,7 +23,8 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, WhiteKernel
 
 from faultgen.discovery.problem import blocks, for_scoring, samples_of
-from faultgen.discovery.recording import Recording, read_recording
+from faultgen.discovery.read import read_recording
+from faultgen.discovery.recording import Recording
 from faultgen.discovery.replay import relative_error, relative_errors, settled
 from faultgen.discovery.result import NAMED, NONE, UNKNOWN
 from faultgen.robot import STRIBECK_VELOCITY, Robot, load_robot

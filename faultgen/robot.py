@@ -29,6 +29,7 @@ from faultgen.dcmotor import STICTION as STICTION
 from faultgen.dcmotor import STRIBECK_VELOCITY as STRIBECK_VELOCITY
 from faultgen.errors import InputError
 from faultgen.mjcf import check_memory, mujoco_warnings, read_mjcf
+from faultgen.mjcf_edit import resolve_inertias
 from faultgen.robot_checks import count_axes, missing_elements, wrong_elements, wrong_numbers
 
 
@@ -111,8 +112,10 @@ class Robot:
             raise InputError(f"robot {self.name}: {'; '.join(findings)} (see docs/robots.md)")
 
     def spec(self) -> mujoco.MjSpec:
-        """A fresh, editable copy of the model."""
-        return mujoco.MjSpec.from_string(self.xml, assets=dict(self.assets))
+        """A fresh, editable copy of the model, in which every inertia is diagonal."""
+        spec = mujoco.MjSpec.from_string(self.xml, assets=dict(self.assets))
+        resolve_inertias(spec)
+        return spec
 
     @cached_property
     def model(self) -> mujoco.MjModel:

@@ -65,8 +65,8 @@ def test_an_effect_that_nobody_coded(found):
     assert strange.axis == 2 and strange.p_value < 1e-5
 
 
-def test_names_do_not_matter(found):
-    """A severity and its sign follow the data: twice the effect, twice the answer."""
+def test_severity_and_sign_follow_the_data(found):
+    """Twice the effect the other way round gives twice the answer with the other sign."""
     one, two = (found(5, Effect("torque_offset", 3, s)).effects[0] for s in (0.01, -0.02))
     assert (one.effect, two.effect) == ("torque_offset", "torque_offset")
     assert two.severity == pytest.approx(-2 * one.severity, rel=0.1)

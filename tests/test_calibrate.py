@@ -1,5 +1,6 @@
 """Models that are only roughly known: calibration, payloads of no mass, followed motion."""
 
+import json
 from dataclasses import replace
 
 import mujoco
@@ -9,7 +10,8 @@ from typer.testing import CliRunner
 
 from faultgen.cli.app import app
 from faultgen.discovery import Replay, write_recording
-from faultgen.discovery.calibrate import calibrate, changed
+from faultgen.discovery import calibrate as calibration
+from faultgen.discovery.calibrate import calibrate, changed, replaying
 from faultgen.discovery.recording import low_passed
 from faultgen.discovery.terms import (
     OPTIONAL,
@@ -21,6 +23,7 @@ from faultgen.discovery.terms import (
     widened,
 )
 from faultgen.effects import get_effect
+from faultgen.errors import InputError
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot, load_robot
 
 
@@ -146,7 +149,62 @@ def test_the_command_writes_a_calibrated_model(measured, tiny_robot_path, tmp_pa
     out = tmp_path / "model.xml"
     told = CliRunner().invoke(app, [*arguments, "--known", "inertia", "-o", str(out), "--json"])
     assert told.exit_code == 0, told.output
+    kept = json.loads((tmp_path / "model.json").read_text())
+    assert kept["values"]["coulomb_friction"]["1"] > 0.2 and kept["lacks"] == []
     before, after = load_robot(tiny_robot_path), load_robot(out)
     friction = before.ids("actuator", "friction")[0]
     coulomb = [one.model.actuator_biasprm[friction, COULOMB] for one in (before, after)]
     assert coulomb[1] / coulomb[0] / after.torque_gain[0] == pytest.approx(1.3, rel=0.1)
+
+
+def test_numbers_are_known_by_their_names(measured, tiny_robot):
+    for option in ("known", "exclude"):
+        with pytest.raises(InputError, match=f"{option}: unknown name 'foo'; choose coulomb_fr"):
+            calibrate(measured([], 1), tiny_robot, **{option: ["foo"]})
+
+
+def test_a_model_that_diverges_is_not_a_result(measured, tiny_robot):
+    """A spring that pushes the arm away is noticed, whether or not MuJoCo compiles it."""
+    recording = measured([], 1)
+    term = Term("gravity_spring", 2, 1.0, 1.0)
+    assert replaying(recording, tiny_robot, [(term, -1e6)]) is None
+    assert replaying(recording, tiny_robot, [(term, 1.0)]) is not None
+    assert replaying(recording, tiny_robot, []) is tiny_robot
+
+
+@pytest.mark.parametrize(("failing", "share"), [(0, 1.0), (2, 0.25), (99, 0.0)])
+def test_what_was_fitted_is_kept_where_a_model_of_it_diverges(
+    measured, tiny_robot, monkeypatch, failing, share
+):
+    """The model gets the largest share that can be simulated; the values are those fitted."""
+    asked = []
+
+    def sometimes(recording, robot, changes):
+        asked.append(changes)
+        return None if len(asked) <= failing else replaying(recording, robot, changes)
+
+    monkeypatch.setattr(calibration, "replaying", sometimes)
+    recording = measured([("viscous_friction", 2, 0.4)], 3)
+    found = calibrate(recording, tiny_robot, widths=[10.0], exclude=["torque_constant", "inertia"])
+    friction = tiny_robot.ids("actuator", "friction")[1]
+    own, given = (one.model.actuator_damping[friction] for one in (found.robot, tiny_robot))
+    fitted = found.values["viscous_friction"][2]
+    assert fitted == pytest.approx(0.4, rel=0.2)
+    assert own / given == pytest.approx(1 + share * fitted, rel=1e-9)
+    assert len(found.lacks) == (share < 1)
+
+
+def test_a_link_of_full_inertia_is_calibrated(measured, tiny_robot):
+    """The same recording gives the same link, however the file states its inertia."""
+    plain = 'mass="1" diaginertia="0.02 0.02 0.02"'
+    full = 'mass="1" fullinertia="0.02 0.02 0.02 0 0 0"'
+    assert plain in tiny_robot.xml
+    given = Robot("given", tiny_robot.xml.replace(plain, full))
+    recording = measured([("viscous_friction", 2, 0.4)], 3)
+    models = [
+        calibrate(recording, robot, widths=[10.0], exclude=["torque_constant"]).robot.model
+        for robot in (tiny_robot, given)
+    ]
+    before = tiny_robot.model.body("link2").mass[0]
+    masses = [model.body("link2").mass[0] for model in models]
+    assert masses[1] == pytest.approx(masses[0], rel=1e-6) and masses[0] != before

@@ -5,10 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from own_wear import recording_of
 
 import faultgen
-from faultgen.discovery import write_recording
+from faultgen.discovery import check_recording, read_recording, write_recording
+from faultgen.discovery.problem import near_reversal, rolling
+from faultgen.discovery.recording import low_passed
 from faultgen.errors import InputError
+from faultgen.experiment import Experiment
+from faultgen.report import discovery_report
 from faultgen.robot import load_robot
 
 
@@ -37,7 +42,7 @@ def test_an_effect_is_named(files, tiny_robot_path, tmp_path):
     (one,) = result["effects"]
     assert (one["effect"], one["axis"]) == ("viscous_friction", 2)
     low, high = one["interval"]["severity"]
-    assert low - (high - low) < 0.3 < high + (high - low)
+    assert low < 0.3 < high and high - low < 0.1
     assert one["parameters"]["severity"] == pytest.approx(0.3, rel=0.1)
     gap = result["gap"]
     assert gap["after"] < gap["before"] and gap["after"] < 1.15 * gap["floor"]
@@ -93,6 +98,40 @@ def test_what_cannot_be_used_is_refused(files, tiny_robot_path, measured, tmp_pa
         faultgen.discover(tmp_path / "turned.h5", tiny_robot_path, files / "healthy.h5")
 
 
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ({"include": ["nonsense"]}, "include: unknown name 'nonsense'; choose low_speed_friction"),
+        ({"exclude": ["nonsense"]}, "exclude: unknown name 'nonsense'; choose backlash"),
+        ({"width": float("nan")}, "width: must be a positive number, not nan"),
+        ({"low_pass": -3.0}, "low-pass: must be a positive number, not -3"),
+    ],
+)
+def test_options_are_checked_first(files, tiny_robot_path, option, message):
+    with pytest.raises(InputError, match=message):
+        discovered(files, tiny_robot_path, "worn", **option)
+
+
+def test_a_recording_that_would_be_simulated_for_days_is_refused(files, tiny_robot_path, tmp_path):
+    long = replace(read_recording(files / "clean.h5"), sample_period=1.0)
+    count = 3700
+    arrays = ("position", "torque", "reference_position")
+    long = replace(long, **{name: np.resize(getattr(long, name), (count, 2)) for name in arrays})
+    write_recording(long, tmp_path / "long.h5")
+    with pytest.raises(InputError, match="3700 s; give a recording of at most 3600 s"):
+        faultgen.discover(tmp_path / "long.h5", tiny_robot_path)
+
+
+def test_separate_recordings_may_be_short(tiny_robot, measured):
+    """Masks have the shape of the recording, however few samples one of them has."""
+    recording = replace(measured([], 1), segments=(0, 5, 12, 300))
+    assert check_recording(recording, tiny_robot) is not None
+    for mask in (near_reversal, rolling):
+        assert mask(recording, tiny_robot).shape == recording.position.shape
+    with pytest.raises(InputError, match="5 samples is too short for the low-pass filter"):
+        low_passed(recording, 10.0)
+
+
 def test_the_order_of_the_catalogue_does_not_matter(files, tiny_robot_path, monkeypatch):
     """Candidates in reverse order give the same answer."""
     from faultgen.discovery import workflow
@@ -134,3 +173,157 @@ def test_sensitivities_are_kept(files, tiny_robot_path, tmp_path, monkeypatch):
     second = discovered(files, tiny_robot_path, "worn", cache=tmp_path)
     assert len(count) - before < before / 3
     assert first["effects"] == second["effects"]
+
+
+def test_names_of_files_and_robots_do_not_matter(files, tiny_robot_path, tmp_path):
+    """What a file, its robot or the model is called says nothing of the effect."""
+    plain = discovered(files, tiny_robot_path, "worn")
+    recording = replace(read_recording(files / "worn.h5"), robot="backlash")
+    write_recording(recording, tmp_path / "torque_offset_axis_1.h5")
+    model = tmp_path / "coulomb_friction.xml"
+    model.write_text(load_robot(tiny_robot_path).xml.replace('model="tiny"', 'model="healthy"'))
+    other = faultgen.discover(
+        tmp_path / "torque_offset_axis_1.h5", model, files / "healthy.h5", cache=tmp_path
+    )
+    assert len(other["warnings"]) == 2  # of the robot's name, in either file
+    for key in ("verdict", "effects", "alternatives", "gap", "where", "calibration"):
+        assert other[key] == plain[key]
+
+
+@pytest.fixture(scope="module")
+def shared(measured, tmp_path_factory):
+    """Recordings with the same noise as the healthy one, in torque and in position."""
+    folder = tmp_path_factory.mktemp("shared")
+    cases = {
+        "healthy": ([], 1),
+        "play": ([("backlash", 2, 0.008)], 1),
+        "own_noise": ([("backlash", 2, 0.008)], 2),
+        "worn": ([("viscous_friction", 2, 0.3)], 1),
+    }
+    for name, (effects, seed) in cases.items():
+        recording = measured(effects, 1)
+        clean = recording.torque - measured(effects, 2).torque
+        z = [np.random.default_rng(k).standard_normal(clean.shape) for k in (1, 2)]
+        scale = np.median(clean / (z[0] - z[1]), axis=0)
+        rng = np.random.default_rng(seed)
+        noise = rng.standard_normal((2, *clean.shape))
+        recording = replace(
+            recording,
+            position=recording.position + 1e-4 * np.array([100.0, 50.0]) * noise[0],
+            torque=recording.torque - scale * z[0] + 2e-3 * noise[1],
+        )
+        write_recording(recording, folder / f"{name}.h5")
+    return folder
+
+
+def against_healthy(shared, robot, name):
+    result = faultgen.discover(shared / f"{name}.h5", robot, shared / "healthy.h5")
+    return result, [(one["effect"], one["axis"]) for one in result["effects"]]
+
+
+def test_noise_that_two_recordings_share_is_reckoned_with(shared, tiny_robot_path):
+    """Their difference has none of it; the answer is that of recordings with their own noise.
+
+    This play is too small to be told in the noise. A difference without any noise shows it, and
+    small errors of simulation beside it, which made it an unknown effect.
+    """
+    own, none = against_healthy(shared, tiny_robot_path, "own_noise")
+    result, effects = against_healthy(shared, tiny_robot_path, "play")
+    assert (result["verdict"], effects) == (own["verdict"], none) == ("no missing effect", [])
+    assert own["warnings"] == []
+    (warning,) = result["warnings"]
+    assert "axis 1, 2: the recording and its healthy twin differ by far less" in warning
+    assert "paired = false" in warning
+
+
+def test_shared_noise_is_refused_where_the_noisy_position_is_followed(
+    shared, tiny_robot_path, tmp_path
+):
+    """Without commanded positions the simulation follows the noise of the position as well."""
+    for name in ("play", "healthy"):
+        recording = replace(read_recording(shared / f"{name}.h5"), reference_position=None)
+        write_recording(recording, tmp_path / f"{name}.h5")
+    with pytest.raises(InputError, match="has the same noise as .* paired = false, or add ref"):
+        against_healthy(tmp_path, tiny_robot_path, "play")
+
+
+def test_what_is_larger_than_shared_noise_is_named(shared, tiny_robot_path):
+    result, effects = against_healthy(shared, tiny_robot_path, "worn")
+    assert (result["verdict"], effects) == ("named", [("viscous_friction", 2)])
+    low, high = result["effects"][0]["interval"]["severity"]
+    assert low < 0.3 < high < 1.1 * low
+
+
+@pytest.mark.slow
+def test_play_is_named_in_runs_of_a_paired_dataset(tmp_path):
+    """Backlash of 2 mrad of a PUMA, whose healthy run has the same noise."""
+    robot = load_robot("puma560")
+    experiment = Experiment(
+        robot=["puma560"],
+        task=["pick_and_place", "spot_weld", "arc_weld"],
+        axis=[[2]],
+        effect=["backlash"],
+        schedule=[0.002] * 2,
+        cycles=2,
+        sensors="thesis",
+        seed=3,
+        paired=True,
+    )
+    faultgen.generate(experiment, tmp_path / "data", workers=2, progress=False)
+    runs = faultgen.open_dataset(tmp_path / "data").runs
+    for name, worn in (("healthy", False), ("worn", True)):
+        own = [run for run in runs if (int(run["axis"]) > 0) == worn]
+        write_recording(recording_of(own, robot), tmp_path / f"{name}.h5")
+    result, effects = against_healthy(tmp_path, "puma560", "worn")
+    assert (result["verdict"], effects) == ("named", [("backlash", 2)])
+    assert result["effects"][0]["parameters"]["severity"] == pytest.approx(0.002, rel=0.02)
+
+
+def test_a_recording_is_its_own_healthy_twin(shared, tiny_robot_path):
+    """Nothing is missing between two equal recordings, though they have no noise apart."""
+    result = faultgen.discover(shared / "healthy.h5", tiny_robot_path, shared / "healthy.h5")
+    assert (result["verdict"], result["effects"]) == ("no missing effect", [])
+
+
+def test_gap_and_validation_are_the_same_on_the_same_motions(measured, tiny_robot_path, tmp_path):
+    """The motion that is kept for scoring, and a file of that motion alone, without a twin."""
+    cycles = [measured([("torque_offset", 1, 0.05)], seed) for seed in (3, 4, 5)]
+    count = len(cycles[0].torque)
+    names = ("position", "torque", "reference_position")
+    together = replace(
+        cycles[0],
+        **{name: np.concatenate([getattr(one, name) for one in cycles]) for name in names},
+        segments=(0, count, 2 * count),
+    )
+    write_recording(together, tmp_path / "measured.h5")
+    write_recording(cycles[-1], tmp_path / "other.h5")
+    result = faultgen.discover(
+        tmp_path / "measured.h5", tiny_robot_path, validate=tmp_path / "other.h5"
+    )
+    gap = result["gap"]
+    assert [(one["effect"], one["axis"]) for one in result["effects"]] == [("torque_offset", 1)]
+    for name in ("before", "after"):
+        assert gap["validation"][name] == pytest.approx(gap[name], rel=1e-6)
+    assert gap["floor"] <= gap["after"] < 0.7 * gap["before"]
+
+
+def test_what_was_found_is_kept_where_a_later_stage_fails(
+    files, tiny_robot_path, tmp_path, monkeypatch
+):
+    """Motions that cannot be scored, and a page that cannot be drawn."""
+    recording = read_recording(files / "clean.h5")
+    still = {name: 0 * getattr(recording, name) for name in ("position", "reference_position")}
+    write_recording(replace(recording, **still), tmp_path / "still.h5")
+    result = discovered(files, tiny_robot_path, "worn", validate=tmp_path / "still.h5")
+    assert result["gap"]["validation"] is None
+    assert any("still.h5: not scored" in line for line in result["warnings"])
+
+    def fails(*_):
+        raise RuntimeError("no figure")
+
+    monkeypatch.setattr(discovery_report, "_report", fails)
+    with pytest.raises(RuntimeError, match="no figure"):
+        discovered(files, tiny_robot_path, "worn", out=tmp_path / "out")
+    kept = json.loads((tmp_path / "out" / "discovery.json").read_text())
+    assert kept["effects"] == result["effects"]
+    assert load_robot(tmp_path / "out" / "model.xml").n_axes == 2

@@ -91,3 +91,16 @@ def test_columns_and_gaps_are_replaced(data):
     expected = Evidence.of(other, moved, PARTS)
     for name in ("gram", "right", "energy"):
         np.testing.assert_allclose(getattr(made, name), getattr(expected, name), atol=1e-9)
+
+
+def test_a_score_is_the_held_out_misfit_and_the_penalty(data):
+    """Sets are compared by what others than they have to be off by, too, written out."""
+    columns, gap, evidence = data
+    free = [2]
+    weight = np.ones(7)
+    weight[free] = FREE
+    value, _ = ridge(columns, gap, weight)
+    penalty = float(np.sum(np.delete(value, free) ** 2))
+    assert penalty > 0.2  # term 5 is off by half its tolerance
+    expected = evidence.held_out(free).sum() + penalty
+    assert evidence.score(free) == pytest.approx(expected, rel=1e-9)

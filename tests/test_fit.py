@@ -52,6 +52,7 @@ def pose():
             trust=ones.astype(float),
             white=noise.whiten(raw, parts) * scale,
             twin=True,
+            shared=np.zeros(1, bool),
         )
         return problem
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from faultgen.discovery.noise import noise_of
+from faultgen.discovery.noise import is_same_noise, noise_of, shared_noise
 
 
 def coloured(rng, n, memory, deviation):
@@ -46,3 +46,32 @@ def test_too_little_to_tell():
     inside[20:, 1] = False
     with pytest.raises(ValueError, match="axis 2: fewer than 50 samples"):
         noise_of(gap, inside, [slice(0, 100)])
+
+
+@pytest.fixture(scope="module")
+def motion():
+    """Torque of a motion, the same in both recordings: slow, with ripple and friction's jumps."""
+    time = np.arange(6000) * 0.004
+    turn = 40 * np.sin(0.7 * time)
+    torque = np.sin(0.7 * time) + 0.1 * np.sin(turn) + 0.3 * np.sign(np.cos(0.7 * time))
+    return np.stack([torque, 2 * torque], axis=1)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.8])
+@pytest.mark.parametrize("size", [1e-2, 0.3])
+def test_noise_of_two_recordings_is_their_own_or_shared(motion, memory, size):
+    """On any axis by itself; an effect in one of them does not hide it."""
+    rng = np.random.default_rng(4)
+    parts = [slice(0, 2500), slice(2500, 6000)]
+    noises = [
+        np.stack([coloured(rng, 6000, memory, size * (k + 1)) for k in range(2)], axis=1)
+        for _ in range(2)
+    ]
+    worn = 1.05 * motion + noises[0]
+    assert not shared_noise(worn, motion + noises[1], parts).any()
+    assert shared_noise(worn, motion + noises[0], parts).all()
+    mixed = np.stack([noises[0][:, 0], noises[1][:, 1]], axis=1)
+    assert shared_noise(worn, motion + mixed, parts).tolist() == [True, False]
+    assert is_same_noise(worn, motion + mixed, parts).tolist() == [True, False]
+    smooth = np.sin(np.outer(np.arange(6000) * 0.004, [0.7, 1.3]))
+    assert not is_same_noise(1.05 * smooth, smooth, parts).any()  # there is none at all

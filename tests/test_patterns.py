@@ -111,3 +111,13 @@ def test_an_autoregression_is_estimated_and_taken_away():
     white = noise.whiten(x, parts)
     assert white.std() == pytest.approx(1, rel=0.02)
     assert abs(np.corrcoef(white[1:, 0], white[:-1, 0])[0, 1]) < 0.03
+
+
+def test_a_gap_with_less_noise_than_is_reckoned_with_has_no_pattern(problem, noise):
+    """What is small beside the noise is none, however regular: tests are against the noise."""
+    motion = problem.motion
+    turn = motion.position[:, :1] / 3
+    regular = 0.02 * np.abs(motion.velocity) / 200 + 0.02 * np.sin(2 * np.pi * turn)
+    assert find_orders(problem, regular) == []
+    assert min(one.p_value for one in patterns(problem, regular, [0, 1])) > 0.5
+    assert significance(problem, regular) > 0.5

@@ -186,6 +186,167 @@ def test_bad_files_are_refused_in_one_line(recording, tmp_path, change, message)
     assert "\n" not in str(error.value) and str(path) in str(error.value)
 
 
+def _external_link(file, tmp_path):
+    other = tmp_path / "other.h5"
+    with h5py.File(other, "w") as out:
+        out["motor_torque"] = np.zeros(file["motor_torque"].shape)
+    del file["motor_torque"]
+    file["motor_torque"] = h5py.ExternalLink(str(other), "/motor_torque")
+
+
+def _soft_link_out(file, tmp_path):
+    file["far"] = h5py.ExternalLink(str(tmp_path / "other.h5"), "/")
+    del file["motor_torque"]
+    file["motor_torque"] = h5py.SoftLink("/far/motor_torque")
+
+
+def _circle(file, tmp_path):
+    del file["motor_torque"]
+    file["motor_torque"] = h5py.SoftLink("/again")
+    file["again"] = h5py.SoftLink("/motor_torque")
+
+
+def _external_storage(file, tmp_path):
+    shape = file["motor_torque"].shape
+    (tmp_path / "raw").write_bytes(bytes(8 * shape[0] * shape[1]))
+    del file["motor_torque"]
+    file.create_dataset("motor_torque", shape, float, external=[(str(tmp_path / "raw"), 0, 2**40)])
+
+
+def _virtual(file, tmp_path):
+    shape = file["motor_torque"].shape
+    del file["motor_torque"]
+    layout = h5py.VirtualLayout(shape, float)
+    layout[:] = h5py.VirtualSource(str(tmp_path / "other.h5"), "motor_torque", shape)
+    file.create_virtual_dataset("motor_torque", layout)
+
+
+def _claims(shape, chunks):
+    def change(file, tmp_path):
+        del file["motor_torque"]
+        file.create_dataset("motor_torque", shape, float, chunks=chunks, maxshape=(None, None))
+
+    return change
+
+
+def _set(name, value):
+    def change(file, tmp_path):
+        del file[name]
+        file[name] = value
+
+    return change
+
+
+def _attribute(name, value):
+    return lambda file, tmp_path: file.attrs.__setitem__(name, value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (_attribute("sample_period", "4 ms"), "sample_period must be a positive time in s"),
+        (_attribute("sample_period", [0.004, 0.004]), "sample_period must be a positive"),
+        (_attribute("sample_period", 1e12), "sample_period .* from 1e-05 to 1, not 1000000000000"),
+        (_attribute("sample_period", np.nan), "sample_period must be a positive"),
+        (_attribute("sample_period", True), "sample_period must be a positive"),
+        (_attribute("sample_period", h5py.Empty("f")), "attribute sample_period is empty"),
+        (_attribute("segments", []), "segments must ascend from 0"),
+        (_attribute("segments", [0, np.nan]), "segments must ascend from 0"),
+        (_attribute("segments", [[0, 100]]), "segments must ascend from 0"),
+        (_attribute("segments", "0"), "segments must ascend from 0"),
+        (_attribute("segments", [0, 100.5]), "segments must ascend from 0"),
+        (_attribute("segments", [0, 1, 100]), "from sample 0 has 1 samples; it needs at least 5"),
+        (_attribute("payload_mass", "heavy"), "payload_mass must be one number in kg"),
+        (_attribute("payload_mass", -1.0), "payload_mass must be one number in kg"),
+        (_attribute("robot", [1, 2]), "robot must be a name"),
+        (_attribute("robot", "a\nb"), "robot must be a name"),
+        (_set("motor_torque", h5py.Empty("f")), "motor_torque is empty"),
+        (_set("motor_torque", "text"), "motor_torque must hold numbers"),
+        (_set("motor_torque", np.full((3, 2), 1e300)), "expected"),
+        (
+            lambda f, _: f["motor_torque"].__setitem__((3, 0), 1e300),
+            "torque is larger than 1e\\+09 in sample 3",
+        ),
+        (_claims((10**9, 10**6), (1000, 2)), "claims shape .* more than 100,000,000 values"),
+        (_claims((100, 2), (10**8, 3)), "claims shape"),
+        (_claims((1000, 2), (1000, 2)), "no values were written"),
+        (_external_link, "link to another file; copy its data"),
+        (_soft_link_out, "link to another file; copy its data"),
+        (_circle, "leads in a circle"),
+        (_external_storage, "data of motor_torque are in other files"),
+        (_virtual, "data of motor_torque are in other files"),
+        (lambda f, _: f.create_group("motor_velocity"), "motor_velocity is not an array"),
+    ],
+)
+def test_what_a_file_claims_is_checked_before_it_is_read(recording, tmp_path, change, message):
+    path = tmp_path / "bad.h5"
+    write_recording(replace(recording, velocity=None), path)
+    with h5py.File(path, "r+") as file:
+        change(file, tmp_path)
+    with pytest.raises(InputError, match=message) as error:
+        read_recording(path)
+    text = str(error.value)
+    assert "\n" not in text and text.startswith(str(path)) and len(text) < len(str(path)) + 300
+
+
+def test_links_within_a_file_and_arrays_of_one_are_read(recording, tmp_path):
+    """A soft link, a period in an array of one, as other programs write it, and foreign arrays."""
+    path = tmp_path / "linked.h5"
+    write_recording(recording, path)
+    with h5py.File(path, "r+") as file:
+        file.move("motor_torque", "raw/torque")
+        file["alias"] = h5py.SoftLink("raw")
+        file["motor_torque"] = h5py.SoftLink("alias/torque")
+        file.attrs["sample_period"] = np.array([PERIOD])
+        file.attrs["robot"] = np.bytes_(b"tiny")
+        file["notes"] = "not of interest"
+        file["elsewhere"] = h5py.ExternalLink("/nowhere.h5", "/x")
+    again = read_recording(path)
+    np.testing.assert_array_equal(again.torque, recording.torque)
+    assert (again.sample_period, again.robot) == (PERIOD, "tiny")
+
+
+TABLE = "time,joint_position_1,joint_torque_1\n" + "\n".join(f"{k / 100},{k},1" for k in range(9))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (TABLE.encode("utf-16"), "perhaps UTF-16; save it as UTF-8"),
+        (TABLE.encode("utf-16-le"), "perhaps UTF-16; save it as UTF-8"),
+        (("Zeit,µ\n" + TABLE).encode("latin-1"), "row 1 is not UTF-8 text, perhaps Latin-1"),
+        (TABLE.replace(",", ";").encode(), "separated by ';'; give names .* commas between"),
+        (TABLE.replace("_1", "_0").encode(), "end in _0; number the axes from 1"),
+        (TABLE.replace("joint_torque_1", "joint_torque_2").encode(), "end in _2; number the axes"),
+        (TABLE.replace("4,1", "4,").encode(), "row 6 of column 'joint_torque_1' is blank; fill"),
+        (TABLE.replace("4,1", '4,"1,5"').encode(), "row 6 of column .* holds '1,5'; write numbers"),
+        (TABLE.replace("4,1", "4,inf").encode(), "row 6 of column 'joint_torque_1' holds 'inf'"),
+        (TABLE.replace("4,1", "4,1,2").encode(), "header has 3 names, but not every row"),
+        (TABLE.replace("joint_torque_1", "time").encode(), "column 'time' is there more than once"),
+        (b"", "first row names no columns"),
+        (b"time,joint_position_1,joint_torque_1\n", "header has 3 names|one sample"),
+    ],
+)
+def test_what_is_wrong_with_a_csv_file_is_named_with_what_would_do(tmp_path, content, message):
+    path = tmp_path / "bad.csv"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=message) as error:
+        read_recording(path)
+    assert "\n" not in str(error.value)
+
+
+def test_csv_as_spreadsheets_write_it(tmp_path):
+    """A byte order mark, quoted names, blanks after commas, and columns in any order."""
+    path = tmp_path / "r.CSV"
+    rows = "\r\n".join(f"{k}, 1, {k / 100}, {-k}" for k in range(9))
+    text = '"joint_position_1","joint_torque_1","time","joint_position_2",joint_torque_2\r\n'
+    rows = "\r\n".join(f"{line}, 7" for line in rows.split("\r\n"))
+    path.write_bytes(b"\xef\xbb\xbf" + (text + rows).encode())
+    recording = read_recording(path)
+    np.testing.assert_array_equal(recording.position[:, 1], -np.arange(9.0))
+    np.testing.assert_array_equal(recording.torque, np.tile([1.0, 7.0], (9, 1)))
+
+
 def test_bad_csv(tmp_path):
     """A gap in time, a missing column, words instead of numbers, no file."""
     rows = np.stack([np.arange(9) * 0.01, np.ones(9), np.zeros(9), np.zeros(9)], axis=1)
@@ -200,6 +361,8 @@ def test_bad_csv(tmp_path):
         read_recording(tmp_path / "w.csv")
     with pytest.raises(InputError, match="no such file"):
         read_recording(tmp_path / "none.h5")
+    with pytest.raises(InputError, match="is not a file"):
+        read_recording(tmp_path)
     (tmp_path / "n.h5").write_text("not HDF5")
     with pytest.raises(InputError, match="cannot be read"):
         read_recording(tmp_path / "n.h5")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -201,6 +202,7 @@ def calibrate(
     from faultgen.discovery.calibrate import calibrate as run_calibrate
     from faultgen.discovery.workflow import usable
     from faultgen.files import write_text
+    from faultgen.mjcf_edit import write_model
     from faultgen.robot import load_robot
 
     model = load_robot(robot)
@@ -208,9 +210,13 @@ def calibrate(
     for warning in warnings:
         print(f"faultgen: {warning}", file=sys.stderr)
     found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))
-    write_text(out, found.robot.xml)
+    result = {"width": found.width, "held_out": found.held_out, "values": found.values}
+    write_text(out.with_suffix(".json"), json.dumps({**result, "lacks": found.lacks}, indent=1))
+    write_model(out, found.robot.xml, found.robot.assets)
+    for line in found.lacks:
+        print(f"faultgen: {line}", file=sys.stderr)
     if as_json:
-        print_json({"width": found.width, "held_out": found.held_out, "values": found.values})
+        print_json(result)
         return
     print(f"tolerances times {found.width:g}")
     for name, values in found.values.items():

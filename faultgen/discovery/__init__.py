@@ -7,7 +7,8 @@ gap = recording.torque - replay(recording, robot)
 """
 
 from faultgen.discovery.check import Finding, check_recording
-from faultgen.discovery.recording import Recording, read_recording, write_recording
+from faultgen.discovery.read import read_recording
+from faultgen.discovery.recording import Recording, write_recording
 from faultgen.discovery.replay import Replay, replay, settled
 from faultgen.discovery.workflow import Discovery, discover, investigate
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from faultgen.discovery.certainty import certainty
 from faultgen.discovery.choose import Choice
-from faultgen.discovery.fit import Fit, Group, changes_of
+from faultgen.discovery.fit import Fit, first_of
+from faultgen.discovery.model import build, build_stable
 from faultgen.discovery.problem import Problem
 from faultgen.discovery.regimes import Pattern, patterns, where
 from faultgen.discovery.replay import relative_error, relative_errors
 from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE, UNKNOWN, UNLIKELY, Answer, Named
-from faultgen.discovery.terms import FRICTION, INERTIA, PAYLOAD, PERIODIC, Term, payload_of
-from faultgen.effects import get_effect
+from faultgen.discovery.terms import FRICTION, PAYLOAD, PERIODIC, Term, payload_of
 
 LEFT = 0.05
 """Share of a gap with a pattern from which effects do not explain it: chosen on development
@@ -43,7 +44,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         choice: The sets that were chosen among.
     """
     empty, best = choice.fits[0], choice.best
-    calibrated, base_values = _left(problem, empty)
+    without, base_values = _left(problem, empty)
     left, values = _left(problem, best)
     white = problem.whiten(left)
     own = [(problem.terms[t].axis, problem.white[t]) for t in best.terms]
@@ -51,38 +52,43 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     shown = left + best.change  # the gap that is to be explained, less calibration
     white_shown = problem.whiten(shown)
     shares = where(problem, white_shown)
-    p_value = significance(problem, problem.whiten(calibrated))
-    scores = [_score(problem, x) for x in (problem.gap, calibrated, left)]
-    floor = _score(problem, np.broadcast_to(problem.noise.deviation, problem.gap.shape))
-    is_open = problem.twin and _is_open(scores[0][1], scores[2][1], floor[1])
+    p_value = significance(problem, problem.whiten(without))
+    noise = np.broadcast_to(problem.noise.deviation, left.shape)
+    open_ = [_score(problem, x)[1] for x in (problem.gap, left, noise)]
+    is_open = problem.twin and _is_open(*open_)
     verdict = _verdict(problem, choice, found, white_shown, is_open)
     known = verdict in (NAMED, AMBIGUOUS)
     effects, alternatives = _named(problem, choice)
-    changes = _calibration(problem, best if known else empty, values if known else base_values)
-    after = scores[2] if known else scores[1]
+    basic = build(problem, empty, base_values)
+    chosen = (best, values) if known else (empty, base_values)
+    built, robot, lacks = build_stable(problem, *chosen)
+    before, calibrated, after = (_score(problem, x) for x in (problem.gap, basic.left, built.left))
+    # an error holds the noise, so that the noise of an axis is no larger than any of its errors
+    floor = np.min([open_[2], before[1], calibrated[1], after[1]], axis=0)
     return Answer(
         verdict=verdict,
         effects=effects if known else (),
         alternatives=alternatives
         if known
         else tuple((one.effect, one.axis, one.confidence) for one in effects),
-        before=scores[0][0],
-        calibrated=scores[1][0],
+        before=before[0],
+        calibrated=calibrated[0],
         after=after[0],
-        floor=floor[0],
+        floor=float(np.sqrt(np.mean(floor[_scored(problem).any(axis=0)] ** 2))),
         per_axis=tuple(
             {"axis": k + 1, "before": a, "calibrated": b, "after": c, "floor": d}
             for k, (a, b, c, d) in enumerate(
-                zip(scores[0][1], scores[1][1], after[1], floor[1], strict=True)
+                zip(before[1], calibrated[1], after[1], floor.tolist(), strict=True)
             )
         ),
         p_value=p_value,
         where=tuple(shares),
         left=tuple(found),
-        changes=changes,
-        calibration=_told(problem, empty if not known else best, changes),
-        calibrated_torque=shown,
-        left_torque=left if known else calibrated,
+        changes=built.changes,
+        robot=robot,
+        lacks=tuple(lacks),
+        calibration=_told(problem, chosen[0], built.changes),
+        left_torque=built.left,
     )
 
 
@@ -97,10 +103,14 @@ def _left(problem: Problem, fitted: Fit) -> tuple[np.ndarray, np.ndarray]:
     return problem.gap - fitted.change - explained, solution
 
 
+def _scored(problem: Problem) -> np.ndarray:
+    """Samples of the scoring motions that count, as a mask of shape (samples, n_axes)."""
+    return problem.inside & problem.samples(problem.scoring)[:, None]
+
+
 def _score(problem: Problem, error: np.ndarray) -> tuple[float, list[float]]:
     """Relative error on the scoring motions: all axes, and each."""
-    inside = problem.inside & problem.samples(problem.scoring)[:, None]
-    recording = problem.recording
+    inside, recording = _scored(problem), problem.recording
     by_axis = relative_errors(error**2, recording, inside)
     return relative_error(error**2, recording, inside), by_axis.tolist()
 
@@ -202,71 +212,44 @@ def _named(
 ) -> tuple[tuple[Named, ...], tuple[tuple[str, int, float], ...]]:
     best = choice.best
     effects, others = [], []
-    steps = {len(one.groups): one for one in choice.fits}
-    for place, (group, values, errors) in enumerate(best.members()):
+    solution = _left(problem, best)[1]
+    for place, group in enumerate(best.groups):
+        known = certainty(choice.problem, best, place)
         rivals = [(g, worse) for where, g, worse in choice.rivals if where == place]
         odds = np.exp([-max(worse, 0.0) / 2 for _, worse in rivals])
-        total = 1 + float(odds.sum())
+        total = 1 + float(odds.sum()) + float(np.exp(-known.absent / 2))
         others += [
             (*problem.terms[g[0]].key, float(odd) / total)
             for (g, _), odd in zip(rivals, odds, strict=True)
         ]
-        until = steps.get(place + 1, best)
+        left = build(problem, first_of(problem, best, place + 1), solution).left
         effects.append(
-            _one(
-                problem,
-                group,
-                values,
-                errors,
+            Named(
+                *problem.terms[group[0]].key,
+                known.severity,
+                known.error,
+                (known.low, known.high),
+                _parameters(problem, best, place),
                 1 / total,
-                _score(problem, _left(problem, until)[0])[0],
+                _score(problem, left)[0],
             )
         )
     own = {(one.effect, one.axis) for one in effects}
     return tuple(effects), tuple(one for one in others if (one[0], one[1]) not in own)
 
 
-def _one(
-    problem: Problem,
-    group: Group,
-    values: np.ndarray,
-    errors: np.ndarray,
-    confidence: float,
-    after: float,
-) -> Named:
+def _parameters(problem: Problem, best: Fit, place: int) -> dict[str, float]:
+    """Further parameters of an effect."""
+    group, values, _ = list(best.members())[place]
     term = problem.terms[group[0]]
     parameters = dict(term.parameters)
-    severity, error = float(values[0]), float(errors[0])
     if term.name == PAYLOAD and len(group) > 1:
         places = np.array([[x for _, x in problem.terms[t].parameters] for t in group])
-        severity, place = payload_of(values, places)
-        error = float(np.linalg.norm(errors))  # of masses that offset one another: too large
-        parameters = dict(zip("xyz", place.tolist(), strict=True))
+        _, centre = payload_of(values, places)
+        parameters = dict(zip("xyz", centre.tolist(), strict=True))
     elif len(group) == 2:  # sine and cosine
-        severity = float(np.hypot(*values))
-        error = float(np.hypot(*(values * errors)) / max(severity, 1e-300))
         parameters["phase"] = float(np.arctan2(values[1], values[0]))
-    return Named(term.name, term.axis, severity, error, parameters, confidence, after)
-
-
-def _calibration(problem: Problem, fitted: Fit, solution: np.ndarray) -> list[tuple[Term, float]]:
-    """All that is changed in the model."""
-    effects = changes_of(problem, fitted)
-    if problem.twin:
-        return effects
-    numbers = [
-        (term, float(value * term.tolerance))
-        for term, value in zip(problem.terms, solution, strict=True)
-        if abs(value) > 1e-3
-    ]
-    return effects + [(term, value) for term, value in numbers if _possible(term, value)]
-
-
-def _possible(term: Term, value: float) -> bool:
-    """Whether a model is given it: no waves that nobody named, no play below none."""
-    if not term.is_effect:
-        return term.name == INERTIA
-    return term.name not in PERIODIC and value > get_effect(term.name).smallest
+    return parameters
 
 
 def _told(

@@ -28,12 +28,14 @@ from faultgen.discovery.terms import (
     Term,
     applied,
     apply_inertia,
+    check_names,
     effect_terms,
     inertia_terms,
     widened,
 )
 from faultgen.effects import get_effect
-from faultgen.errors import InputError
+from faultgen.errors import InputError, SimulationFailed
+from faultgen.mjcf_edit import mjcf_text
 from faultgen.robot import Robot
 
 WIDTHS = (1.0, 3.0, 10.0, 30.0, 100.0)
@@ -42,6 +44,10 @@ WIDTHS = (1.0, 3.0, 10.0, 30.0, 100.0)
 CARRIED = "torque_constant"
 """Effect that no element of MJCF has, but that `torque_gain` carries."""
 
+SHARES = (1.0, 0.5, 0.25, 0.1)
+"""Shares of changes that are tried where a model with all of them cannot be simulated."""
+
+_WHY = "with more of them its simulation diverges on the recorded motion"
 _STEPS = 16  # simulations of a fit at most, those for slopes not counted
 _SETTLED = 1e-3  # share of the misfit that a step has to take off
 _ANEW = 12  # terms whose slopes are taken anew at each step
@@ -59,6 +65,8 @@ class Calibrated:
     """Mean squared whitened error of blocks that were not fitted, by width."""
     values: dict[str, dict[int, float]]
     """Severity of each number but inertias, by name and axis."""
+    lacks: tuple[str, ...] = ()
+    """What the model lacks of what was fitted, a line each."""
 
 
 def calibrate(
@@ -84,9 +92,11 @@ def calibrate(
         cache: Folder that keeps sensitivities.
 
     Raises:
-        InputError: Too little of the recording can be used.
+        InputError: Too little of the recording can be used, or a number has another name.
         SimulationFailed: The model diverges on the recorded motion.
     """
+    check_names("known", known, NUMBERS)
+    check_names("exclude", exclude, NUMBERS)
     replay = Replay(recording, robot)
     terms = [t for t in effect_terms(robot, exclude) if t.name in NUMBERS]
     terms += inertia_terms(robot) if INERTIA not in exclude else []
@@ -112,7 +122,14 @@ def calibrate(
     for term, value in changes:
         if term.name != INERTIA:
             values.setdefault(term.name, {})[term.axis] = value
-    return Calibrated(changed(robot, changes), best, held_out, values)
+    for share in SHARES:
+        made = replaying(recording, robot, [(term, share * value) for term, value in changes])
+        if made is not None:
+            lacks = (
+                () if share == 1 else (f"the model has {share:.0%} of the fitted values: {_WHY}",)
+            )
+            return Calibrated(made, best, held_out, values, lacks)
+    return Calibrated(robot, best, held_out, values, (f"the model is the given one: {_WHY}",))
 
 
 def _with_tolerances(problem: Problem, new: list[Term]) -> Problem:
@@ -200,6 +217,9 @@ def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
     Args:
         robot: The model.
         changes: Terms and values; effects that no element carries are left out.
+
+    Raises:
+        SimulationFailed: MuJoCo cannot compile the changed model.
     """
     spec = robot.spec()
     apply_inertia(spec, robot, [change for change in changes if change[0].name == INERTIA])
@@ -213,5 +233,27 @@ def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
     if np.any(gain != 1):
         numeric = spec.numeric("torque_gain") or spec.add_numeric(name="torque_gain")
         numeric.size, numeric.data = len(gain), gain.tolist()
-    spec.compile()
-    return Robot(robot.name, spec.to_xml())
+    try:
+        spec.compile()
+    except ValueError as error:
+        line = " ".join(str(error).split())
+        raise SimulationFailed(f"MuJoCo cannot compile the changed model: {line}") from None
+    return Robot(robot.name, mjcf_text(spec), robot.assets)
+
+
+def replaying(
+    recording: Recording, robot: Robot, changes: Sequence[tuple[Term, float]]
+) -> Robot | None:
+    """The model with changes in it as it is written; None where it does not replay the recording.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+        changes: Terms and values.
+    """
+    try:
+        made = changed(robot, changes) if changes else robot
+        torque = Replay(recording, made).torque()
+    except (InputError, SimulationFailed):
+        return None
+    return made if np.isfinite(torque).all() else None

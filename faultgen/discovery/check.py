@@ -119,6 +119,8 @@ def _gaps(recording: Recording, robot: Robot, joint: np.ndarray) -> list[Finding
         for axis in range(robot.n_axes):
             moving = reference[:, axis] > 0.05 * fastest[axis] * period
             frozen = (steps[:, axis] == 0) & moving
+            if len(frozen) < length:
+                continue
             run = np.convolve(frozen.astype(int), np.ones(length, int), "valid") == length
             if run.any():
                 sample = part.start + int(np.argmax(run))

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultgen.discovery.certainty import overdispersion
 from faultgen.discovery.fit import Fit, Group, fit
 from faultgen.discovery.problem import Problem
 from faultgen.discovery.terms import FRICTION, PAYLOAD, Term
@@ -61,6 +62,8 @@ _RIVALS = 3  # swaps that are simulated
 class Choice:
     """What was chosen."""
 
+    problem: Problem
+    """The gap as sets were compared on it."""
     fits: tuple[Fit, ...]
     """The empty set, and after it the set after each effect that was added."""
     best: Fit
@@ -105,7 +108,7 @@ def choose(problem: Problem) -> Choice:
             break
         current = new
         fits.append(current)
-    return Choice(tuple(fits), current, tuple(search.rivals(current)))
+    return Choice(problem, tuple(fits), current, tuple(search.rivals(current)))
 
 
 class _Search:
@@ -235,8 +238,7 @@ class _Search:
 
     def rivals(self, current: Fit) -> list[tuple[int, Group, float]]:
         """Swaps that are not excluded; differences count over the overdispersion."""
-        samples = self.problem.inside[self.problem.samples(self.problem.fitting)].sum()
-        over = max(1.0, current.misfit / max(int(samples), 1))
+        over = overdispersion(self.problem, current)
         found = [
             (place, other, (rival.score - current.score) / over)
             for place, other, rival in self._swaps(current, over, 2 * _RIVALS)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -157,6 +157,21 @@ def changes_of(problem: Problem, fitted: Fit) -> list[tuple[Term, float]]:
     return [(problem.terms[t], float(v)) for t, v in zip(fitted.terms, fitted.values, strict=True)]
 
 
+def first_of(problem: Problem, fitted: Fit, count: int) -> Fit:
+    """The first effects of a set, with the severities that they have in it."""
+    if count == len(fitted.groups):
+        return fitted
+    groups = fitted.groups[:count]
+    size = sum(len(group) for group in groups)
+    terms, values = fitted.terms[:size], fitted.values[:size]
+    change = problem.change(
+        [(problem.terms[t], float(v)) for t, v in zip(terms, values, strict=True)]
+    )
+    if change is None:  # to first order where it cannot be simulated without the others
+        change = np.tensordot(values.astype(np.float32), problem.raw[terms], axes=1)
+    return replace(fitted, groups=groups, values=values, errors=fitted.errors[:size], change=change)
+
+
 def _done(
     problem: Problem,
     groups: tuple[Group, ...],
@@ -172,7 +187,8 @@ def _done(
     return Fit(groups, value, errors, change, evidence, misfit, evidence.score(terms))
 
 
-def _bounds(problem: Problem, terms: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+def bounds_of(problem: Problem, terms: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest value of each term, shape (terms,) each."""
     pairs = np.array([_range(problem.terms[t]) for t in terms]).reshape(-1, 2)
     return pairs[:, 0], pairs[:, 1]
 
@@ -188,10 +204,10 @@ def _range(term: Term) -> tuple[float, float]:
 
 
 def _bounded(problem: Problem, terms: Sequence[int], value: np.ndarray) -> np.ndarray:
-    return np.clip(value, *_bounds(problem, terms))
+    return np.clip(value, *bounds_of(problem, terms))
 
 
 def _within(problem: Problem, terms: Sequence[int], value: np.ndarray) -> bool:
     """Whether no severity has run against its bound: one that has explains nothing."""
-    low, high = _bounds(problem, terms)
+    low, high = bounds_of(problem, terms)
     return bool(np.all((value > low) & (value < high)))

@@ -10,6 +10,8 @@ from scipy.optimize import brentq
 from scipy.signal import lfilter
 
 _IMPULSE = np.concatenate([[1.0], np.zeros(4095)])
+_SAME = 0.05  # as `SHARED`, of noise that is the same beyond doubt
+_CONSIDERABLE = 3e-3  # noise over torque; simulations without any seem to have 0.001
 _LARGEST = 0.98  # autocorrelation; beyond it noise cannot be told from a drift
 
 
@@ -27,6 +29,17 @@ class Autoregression:
         """Standard deviation of the noise, shape (n_axes,)."""
         response = np.array([lfilter([1], [1, *-a], _IMPULSE) for a in self.coefficients])
         return self.innovation * np.sqrt((response**2).sum(axis=1))
+
+    def times(self, factor: float) -> Autoregression:
+        """Noise that is larger by a factor."""
+        return Autoregression(self.coefficients, factor * self.innovation)
+
+    def replaced(self, other: Autoregression, axes: np.ndarray) -> Autoregression:
+        """With other noise on some axes, a mask of shape (n_axes,)."""
+        return Autoregression(
+            np.where(axes[:, None], other.coefficients, self.coefficients),
+            np.where(axes, other.innovation, self.innovation),
+        )
 
     def whiten(self, x: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
         """Innovations over their standard deviation; 0 in the first samples of each part.
@@ -140,10 +153,63 @@ def autoregression(
             usable = np.lib.stride_tricks.sliding_window_view(use, order + 1).all(axis=1)
             rows.append(windows[usable, -2::-1])
             targets.append(windows[usable, -1])
-        design, target = np.concatenate(rows), np.concatenate(targets)
-        if len(target) < 50:
+        if sum(len(target) for target in targets) < 50:
             raise ValueError(f"axis {axis + 1}: fewer than 50 samples in which it moves")
+        design, target = np.concatenate(rows), np.concatenate(targets)
         coefficients[axis], *_ = np.linalg.lstsq(design, target, rcond=None)
         new = target - design @ coefficients[axis]
         innovation[axis] = max(1.4826 * float(np.median(np.abs(new))), 1e-12)
     return Autoregression(coefficients, innovation)
+
+
+SHARED = 0.2
+"""Size of what cannot be predicted in the difference of two recordings, over that in both, below
+which they have the same noise: 0.45 to 0.73 by axis for independent noise, 0.0006 to 0.11 for the
+same noise or none (simulated PUMA)."""
+
+
+def shared_noise(
+    first: np.ndarray, second: np.ndarray, parts: Sequence[slice], share: float = SHARED
+) -> np.ndarray:
+    """Axes on which two recordings of the same motions may have the same noise.
+
+    What a sample has that those before it do not foretell is noise, but for jumps, which the median
+    leaves out. Where each recording has noise of its own, their difference has that of both. Of
+    motions that are hard to foretell, and noise of less than a thousandth, too much is found.
+
+    Args:
+        first: Torque of one recording, shape (samples, n_axes).
+        second: Of the other.
+        parts: Separate recordings.
+        share: Size of the noise in the difference, over that in both, below which it is shared.
+
+    Returns:
+        Shape (n_axes,).
+
+    Raises:
+        ValueError: There are fewer than 50 samples.
+    """
+    use = np.ones(first.shape, bool)
+    one, other, apart = (
+        autoregression(x, use, parts).innovation for x in (first, second, first - second)
+    )
+    return apart < share * np.hypot(one, other)
+
+
+def is_same_noise(first: np.ndarray, second: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+    """Axes on which two recordings have noise that is considerable, and the very same.
+
+    Args:
+        first: Torque of one recording, shape (samples, n_axes).
+        second: Of the other.
+        parts: Separate recordings.
+
+    Returns:
+        Shape (n_axes,).
+
+    Raises:
+        ValueError: There are fewer than 50 samples.
+    """
+    noise = autoregression(second, np.ones(second.shape, bool), parts).innovation
+    considerable = noise > _CONSIDERABLE * np.sqrt(np.mean(second**2, axis=0))
+    return considerable & shared_noise(first, second, parts, _SAME)

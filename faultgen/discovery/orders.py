@@ -80,7 +80,8 @@ def _orders(axis: int, turns: np.ndarray, error: np.ndarray, classes: np.ndarray
             rows = classes == kind
             binned = np.bincount(index[rows], weights=left[rows])
             power = np.abs(np.fft.rfft(binned, length)) ** 2
-            strength += 2 * power / max(float(left[rows] @ left[rows]), 1e-300)
+            # noise has a mean square of 1; less means that the gap lacks some of its noise
+            strength += 2 * power / max(float(left[rows] @ left[rows]), rows.sum())
         strength[outside] = 0
         k = int(np.argmax(strength))
         if strength[k] < least:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from faultgen.discovery.evidence import Evidence
-from faultgen.discovery.noise import Autoregression, autoregression, noise_of
+from faultgen.discovery.noise import SHARED, Autoregression, autoregression, noise_of, shared_noise
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.replay import Changes, Replay, settled
 from faultgen.discovery.terms import Term
@@ -19,6 +19,7 @@ from faultgen.robot import STRIBECK_VELOCITY, Robot
 _JUMP = 0.05  # time around a change of direction in which the noise is not looked for [s]
 _PRESLIDING = 0.1  # time from rest or reversal until friction has settled [s]: assumed
 _FEWEST = 50  # samples of a regime from which its weight is told
+_EXACT = 1e-5  # noise over torque that simulations and columns are not exact enough to go below
 _BLOCKS = 6  # into which a single recording is cut, to fit on some and choose on others
 
 
@@ -62,6 +63,8 @@ class Problem:
     """Whitened columns in units of the tolerances, shape (terms, samples, n_axes)."""
     twin: bool
     """Whether the gap is the difference of two recordings."""
+    shared: np.ndarray
+    """Axes on which the two have the same noise, which their difference lacks; shape (n_axes,)."""
 
     @property
     def fitting(self) -> list[int]:
@@ -146,6 +149,21 @@ def for_scoring(parts: Sequence[slice]) -> list[int]:
     return list(range(len(parts) - max(1, len(parts) // 5), len(parts)))
 
 
+def counted(recording: Recording, robot: Robot, *, twin: bool) -> np.ndarray:
+    """Samples that count in a comparison, as a mask of shape (samples, n_axes).
+
+    Every number of an answer is of these samples, and so is the score on other motions.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+        twin: Whether it is compared with another recording. Without, rest and the moments after it
+            and after a reversal do not count.
+    """
+    inside = settled(recording, robot)
+    return inside if twin else inside & rolling(recording, robot)
+
+
 def samples_of(parts: Sequence[slice], count: int) -> np.ndarray:
     """Samples of parts, as a mask of shape (count,)."""
     use = np.zeros(count, bool)
@@ -168,6 +186,8 @@ def pose(
     The noise is what no combination of the terms explains, as an autoregression. In slow motion,
     where that is more than at speed, samples count less: there friction of any real robot has
     another form than a model's. Without a twin, rest and the moments after it do not count at all.
+    On axes on which two recordings have the same noise, that of the recording is reckoned with, as
+    if the other had its own.
 
     Args:
         replay: The recording and the model.
@@ -182,22 +202,40 @@ def pose(
     """
     recording, robot = replay.recording, replay.robot
     parts = blocks(recording)
-    inside = settled(recording, robot)
-    if not twin:
-        inside &= rolling(recording, robot)
+    inside = counted(recording, robot, twin=twin)
+    if not (inside & samples_of([parts[p] for p in for_scoring(parts)], len(gap))[:, None]).any():
+        raise ValueError("nothing moves in the last fifth, which is kept for scoring")
     steady = inside & ~near_reversal(recording, robot)
     tolerances = np.array([term.tolerance for term in terms], np.float32)[:, None, None]
     scale = tolerances[:, 0, 0]
 
-    def unexplained(white: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        evidence = Evidence.of(white(raw) * tolerances, white(gap), parts)
-        value, _, _ = evidence.solve(free=range(len(terms)))
-        return gap - np.tensordot((value * scale).astype(np.float32), raw, axes=1)
-
-    first = noise_of(gap, steady, parts)
     mask = inside.astype(np.float32)
-    noise = autoregression(unexplained(lambda x: first.whiten(x, parts) * mask), steady, parts)
-    left = noise.whiten(unexplained(lambda x: noise.whiten(x, parts) * mask), parts)
+
+    def unexplained(x: np.ndarray, by: Autoregression) -> np.ndarray:
+        """What no combination of the terms explains."""
+        white = [by.whiten(y, parts) * mask for y in (raw, x)]
+        evidence = Evidence.of(white[0] * tolerances, white[1], parts)
+        value, _, _ = evidence.solve(free=range(len(terms)))
+        return x - np.tensordot((value * scale).astype(np.float32), raw, axes=1)
+
+    def noise_in(x: np.ndarray) -> Autoregression:
+        first = noise_of(x, steady, parts)
+        return autoregression(unexplained(x, first), steady, parts)
+
+    noise = noise_in(gap)
+    shared = np.zeros(robot.n_axes, bool)
+    if twin:
+        shared = shared_noise(recording.torque, recording.torque - gap, parts)
+    if shared.any():  # what neither the model nor the samples before foretell of the healthy one
+        healthy = recording.torque - gap
+        own, plainly = noise_in(healthy - base), autoregression(healthy, steady, parts)
+        white = replace(plainly, coefficients=0 * plainly.coefficients)
+        own = own.replaced(white, white.innovation < own.innovation).times(np.sqrt(2))
+        shared &= noise.innovation < SHARED * own.innovation
+        noise = noise.replaced(own, shared)
+    torque = np.sqrt(np.mean(recording.torque**2, axis=0))
+    noise = replace(noise, innovation=np.maximum(noise.innovation, _EXACT * torque))
+    left = noise.whiten(unexplained(gap, noise), parts)
     trust = _trust(recording, robot, left, inside)
     weight = (mask * trust).astype(np.float32)
     return Problem(
@@ -213,6 +251,7 @@ def pose(
         trust=trust,
         white=noise.whiten(raw, parts) * weight * tolerances,
         twin=twin,
+        shared=shared,
     )
 
 
@@ -284,6 +323,6 @@ def near_reversal(recording: Recording, robot: Robot) -> np.ndarray:
         speed = np.gradient(position[part], recording.sample_period, axis=0)
         still = np.abs(speed) < slow
         for axis in range(robot.n_axes):
-            spread = np.convolve(still[:, axis].astype(int), np.ones(2 * width + 1, int), "same")
-            near[part, axis] = spread > 0
+            spread = np.convolve(still[:, axis].astype(int), np.ones(2 * width + 1, int))
+            near[part, axis] = spread[width : width + len(still)] > 0
     return near

@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from scipy.signal import butter, filtfilt, savgol_filter
 
@@ -27,7 +26,7 @@ from faultgen.storage import write_arrays
 
 _ARRAYS = ("position", "torque", "velocity", "reference_position", "temperature")
 _SMOOTHING = 0.06  # window of the derivatives [s]
-_UNEVEN = 0.05  # share of the sample period by which times may scatter
+_PADDING = 15  # samples that the filter of `low_passed` needs beyond each end
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -103,43 +102,6 @@ class Recording:
         return out
 
 
-def read_recording(path: str | Path) -> Recording:
-    """Read a measured file.
-
-    Args:
-        path: HDF5 (``.h5``, ``.hdf5``) or CSV file.
-
-    Returns:
-        The recording.
-
-    Raises:
-        InputError: The file cannot be read, lacks something, or something has another shape, in
-            one line.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    try:
-        named, attributes = _read_csv(path) if path.suffix == ".csv" else _read_hdf5(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({' '.join(str(error).split())})") from None
-    sides = [side for side in ("motor", "joint") if f"{side}_position" in named]
-    if len(sides) != 1:
-        has = "both" if sides else "neither"
-        raise InputError(f"{path}: needs motor_position or joint_position, has {has}")
-    (side,) = sides
-    if f"{side}_torque" not in named:
-        raise InputError(f"{path}: has {side}_position, but no {side}_torque")
-    arrays = {
-        "position": named[f"{side}_position"],
-        "torque": named[f"{side}_torque"],
-        "velocity": named.get(f"{side}_velocity"),
-        "reference_position": named.get("reference_position"),
-        "temperature": named.get("temperature"),
-    }
-    return _checked(path, side, arrays, attributes)
-
-
 def low_passed(recording: Recording, cut_off: float) -> Recording:
     """Filtered, and thinned to the samples that are left: 2.5 of them a period of the cut-off.
 
@@ -149,10 +111,19 @@ def low_passed(recording: Recording, cut_off: float) -> Recording:
     Args:
         recording: What to filter.
         cut_off: In [Hz]; at 0.4 times the sample rate or above, nothing is done.
+
+    Raises:
+        InputError: A separate recording is too short to be filtered.
     """
     every = int(1 / (2.5 * cut_off * recording.sample_period) + 1e-9)
     if 2.5 * cut_off * recording.sample_period >= 1:
         return recording
+    shortest = min(part.stop - part.start for part in recording.parts)
+    if shortest <= _PADDING:
+        raise InputError(
+            f"{recording.source}: a separate recording of {shortest} samples is too short for the "
+            f"low-pass filter; it needs more than {_PADDING}"
+        )
     b, a = butter(4, 2 * cut_off * recording.sample_period)
 
     def filtered(values: np.ndarray | None) -> np.ndarray | None:
@@ -173,97 +144,6 @@ def low_passed(recording: Recording, cut_off: float) -> Recording:
         temperature=filtered(recording.temperature),
         segments=tuple(int(start) for start in np.cumsum([0, *lengths[:-1]])),
     )
-
-
-def _checked(
-    path: Path, side: str, arrays: dict[str, np.ndarray | None], attributes: dict[str, Any]
-) -> Recording:
-    position = arrays["position"]
-    assert position is not None
-    if position.ndim != 2 or not position.size:
-        raise InputError(f"{path}: {side}_position must have shape (samples, axes)")
-    for name, values in arrays.items():
-        if values is None:
-            continue
-        expected = position.shape[:1] if name == "temperature" else position.shape
-        if values.shape != expected:
-            raise InputError(f"{path}: {name} has shape {values.shape}, expected {expected}")
-        if not np.isfinite(values).all():
-            first = int(np.argwhere(~np.isfinite(values))[0][0])
-            raise InputError(f"{path}: {name} is not finite in sample {first}")
-    period = attributes.get("sample_period")
-    if period is None or not np.isfinite(period) or period <= 0:
-        raise InputError(f"{path}: sample_period must be a positive time in s, not {period}")
-    segments = tuple(int(start) for start in np.atleast_1d(attributes.get("segments", 0)))
-    ascending = all(a < b for a, b in zip(segments, (*segments[1:], len(position)), strict=True))
-    if segments[:1] != (0,) or not ascending:
-        raise InputError(
-            f"{path}: segments must ascend from 0 to below {len(position)}, not {list(segments)}"
-        )
-    mass = attributes.get("payload_mass")
-    return Recording(
-        source=str(path),
-        robot=str(attributes.get("robot", "")),
-        side=side,
-        sample_period=float(period),
-        segments=segments,
-        payload_mass=None if mass is None else float(mass),
-        **arrays,  # type: ignore[arg-type]
-    )
-
-
-def _read_hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    with h5py.File(path, "r") as file:
-        named = {}
-        for name, item in file.items():
-            if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu":
-                named[name] = np.asarray(item[()], float)
-        return named, dict(file.attrs)
-
-
-def _read_csv(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    with path.open() as file:
-        header = [name.strip() for name in file.readline().split(",")]
-    try:
-        values = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
-    except ValueError as error:
-        raise InputError(f"{path}: not a table of numbers ({error})") from None
-    if values.shape[1] != len(header):
-        raise InputError(f"{path}: header has {len(header)} names, rows have {values.shape[1]}")
-    columns = dict(zip(header, values.T, strict=True))
-    if "time" not in columns:
-        raise InputError(f"{path}: no column 'time'")
-    named: dict[str, np.ndarray] = {}
-    if "temperature" in columns:
-        named["temperature"] = columns["temperature"]
-    for stem in dict.fromkeys(name.rpartition("_")[0] for name in header):
-        axes = [columns.get(f"{stem}_{axis}") for axis in range(1, len(header) + 1)]
-        numbers = [axis for axis in axes if axis is not None]
-        if numbers and all(axis is not None for axis in axes[: len(numbers)]):
-            named[stem] = np.stack(numbers, axis=1)
-    attributes: dict[str, Any] = {}
-    starts = np.zeros(1, int)
-    if "segment" in columns:
-        starts = np.concatenate([[0], np.flatnonzero(np.diff(columns["segment"])) + 1])
-        attributes["segments"] = starts
-    attributes["sample_period"] = _sample_period(path, columns["time"], starts)
-    return named, attributes
-
-
-def _sample_period(path: Path, time: np.ndarray, starts: np.ndarray) -> float:
-    """Period of evenly sampled times."""
-    steps = np.delete(np.diff(time), starts[1:] - 1)
-    if not len(steps):
-        raise InputError(f"{path}: one sample is not a recording")
-    period = float(np.median(steps))
-    uneven = np.flatnonzero(np.abs(steps - period) > _UNEVEN * abs(period))
-    if period <= 0 or len(uneven):
-        row = int(uneven[0]) + 2 if len(uneven) else 2
-        raise InputError(
-            f"{path}: times must ascend evenly; step {steps[row - 2]:g} s after row {row}, "
-            f"{period:g} s elsewhere: resample, or begin a new segment there"
-        )
-    return period
 
 
 def write_recording(recording: Recording, path: str | Path) -> None:

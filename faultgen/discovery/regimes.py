@@ -261,7 +261,9 @@ def _unsteady(motion: Kinematics, axis: int, rows: np.ndarray, error: np.ndarray
     answer, *_ = np.linalg.lstsq(design, squares, rcond=None)
     fitted = design @ answer
     explained = float(np.sum((fitted - squares.mean()) ** 2))
-    statistic = len(squares) * explained / max(float(np.sum((squares - squares.mean()) ** 2)), 1e-9)
+    # squares of noise have a variance of 2; less means that the gap lacks some of its noise
+    scatter = max(float(np.mean((squares - squares.mean()) ** 2)), 2.0)
+    statistic = explained / scatter
     excess = max(float((fitted - fitted.min()).sum()), 0.0)
     place = float(speed[np.argmax(fitted)])
     return Pattern(axis + 1, "motion", excess, float(chi2.sf(statistic, 4)), place)

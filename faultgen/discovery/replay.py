@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.terms import INERTIA, Term, applied, apply_inertia
+from faultgen.errors import InputError, SimulationFailed
 from faultgen.machine import Machine, assemble
 from faultgen.robot import Robot
 from faultgen.servo import control_signal
@@ -160,7 +161,13 @@ class Replay:
         if recording.temperature is not None:
             times = np.arange(part.stop - part.start) * recording.sample_period
             temperature = times, recording.temperature[part]
-        return assemble(robot, effects, temperature=temperature, spec=spec)
+        try:
+            return assemble(robot, effects, temperature=temperature, spec=spec)
+        except InputError:
+            raise
+        except ValueError as error:  # of MuJoCo's compiler
+            line = " ".join(str(error).split())
+            raise SimulationFailed(f"MuJoCo cannot compile the changed model: {line}") from None
 
 
 def _whole(steps: float) -> int:
@@ -204,9 +211,15 @@ def relative_errors(square: np.ndarray, recording: Recording, inside: np.ndarray
 
 
 def relative_error(square: np.ndarray, recording: Recording, inside: np.ndarray) -> float:
-    """The same, root mean square over the axes that have torque."""
+    """The same, root mean square over the axes that have torque.
+
+    Raises:
+        InputError: No sample counts.
+    """
     by_axis = relative_errors(square, recording, inside)
     seen = np.any(inside & (recording.torque != 0), axis=0)
+    if not seen.any():
+        raise InputError(f"{recording.source}: no sample counts; give a recording of more motion")
     return float(np.sqrt(np.mean(by_axis[seen] ** 2)))
 
 

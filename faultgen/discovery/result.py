@@ -10,6 +10,7 @@ import numpy as np
 from faultgen.discovery.regimes import Pattern, Share
 from faultgen.discovery.terms import Term
 from faultgen.effects import get_effect
+from faultgen.robot import Robot
 
 NONE, NAMED, AMBIGUOUS, UNKNOWN = (
     "no missing effect",
@@ -35,13 +36,16 @@ class Named:
     severity: float
     """In the unit of the effect."""
     error: float
-    """Standard error."""
+    """Standard error, to first order."""
+    interval: tuple[float, float]
+    """Of the severity, with 95 % probability."""
     parameters: dict[str, float]
     """Further parameters of the effect."""
     confidence: float
-    """Probability against what is not excluded in its place."""
+    """Probability against nothing, and against what is not excluded, in its place."""
     gap_after: float
-    """Relative torque error with this effect and those before it, on the scoring motions."""
+    """Relative torque error of the model with this effect and those before it, on the scoring
+    motions."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +61,11 @@ class Answer:
     before: float
     """Relative torque error of the model as it is, on the scoring motions."""
     calibrated: float
-    """With the model's own numbers calibrated."""
+    """With the model's own numbers calibrated, simulated."""
     after: float
-    """With the effects as well."""
+    """Of the model with everything that was changed in it, simulated."""
     floor: float
-    """Of noise alone."""
+    """Of noise alone; an axis has at most the smallest of the errors above."""
     per_axis: tuple[dict[str, float], ...]
     """The same by axis."""
     p_value: float
@@ -72,12 +76,14 @@ class Answer:
     """Patterns in what is left."""
     changes: list[tuple[Term, float]]
     """All that is changed in the model, effects and calibration."""
+    robot: Robot
+    """The model with the changes, which replays the recording."""
+    lacks: tuple[str, ...]
+    """What that model lacks of what was found, a line each."""
     calibration: dict[str, dict[str, float]]
     """Values of the model's own numbers, off by so much."""
-    calibrated_torque: np.ndarray
-    """Gap less calibration, shape (samples, n_axes)."""
     left_torque: np.ndarray
-    """Gap after calibration and effects."""
+    """Torque that the model leaves of the gap, shape (samples, n_axes)."""
 
     def contract(self) -> dict[str, Any]:
         """The content of ``discovery.json``."""
@@ -92,12 +98,7 @@ class Answer:
                         "unit": get_effect(one.effect).unit,
                         **one.parameters,
                     },
-                    "interval": {
-                        "severity": [
-                            one.severity - 1.96 * one.error,
-                            one.severity + 1.96 * one.error,
-                        ]
-                    },
+                    "interval": {"severity": list(one.interval)},
                     "confidence": one.confidence,
                     "gap_after": one.gap_after,
                 }

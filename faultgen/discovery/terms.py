@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from faultgen.effects import EFFECTS, Applied, Effect
 from faultgen.effects.friction import no_static_friction
 from faultgen.effects.structure import MASSLESS
+from faultgen.errors import InputError
 from faultgen.robot import COULOMB, OFFSET, STRIBECK_VELOCITY, Robot
 
 INERTIA = "inertia"
@@ -150,6 +151,22 @@ _OF_TORQUE = {
     "gravity_spring": 4e-5,
     "wrist_coupling_friction": 1e-4,
 }
+
+
+def check_names(what: str, given: Collection[str], known: Collection[str]) -> None:
+    """Refuse names that are none of those that are known.
+
+    Args:
+        what: What they are given as, for the message.
+        given: The names.
+        known: Names to choose from.
+
+    Raises:
+        InputError: A name is not known.
+    """
+    for name in given:
+        if name not in known:
+            raise InputError(f"{what}: unknown name '{name}'; choose {', '.join(sorted(known))}")
 
 
 def tolerance(name: str, robot: Robot, axis: int) -> float:
@@ -359,16 +376,21 @@ def apply_inertia(spec: mujoco.MjSpec, robot: Robot, changes: Sequence[tuple[Ter
             _transform(body, factor)
 
 
+_THIN = 1e-9
+"""Smallest second moment of a body, over the sum of all, and smallest share of its mass."""
+
+
 def _transform(body: mujoco.MjsBody, factor: np.ndarray) -> None:
-    """Pseudo-inertia P about the centre of mass becomes F P F'."""
+    """Pseudo-inertia P about the centre of mass becomes F P F', as a body that can exist."""
     inertia = np.array(body.inertia)
     second = np.diag(np.append(inertia.sum() / 2 - inertia, body.mass))
     second = factor @ second @ factor.T
-    mass = second[3, 3]
+    mass = max(second[3, 3], _THIN * body.mass)
     shift = second[:3, 3] / mass
     about = second[:3, :3] - mass * np.outer(shift, shift)
-    tensor = np.trace(about) * np.eye(3) - about
-    values, axes = np.linalg.eigh(tensor)
+    # second moments are positive: then moments of inertia are, and none exceeds the sum of others
+    moments, axes = np.linalg.eigh(about)
+    moments = np.maximum(moments, _THIN * max(moments.sum(), inertia.sum()))
     if np.linalg.det(axes) < 0:
         axes[:, 0] *= -1
     w, x, y, z = body.iquat
@@ -376,8 +398,7 @@ def _transform(body: mujoco.MjsBody, factor: np.ndarray) -> None:
     turned = (frame * Rotation.from_matrix(axes)).as_quat()
     body.ipos = np.array(body.ipos) + frame.apply(shift)
     body.iquat = turned[[3, 0, 1, 2]]
-    # a plate has A + B = C, which rounding must not turn round
-    body.mass, body.inertia = float(mass), values + 1e-9 * values.sum()
+    body.mass, body.inertia = float(mass), moments.sum() - moments
 
 
 def with_tolerance(terms: Sequence[Term], factor: float) -> list[Term]:

@@ -22,24 +22,32 @@ from faultgen.discovery.choose import Choice, choose
 from faultgen.discovery.columns import columns, own_columns
 from faultgen.discovery.forms import form_columns, form_terms
 from faultgen.discovery.next_experiment import Experiment, next_experiment
+from faultgen.discovery.noise import is_same_noise
 from faultgen.discovery.orders import find_orders
-from faultgen.discovery.problem import Problem, plain, pose
-from faultgen.discovery.recording import Recording, low_passed, read_recording
-from faultgen.discovery.replay import Replay, relative_error, settled
+from faultgen.discovery.problem import Problem, counted, plain, pose
+from faultgen.discovery.read import read_recording
+from faultgen.discovery.recording import Recording, low_passed
+from faultgen.discovery.replay import Replay, relative_error
 from faultgen.discovery.result import AMBIGUOUS, Answer
 from faultgen.discovery.terms import (
+    OPTIONAL,
     ORDERS,
     PERIODIC,
     SAME_MOTIONS,
     Term,
+    check_names,
     effect_terms,
     inertia_terms,
     periodic_terms,
     widened,
     with_tolerance,
 )
-from faultgen.errors import InputError
+from faultgen.effects import EFFECTS
+from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import Robot, load_robot
+
+LONGEST = 3600.0
+"""Time of a recording that is simulated again for every term [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,10 +103,16 @@ def discover(
         The content of ``discovery.json``.
 
     Raises:
-        InputError: A recording cannot be used, or the two are not of the same motions.
+        InputError: A recording or an option cannot be used, or the two recordings are not of the
+            same motions.
         SimulationFailed: The model diverges on the recorded motion.
     """
     started = time.monotonic()
+    check_names("include", include, OPTIONAL)
+    check_names("exclude", exclude, EFFECTS)
+    check_positive("width", width)
+    if low_pass is not None:
+        check_positive("low-pass", low_pass)
     model = load_robot(str(robot))
     recording, warnings = usable(measured, model, low_pass)
     twin = None
@@ -122,8 +136,14 @@ def discover(
             steady=steady,
             cache=_path(cache),
         )
-        result = _result(found, other)
-    result["warnings"] = warnings
+        result = _result(found)
+        if other is not None:
+            try:
+                result["gap"]["validation"] = _validation(found, other)
+            except (InputError, SimulationFailed) as error:  # what was found is not lost
+                result["gap"]["validation"] = None
+                warnings.append(f"{validate}: not scored: {error}")
+    result["warnings"] = [*warnings, *_on_noise(found.problem), *found.answer.lacks]
     result["seconds"] = round(time.monotonic() - started, 1)
     if out is not None:
         from faultgen.report.discovery_report import write_discovery
@@ -163,6 +183,8 @@ def investigate(
         InputError: Too little of the recording can be used.
         SimulationFailed: The model diverges on the recorded motion.
     """
+    if twin is not None and recording.reference_position is None:
+        _check_followed(recording, twin)
     replay = Replay(recording, robot)
     terms = effect_terms(robot, exclude, include) + inertia_terms(robot)
     terms += _waves(robot, "transmission_error", exclude)
@@ -191,6 +213,37 @@ def investigate(
     told = answer(problem, choice)
     experiment = next_experiment(problem, choice) if told.verdict == AMBIGUOUS else None
     return Discovery(problem, choice, told, experiment)
+
+
+def _check_followed(recording: Recording, twin: Recording) -> None:
+    """Refuse noise that is the same in both where the measured, noisy position is followed.
+
+    Raises:
+        InputError: It is, or there are too few samples.
+    """
+    try:
+        same = is_same_noise(recording.torque, twin.torque, recording.parts)
+    except ValueError as error:
+        raise InputError(f"{recording.source}: {error}") from None
+    if same.any():
+        axes = ", ".join(str(axis + 1) for axis in np.flatnonzero(same))
+        raise InputError(
+            f"{recording.source}: axis {axes}: has the same noise as {twin.source}, as runs of one "
+            "dataset with paired = true do, and no reference_position; generate the dataset with "
+            "paired = false, or add reference_position to the recordings"
+        )
+
+
+def _on_noise(problem: Problem) -> list[str]:
+    """A line on noise that the two recordings share."""
+    if not problem.shared.any():
+        return []
+    axes = ", ".join(str(axis + 1) for axis in np.flatnonzero(problem.shared))
+    return [
+        f"axis {axes}: the recording and its healthy twin differ by far less than the noise in "
+        "each, as runs of one dataset with paired = true do; they are compared as if each had "
+        "noise of its own, and runs with paired = false are the better test"
+    ]
 
 
 def _waves(robot: Robot, name: str, exclude: Collection[str]) -> list[Term]:
@@ -235,6 +288,16 @@ def _path(folder: str | Path | None) -> Path | None:
     return None if folder is None else Path(folder)
 
 
+def check_positive(what: str, value: float) -> None:
+    """Refuse a number that is not positive and finite.
+
+    Raises:
+        InputError: It is not.
+    """
+    if not 0 < value < np.inf:
+        raise InputError(f"{what}: must be a positive number, not {value:g}")
+
+
 def usable(
     path: str | Path, robot: Robot, low_pass: float | None = None
 ) -> tuple[Recording, list[str]]:
@@ -249,6 +312,12 @@ def usable(
         InputError: The file cannot be used, in one line.
     """
     recording = as_modelled(read_recording(path), robot)
+    seconds = len(recording.position) * recording.sample_period
+    if seconds > LONGEST:
+        raise InputError(
+            f"{path}: {len(recording.position)} samples of {recording.sample_period:g} s are "
+            f"{seconds:.0f} s; give a recording of at most {LONGEST:g} s"
+        )
     if low_pass is not None and recording.reference_position is None:
         recording = low_passed(recording, low_pass)
     findings = check_recording(recording, robot)
@@ -289,7 +358,7 @@ def check_same_motion(worn: Recording, twin: Recording) -> None:
         )
 
 
-def _result(found: Discovery, validate: Recording | None) -> dict[str, Any]:
+def _result(found: Discovery) -> dict[str, Any]:
     result = found.answer.contract()
     if found.experiment is not None:
         result["next_experiment"] = {
@@ -299,16 +368,19 @@ def _result(found: Discovery, validate: Recording | None) -> dict[str, Any]:
             "distance": found.experiment.distance,
             "now": found.experiment.now,
         }
-    if validate is not None:
-        result["gap"]["validation"] = _validation(found, validate)
     return result
 
 
 def _validation(found: Discovery, validate: Recording) -> dict[str, float]:
-    """Gap on motions that played no part, against the model without twin."""
+    """Gap on motions that played no part, between recording and model: never against a twin.
+
+    Raises:
+        InputError: No sample of the recording counts.
+        SimulationFailed: The model diverges on these motions.
+    """
     problem = found.problem
     replay = Replay(validate, problem.robot)
-    inside = settled(validate, problem.robot)
+    inside = counted(validate, problem.robot, twin=False)
 
     def gap(changes: list[tuple[Term, float]]) -> float:
         error = validate.torque - replay.torque(changes)

@@ -15,10 +15,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from analysis.plots import COLOURS, legend_beside, style
-from faultgen.discovery.calibrate import CARRIED, changed
+from faultgen.discovery.calibrate import CARRIED
 from faultgen.discovery.workflow import Discovery, dump
 from faultgen.effects import get_effect
 from faultgen.files import write_text
+from faultgen.mjcf_edit import write_model
 from faultgen.report.page import image, page
 
 
@@ -31,17 +32,13 @@ def write_discovery(folder: Path, result: dict[str, Any], found: Discovery) -> N
         found: What it was made from.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    write_text(folder / "model.xml", model_xml(found))
+    # what was found comes first, so that nothing that fails afterwards loses it
+    write_text(folder / "discovery.json", dump(result))
+    robot = found.answer.robot
+    write_model(folder / "model.xml", robot.xml, robot.assets)
     if found.experiment is not None:
         write_text(folder / "next_experiment.toml", found.experiment.toml)
     write_text(folder / "report.html", _report(result, found))
-    write_text(folder / "discovery.json", dump(result))
-
-
-def model_xml(found: Discovery) -> str:
-    """The robot's MJCF with calibration and effects in it, as far as a model can carry them."""
-    changes = found.answer.changes
-    return changed(found.problem.robot, changes).xml if changes else found.problem.robot.xml
 
 
 def _report(result: dict[str, Any], found: Discovery) -> str:

@@ -1,0 +1,150 @@
+"""Arrays and attributes of a CSV file; what cannot be read is named by row and column."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from faultgen.discovery.read_hdf5 import NAMES
+from faultgen.errors import InputError
+
+LARGEST_FILE = 2_000_000_000
+"""Size of a file that is read [bytes]."""
+
+_UNEVEN = 0.05  # share of the sample period by which times may scatter
+
+
+def read_csv(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Read the columns of a recording.
+
+    Args:
+        path: The file: UTF-8, commas between columns, points in numbers, names in the first row.
+
+    Returns:
+        Arrays of shape (samples, n_axes) by name, and attributes.
+
+    Raises:
+        InputError: The file is not such a table, in one line that says where and what would do.
+    """
+    columns = _columns(path)
+    if "time" not in columns:
+        raise InputError(f"{path}: no column 'time'")
+    named = {"temperature": columns["temperature"]} if "temperature" in columns else {}
+    for stem in NAMES:
+        values = _axes(path, stem, columns)
+        if values is not None:
+            named[stem] = values
+    attributes: dict[str, Any] = {}
+    starts = np.zeros(1, int)
+    if "segment" in columns:
+        starts = np.concatenate([[0], np.flatnonzero(np.diff(columns["segment"])) + 1])
+        attributes["segments"] = starts
+    attributes["sample_period"] = _sample_period(path, columns["time"], starts)
+    return named, attributes
+
+
+def _columns(path: Path) -> dict[str, np.ndarray]:
+    """Every column by its name."""
+    text = _text(path)
+    rows = csv.reader(io.StringIO(text))
+    header = [name.strip() for name in next(rows, [])]
+    if len(header) < 2:
+        other = next((mark for mark in (";", "\t") if mark in "".join(header)), None)
+        found = f"columns are separated by {other!r}" if other else "the first row names no columns"
+        raise InputError(
+            f"{path}: {found}; give names in the first row, commas between columns and points "
+            "in numbers"
+        )
+    twice = {name for name in header if header.count(name) > 1}
+    if twice:
+        raise InputError(f"{path}: column '{min(twice)}' is there more than once")
+    try:
+        table = pd.read_csv(
+            io.StringIO(text),
+            header=None,
+            skiprows=1,
+            names=range(len(header)),
+            index_col=False,
+            skipinitialspace=True,
+            on_bad_lines="error",
+            low_memory=False,
+        )
+    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        line = " ".join(str(error).split())
+        raise InputError(
+            f"{path}: header has {len(header)} names, but not every row has {len(header)} values "
+            f"({line})"
+        ) from None
+    return {name: _numbers(path, name, table[k]) for k, name in enumerate(header)}
+
+
+def _text(path: Path) -> str:
+    """The text of a file.
+
+    Raises:
+        InputError: It is too large, or not UTF-8.
+    """
+    if path.stat().st_size > LARGEST_FILE:
+        raise InputError(f"{path}: larger than {LARGEST_FILE:,} bytes; give a shorter recording")
+    content = path.read_bytes()
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff") or b"\0" in content[:1000]:
+        raise InputError(f"{path}: is not UTF-8 text, perhaps UTF-16; save it as UTF-8")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        row = content.count(b"\n", 0, error.start) + 1
+        raise InputError(
+            f"{path}: row {row} is not UTF-8 text, perhaps Latin-1; save the file as UTF-8"
+        ) from None
+
+
+def _numbers(path: Path, name: str, column: pd.Series) -> np.ndarray:
+    values = pd.to_numeric(column, errors="coerce").to_numpy(float)
+    wrong = np.flatnonzero(~np.isfinite(values))
+    if not len(wrong):
+        return values
+    cell, row = column.iloc[wrong[0]], int(wrong[0]) + 2
+    where = f"{path}: not a table of numbers: row {row} of column '{name}'"
+    if pd.isna(cell):
+        raise InputError(f"{where} is blank; fill it in, or leave the column out")
+    raise InputError(
+        f"{where} holds {str(cell)[:30]!r}; write numbers with a point, or leave the column out"
+    )
+
+
+def _axes(path: Path, stem: str, columns: dict[str, np.ndarray]) -> np.ndarray | None:
+    """Columns of one quantity, in the order of the axes; None where there are none."""
+    pattern = re.compile(re.escape(stem) + r"_(\d+)")
+    found = {name: int(match[1]) for name in columns if (match := pattern.fullmatch(name))}
+    if not found:
+        return None
+    numbers = sorted(found.values())
+    if numbers != list(range(1, len(numbers) + 1)):
+        has = ", ".join(f"_{number}" for number in numbers)
+        raise InputError(
+            f"{path}: columns of {stem} end in {has}; number the axes from 1 without a gap, "
+            f"_1 to _{len(numbers)}"
+        )
+    return np.stack([columns[name] for name in sorted(found, key=found.__getitem__)], axis=1)
+
+
+def _sample_period(path: Path, time: np.ndarray, starts: np.ndarray) -> float:
+    """Period of evenly sampled times."""
+    steps = np.delete(np.diff(time), starts[1:] - 1)
+    if not len(steps):
+        raise InputError(f"{path}: one sample is not a recording")
+    period = float(np.median(steps))
+    uneven = np.flatnonzero(np.abs(steps - period) > _UNEVEN * abs(period))
+    if period <= 0 or len(uneven):
+        row = int(uneven[0]) + 2 if len(uneven) else 2
+        raise InputError(
+            f"{path}: times must ascend evenly; step {steps[row - 2]:g} s after row {row}, "
+            f"{period:g} s elsewhere: resample, or begin a new segment there"
+        )
+    return period

@@ -1,0 +1,113 @@
+"""Arrays and attributes of an HDF5 file; nothing outside the file is opened."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from faultgen.errors import InputError
+
+SIDES = ("motor", "joint")
+
+NAMES = (
+    *(f"{side}_{what}" for side in SIDES for what in ("position", "velocity", "torque")),
+    "reference_position",
+    "temperature",
+)
+"""Arrays that a recording may have; others are left alone."""
+
+ATTRIBUTES = ("robot", "sample_period", "segments", "payload_mass")
+"""Attributes that a recording may have."""
+
+MOST = 100_000_000
+"""Values that an array may have: 800 MB in memory."""
+
+_MOST_ATTRIBUTE = 1_000_000  # values that an attribute may have
+_HOPS = 8  # links within a file that are followed
+
+
+def read_hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Read the arrays and attributes of a recording.
+
+    What an array claims to hold is checked before it is read.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Arrays and attributes, each by name.
+
+    Raises:
+        InputError: An array is elsewhere, holds no numbers, or claims more than there can be.
+        OSError: The file is not HDF5, or damaged.
+    """
+    with h5py.File(path, "r") as file:
+        named = {}
+        for name in NAMES:
+            place = _place(path, file, name)
+            if place is not None:
+                named[name] = _array(path, name, file[place])
+        attributes = {name: _attribute(path, file, name) for name in ATTRIBUTES}
+        return named, {name: value for name, value in attributes.items() if value is not None}
+
+
+def _place(path: Path, file: h5py.File, name: str, hops: int = _HOPS) -> str | None:
+    """Path of an object in the file, by links within it; None where there is none.
+
+    Raises:
+        InputError: A link leads out of the file, or in a circle.
+    """
+    if not hops:
+        raise InputError(f"{path}: {name} is a link that leads in a circle")
+    at = ""
+    steps = [step for step in name.split("/") if step]
+    for k, step in enumerate(steps, start=1):
+        group = file[at or "/"]
+        link = group.get(step, getlink=True) if isinstance(group, h5py.Group) else None
+        if link is None:
+            return None
+        if isinstance(link, h5py.ExternalLink):
+            raise InputError(
+                f"{path}: {step} is a link to another file; copy its data into this one"
+            )
+        if isinstance(link, h5py.SoftLink):
+            start = "" if link.path.startswith("/") else at
+            return _place(path, file, "/".join([start, link.path, *steps[k:]]), hops - 1)
+        at = f"{at}/{step}"
+    return at
+
+
+def _array(path: Path, name: str, item: Any) -> np.ndarray:
+    if not isinstance(item, h5py.Dataset):
+        raise InputError(f"{path}: {name} is not an array")
+    if item.is_virtual or item.external:
+        raise InputError(f"{path}: the data of {name} are in other files; copy them into this one")
+    if item.shape is None:
+        raise InputError(f"{path}: {name} is empty")
+    if item.dtype.kind not in "fiu":
+        raise InputError(f"{path}: {name} must hold numbers, not {item.dtype}")
+    for shape in (item.shape, item.chunks or ()):
+        if math.prod(shape) > MOST:
+            raise InputError(
+                f"{path}: {name} claims shape {item.shape}, more than {MOST:,} values; "
+                "give a shorter recording"
+            )
+    if item.size and not item.id.get_storage_size():
+        raise InputError(f"{path}: {name} claims shape {item.shape}, but no values were written")
+    return np.asarray(item[()], float)
+
+
+def _attribute(path: Path, file: h5py.File, name: str) -> Any:
+    """An attribute, or None where there is none."""
+    if name not in file.attrs:
+        return None
+    one = file.attrs.get_id(name)
+    if one.get_space().get_simple_extent_type() == h5py.h5s.NULL:
+        raise InputError(f"{path}: attribute {name} is empty")
+    if math.prod(one.shape) > _MOST_ATTRIBUTE:
+        raise InputError(f"{path}: attribute {name} claims {math.prod(one.shape):,} values")
+    return file.attrs[name]
