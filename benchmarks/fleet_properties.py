@@ -26,7 +26,6 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from analysis.classification import leave_pair_out, make_classifier
-from analysis.own_history import make_history_classifier
 from analysis.plots import COLOURS
 from analysis.preprocessing import Combination
 from faultgen.files import write_text
@@ -34,8 +33,9 @@ from faultgen.fleet import FleetPlan
 from faultgen.fleet.data import Fleet
 from faultgen.fleet.events import event_names
 from faultgen.fleet.record import record_robot, simulate_robot
+from faultgen.studies.classifiers_ahead import OWN, UNTRAINED, days_ahead
 from faultgen.studies.classifiers_findings import FULL_CHAIN
-from faultgen.studies.classifiers_study import HORIZON, OWN, horizon_rows
+from faultgen.studies.classifiers_study import HORIZON, horizon_rows
 from faultgen.studies.events_study import run_events
 from faultgen.studies.fleets import study_fleet
 from faultgen.studies.thesis_classifiers import HEADLINE
@@ -50,11 +50,12 @@ PROPERTIES: dict[str, tuple[str, str, tuple[Value, ...]]] = {
     "life": ("damage", "life", ((20.0, 60.0), (60.0, 200.0), (120.0, 600.0))),
     "mix": ("programs", "mix", (15.0, 60.0, 1000.0, 100000.0)),
     "lubricant": ("scatter", "lubricant", (0.0, 0.03, 0.1)),
+    "age": ("ageing", "age", ((0.0, 0.0), (0.0, 0.8), (0.6, 0.95))),
 }
 """Section and entry of the plan, and values."""
 
 Study = StrEnum("Study", ["classifiers", "events", "training-data"])
-Property = StrEnum("Property", ["unsteadiness", "life", "mix", "lubricant"])
+Property = StrEnum("Property", ["unsteadiness", "life", "mix", "lubricant", "age"])
 
 CLASSIFIER = "LR"
 NAMES = list(
@@ -89,15 +90,16 @@ def look(
 
 
 def _classifiers(fleet: Fleet) -> dict[str, float]:
-    """Mean AUC of each preprocessing, and of our own method."""
+    """Mean AUC of each preprocessing, of our own method, and of its columns without training."""
     failed = [robot.failed for robot in fleet.robots]
     mean = {}
     for name in NAMES:
         make = partial(make_classifier, CLASSIFIER, Combination.of(name))
         found = leave_pair_out(horizon_rows(fleet, name, HORIZON), failed, make, seed=fleet.seed)
         mean[name] = float(found.auc.mean())
-    rows = horizon_rows(fleet, OWN, HORIZON)
-    mean[OWN] = float(leave_pair_out(rows, failed, make_history_classifier).auc.mean())
+    trained, untrained = days_ahead(fleet, (HORIZON,), seed=fleet.seed)
+    mean[OWN] = float(trained[HORIZON, OWN].auc.mean())
+    mean |= {row["column"]: row["auc"] for row in untrained if row["horizon"] == HORIZON}
     return mean
 
 
@@ -126,7 +128,7 @@ LOOKS = {"classifiers": _classifiers, "events": _events, "training-data": _train
 def curves(study: str, found: dict[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
     """Curves of each panel by their names, from the top; shapes (values, seeds)."""
     if study == "classifiers":
-        shown = ("control", "+diff", FULL_CHAIN, OWN)
+        shown = ("control", FULL_CHAIN, OWN, UNTRAINED[2], *UNTRAINED[-2:])
         gains = {f"+{step}": found[new] - found[old] for step, (old, new) in HEADLINE.items()}
         return {
             f"mean AUC, {CLASSIFIER}": {name: found[name] for name in shown},
