@@ -1,5 +1,7 @@
 """Fleets: the laws behind them, and what their files hold."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -224,6 +226,26 @@ def test_rule_based_events_follow_the_rule(failing):
     assert counts[:200, column].mean() < 2.0
     stops = counts[:, event_names().index("program_stopped")]
     assert stops[200:].mean() > stops[:200].mean() + 5 * 0.9 * _MOST
+
+
+def test_motors_get_hot_half_as_often_as_their_gearboxes(failing):
+    """Events that follow another kind of the same axis: half, and three tenths as many."""
+    unit, _ = failing
+    plan = FleetPlan(**SMALL | {"days": 600})
+    calendar = draw_calendar(plan, unit, 6, np.random.default_rng(3))
+    usual = [strain(0.1)] * 100
+    hot = [replace(strain(0.1), temperature=np.full(6, 46.0), position_error=np.full(6, 1.3e-3))]
+    counts = count_events(unit.robot(), usual + hot * 500, calendar, np.random.default_rng(4))
+
+    def mean(kind):
+        columns = [event_names().index(f"{kind}_{axis}") for axis in range(1, 7)]
+        return counts[100:, columns].mean() - counts[:100, columns].mean()
+
+    # the usual 40 deg C and the margin of 6 K: every second of 24 hours, less what is put up with
+    assert mean("gearbox_temperature") == pytest.approx(_MOST * (1 - np.exp(-12 / _MOST)), rel=0.03)
+    assert mean("motor_temperature") == pytest.approx(0.5 * mean("gearbox_temperature"), rel=0.05)
+    assert mean("position_deviation") > 10
+    assert mean("speed_deviation") == pytest.approx(0.3 * mean("position_deviation"), rel=0.05)
 
 
 def test_a_fleet_holds_what_monitoring_stores(fleet):
