@@ -45,11 +45,14 @@ FEATURES = ("growth", "growth over others", "unsteadiness", "growth over early s
 FEWEST = 25
 """Days of history before the first row."""
 
+LATE = 14
+"""Last days, of which the unsteadiness is measured."""
+
 _STEEPNESS = 3.0  # of growth over the record so far
 _RIDGE = 0.1  # over the number of samples
 _COMPONENTS = 3  # of the mix of programs
 _NO_COMPONENT = 1e-3  # standard deviation of shares below which there is none
-_EARLY, _LATE = 20, 14  # days whose spread is told
+_EARLY = 20  # first days whose spread is a measure
 _LEAST_GROWTH = 0.002  # share of the torque: smaller growth is none
 _LEAST_RATIO = 0.05
 _LEAST_SPREAD = 1e-6
@@ -167,7 +170,7 @@ def event_changes(events: Floats, days: Ints) -> Floats:
     if len(days) and days[-1] >= len(counts):
         raise ValueError(f"no events of day {days[-1] + 1}: there are {len(counts)} days")
     changes = [
-        np.log1p(counts[max(day + 1 - _LATE, 0) : day + 1].mean(axis=0))
+        np.log1p(counts[max(day + 1 - LATE, 0) : day + 1].mean(axis=0))
         - np.log1p(counts[: min(_EARLY, day + 1)].mean(axis=0))
         for day in days
     ]
@@ -177,7 +180,7 @@ def event_changes(events: Floats, days: Ints) -> Floats:
 def _row(time: Floats, day: Ints, torque: Floats, around: Floats, shares: Floats) -> list[float]:
     gain, left = growth(time, day, torque, around, shares)
     early = np.maximum(left[:_EARLY].std(axis=0), _LEAST_SPREAD)
-    late = np.maximum(left[-_LATE:].std(axis=0), _LEAST_SPREAD)
+    late = np.maximum(left[-LATE:].std(axis=0), _LEAST_SPREAD)
     return [
         float(np.log(max(gain.max(), _LEAST_GROWTH))),
         float(gain.max() - np.median(gain)),

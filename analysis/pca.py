@@ -35,7 +35,12 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         T2 = sum_k t_k^2 / lambda_k,  Q = ||z - P' t||^2,  ||z||^2 = ||t||^2 + Q
 
     T2 says how far off the mean a row is along the components that are kept, Q how far off these
-    components. A row is not normal if either is above its limit.
+    components. `t2_limit_` and `q_limit_` are the lines of the two charts: each alone lets the
+    share `confidence` of healthy rows pass. A row is not normal if either statistic is above its
+    limit in `joint_limits_`. These limits are higher, so that both together let the share
+    `confidence` pass: T2 and Q of Gaussian rows are independent, hence each gets the confidence
+    sqrt(`confidence`) (Sidak). To judge rows by the two charts alone, as the thesis does, compare
+    `t2` and `q` with `limits`.
 
     A column that is constant in the healthy data has no scale. It is left unscaled, takes part in
     no component, and adds the square of its move, in its own unit squared, to Q. Where no column
@@ -62,7 +67,8 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
             exceed.
         scale: Whether columns are divided by their standard deviation. If not, all columns must
             have one unit.
-        confidence: Share of healthy rows below each limit, within (0, 1).
+        confidence: Share of healthy rows that `predict` calls normal, and also the share below
+            `t2_limit_` and the share below `q_limit_`, within (0, 1).
         t2_limit: Distribution of T2, for a components and n samples: "new" for rows that were not
             fitted, a (n^2 - 1) / (n (n - a)) F; "training" for those that were,
             (n - 1)^2 / n Beta; "chi2" for many samples; "pls_toolbox" for the figures of that
@@ -78,8 +84,9 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         n_components_: Number of components that are kept.
         n_samples_: Number of rows that were fitted: those of X less `lags`.
         n_features_in_: Number of variables.
-        t2_limit_: Limit of T2 at `confidence`.
-        q_limit_: Limit of Q at `confidence`, by Jackson and Mudholkar.
+        t2_limit_: Limit of T2 alone at `confidence`.
+        q_limit_: Limit of Q alone at `confidence`, by Jackson and Mudholkar.
+        joint_limits_: Limits of T2 and Q that `predict` uses.
         offset_: -1, the lowest score of a normal row.
     """
 
@@ -133,6 +140,8 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         largest = np.abs(kept).argmax(axis=1)
         self.components_ = kept * np.sign(kept[np.arange(len(kept)), largest])[:, None]
         self.t2_limit_, self.q_limit_ = self.limits(self.confidence)
+        two_charts = 0 < self.n_components_ < np.count_nonzero(self.eigenvalues_)
+        self.joint_limits_ = self.limits(self.confidence ** (0.5 if two_charts else 1.0))
         self.offset_ = -1.0
         return self
 
@@ -194,7 +203,7 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         return self._by_variable(self._residuals(self._scaled(X)) ** 2)
 
     def limits(self, confidence: float) -> tuple[float, float]:
-        """Limits of T2 and Q at another confidence.
+        """Limits of T2 alone and of Q alone at another confidence.
 
         Args:
             confidence: Share of healthy rows below each limit, within (0, 1).
@@ -221,7 +230,7 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         return float(t2), _jackson_mudholkar(self.eigenvalues_[a:], confidence)
 
     def score_samples(self, X: ArrayLike) -> Floats:
-        """Minus the larger of T2 and Q, each relative to its limit: higher is more normal.
+        """Minus the larger of T2 and Q, each over its joint limit: higher is more normal.
 
         Args:
             X: Rows. Shape (samples, variables), in the units of the fit.
@@ -232,8 +241,8 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         z = self._scaled(X)
         t2 = np.sum((z @ self.components_.T) ** 2 / self._variances(), axis=1)
         rounding = _ROUNDING * (1 + np.sum(z**2, axis=1))
-        q = self._q(z) / np.maximum(self.q_limit_, rounding)
-        return -np.maximum(t2 / self.t2_limit_, q)
+        t2_limit, q_limit = self.joint_limits_
+        return -np.maximum(t2 / t2_limit, self._q(z) / np.maximum(q_limit, rounding))
 
     def decision_function(self, X: ArrayLike) -> Floats:
         """`score_samples` less `offset_`: negative if not normal. Shape (samples,)."""

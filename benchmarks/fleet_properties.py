@@ -3,6 +3,9 @@
     python benchmarks/fleet_properties.py classifiers --seed 501 --seed 502 -o DIR --workers 2
     python benchmarks/fleet_properties.py training-data --seed 501 --seed 502 -o DIR --workers 2
     python benchmarks/fleet_properties.py events --seed 501 -o DIR --workers 2
+    python benchmarks/fleet_properties.py history --seed 601 --vary age --vary size -o DIR
+
+`history` is the part of `classifiers` that concerns robots' own histories, at all horizons.
 
 The cycles of a robot are simulated once for each seed and kept in DIR; a property changes only what
 befalls robots from day to day, so that they serve for all its values.
@@ -11,6 +14,7 @@ befalls robots from day to day, so that they serve for all its values.
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -26,16 +30,17 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from analysis.classification import leave_pair_out, make_classifier
-from analysis.own_history import make_history_classifier
 from analysis.plots import COLOURS
 from analysis.preprocessing import Combination
 from faultgen.files import write_text
 from faultgen.fleet import FleetPlan
+from faultgen.fleet.cycles import DAMAGES, Cycles, by_damage
 from faultgen.fleet.data import Fleet
 from faultgen.fleet.events import event_names
 from faultgen.fleet.record import record_robot, simulate_robot
+from faultgen.studies.classifiers_ahead import OWN, UNTRAINED, days_ahead
 from faultgen.studies.classifiers_findings import FULL_CHAIN
-from faultgen.studies.classifiers_study import HORIZON, OWN, horizon_rows
+from faultgen.studies.classifiers_study import HORIZON, horizon_rows
 from faultgen.studies.events_study import run_events
 from faultgen.studies.fleets import study_fleet
 from faultgen.studies.thesis_classifiers import HEADLINE
@@ -50,11 +55,14 @@ PROPERTIES: dict[str, tuple[str, str, tuple[Value, ...]]] = {
     "life": ("damage", "life", ((20.0, 60.0), (60.0, 200.0), (120.0, 600.0))),
     "mix": ("programs", "mix", (15.0, 60.0, 1000.0, 100000.0)),
     "lubricant": ("scatter", "lubricant", (0.0, 0.03, 0.1)),
+    "age": ("ageing", "age", ((0.0, 0.0), (0.0, 0.8), (0.6, 0.95))),
+    "size": ("damage", "size", (0.5, 1.0)),
 }
-"""Section and entry of the plan, and values."""
+"""Section and entry of the plan, and values. The size is no entry: it is that of all damage, over
+what the entries `friction`, `backlash` and `ripple` say."""
 
-Study = StrEnum("Study", ["classifiers", "events", "training-data"])
-Property = StrEnum("Property", ["unsteadiness", "life", "mix", "lubricant"])
+Study = StrEnum("Study", ["classifiers", "events", "history", "training-data"])
+Property = StrEnum("Property", ["unsteadiness", "life", "mix", "lubricant", "age", "size"])
 
 CLASSIFIER = "LR"
 NAMES = list(
@@ -74,31 +82,55 @@ def simulated(plan: FleetPlan, number: int, folder: Path) -> Path:
     return path
 
 
+def scaled(cycles: Cycles, size: float) -> Cycles:
+    """Cycles in which all damage is smaller: the same polynomials, at so much of each damage."""
+    weights = by_damage(size * np.array(DAMAGES))
+    return replace(
+        cycles,
+        wear=np.einsum("nd,td...->tn...", weights, cycles.wear),
+        wear_loss=cycles.wear_loss @ weights.T,
+    )
+
+
 def look(
     study: str, plan: FleetPlan, section: str, entry: str, value: Value, folder: Path
 ) -> dict[str, float]:
     """What a study finds on a fleet with one entry changed."""
-    parts = getattr(plan, section).model_copy(update={entry: value})
-    changed = plan.model_copy(update={section: parts})
+    changed, size = plan, 1.0
+    if entry == "size":
+        size = float(np.mean(value))
+    else:
+        parts = getattr(plan, section).model_copy(update={entry: value})
+        changed = plan.model_copy(update={section: parts})
     with threadpool_limits(1):
         robots = tuple(
-            record_robot(changed, k, joblib.load(simulated(plan, k, folder)))
+            record_robot(
+                changed, k, [scaled(one, size) for one in joblib.load(simulated(plan, k, folder))]
+            )
             for k in range(plan.robots)
         )
         return LOOKS[study](Fleet(robots, event_names(), plan.days, plan.seed, {}))
 
 
 def _classifiers(fleet: Fleet) -> dict[str, float]:
-    """Mean AUC of each preprocessing, and of our own method."""
+    """Mean AUC of each preprocessing, of our own method, and of its columns without training."""
     failed = [robot.failed for robot in fleet.robots]
     mean = {}
     for name in NAMES:
         make = partial(make_classifier, CLASSIFIER, Combination.of(name))
         found = leave_pair_out(horizon_rows(fleet, name, HORIZON), failed, make, seed=fleet.seed)
         mean[name] = float(found.auc.mean())
-    rows = horizon_rows(fleet, OWN, HORIZON)
-    mean[OWN] = float(leave_pair_out(rows, failed, make_history_classifier).auc.mean())
+    trained, untrained = days_ahead(fleet, (HORIZON,), seed=fleet.seed)
+    mean[OWN] = float(trained[HORIZON, OWN].auc.mean())
+    mean |= {row["column"]: row["auc"] for row in untrained if row["horizon"] == HORIZON}
     return mean
+
+
+def _history(fleet: Fleet) -> dict[str, float]:
+    """Mean AUC of robots' own histories, trained and column by column, at every horizon."""
+    trained, untrained = days_ahead(fleet, (1, HORIZON, 5), seed=fleet.seed)
+    mean = {f"{name}, {days} d": float(one.auc.mean()) for (days, name), one in trained.items()}
+    return mean | {f"{row['column']}, {row['horizon']} d": row["auc"] for row in untrained}
 
 
 def _training(fleet: Fleet) -> dict[str, float]:
@@ -120,17 +152,29 @@ def _events(fleet: Fleet) -> dict[str, float]:
     }
 
 
-LOOKS = {"classifiers": _classifiers, "events": _events, "training-data": _training}
+LOOKS = {
+    "classifiers": _classifiers,
+    "events": _events,
+    "history": _history,
+    "training-data": _training,
+}
 
 
 def curves(study: str, found: dict[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
     """Curves of each panel by their names, from the top; shapes (values, seeds)."""
     if study == "classifiers":
-        shown = ("control", "+diff", FULL_CHAIN, OWN)
+        shown = ("control", FULL_CHAIN, OWN, UNTRAINED[2], *UNTRAINED[-2:])
         gains = {f"+{step}": found[new] - found[old] for step, (old, new) in HEADLINE.items()}
         return {
             f"mean AUC, {CLASSIFIER}": {name: found[name] for name in shown},
             "gain of the step, thesis' pair": gains,
+        }
+    if study == "history":
+        return {
+            f"mean AUC, {days} days ahead": {
+                key: values for key, values in found.items() if key.endswith(f", {days} d")
+            }
+            for days in (HORIZON, 25)
         }
     if study == "events":
         shares = {f"{name} robots": found[name] for name in ("failing", "healthy")}
@@ -196,7 +240,8 @@ def main(
 ) -> None:
     """Run all values of these properties: `STUDY.json` and `STUDY.png`."""
     names = [one.value for one in vary or Property]
-    known = (study_fleet(study, one, quick=False) for one in seed)
+    fleet = "classifiers" if study == "history" else study
+    known = (study_fleet(fleet, one, quick=False) for one in seed)
     plans = [plan for plan in known if plan is not None]
     folder = out / "cycles"
     folder.mkdir(parents=True, exist_ok=True)

@@ -300,6 +300,33 @@ def test_estimate_heeds_the_severity_that_it_finds(rng):
     assert np.abs(np.maximum(first, 0) - found).max() > 1e-2
 
 
+def test_uncertain_directions_count_by_the_true_severity(rng):
+    """The square of an estimate exceeds the square of the severity by the estimate's variance.
+
+    What an uncertain direction of one axis adds to the error of another is proportional to the
+    square of the true severity. That square is first shown to be right on average, and then to be
+    the one that z is made of. Without noise the estimate is exact, and the rest is the formula.
+    """
+    world = World(rng)
+    spread = 0.5 * rng.normal(size=(4, 3, 10))
+    isolator = world.fitted(2000, spread=spread)
+    error = isolator.severity_error_
+    true = np.array([0.0, 3.0 * error[1], 0.0, 0.0])
+    means = np.array([isolator.estimate(world.worn(true)).mean(axis=0)[1] for _ in range(4000)])
+    # the error is known to 6 % from 167 windows, the mean square to 2 %
+    assert np.mean(means**2) - error[1] ** 2 == pytest.approx(true[1] ** 2, rel=0.04)
+    severity = np.array([1.5 * error[0], 0.0, 0.0, 0.0])
+    severity[1] = 2.2 * error[1]
+    x = np.tile(isolator.mean_ + severity @ world.directions, (WINDOW, 1))
+    seen = np.array([0.0, severity[1], 0.0, 0.0])  # less than two standard errors may be chance
+    kernel = isolator._kernel(seen)
+    at = isolator._errors(seen, WINDOW)[0]
+    from_other = np.sum((kernel[0] @ (spread[1] / isolator.scale_).T) ** 2)
+    expected = severity[0] / np.sqrt(at[0] ** 2 + from_other * (severity[1] ** 2 - at[1] ** 2))
+    assert isolator.isolate(x).z[0] == pytest.approx(expected, rel=1e-9)
+    assert from_other * at[1] ** 2 > 0.02 * at[0] ** 2, "the correction matters here"
+
+
 def test_few_healthy_cycles_widen_intervals(rng):
     """Of 5 healthy windows, intervals are those of Student's t with 4 degrees of freedom."""
     widths = []

@@ -10,14 +10,9 @@ from fake_fleet import fake_fleet
 from analysis.preprocessing import COMBINATIONS, Combination, prepare
 from faultgen.errors import InputError
 from faultgen.studies import classifiers_study
+from faultgen.studies.classifiers_ahead import OWN, OWN_EVENTS, UNTRAINED, days_ahead
 from faultgen.studies.classifiers_findings import FULL_CHAIN
-from faultgen.studies.classifiers_study import (
-    OWN,
-    OWN_EVENTS,
-    Size,
-    horizon_rows,
-    run_classifiers,
-)
+from faultgen.studies.classifiers_study import Size, horizon_rows, run_classifiers
 from faultgen.studies.classifiers_tables import _verdict, tables
 from faultgen.studies.markdown import stars
 from faultgen.studies.study import run_study
@@ -45,8 +40,8 @@ def test_ten_days_that_end_so_many_days_before_the_last():
     day, every = prepare(fleet.robots[0], Combination.of("+diff+var3+pca"))
     assert np.array_equal(rows, every[(day >= 32) & (day <= 41)])
     assert len(rows) == 10
-    with pytest.raises(InputError, match="no data 40 to 50 days ahead"):
-        horizon_rows(fleet, OWN, 40)
+    with pytest.raises(InputError, match="no data 45 to 55 days ahead"):
+        horizon_rows(fleet, "control", 45)
 
 
 def test_the_thesis_numbers_are_typed_whole():
@@ -74,10 +69,9 @@ def test_study_tells_pairs_and_means(result):
     """Cells have the mean of their pairs; the table of pairs has what was run."""
     cells = {(c["horizon"], c["combination"]): c for c in result["cells"]}
     assert set(cells) == {
-        *((3, name) for name in (*SMALL.combinations, OWN, OWN_EVENTS)),
+        *((3, name) for name in SMALL.combinations),
         (1, "control"),
-        (1, OWN),
-        (1, OWN_EVENTS),
+        *((days, name) for days in (1, 3, 10) for name in (OWN, OWN_EVENTS)),
     }
     for cell in cells.values():
         assert np.shape(cell["auc"]) == (3, 3)
@@ -96,6 +90,27 @@ def test_study_tells_pairs_and_means(result):
     expected = np.array(cells[3, FULL_CHAIN]["auc"])
     assert by_robot == pytest.approx([*expected.mean(axis=1), *expected.mean(axis=0)])
     assert len(result["importance"]) == 7 * 2 + 7
+
+
+def test_columns_are_told_beside_the_method(result):
+    """Each column without training, at every horizon for which the record is long enough.
+
+    In the small fleet only failing robots grow, and only in their last 20 days.
+    """
+    untrained = {(row["column"], row["horizon"]): row["auc"] for row in result["untrained"]}
+    assert set(untrained) == {(name, days) for name in UNTRAINED for days in (1, 3, 10)}
+    assert untrained["unsteadiness", 1] > 0.8
+    assert "| 1 d | 3 d | 10 d |" in tables({**result, "goals": []})
+
+
+def test_nothing_is_known_before_it_shows():
+    """25 days ahead the small fleet's robots are as they always were: all is chance."""
+    fleet = fake_fleet(failed=6, normal=6, days=60, n_axes=2, worst=1.0, seed=3)
+    trained, untrained = days_ahead(fleet, (3,), seed=1)
+    assert trained[3, OWN].auc.mean() > 0.9
+    assert 0.15 < trained[25, OWN].auc.mean() < 0.85
+    early = [row["auc"] for row in untrained if row["horizon"] == 25]
+    assert len(early) == len(UNTRAINED) and 0.3 < np.mean(early) < 0.7
 
 
 def test_verdict_on_a_hypothesis():

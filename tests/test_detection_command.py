@@ -1,8 +1,12 @@
-"""`faultgen detect`: what is counted, and what is said where detectors cannot learn."""
+"""`faultgen detect`: what is counted, and what is said where detectors cannot learn.
+
+Also what both `detect` and `isolate` say of runs that are too short.
+"""
 
 import numpy as np
 import pytest
 
+from faultgen.cli import main
 from faultgen.dataset import open_dataset
 from faultgen.errors import InputError
 from faultgen.experiment import make_experiment
@@ -59,3 +63,28 @@ def test_what_is_missing_is_said(made):
     text = detection_table(other)
     assert "backlash: our isolators look for friction wear" in text and "| 0.001 rad |" in text
     assert np.isfinite([row["share"] for row in other.results]).all()
+
+
+@pytest.mark.parametrize("command", ["detect", "isolate"])
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"cycles": 3}, "at least 5 cycles, the longest run has 3; generate with more --cycles"),
+        ({"cycles": 3, "healthy": False}, "at least 5 cycles, the longest run has 3"),
+        (
+            {"cycles": 8, "healthy": False, "schedule": "constant"},
+            "none reaches a severity of 1 %, 5 %, 10 %, 15 % in cycle 5 or later",
+        ),
+    ],
+)
+def test_runs_that_are_too_short(made, command, changes, message, monkeypatch, capsys):
+    """One line, exit status 2, and no file of results: not an empty table."""
+    folder = made("short", **changes).path
+    monkeypatch.setattr("sys.argv", ["faultgen", command, str(folder)])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 2
+    said = capsys.readouterr()
+    assert said.out == "" and said.err.count("\n") == 1
+    assert said.err.startswith("faultgen: ") and message in said.err
+    assert not [name for name in ("detection", "isolation") if (folder / f"{name}.json").exists()]

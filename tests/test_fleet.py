@@ -1,5 +1,7 @@
 """Fleets: the laws behind them, and what their files hold."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -45,7 +47,7 @@ def fleet(tmp_path_factory):
 @pytest.fixture(scope="module")
 def failing():
     plan = FleetPlan(**SMALL)
-    unit = next(unit for unit in (draw_unit(plan, k) for k in range(2)) if unit.life)
+    unit = next(unit for unit in (draw_unit(plan, k) for k in range(2)) if unit.fails)
     return unit, simulate_program(unit, unit.programs[0])
 
 
@@ -66,6 +68,48 @@ def test_what_shows_of_damage_is_right_on_average():
     assert np.log(shown).std() == pytest.approx(0.3, rel=0.03)
     steady = life(unsteadiness=0.0).shown(5, np.random.default_rng(1))
     assert steady == pytest.approx(1.0)
+
+
+def test_gearboxes_of_healthy_robots_age_slowly():
+    """Their life is 40 000 h of operation; the share of it that is over at the end is drawn."""
+    plan = FleetPlan(seed=3, robots=60, failing=20)
+    units = [draw_unit(plan, k) for k in range(60)]
+    assert sum(unit.fails for unit in units) == 20
+    ages = []
+    for unit in units:
+        start, end = unit.life.damage([0.0, 60.0])
+        if unit.fails:
+            assert unit.life.failure == 60 and end == 1
+            assert 120 <= unit.life.life <= 600
+            continue
+        hours = unit.life.life * unit.hours_a_day
+        assert hours == pytest.approx(40_000)
+        ages.append(1 - (unit.life.failure - 60) / unit.life.life)
+        assert 0 <= start <= end < 0.7
+        # 60 days are at most 60 * 22.5 h of the 40 000 h
+        assert end - start <= unit.life.shape * 60 * 22.5 / 40_000 * (end + 0.2)
+    assert 0 <= min(ages) < 0.1 and 0.7 < max(ages) <= 0.8
+    assert np.mean(ages) == pytest.approx(0.4, abs=0.11)  # three standard errors
+
+
+def test_healthy_robots_need_not_age():
+    """Ageing can be left out; robots that fail are the same with and without it."""
+    plan, steady = (FleetPlan(seed=3, robots=8, failing=4, ageing=a) for a in ({}, {"hours": 0}))
+    for number in range(8):
+        one, other = draw_unit(plan, number), draw_unit(steady, number)
+        assert one.fails == other.fails
+        assert other.life == (one.life if one.fails else None)
+        assert one.payload == other.payload and one.shifts == other.shifts
+
+
+def test_hours_a_day_are_those_of_the_calendar():
+    """A unit's mean time of operation is what its calendar gives over many weeks."""
+    plan = FleetPlan(days=700, robots=3, failing=0)
+    for number in range(3):
+        unit = draw_unit(plan, number)
+        calendar = draw_calendar(plan, unit, 6, np.random.default_rng(number))
+        hours = calendar.duty.sum() * STEP / plan.days
+        assert hours == pytest.approx(unit.hours_a_day, rel=0.02)
 
 
 def test_effects_grow_with_damage():
@@ -184,6 +228,26 @@ def test_rule_based_events_follow_the_rule(failing):
     assert stops[200:].mean() > stops[:200].mean() + 5 * 0.9 * _MOST
 
 
+def test_motors_get_hot_half_as_often_as_their_gearboxes(failing):
+    """Events that follow another kind of the same axis: half, and three tenths as many."""
+    unit, _ = failing
+    plan = FleetPlan(**SMALL | {"days": 600})
+    calendar = draw_calendar(plan, unit, 6, np.random.default_rng(3))
+    usual = [strain(0.1)] * 100
+    hot = [replace(strain(0.1), temperature=np.full(6, 46.0), position_error=np.full(6, 1.3e-3))]
+    counts = count_events(unit.robot(), usual + hot * 500, calendar, np.random.default_rng(4))
+
+    def mean(kind):
+        columns = [event_names().index(f"{kind}_{axis}") for axis in range(1, 7)]
+        return counts[100:, columns].mean() - counts[:100, columns].mean()
+
+    # the usual 40 deg C and the margin of 6 K: every second of 24 hours, less what is put up with
+    assert mean("gearbox_temperature") == pytest.approx(_MOST * (1 - np.exp(-12 / _MOST)), rel=0.03)
+    assert mean("motor_temperature") == pytest.approx(0.5 * mean("gearbox_temperature"), rel=0.05)
+    assert mean("position_deviation") > 10
+    assert mean("speed_deviation") == pytest.approx(0.3 * mean("position_deviation"), rel=0.05)
+
+
 def test_a_fleet_holds_what_monitoring_stores(fleet):
     assert [one.failed for one in fleet.robots].count(True) == 1
     assert len(fleet.event_names) == 67
@@ -195,10 +259,11 @@ def test_a_fleet_holds_what_monitoring_stores(fleet):
             assert shares.shape == (samples, 6, 12)
             assert shares.sum(axis=2) == pytest.approx(1.0)
         assert one.events.shape == (3, 67)
-        assert one.failed == (one.axis > 0) == bool(np.any(one.truth["damage"] > 0))
-        if one.failed:
-            left = one.truth["remaining_life"]
-            assert left == pytest.approx(3 - one.day)
+        assert one.failed == (one.axis > 0) == bool(one.truth["damage"][-1] > 0.9)
+        left = one.truth["remaining_life"]
+        assert np.diff(left) == pytest.approx(-np.diff(one.day))
+        assert (left[-1] == pytest.approx(3 - one.day[-1])) == one.failed
+        assert one.truth["damaged_axis"][0] == one.axis if one.failed else one.axis == 0
         # speed of production, whatever its share, is that of the programs
         speed = one.speed_indicator / one.production[:, None]
         assert np.ptp(speed, axis=0) == pytest.approx(0.0, abs=1e-9)
@@ -212,7 +277,7 @@ def test_cycles_serve_plans_that_differ_in_what_befalls_robots(failing):
         FleetPlan(**SMALL | {"damage": {"unsteadiness": k}, "programs": SMALL["programs"] | mix})
         for k, mix in ((0.0, {}), (1.0, {"mix": 20.0}))
     )
-    number = next(k for k in range(2) if draw_unit(plan, k).life)
+    number = next(k for k in range(2) if draw_unit(plan, k).fails)
     cycles = simulate_robot(plan, number)
     given, own = record_robot(other, number, cycles), record_robot(other, number)
     assert np.array_equal(given.torque_histogram, own.torque_histogram)

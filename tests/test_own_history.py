@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fake_fleet import fake_fleet
+from sklearn.metrics import roc_auc_score
 
 from analysis.classification import leave_pair_out
 from analysis.own_history import (
@@ -15,6 +16,7 @@ from analysis.own_history import (
     make_history_classifier,
     rms_torque,
 )
+from analysis.plain_history import plain_history, untrained_auc
 
 
 def test_planted_growth_is_found():
@@ -92,3 +94,47 @@ def test_failing_robots_are_told_by_their_history():
     """Where torque grows before failure, and by chance where it does not."""
     assert told(0, 0.5) > 0.9
     assert 0.3 < np.mean([told(seed, 0.0) for seed in range(6)]) < 0.7
+
+
+def test_plain_numbers_by_hand():
+    """A torque that doubles on one axis after 20 days, and that alternates on the other."""
+    days = 40
+    histogram = np.zeros((days, 2, 4))
+    histogram[:20, 0, 2] = 1.0  # centre of the bin 0.25 of the largest torque
+    histogram[20:, 0, 3] = 1.0  # 0.75
+    histogram[:, 1, 2] = 1.0
+    histogram[::2, 1] = [0, 0, 0, 1.0]
+    robot = fake_fleet(failed=1, normal=0, days=days, n_axes=2).robots[0]
+    day, rows = plain_history(replace(robot, torque_histogram=histogram))
+    assert day.tolist() == list(range(FEWEST - 1, days))
+    assert rows[-1, 0] == pytest.approx(3.0)
+    assert rows[-1, 1] == pytest.approx(0.5)  # 0.25 and 0.75 in turn: deviation 0.25, mean 0.5
+    early = histogram.copy()
+    early[FEWEST:] = 0.25
+    same = plain_history(replace(robot, torque_histogram=early))[1]
+    assert np.array_equal(same[0], rows[0])
+    with pytest.raises(ValueError, match="history needs 25 days"):
+        plain_history(fake_fleet(failed=1, normal=0, days=20, n_axes=2).robots[0])
+
+
+def test_auc_of_a_column_is_that_of_scikit_learn():
+    """Mean over pairs of the area under the curve of the rows of both; ties count half."""
+    rng = np.random.default_rng(2)
+    rows = [rng.integers(0, 5, (n, 2)) for n in (3, 5, 4, 6)]
+    failed = [True, False, True, False]
+    expected = np.mean(
+        [
+            [
+                roc_auc_score(
+                    [1] * len(rows[i]) + [0] * len(rows[j]), [*rows[i][:, k], *rows[j][:, k]]
+                )
+                for k in range(2)
+            ]
+            for i in (0, 2)
+            for j in (1, 3)
+        ],
+        axis=0,
+    )
+    np.testing.assert_allclose(untrained_auc(rows, failed), expected)
+    with pytest.raises(ValueError, match="robots that fail"):
+        untrained_auc(rows, [True] * 4)

@@ -6,13 +6,24 @@ import shutil
 import numpy as np
 import pytest
 
+from analysis.pca import PCAMonitor
+from analysis.run_length import ewma_width
 from faultgen.cli import main
 from faultgen.motion import plan
 from faultgen.robot import STRIBECK_VELOCITY, load_robot
 from faultgen.sensors import get_sensors
 from faultgen.studies import detection_study, isolation_study
 from faultgen.studies.detection_study import _first_run, _found
-from faultgen.studies.detectors import DETECTORS, Scored, alarms, threshold
+from faultgen.studies.detectors import (
+    DETECTORS,
+    KL_EWMA,
+    Divergences,
+    Scored,
+    _ewma,
+    alarms,
+    score,
+    threshold,
+)
 from faultgen.studies.hourly import hourly_monitored
 from faultgen.studies.isolation_tables import pooled
 from faultgen.studies.isolation_tables import tables as isolation_tables
@@ -151,6 +162,68 @@ def test_hourly_record_is_ten_cycles(cycles, tiny_robot_path, tiny_task_path):
     assert by_axis[0] < 0.1 * by_axis[1]
     np.testing.assert_allclose(change, 0.1 * robot.directions.value[1], atol=1e-9)
     assert robot.turning.all()
+
+
+def ewma_by_hand(healthy, test):
+    """One-sided EWMA chart of the cube root of Q, weight 0.2, step by step, over its limit.
+
+    Residuals are those of the autoregression that `analysis.detection` describes. The width of a
+    one-sided chart with weight 0.2 and 500 samples between false alarms is that of `test_ewma`.
+    """
+    z, new = healthy ** (1 / 3), test ** (1 / 3)
+    n, centred = len(z), z - z.mean()
+    r = centred[1:] @ centred[:-1] / (centred @ centred)
+    r += (1 + 3 * r) / n
+    residuals = centred[1:] - r * centred[:-1]
+    spread = np.sqrt(residuals @ residuals / (n - 3))
+    limit = ewma_width(0.2, 500.0, two_sided=False) * np.sqrt(0.2 / 1.8)
+    value, before, out = 0.0, None, []
+    for x in new - z.mean():
+        residual = x / z.std(ddof=1) if before is None else (x - r * before) / spread
+        value = 0.2 * residual + 0.8 * value
+        out.append(value / limit)
+        before = x
+    return np.array(out)
+
+
+def test_ewma_charts_the_cube_root_of_q_upwards():
+    """The chart sees Q to the power 1/3, forgets with the weight 0.2, and ignores small Q."""
+    rng = np.random.default_rng(8)
+    healthy, test = rng.chisquare(3, 120), 4 * rng.chisquare(3, 40)
+    test[20:] = 0.01
+    charted = _ewma(healthy, test)
+    np.testing.assert_allclose(charted, ewma_by_hand(healthy, test), rtol=1e-9)
+    assert charted[:20].max() > 1 and charted[-1] < 0
+
+
+def test_ewma_alarms_as_often_as_it_says():
+    """Healthy Q passes the limit once in some 470 hours (chi-squared Q); 400 charts, seed fixed."""
+    rng = np.random.default_rng(9)
+    healthy = rng.chisquare(3, 5000)
+    first = [np.argmax(_ewma(healthy, rng.chisquare(3, 6000)) > 1) for _ in range(400)]
+    assert 380 < np.mean(first) < 600  # standard error 25, and 5 % for what was learned
+
+
+def test_ewma_of_a_q_that_never_moved():
+    """A healthy Q without spread cannot be charted: the hours are ranked by Q itself."""
+    test = np.array([0.0, 2.0, 1.0])
+    np.testing.assert_array_equal(_ewma(np.zeros(20), test), test)
+
+
+def test_a_record_is_charted_by_its_q(cycles, tiny_robot_path, tiny_task_path, monkeypatch):
+    """The detector charts the Q of the divergences: its root is taken once."""
+    path = surrogate_file(cycles, tiny_robot_path, tiny_task_path, sample_period=PERIOD)
+    robot = hourly_monitored(path)
+    severity = np.zeros((80, 2))
+    severity[60:, 1] = 0.2
+    record = robot.record(get_sensors("realistic"), severity, np.random.default_rng(5))
+    of_two = Divergences.of(record, 60).divergence
+    # two axes are two components, which leave no Q: one is kept here
+    kl = Divergences(of_two, PCAMonitor(n_components=1).fit(of_two[:60]))
+    monkeypatch.setattr(Divergences, "of", lambda *_: kl)
+    scored = score(robot, record, 60, temperature_varies=True)[KL_EWMA].score
+    q = kl.monitor.q(of_two)
+    np.testing.assert_allclose(scored, ewma_by_hand(q[:60], q[60:]), rtol=1e-9)
 
 
 def test_axes_that_stand_still_are_told_before_the_test():

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultgen.fleet.plan import FleetPlan
-from faultgen.fleet.unit import Unit
+from faultgen.fleet.unit import WORKED, Unit
 
 ROWS = 288
 """Rows a day."""
@@ -16,7 +16,7 @@ STEP = 24.0 / ROWS
 """Time between rows [h]."""
 
 _SHIFT = 8.0  # [h]
-_BREAK = 0.5  # in the middle of a shift [h]
+_BREAK = _SHIFT - WORKED  # in the middle of a shift [h]
 _FIRST = {1: 6.0, 2: 6.0, 3: 0.0}  # start of production, by shifts [h]
 _HALL_DAY = 2.0  # amplitude of the hall's temperature over the day [K]: assumed
 _HALL_DAYS = 2.0  # spread from day to day [K]: assumed

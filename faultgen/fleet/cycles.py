@@ -93,7 +93,7 @@ class Cycles:
         out = np.einsum("an,ncsa->csa", lagrange(TEMPERATURES, warm), self.base, optimize=False)
         out += payload * self.load + friction * self.friction
         if self.axis and damage > 0:
-            by = _by_damage([damage])[0]
+            by = by_damage([damage])[0]
             low, high = TEMPERATURES[list(_WEAR_TEMPERATURES)]
             part = (warm[self.axis - 1] - low) / (high - low)
             grown = np.ones(out.shape[-1])
@@ -114,12 +114,12 @@ class Cycles:
         out = np.repeat(self.loss[None], len(damage), axis=0)
         if self.axis:
             known = TEMPERATURES[list(_WEAR_TEMPERATURES)]
-            more = _by_damage(damage) @ self.wear_loss.T
+            more = by_damage(damage) @ self.wear_loss.T
             out[:, :, self.axis - 1] += [np.interp(TEMPERATURES, known, row) for row in more]
         return out
 
 
-def _by_damage(damage: ArrayLike) -> np.ndarray:
+def by_damage(damage: ArrayLike) -> np.ndarray:
     """Weights of the simulated damages at others, shape (number, damages)."""
     return lagrange((0.0, *DAMAGES), np.clip(damage, 0.0, DAMAGES[-1]))[:, 1:]
 

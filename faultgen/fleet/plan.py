@@ -104,6 +104,15 @@ class Damage(_Section):
     """Spread of the damage that shows from day to day, over the damage."""
 
 
+class Ageing(_Section):
+    """How one gearbox of each robot that does not fail ages; see docs/fleet.md."""
+
+    hours: Size = 40_000.0
+    """Operation that such a gearbox lasts [h]; 0: healthy robots do not age."""
+    age: Shares = (0.0, 0.8)
+    """Share of that life that is over when the record ends."""
+
+
 class FleetPlan(_Section):
     """A fleet."""
 
@@ -118,6 +127,7 @@ class FleetPlan(_Section):
     programs: Programs = Programs()
     scatter: Scatter = Scatter()
     damage: Damage = Damage()
+    ageing: Ageing = Ageing()
 
     @model_validator(mode="after")
     def _check(self) -> FleetPlan:

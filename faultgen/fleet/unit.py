@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,6 +10,9 @@ from faultgen.effects import Applied
 from faultgen.fleet.damage import GearboxLife, draw_life
 from faultgen.fleet.plan import FleetPlan
 from faultgen.robot import Robot, load_robot
+
+WORKED = 7.5
+"""Of a shift, less its break [h]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +53,15 @@ class Unit:
     """How this robot differs from its model; the controller is not told."""
     cooling: np.ndarray
     """Thermal resistance of each axis over that of its model, shape (n_axes,)."""
+    fails: bool
+    """Whether a gearbox fails at the end of the record."""
     life: GearboxLife | None
-    """Of the gearbox that fails at the end of the record."""
+    """Of the gearbox that fails, or that ages where none fails."""
+
+    @property
+    def hours_a_day(self) -> float:
+        """Mean time in which it runs [h/d]."""
+        return self.shifts * WORKED * self.duty * (5 + 2 * self.weekend) / 7
 
     def robot(self) -> Robot:
         """The model with the payload that the controller is told."""
@@ -105,7 +115,8 @@ def draw_unit(plan: FleetPlan, number: int) -> Unit:
         unsteadiness=plan.damage.unsteadiness,
         rng=rng,
     )
-    return Unit(
+    fails = bool(number in chosen)
+    unit = Unit(
         model=robot.name,
         payload=payload,
         programs=programs,
@@ -117,5 +128,12 @@ def draw_unit(plan: FleetPlan, number: int) -> Unit:
         samples_a_day=samples,
         deviations=tuple(deviations),
         cooling=cooling,
-        life=life if number in chosen else None,
+        fails=fails,
+        life=life,
     )
+    if fails:
+        return unit
+    if plan.ageing.hours == 0:
+        return replace(unit, life=None)
+    age = float(rng.uniform(*plan.ageing.age))
+    return replace(unit, life=life.ageing(plan.days, plan.ageing.hours / unit.hours_a_day, age))

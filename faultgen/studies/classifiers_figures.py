@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 
 from analysis.plots import COLOURS, legend_beside
 from analysis.preprocessing import COMBINATIONS
+from faultgen.studies.classifiers_ahead import OWN, OWN_EVENTS
 from faultgen.studies.classifiers_findings import FULL_CHAIN
-from faultgen.studies.classifiers_study import HORIZON, OWN, OWN_EVENTS
+from faultgen.studies.classifiers_study import HORIZON
 from faultgen.studies.figures import Figures
 from faultgen.studies.markdown import stars
 

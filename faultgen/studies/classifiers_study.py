@@ -15,27 +15,19 @@ from typing import Any
 import numpy as np
 
 from analysis.classification import CLASSIFIERS, PairResult, leave_pair_out, make_classifier
-from analysis.own_history import event_changes, history_features, make_history_classifier
 from analysis.preprocessing import COMBINATIONS, Combination, prepare
 from faultgen.errors import InputError
 from faultgen.fleet.data import Fleet
 from faultgen.studies import classifiers_findings as findings
+from faultgen.studies.classifiers_ahead import days_ahead, rows_before
 from faultgen.studies.classifiers_findings import (
     FULL_CHAIN,
     LONGER_WINDOWS,
     WITHOUT_DIFFERENCES,
 )
 
-DAYS = 10
-"""Of data for each horizon, thesis 5.3.3."""
-
 HORIZON = 3
 """Days ahead of which tables and tests tell."""
-
-OWN = "own history"
-OWN_EVENTS = "own history and events"
-"""Names of our classifiers, in place of a combination; told as LR. The second also reads the event
-log, which the thesis' classifiers do not."""
 
 
 @dataclass(frozen=True)
@@ -102,15 +94,8 @@ def run_classifiers(
                 found[horizon, name, classifier] = leave_pair_out(
                     rows, _failed(chosen), make, seed=seed, workers=workers, label=label
                 )
-        for name in (OWN, OWN_EVENTS):
-            found[horizon, name, "LR"] = leave_pair_out(
-                horizon_rows(chosen, name, horizon),
-                _failed(chosen),
-                make_history_classifier,
-                seed=seed,
-                workers=workers,
-                label=name,
-            )
+    trained, untrained = days_ahead(chosen, size.horizons, seed=seed, workers=workers)
+    found |= {(horizon, name, "LR"): one for (horizon, name), one in trained.items()}
     auc = {key: one.auc for key, one in found.items() if key[0] == HORIZON}
     by_name = {key[1:]: one for key, one in auc.items()}
     compared = {name: findings.compared(by_name, name) for name in size.classifiers}
@@ -134,6 +119,7 @@ def run_classifiers(
             }
             for (horizon, name, classifier), one in found.items()
         ],
+        "untrained": untrained,
         "overall": [findings.overall(name, one) for name, one in compared.items()],
         "over_control": [
             row
@@ -153,29 +139,19 @@ def horizon_rows(fleet: Fleet, name: str, horizon: int) -> list[np.ndarray]:
 
     Args:
         fleet: Robots.
-        name: Preprocessing, `OWN` or `OWN_EVENTS`.
+        name: Preprocessing.
         horizon: Days ahead, T - horizon being the last day used.
 
     Raises:
         InputError: A robot has no row in these days.
     """
-    rows = []
+    prepared = []
     for robot in fleet.robots:
         try:
-            if name in (OWN, OWN_EVENTS):
-                day, values = history_features(robot)
-                if name == OWN_EVENTS:
-                    values = np.column_stack([values, event_changes(robot.events, day)])
-            else:
-                day, values = prepare(robot, Combination.of(name))
+            prepared.append(prepare(robot, Combination.of(name)))
         except ValueError as error:
             raise InputError(f"{robot.name}: {error}") from None
-        ahead = fleet.days - 1 - day
-        own = values[(ahead >= horizon) & (ahead < horizon + DAYS)]
-        if len(own) == 0:
-            raise InputError(f"{robot.name}: no data {horizon} to {horizon + DAYS} days ahead")
-        rows.append(own)
-    return rows
+    return rows_before(fleet, prepared, horizon)
 
 
 def _chosen(fleet: Fleet, most: int | None) -> Fleet:

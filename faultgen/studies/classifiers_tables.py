@@ -9,8 +9,9 @@ import numpy as np
 from analysis.classification import CLASSIFIERS
 from analysis.preprocessing import COMBINATIONS
 from analysis.statistics import SIGNIFICANT
+from faultgen.studies.classifiers_ahead import DAYS, OWN, OWN_EVENTS, UNTRAINED
 from faultgen.studies.classifiers_findings import FULL_CHAIN
-from faultgen.studies.classifiers_study import DAYS, HORIZON, OWN, OWN_EVENTS
+from faultgen.studies.classifiers_study import HORIZON
 from faultgen.studies.markdown import goals_table, table
 from faultgen.studies.thesis_classifiers import (
     AUC,
@@ -86,6 +87,10 @@ def tables(result: dict[str, Any]) -> str:
         "## Table 5.2: mean AUC (standard deviation over pairs)",
         _table_5_2(result),
         "## Days ahead: mean AUC",
+        "A column without a classifier is a single measure, not trained, over the same pairs. The "
+        "last two need no method: RMS torque of the week before over that of the first week, and "
+        "deviation of the daily RMS torque in the last 14 days over its mean, each of the worst "
+        "axis.",
         _horizons(result),
         "## Procedure 2 over all combinations",
         table(
@@ -181,9 +186,12 @@ def _horizons(result: dict[str, Any]) -> str:
     for name in _unique(result["cells"], "combination"):
         for classifier in _shown(result):
             found = [_find(result, horizon, name, classifier) for horizon in horizons]
-            if all(found):
-                means = [f"{cells[0]['mean']:.2f}" for cells in found]
+            if sum(map(bool, found)) > 1:
+                means = [f"{cells[0]['mean']:.3f}" if cells else "-" for cells in found]
                 lines.append([name, classifier, *means])
+    untrained = {(r["column"], r["horizon"]): r["auc"] for r in result["untrained"]}
+    for name in UNTRAINED:
+        lines.append([name, "-", *(f"{untrained[name, h]:.3f}" for h in horizons)])
     return table(["preprocessing", "classifier", *(f"{h} d" for h in horizons)], lines)
 
 

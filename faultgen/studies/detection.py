@@ -24,7 +24,7 @@ from faultgen.dataset import Dataset
 from faultgen.errors import InputError
 from faultgen.files import write_text
 from faultgen.studies.counts import share
-from faultgen.studies.isolation import LEVELS, cuts
+from faultgen.studies.isolation import LEVELS, cuts, require_cycles
 from faultgen.studies.markdown import percent, table
 from faultgen.studies.runs import ObservedRun, Place, noise_of, places
 from faultgen.studies.tally import other_effects, shown_level
@@ -88,11 +88,13 @@ def detect(
         Alarms, counted.
 
     Raises:
-        InputError: The dataset has no runs, or not the signals that new noise needs.
+        InputError: The dataset has no runs, or not the signals that new noise needs, or no run is
+            long enough, or nothing to learn from.
     """
     chosen, redraw = noise_of(dataset, sensors)
     if seeds < 1:
         raise InputError(f"seeds: must be at least 1, not {seeds}")
+    require_cycles(dataset, levels)
     counts: dict[tuple[str, str, str, float, str], list[bool]] = {}
     left_out: dict[str, str] = {}
     learned: dict[str, int] = {}
@@ -122,7 +124,7 @@ def detect(
             bar.update()
     bar.close()
     if not counts:
-        raise InputError(f"{dataset.path}: {next(iter(left_out.values()), 'too few cycles')}")
+        raise InputError(f"{dataset.path}: {next(iter(left_out.values()))}")
     rows = []
     for (robot, task, effect, level, method), found in counts.items():
         told = share(sum(found), len(found))

@@ -21,7 +21,7 @@ WEAR = "wear of each axis, z of 6 h"
 DETECTORS = {
     KL_Q: "thesis 3.4: histograms of an hour against the healthy ones, PCA, Q",
     KL_BOTH: "the same, larger of T² and Q over their limits",
-    KL_EWMA: "the same Q, its cube root in an EWMA chart",
+    KL_EWMA: "the same Q: an EWMA chart of its cube root",
     TORQUE_PCA: "mean torque at each place of the cycle and the temperature, PCA, T² and Q",
     WEAR_CUSUM: "severity of each axis by our isolator, hour by hour, the largest CUSUM",
     WEAR: "severity of each axis by our isolator over six hours, the largest z",
@@ -95,20 +95,27 @@ def score(
     return {
         KL_Q: Scored(kl.monitor.q(test), q_blame),
         KL_BOTH: Scored(-kl.monitor.score_samples(test), q_blame),
-        KL_EWMA: Scored(
-            _ewma(np.cbrt(kl.monitor.q(healthy)), np.cbrt(kl.monitor.q(test))), q_blame
-        ),
+        KL_EWMA: Scored(_ewma(kl.monitor.q(healthy), kl.monitor.q(test)), q_blame),
         TORQUE_PCA: Scored(-torques.score_samples(places[training:]), torque_blame),
         **_wear(robot, places, training, temperature_varies),
     }
 
 
 def _ewma(healthy: np.ndarray, test: np.ndarray) -> np.ndarray:
-    """EWMA of the cube root, which is nearly Gaussian; a Q that never moved is taken as it is."""
+    """EWMA chart of the cube root of Q, which is nearly Gaussian.
+
+    Args:
+        healthy: Q of the training hours, shape (hours,).
+        test: Q of the hours to score, shape (hours,).
+
+    Returns:
+        The charted statistic over the limit of the chart, shape (hours,). If Q never moved in the
+        training, there is no chart, and the hours are scored by Q itself.
+    """
     if np.ptp(healthy) == 0:
         return test
     chart = EWMAChart(weight=0.2).fit(np.cbrt(healthy))
-    return chart.statistic(np.cbrt(test))
+    return chart.statistic(np.cbrt(test)) / chart.limit_
 
 
 def _wear(

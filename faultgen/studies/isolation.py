@@ -37,6 +37,9 @@ does that; it comes nearer to the thesis' figures.
 LEVELS = (0.01, 0.05, 0.10, 0.15)
 """Wear at which the thesis isolates."""
 
+FEWEST = 5
+"""Cycles before an answer is asked for."""
+
 
 def isolate(
     dataset: Dataset,
@@ -62,11 +65,13 @@ def isolate(
         Answers, counted.
 
     Raises:
-        InputError: The dataset has no runs, or not the signals that new noise needs.
+        InputError: The dataset has no runs, or not the signals that new noise needs, or no run is
+            long enough.
     """
     chosen, redraw = noise_of(dataset, sensors)
     if seeds < 1:
         raise InputError(f"seeds: must be at least 1, not {seeds}")
+    require_cycles(dataset, levels)
     tallies: dict[tuple[str, str, str, float, str], Tally] = {}
     unobservable: dict[str, list[int]] = {}
     left_out: dict[str, str] = {}
@@ -118,6 +123,32 @@ def in_fractions(effect: str) -> bool:
     return effect == HEALTHY or get_effect(effect).in_fractions
 
 
+def require_cycles(dataset: Dataset, levels: tuple[float, ...]) -> None:
+    """Refuse a dataset in which no run is long enough for an answer.
+
+    Args:
+        dataset: At least one run.
+        levels: Severities at which an answer is asked for.
+
+    Raises:
+        InputError: There is nowhere to ask for an answer, see `cuts`.
+    """
+    if any(True for run in dataset.runs for _ in cuts(run, levels)):
+        return
+    longest = max(int(run["cycles"]) for run in dataset.runs)
+    if longest < FEWEST:
+        raise InputError(
+            f"{dataset.path}: every run is too short: an answer needs at least {FEWEST} cycles, "
+            f"the longest run has {longest}; generate with more --cycles, in a new folder"
+        )
+    asked = ", ".join(f"{100 * level:g} %" for level in levels)
+    raise InputError(
+        f"{dataset.path}: no run gives an answer: none is healthy, and none reaches a severity of "
+        f"{asked} in cycle {FEWEST} or later; generate with more --cycles or a higher --severity, "
+        "in a new folder"
+    )
+
+
 def cuts(run: StoredRun, levels: tuple[float, ...]) -> Iterator[tuple[float, int]]:
     """Where answers are asked for: level, and number of cycles up to it, if they are enough.
 
@@ -132,12 +163,11 @@ def cuts(run: StoredRun, levels: tuple[float, ...]) -> Iterator[tuple[float, int
     worn = len(run["axes"]) > 0
     if worn and not in_fractions(run["effect"]):
         levels = (float(severity.max()),)
-    shortest = 5
     if not worn:
-        if len(severity) >= shortest:
+        if len(severity) >= FEWEST:
             yield 0.0, len(severity)
         return
     for level in levels:
         reached = np.flatnonzero(severity >= level * (1 - 1e-9))
-        if len(reached) and reached[0] + 1 >= shortest:
+        if len(reached) and reached[0] + 1 >= FEWEST:
             yield level, int(reached[0]) + 1

@@ -150,7 +150,7 @@ def table(result: Isolation) -> str:
             + " |"
         )
     if result.too_short:
-        lines += ["", "Not asked, since fewer than 5 cycles come before: " + result.too_short]
+        lines += ["", "Not asked, since wear gets there within 4 cycles: " + result.too_short]
     if any(level == 0 for *_, level in rows):
         lines += ["", f"In rows '{HEALTHY}': how often an axis was named though none is worn."]
     for place, axes in result.unobservable.items():

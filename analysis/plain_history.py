@@ -1,0 +1,100 @@
+"""Two plain numbers of a robot's history, to hold trained classifiers against.
+
+    day, rows = plain_history(record)  # one row a day, from days up to that one only
+    untrained_auc(rows_of_robots, failed)  # of each column, without any training
+
+A classifier that is not better than these numbers has learned nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.daily import day_of
+from analysis.own_history import FEWEST, LATE, rms_torque
+
+Floats = NDArray[np.floating]
+Ints = NDArray[np.int_]
+
+PLAIN = ("last week's torque over the first week's", "unsteadiness of the torque, last 14 days")
+"""Columns of `plain_history`."""
+
+_WEEK = 7
+
+
+class TorqueRecord(Protocol):
+    """Monitoring of one robot: the part that `plain_history` reads."""
+
+    @property
+    def day(self) -> np.ndarray: ...  # noqa: D102
+    @property
+    def production(self) -> np.ndarray: ...  # noqa: D102
+    @property
+    def torque_histogram(self) -> np.ndarray: ...  # noqa: D102
+
+
+def plain_history(record: TorqueRecord) -> tuple[Ints, Floats]:
+    """One row of `PLAIN` for each day, from nothing later than that day.
+
+    Both are taken from the daily mean of the RMS torque of each axis, and each is the largest of
+    all axes: the ratio of the last seven days on which the robot ran to the first seven, and the
+    standard deviation of the last 14 over their mean.
+
+    Args:
+        record: Monitoring of one robot, as `analysis.daily.daily` takes it.
+
+    Returns:
+        Days, from 0, and rows. Shapes (days,) and (days, 2).
+
+    Raises:
+        ValueError: The robot ran on fewer than 25 days.
+    """
+    runs = np.asarray(record.production) > 0
+    days, which = np.unique(day_of(record.day[runs]), return_inverse=True)
+    if len(days) < FEWEST:
+        raise ValueError(f"history needs {FEWEST} days on which the robot ran, got {len(days)}")
+    torque = rms_torque(record.torque_histogram[runs])
+    counts = np.bincount(which)
+    by_day = np.stack([np.bincount(which, one) / counts for one in torque.T], axis=1)
+    first = np.maximum(by_day[:_WEEK].mean(axis=0), 1e-12)
+    rows = []
+    for end in range(FEWEST, len(days) + 1):
+        last, late = by_day[end - _WEEK : end], by_day[end - LATE : end]
+        ratio = last.mean(axis=0) / first
+        unsteady = late.std(axis=0) / np.maximum(late.mean(axis=0), 1e-12)
+        rows.append([ratio.max(), unsteady.max()])
+    return days[FEWEST - 1 :], np.array(rows)
+
+
+def untrained_auc(rows: Sequence[ArrayLike], failed: ArrayLike) -> Floats:
+    """AUC of each column by itself, larger meaning failing: mean over all pairs of robots.
+
+    It is the measure of `leave_pair_out`, for a score that is not trained.
+
+    Args:
+        rows: Of each robot, shape (its rows, columns).
+        failed: Whether each robot fails, shape (robots,).
+
+    Returns:
+        Shape (columns,).
+
+    Raises:
+        ValueError: There is no robot of one kind.
+    """
+    fails = np.asarray(failed, dtype=bool)
+    if fails.all() or not fails.any():
+        raise ValueError("robots that fail and robots that do not are needed")
+    arrays = [np.asarray(own, dtype=float) for own in rows]
+    pairs = [
+        (arrays[i][:, None], arrays[j][None])
+        for i in np.flatnonzero(fails)
+        for j in np.flatnonzero(~fails)
+    ]
+    found: Floats = np.mean(
+        [np.mean((ill > well) + 0.5 * (ill == well), axis=(0, 1)) for ill, well in pairs], axis=0
+    )
+    return found
