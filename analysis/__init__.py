@@ -1,25 +1,25 @@
 """Analysis of condition-monitoring series: arrays in, results out."""
 
-from analysis.cross_correlation import (
+from .cross_correlation import (
     cross_correlation_lags,
     isolate_axis_by_lags,
     leading_axis,
 )
-from analysis.detection import CUSUMChart, EWMAChart
-from analysis.divergence import HistogramDivergence, kl_divergence
-from analysis.friction_features import FrictionFeatures
-from analysis.isolation import Answer, ChangeIsolator
-from analysis.pca import PCAMonitor, held_out_q_limit
-from analysis.run_length import (
+from .detection import CUSUMChart, EWMAChart
+from .divergence import HistogramDivergence, kl_divergence
+from .friction_features import FrictionFeatures
+from .isolation import Answer, ChangeIsolator
+from .pca import PCAMonitor, held_out_q_limit
+from .run_length import (
     RunLength,
     cusum_interval,
     cusum_run_length,
     ewma_run_length,
     ewma_width,
 )
-from analysis.symbols import quantile_symbols
-from analysis.te_bins import choose_bins, isolation_by_bins
-from analysis.transfer_entropy import (
+from .symbols import quantile_symbols
+from .te_bins import choose_bins, isolation_by_bins
+from .transfer_entropy import (
     effective_net_transfer_entropy,
     effective_transfer_entropy,
     isolate_axis,

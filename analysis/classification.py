@@ -33,7 +33,7 @@ from sklearn.svm import SVC
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
-from analysis.preprocessing import Combination
+from .preprocessing import Combination
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int_]

@@ -32,14 +32,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.signal import lfilter
 from sklearn.base import BaseEstimator
 
-from analysis.run_length import (
+from .run_length import (
     RunLength,
     cusum_interval,
     cusum_run_length,
     ewma_run_length,
     ewma_width,
 )
-from analysis.symbols import Floats, finite
+from .symbols import Floats, finite
 
 _FEWEST = 10  # healthy samples
 _LARGEST = 0.99  # autocorrelation; beyond it a mean cannot be learned

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.symbols import Floats
+from .symbols import Floats
 
 _CHUNK = 1 << 14  # codes and counts held at a time, so that they stay in the cache
 

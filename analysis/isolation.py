@@ -21,7 +21,7 @@ from sklearn.base import BaseEstimator
 from sklearn.covariance import ledoit_wolf
 from sklearn.utils.validation import check_is_fitted
 
-from analysis.operating_condition import ROUNDING, Condition, least_squares_kernel
+from .operating_condition import ROUNDING, Condition, least_squares_kernel
 
 Floats = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import ArrayLike
 from scipy.stats import f
 
-from analysis.plots import COLOURS, MARKERS
+from .plots import COLOURS, MARKERS
 
 _LINES = ("--", "-", "-.", ":")
 _DECADES = 1.5  # between the highest and the usual value; from here on the scale is logarithmic

@@ -34,7 +34,7 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from analysis.daily import TORQUE_EXPONENT, Record, day_of
+from .daily import TORQUE_EXPONENT, Record, day_of
 
 Floats = NDArray[np.floating]
 Ints = NDArray[np.int_]

@@ -14,8 +14,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.daily import day_of
-from analysis.own_history import FEWEST, LATE, rms_torque
+from .daily import day_of
+from .own_history import FEWEST, LATE, rms_torque
 
 Floats = NDArray[np.floating]
 Ints = NDArray[np.int_]

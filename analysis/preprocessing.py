@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.decomposition import PCA
 
-from analysis.daily import DIVERGENCES, ESTIMATES, INDICATORS, Daily, Record, daily
-from analysis.divergence import kl_divergence
+from .daily import DIVERGENCES, ESTIMATES, INDICATORS, Daily, Record, daily
+from .divergence import kl_divergence
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int_]

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ndtr, roots_legendre
 
-from analysis.symbols import Floats
+from .symbols import Floats
 
 _DEEP = 9.0  # standard deviations of a one-sided EWMA, below which it is never found
 _LONGEST = 1e9  # samples; means of longer runs lose their digits to rounding

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from analysis.transfer_entropy import net_transfer_entropy
+from .transfer_entropy import net_transfer_entropy
 
 CANDIDATES = (2, 3, 4, 5, 6, 8, 10, 12, 15, 20)
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.entropy import entropy_left, entropy_left_counted
-from analysis.symbols import Bins, Floats, coded, finite
+from .entropy import entropy_left, entropy_left_counted
+from .symbols import Bins, Floats, coded, finite
 
 _TIE = 1e-12  # bits; smaller differences are rounding
 _CHUNK = 1 << 16  # codes sorted at a time, so that they stay in the cache

@@ -15,8 +15,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-
-from analysis import PCAMonitor
+from faultgen.analysis import PCAMonitor
 
 FAULT_START = 160  # row of 960 in each test series
 # Number of components: 11 is that of the published table, 25 and 29 come from parallel analysis,

@@ -14,16 +14,15 @@ from functools import partial
 from statistics import median
 
 import numpy as np
-from numpy.random import Generator
-from numpy.typing import NDArray
-
-from analysis import (
+from faultgen.analysis import (
     effective_net_transfer_entropy,
     effective_transfer_entropy,
     net_transfer_entropy,
     quantile_symbols,
     transfer_entropy,
 )
+from numpy.random import Generator
+from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 

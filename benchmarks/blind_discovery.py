@@ -27,7 +27,7 @@ from sealed.score import FAILED, Answer, confusion, markdown, score
 from tqdm import tqdm
 
 from faultgen.effects import EFFECTS
-from faultgen.files import write_text
+from faultgen.system.files import write_text
 
 Seeds = StrEnum("Seeds", ["development", "report", "report2", "report3", "report4"])
 Mode = StrEnum("Mode", ["twin", "alone"])

@@ -22,11 +22,11 @@ import numpy as np
 from mujoco.batch import Batch
 from scipy.interpolate import CubicSpline
 
-from faultgen.arm import Arm
-from faultgen.motion import Motion, plan
 from faultgen.robot import COULOMB, STICTION, Robot, load_robot, robot_names
-from faultgen.servo import control_signal, motor_torque
-from faultgen.simulate import Cycle, simulate
+from faultgen.simulation.arm import Arm
+from faultgen.simulation.motion import Motion, plan
+from faultgen.simulation.servo import control_signal, motor_torque
+from faultgen.simulation.stepping import Cycle, simulate
 from faultgen.tasks import load_task, task_names
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
@@ -64,7 +64,7 @@ class Alignment:
 
 
 CHOSEN = Alignment()
-"""What `faultgen.servo` and `faultgen.simulate` do."""
+"""What `faultgen.simulation.servo` and `faultgen.simulation.stepping` do."""
 
 
 @dataclass(frozen=True)
@@ -354,7 +354,7 @@ def _public(name: str, task: str, timestep: float) -> tuple[Cycle, float]:
 
 def all_tasks(quick: bool) -> None:
     """The chosen integrator on every task, by the public functions."""
-    print("## Every task, Euler as `faultgen.simulate` runs it, against 25 us\n")
+    print("## Every task, Euler as `faultgen.simulation.stepping` runs it, against 25 us\n")
 
     def rows() -> Iterator[Iterable[object]]:
         for name in robot_names():

@@ -19,14 +19,14 @@ import numpy as np
 import typer
 from effect_cases import CASES, MOTIONS, Case
 
-from faultgen.channels import Cycle
 from faultgen.effects import EFFECTS, Applied, Effect
-from faultgen.machine import assemble
-from faultgen.motion import Motion, plan
+from faultgen.monitoring.sensors import Measured
 from faultgen.robot import Robot, load_robot
-from faultgen.sensors import Measured
-from faultgen.servo import control_signal
-from faultgen.simulate import simulate
+from faultgen.simulation.cycle import Cycle
+from faultgen.simulation.motion import Motion, plan
+from faultgen.simulation.plant import assemble
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.stepping import simulate
 from faultgen.tasks import Move, Pose, Task
 
 ROBOT, PERIOD, TEMPERATURE, SEED = "irb6700", 0.004, 65.0, 1

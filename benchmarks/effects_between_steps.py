@@ -17,11 +17,11 @@ import numpy as np
 import typer
 
 from faultgen.effects import Applied, get_effect
-from faultgen.machine import Machine, assemble
-from faultgen.motion import plan
 from faultgen.robot import load_robot
-from faultgen.servo import control_signal
-from faultgen.simulate import LEAD_IN, simulate
+from faultgen.simulation.motion import plan
+from faultgen.simulation.plant import Machine, assemble
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.stepping import LEAD_IN, simulate
 from faultgen.tasks import load_task
 
 TOLD = {"load_friction": 0.05, "seizing_spot": 0.5, "winding_fault": 0.3}

@@ -25,28 +25,28 @@ import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 import typer
+from faultgen.analysis.classification import leave_pair_out, make_classifier
+from faultgen.analysis.plots import COLOURS
+from faultgen.analysis.preprocessing import Combination
 from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
-from analysis.classification import leave_pair_out, make_classifier
-from analysis.plots import COLOURS
-from analysis.preprocessing import Combination
-from faultgen.files import write_text
 from faultgen.fleet import FleetPlan
 from faultgen.fleet.cycles import DAMAGES, Cycles, by_damage
 from faultgen.fleet.data import Fleet
 from faultgen.fleet.events import event_names
 from faultgen.fleet.record import record_robot, simulate_robot
+from faultgen.studies.chapter2_events.study import run_events
+from faultgen.studies.chapter4_training_data.signals import TEST
+from faultgen.studies.chapter4_training_data.study import run_training
+from faultgen.studies.chapter4_training_data.tables import NAMES as NAMES_OF_DESCRIPTORS
+from faultgen.studies.chapter5_classifiers.findings import FULL_CHAIN
+from faultgen.studies.chapter5_classifiers.study import HORIZON, horizon_rows
+from faultgen.studies.chapter5_classifiers.thesis import HEADLINE
 from faultgen.studies.classifiers_ahead import OWN, UNTRAINED, days_ahead
-from faultgen.studies.classifiers_findings import FULL_CHAIN
-from faultgen.studies.classifiers_study import HORIZON, horizon_rows
-from faultgen.studies.events_study import run_events
 from faultgen.studies.fleets import study_fleet
-from faultgen.studies.thesis_classifiers import HEADLINE
-from faultgen.studies.training_signals import TEST
-from faultgen.studies.training_study import run_training
-from faultgen.studies.training_tables import NAMES as NAMES_OF_DESCRIPTORS
+from faultgen.system.files import write_text
 
 Value = float | tuple[float, float]
 

@@ -17,6 +17,7 @@ matplotlib.use("Agg")  # no display needed
 
 import matplotlib.pyplot as plt
 import numpy as np
+from faultgen.analysis.plots import COLOURS, style
 from measured_data import (
     EXAMPLES,
     joined,
@@ -28,14 +29,13 @@ from measured_data import (
 )
 from scipy.signal import butter, decimate, filtfilt
 
-from analysis.plots import COLOURS, style
 from faultgen.discovery import Recording, Replay, investigate
 from faultgen.discovery.calibrate import WIDTHS, calibrate, changed, refined
-from faultgen.discovery.choose import SURE, groups_of
+from faultgen.discovery.candidates import INERTIA, PAYLOAD, Term, payload_of
 from faultgen.discovery.fit import changes_of
-from faultgen.discovery.problem import plain, rolling
+from faultgen.discovery.regression import plain, rolling
 from faultgen.discovery.replay import Changes, settled
-from faultgen.discovery.terms import INERTIA, PAYLOAD, Term, payload_of
+from faultgen.discovery.selection import SURE, groups_of
 from faultgen.discovery.workflow import as_modelled
 from faultgen.errors import SimulationFailed
 from faultgen.report.discovery_report import write_discovery

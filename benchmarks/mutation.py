@@ -44,6 +44,8 @@ def copy_of_repository(folder: Path) -> Path:
         if (ROOT / name).is_file():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(ROOT / name, folder / name)
+    for part in ("analysis", "robots"):  # the copy is not installed, and they belong to the package
+        (folder / "faultgen" / part).symlink_to(folder / part)
     return folder
 
 

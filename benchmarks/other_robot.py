@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
+from faultgen.evaluation.isolate import LEVELS
+from faultgen.evaluation.wear_model import FRICTION, isolator_input
+from faultgen.monitoring.sensors import get_sensors
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, load_robot
-from faultgen.sensors import get_sensors
-from faultgen.studies.isolation import LEVELS
-from faultgen.studies.monitored import Monitored
-from faultgen.studies.series import growth
-from faultgen.studies.wear_model import FRICTION, isolator_input
-from faultgen.surrogate import build_surrogate
+from faultgen.simulation.surrogate import build_surrogate
+from faultgen.studies.chapter6_isolation.monitored import Monitored
+from faultgen.studies.chapter6_isolation.series import growth
 
 SCATTER = 0.2
 """Standard deviation of friction and Stribeck velocity from unit to unit: assumed."""

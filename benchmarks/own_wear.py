@@ -16,11 +16,11 @@ import numpy as np
 import typer
 
 from faultgen import generate, open_dataset
-from faultgen.dataset import StoredRun
+from faultgen.dataset.experiment import Experiment
+from faultgen.dataset.reader import StoredRun
 from faultgen.discovery import Recording, investigate
-from faultgen.experiment import Experiment
-from faultgen.motion import plan
 from faultgen.robot import Robot, load_robot
+from faultgen.simulation.motion import plan
 from faultgen.tasks import load_task
 
 TASKS = ["pick_and_place", "spot_weld", "arc_weld"]

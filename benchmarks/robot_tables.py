@@ -13,12 +13,12 @@ from collections.abc import Iterable
 import mujoco
 import numpy as np
 
-from faultgen.arm import Arm
-from faultgen.monitoring import SPEED_WINDOW
-from faultgen.motion import Motion, plan
+from faultgen.monitoring.reductions import SPEED_WINDOW
 from faultgen.robot import COULOMB, STICTION, Robot, load_robot
-from faultgen.servo import control_signal
-from faultgen.simulate import Cycle, simulate
+from faultgen.simulation.arm import Arm
+from faultgen.simulation.motion import Motion, plan
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.stepping import Cycle, simulate
 from faultgen.tasks import load_task, task_names
 
 SAMPLE_PERIOD = 0.004

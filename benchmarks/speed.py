@@ -25,12 +25,12 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from faultgen.experiment import make_experiment, plan_runs, to_toml
-from faultgen.motion import plan
+from faultgen.dataset.experiment import make_experiment, plan_runs, to_toml
+from faultgen.dataset.run import make_run
 from faultgen.robot import load_robot
-from faultgen.run import make_run
-from faultgen.servo import control_signal
-from faultgen.simulate import LEAD_IN, simulate
+from faultgen.simulation.motion import plan
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.stepping import LEAD_IN, simulate
 from faultgen.tasks import load_task
 
 ROBOT, TASK, SAMPLE_PERIOD = "irb6700", "pick_and_place", 0.004
@@ -104,7 +104,7 @@ def workers(cycles: int, repeats: int) -> dict[str, object]:
             with tempfile.TemporaryDirectory() as folder:
                 # a process of its own, so that no worker is warm
                 code = (
-                    "import sys; from faultgen.sweep import generate\n"
+                    "import sys; from faultgen.dataset.sweep import generate\n"
                     "generate(sys.argv[1], sys.argv[2], workers=int(sys.argv[3]), progress=False)"
                 )
                 path = Path(folder) / "experiment.toml"
@@ -130,8 +130,8 @@ def memory() -> dict[str, float]:
         ("many runs", 5, 12),
     ):
         code = (
-            "import pathlib, tempfile; from faultgen.experiment import make_experiment\n"
-            "from faultgen.sweep import generate\n"
+            "import pathlib, tempfile; from faultgen.dataset.experiment import make_experiment\n"
+            "from faultgen.dataset.sweep import generate\n"
             f"e = make_experiment({{'robot': '{ROBOT}', 'task': '{TASK}', 'axis': 1,"
             f" 'cycles': {cycles}, 'repetitions': {repetitions}, 'healthy': False,"
             " 'paired': False})\n"

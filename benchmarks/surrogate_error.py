@@ -15,14 +15,14 @@ import argparse
 import numpy as np
 from joblib import Parallel, delayed
 
-from faultgen.condition import Condition
-from faultgen.monitoring import mean_abs_torque
-from faultgen.sensors import get_sensors
-from faultgen.studies.detection_study import ROBOT, TASKS
-from faultgen.studies.hourly import SAMPLE_PERIOD
-from faultgen.studies.isolation_study import ROBOTS
-from faultgen.studies.isolation_study import TASKS as TASKS_OF_CHAPTER_6
-from faultgen.surrogate import Surrogate, build_surrogate, simulate_at
+from faultgen.monitoring.reductions import mean_abs_torque
+from faultgen.monitoring.sensors import get_sensors
+from faultgen.simulation.state import Condition
+from faultgen.simulation.surrogate import Surrogate, build_surrogate, simulate_at
+from faultgen.studies.chapter3_detection.hourly_torque import SAMPLE_PERIOD
+from faultgen.studies.chapter3_detection.study import ROBOT, TASKS
+from faultgen.studies.chapter6_isolation.study import ROBOTS
+from faultgen.studies.chapter6_isolation.study import TASKS as TASKS_OF_CHAPTER_6
 
 
 def main() -> None:

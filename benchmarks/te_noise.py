@@ -11,11 +11,11 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
+from faultgen.analysis import net_transfer_entropy, quantile_symbols
 
-from analysis import net_transfer_entropy, quantile_symbols
-from faultgen.dataset import StoredRun, open_dataset
-from faultgen.studies.isolation import METHODS
-from faultgen.wear import severities
+from faultgen.dataset.reader import StoredRun, open_dataset
+from faultgen.dataset.wear import severities
+from faultgen.evaluation.isolate import METHODS
 
 SEEDS = range(2000, 2040)
 NOISE = (0.0, 1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)

@@ -7,7 +7,7 @@ dataset = faultgen.open_dataset("out")
 
 from typing import Any
 
-from faultgen.dataset import open_dataset
+from faultgen.dataset.reader import open_dataset
 from faultgen.errors import InputError, SimulationFailed
 
 __all__ = ["InputError", "SimulationFailed", "discover", "generate", "load_robot", "open_dataset"]
@@ -16,11 +16,11 @@ __all__ = ["InputError", "SimulationFailed", "discover", "generate", "load_robot
 def __getattr__(name: str) -> Any:
     """Load what needs MuJoCo on first use: a dataset can be read without it."""
     if name == "generate":
-        from faultgen.sweep import generate
+        from faultgen.dataset.sweep import generate
 
         return generate
     if name == "discover":
-        from faultgen.discovery import discover
+        from faultgen.report.discover import discover
 
         return discover
     if name == "load_robot":

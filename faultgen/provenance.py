@@ -6,8 +6,8 @@ the result depends on: a module and all modules of this package that it imports,
 Comments, docstrings and blank lines do not count. Runs of datasets, interpolated cycles and all
 caches use this one key.
 
-    provenance("faultgen.run").key        # 16 hexadecimal digits
-    str(provenance("faultgen.run"))       # faultgen 0.1.0, MuJoCo 4.0.0, code 5b0c9c2e
+    provenance("faultgen.dataset.run").key        # 16 hexadecimal digits
+    str(provenance("faultgen.dataset.run"))       # faultgen 0.1.0, MuJoCo 4.0.0, code 5b0c9c2e
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from importlib.util import find_spec, resolve_name
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("faultgen", "analysis")
+PACKAGES = ("faultgen",)
 """Packages whose modules count."""
 
 
@@ -62,7 +62,7 @@ def provenance(module: str) -> Provenance:
     """What a result of a module is made by.
 
     Args:
-        module: Name of the module that produces the result, such as "faultgen.run".
+        module: Name of the module that produces the result, such as "faultgen.dataset.run".
     """
     total = hashlib.sha256()
     for name, path in sorted(source_files(module).items()):

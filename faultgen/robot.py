@@ -21,16 +21,16 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from faultgen.dcmotor import BRISTLE_DAMPING as BRISTLE_DAMPING
-from faultgen.dcmotor import BRISTLE_STIFFNESS as BRISTLE_STIFFNESS
-from faultgen.dcmotor import COULOMB as COULOMB
-from faultgen.dcmotor import OFFSET as OFFSET
-from faultgen.dcmotor import STICTION as STICTION
-from faultgen.dcmotor import STRIBECK_VELOCITY as STRIBECK_VELOCITY
 from faultgen.errors import InputError
-from faultgen.mjcf import check_memory, mujoco_warnings, read_mjcf
-from faultgen.mjcf_edit import resolve_inertias
-from faultgen.robot_checks import count_axes, missing_elements, wrong_elements, wrong_numbers
+from faultgen.mjcf.checks import count_axes, missing_elements, wrong_elements, wrong_numbers
+from faultgen.mjcf.compiling import check_memory, mujoco_warnings, read_mjcf
+from faultgen.mjcf.dcmotor import BRISTLE_DAMPING as BRISTLE_DAMPING
+from faultgen.mjcf.dcmotor import BRISTLE_STIFFNESS as BRISTLE_STIFFNESS
+from faultgen.mjcf.dcmotor import COULOMB as COULOMB
+from faultgen.mjcf.dcmotor import OFFSET as OFFSET
+from faultgen.mjcf.dcmotor import STICTION as STICTION
+from faultgen.mjcf.dcmotor import STRIBECK_VELOCITY as STRIBECK_VELOCITY
+from faultgen.mjcf.edit import resolve_inertias
 
 
 @dataclass(frozen=True)
@@ -198,7 +198,7 @@ class Robot:
 
 def robot_names() -> list[str]:
     """Names of the robots that come with the package."""
-    folder = resources.files("robots")
+    folder = resources.files("faultgen.robots")
     return sorted(f.name for f in folder.iterdir() if f.joinpath(f"{f.name}.xml").is_file())
 
 
@@ -216,7 +216,7 @@ def load_robot(name_or_path: str | Path) -> Robot:
     """
     name = str(name_or_path)
     if name in robot_names():
-        text = resources.files("robots").joinpath(name, f"{name}.xml").read_text()
+        text = resources.files("faultgen.robots").joinpath(name, f"{name}.xml").read_text()
         return Robot(name, text)
     path = Path(name_or_path)
     if not os.path.exists(path):

@@ -1,7 +1,7 @@
 """Tasks: what a robot does in one cycle, as TOML files say it.
 
 A task is a start pose and moves, each to a tool pose in the base frame; the last one ends at the
-start. `faultgen.motion` makes a motion of it.
+start. `faultgen.simulation.motion` makes a motion of it.
 
     task = load_task("irb6700", "spot_weld")
 """
@@ -17,7 +17,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from faultgen.errors import InputError
-from faultgen.reading import read_text
+from faultgen.system.reading import read_text
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 
@@ -68,7 +68,7 @@ class Task(BaseModel):
 
 def task_names(robot: str) -> list[str]:
     """Names of the tasks that come with a robot."""
-    folder = resources.files("robots").joinpath(robot, "tasks")
+    folder = resources.files("faultgen.robots").joinpath(robot, "tasks")
     if not folder.is_dir():
         return []
     return sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".toml"))
@@ -89,7 +89,9 @@ def load_task(robot: str, name_or_path: str | Path) -> Task:
     """
     name = str(name_or_path)
     if name in task_names(robot):
-        text = resources.files("robots").joinpath(robot, "tasks", f"{name}.toml").read_text()
+        text = (
+            resources.files("faultgen.robots").joinpath(robot, "tasks", f"{name}.toml").read_text()
+        )
     else:
         path = Path(name_or_path)
         if not os.path.exists(path):

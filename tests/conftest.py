@@ -4,10 +4,10 @@ import pytest
 
 from faultgen.discovery import Recording
 from faultgen.effects import get_effect
-from faultgen.motion import plan
 from faultgen.robot import Robot, load_robot
-from faultgen.servo import control_signal
-from faultgen.simulate import simulate
+from faultgen.simulation.motion import plan
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.stepping import simulate
 from faultgen.tasks import load_task
 
 HANG = 1800

@@ -1,4 +1,4 @@
-"""An independent integration of a robot, to check `faultgen.simulate` against.
+"""An independent integration of a robot, to check `faultgen.simulation.stepping` against.
 
 The arm is MuJoCo's rigid arm without drivetrain; rotors, gearboxes, friction and servo are written
 out here as differential equations. Set points are continuous in time (no zero-order hold), and
@@ -18,10 +18,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from faultgen.arm import Arm
-from faultgen.motion import Motion
 from faultgen.robot import Robot
-from faultgen.simulate import Cycle
+from faultgen.simulation.arm import Arm
+from faultgen.simulation.motion import Motion
+from faultgen.simulation.stepping import Cycle
 
 TOLERANCE = 1e-6
 """Relative tolerance of the integration; a tenth of it changes no motor torque by 1e-4 RMS."""
@@ -168,7 +168,7 @@ def integrate(
         tolerance: Relative tolerance.
 
     Returns:
-        The channels of `faultgen.simulate.Cycle` at `times`.
+        The channels of `faultgen.simulation.stepping.Cycle` at `times`.
     """
     robot = motion.robot
     axes = robot.n_axes

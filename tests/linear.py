@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from faultgen.discovery.problem import pose
+from faultgen.discovery.regression import pose
 
 
 def linear(problem, values=(), *, noise=1.0, seed=0, twin=None, terms=None, raw=None):

@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 
 from faultgen.effects import Applied
-from faultgen.machine import assemble
-from faultgen.simulate import simulate
+from faultgen.simulation.plant import assemble
+from faultgen.simulation.stepping import simulate
 
 STEP = 0.001
 

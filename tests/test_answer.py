@@ -9,14 +9,14 @@ from linear import linear
 
 from faultgen.discovery import investigate, model
 from faultgen.discovery import next_experiment as motions
-from faultgen.discovery.answer import answer
 from faultgen.discovery.certainty import LEVEL, certainty
-from faultgen.discovery.choose import MIMICKED, SIMILAR, Choice, choose
 from faultgen.discovery.fit import fit
 from faultgen.discovery.replay import Replay, settled
 from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE
+from faultgen.discovery.selection import MIMICKED, SIMILAR, Choice, choose
+from faultgen.discovery.verdict import answer
 from faultgen.effects import get_effect
-from faultgen.motion import plan
+from faultgen.simulation.motion import plan
 from faultgen.tasks import Task
 
 

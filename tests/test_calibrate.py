@@ -12,8 +12,7 @@ from faultgen.cli.app import app
 from faultgen.discovery import Replay, write_recording
 from faultgen.discovery import calibrate as calibration
 from faultgen.discovery.calibrate import calibrate, changed, replaying
-from faultgen.discovery.recording import low_passed
-from faultgen.discovery.terms import (
+from faultgen.discovery.candidates import (
     OPTIONAL,
     Term,
     applied,
@@ -22,6 +21,7 @@ from faultgen.discovery.terms import (
     payload_terms,
     widened,
 )
+from faultgen.discovery.recording import low_passed
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot, load_robot

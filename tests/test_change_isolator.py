@@ -4,11 +4,10 @@ from functools import partial
 
 import numpy as np
 import pytest
+from faultgen.analysis.isolation import ChangeIsolator
 from scipy import stats
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
-
-from analysis.isolation import ChangeIsolator
 
 WINDOW = 12
 NOISE = 0.02

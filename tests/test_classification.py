@@ -4,13 +4,17 @@ from functools import partial
 
 import numpy as np
 import pytest
+from faultgen.analysis.classification import (
+    CLASSIFIERS,
+    grouped_splits,
+    leave_pair_out,
+    make_classifier,
+)
+from faultgen.analysis.preprocessing import Combination
 from sklearn.base import BaseEstimator
 from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
-
-from analysis.classification import CLASSIFIERS, grouped_splits, leave_pair_out, make_classifier
-from analysis.preprocessing import Combination
 
 FAILED = np.array([True, False, True, False, False, True, False])
 

@@ -6,17 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fake_fleet import fake_fleet
+from faultgen.analysis.preprocessing import COMBINATIONS, Combination, prepare
 
-from analysis.preprocessing import COMBINATIONS, Combination, prepare
+import faultgen.studies.chapter5_classifiers.study as classifiers_study
 from faultgen.errors import InputError
-from faultgen.studies import classifiers_study
+from faultgen.evaluation.markdown import stars
+from faultgen.studies.chapter5_classifiers.findings import FULL_CHAIN
+from faultgen.studies.chapter5_classifiers.study import Size, horizon_rows, run_classifiers
+from faultgen.studies.chapter5_classifiers.tables import _verdict, tables
+from faultgen.studies.chapter5_classifiers.thesis import AUC, HEADLINE, MEAN_P, PAIRS, VARIANCE_P
 from faultgen.studies.classifiers_ahead import OWN, OWN_EVENTS, UNTRAINED, days_ahead
-from faultgen.studies.classifiers_findings import FULL_CHAIN
-from faultgen.studies.classifiers_study import Size, horizon_rows, run_classifiers
-from faultgen.studies.classifiers_tables import _verdict, tables
-from faultgen.studies.markdown import stars
-from faultgen.studies.study import run_study
-from faultgen.studies.thesis_classifiers import AUC, HEADLINE, MEAN_P, PAIRS, VARIANCE_P
+from faultgen.studies.runner import run_study
 
 SMALL = Size(
     combinations=("control", "+estM+var3+pca", FULL_CHAIN),
@@ -147,7 +147,7 @@ def test_fleets_that_do_not_do():
 
 def test_files_of_the_study(result, monkeypatch, tmp_path):
     """results.json, tables and figures; a fleet is taken by these studies only."""
-    monkeypatch.setattr("faultgen.studies.study.open_fleet", lambda folder: folder)
+    monkeypatch.setattr("faultgen.studies.runner.open_fleet", lambda folder: folder)
     monkeypatch.setattr(classifiers_study, "run_classifiers", lambda fleet, **options: dict(result))
     told = run_study("classifiers", tmp_path, quick=True, fleet=tmp_path)
     stored = json.loads((tmp_path / "results.json").read_text())

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from analysis.cross_correlation import (
+from faultgen.analysis.cross_correlation import (
     cross_correlation_lags,
     isolate_axis_by_lags,
     leading_axis,

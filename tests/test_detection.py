@@ -2,10 +2,14 @@
 
 import numpy as np
 import pytest
+from faultgen.analysis.detection import CUSUMChart, EWMAChart
+from faultgen.analysis.run_length import (
+    cusum_interval,
+    cusum_run_length,
+    ewma_run_length,
+    ewma_width,
+)
 from scipy.stats import norm
-
-from analysis.detection import CUSUMChart, EWMAChart
-from analysis.run_length import cusum_interval, cusum_run_length, ewma_run_length, ewma_width
 
 CHARTS = [EWMAChart, CUSUMChart]
 

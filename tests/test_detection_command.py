@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from faultgen.cli import main
-from faultgen.dataset import open_dataset
+from faultgen.dataset.experiment import make_experiment
+from faultgen.dataset.reader import open_dataset
+from faultgen.dataset.sweep import generate
 from faultgen.errors import InputError
-from faultgen.experiment import make_experiment
-from faultgen.studies.detection import detect, detection_table
-from faultgen.studies.wear_model import FRICTION
-from faultgen.sweep import generate
+from faultgen.evaluation.detect import detect, detection_table
+from faultgen.evaluation.wear_model import FRICTION
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,11 @@ import pytest
 from own_wear import recording_of
 
 import faultgen
+from faultgen.dataset.experiment import Experiment
 from faultgen.discovery import check_recording, read_recording, write_recording
-from faultgen.discovery.problem import near_reversal, rolling
 from faultgen.discovery.recording import low_passed
+from faultgen.discovery.regression import near_reversal, rolling
 from faultgen.errors import InputError
-from faultgen.experiment import Experiment
 from faultgen.report import discovery_report
 from faultgen.robot import load_robot
 

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from faultgen.analysis.divergence import HistogramDivergence, kl_divergence
 from scipy import stats
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
-
-from analysis.divergence import HistogramDivergence, kl_divergence
 
 
 @pytest.fixture

@@ -11,12 +11,12 @@ import pytest
 from scipy.linalg import eigh
 from scipy.spatial.transform import Rotation
 
-from faultgen import simulate
-from faultgen.arm import Arm
-from faultgen.gearbox import Gearbox
-from faultgen.motion import plan
+from faultgen.mjcf.gearbox import Gearbox
 from faultgen.robot import Robot, load_robot
-from faultgen.servo import control_signal
+from faultgen.simulation import stepping as simulate
+from faultgen.simulation.arm import Arm
+from faultgen.simulation.motion import plan
+from faultgen.simulation.servo import control_signal
 from faultgen.tasks import load_task
 
 ROBOTS = ("irb6700", "puma560")

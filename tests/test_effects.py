@@ -4,12 +4,12 @@ import pytest
 
 from faultgen.effects import EFFECTS, Applied, get_effect, set_temperature
 from faultgen.errors import InputError
-from faultgen.machine import assemble
-from faultgen.motion import plan
+from faultgen.monitoring.sensors import Measured
 from faultgen.robot import COULOMB, OFFSET, STICTION, STRIBECK_VELOCITY
-from faultgen.sensors import Measured
-from faultgen.servo import control_signal
-from faultgen.simulate import simulate
+from faultgen.simulation.motion import plan
+from faultgen.simulation.plant import assemble
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.stepping import simulate
 from faultgen.tasks import load_task
 
 

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from swing import STEP, channels, force_added, newton, run, servo
 
-from faultgen import simulate as module
+import faultgen.simulation.stepping as module
 from faultgen.effects import EFFECTS, Applied, get_effect
 from faultgen.effects.base import Moment
 from faultgen.effects.temperature import friction_ratios
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.machine import Machine, assemble
-from faultgen.motion import plan
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY
-from faultgen.servo import control_signal
-from faultgen.simulate import simulate
+from faultgen.simulation.motion import plan
+from faultgen.simulation.plant import Machine, assemble
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.stepping import simulate
 from faultgen.tasks import load_task
 
 

@@ -8,9 +8,9 @@ import pytest
 from faultgen.errors import InputError
 from faultgen.fleet import Fleet, FleetRobot
 from faultgen.fleet.events import event_names
-from faultgen.studies.events_study import NEVER, _lead, run_events
-from faultgen.studies.events_tables import goals, tables
-from faultgen.studies.study import run_study
+from faultgen.studies.chapter2_events.study import NEVER, _lead, run_events
+from faultgen.studies.chapter2_events.tables import goals, tables
+from faultgen.studies.runner import run_study
 
 DAYS = 210
 NAMES = event_names()
@@ -77,7 +77,7 @@ def test_days_of_warning_count_from_the_alarm_that_lasts():
 
 def test_a_fleet_that_does_not_do_leaves_no_folder(monkeypatch, tmp_path):
     short = replace(fleet(rise=1.0), days=60)
-    monkeypatch.setattr("faultgen.studies.study.open_fleet", lambda folder: short)
+    monkeypatch.setattr("faultgen.studies.runner.open_fleet", lambda folder: short)
     with pytest.raises(InputError, match="more than 88 days, not 60"):
         run_study("events", tmp_path / "out", fleet=tmp_path)
     assert not (tmp_path / "out").exists()

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import faultgen
+from faultgen.dataset.experiment import make_experiment, plan_runs, to_toml
 from faultgen.effects import Applied
 from faultgen.errors import InputError
-from faultgen.experiment import make_experiment, plan_runs, to_toml
-from faultgen.machine import assemble
-from faultgen.nominal import nominal
-from faultgen.simulate import simulate
+from faultgen.simulation.nominal import nominal
+from faultgen.simulation.plant import assemble
+from faultgen.simulation.stepping import simulate
 
 PLAIN = {
     "robot": "puma560",

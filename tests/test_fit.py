@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from faultgen.discovery.candidates import Term
 from faultgen.discovery.fit import fit
 from faultgen.discovery.noise import Autoregression
-from faultgen.discovery.problem import Problem
-from faultgen.discovery.terms import Term
+from faultgen.discovery.regression import Problem
 
 COUNT = 600
 TERMS = [

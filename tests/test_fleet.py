@@ -22,12 +22,12 @@ from faultgen.fleet.damage import GearboxLife
 from faultgen.fleet.events import _MOST, Strain, count_events, event_names
 from faultgen.fleet.plan import parse_fleet
 from faultgen.fleet.record import record_robot, simulate_robot
+from faultgen.fleet.robot_instance import draw_unit
 from faultgen.fleet.thermal import TIME_CONSTANT, temperatures
-from faultgen.fleet.unit import draw_unit
-from faultgen.machine import assemble
-from faultgen.monitoring import LIFE_EXPONENT
-from faultgen.servo import control_signal
-from faultgen.simulate import simulate
+from faultgen.monitoring.reductions import LIFE_EXPONENT
+from faultgen.simulation.plant import assemble
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.stepping import simulate
 
 SMALL = {
     "robots": 2,

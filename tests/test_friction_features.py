@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
+from faultgen.analysis.friction_features import FrictionFeatures
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
-
-from analysis.friction_features import FrictionFeatures
 
 STRIBECK = np.array([4.0, 10.0, 7.0])
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from analysis import PCAMonitor, held_out_q_limit
+from faultgen.analysis import PCAMonitor, held_out_q_limit
 
 
 def test_kept_by_healthy_rows_that_were_not_fitted():

@@ -1,34 +1,121 @@
+"""Imports go in one direction, and the folders show the flow of the data."""
+
 import ast
 import importlib
 import subprocess
 import sys
+import tomllib
+from importlib.util import resolve_name
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
+SOURCES = {"faultgen": ROOT / "faultgen", "faultgen.analysis": ROOT / "analysis"}
 
 
-def imported(path):
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            yield from (name.name for name in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            yield node.module or ""
+def modules():
+    """Path of every module of the package, by name."""
+    found = {}
+    for package, folder in SOURCES.items():
+        for path in folder.rglob("*.py"):
+            parts = path.relative_to(folder).with_suffix("").parts
+            found[".".join([package, *parts]).removesuffix(".__init__")] = path
+    return found
+
+
+MODULES = modules()
+
+
+def imports(node, package):
+    """Modules that code imports when it runs, also within functions."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.dump(child.test):
+            continue
+        if isinstance(child, ast.Import):
+            yield from (alias.name for alias in child.names)
+        elif isinstance(child, ast.ImportFrom):
+            base = resolve_name("." * child.level + (child.module or ""), package)
+            for alias in child.names:
+                inner = f"{base}.{alias.name}"
+                yield inner if inner in MODULES else base
+        else:
+            yield from imports(child, package)
+
+
+def imported(name):
+    path = MODULES[name]
+    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+    return set(imports(ast.parse(path.read_text()), package)) - {name}
+
+
+# the package itself re-exports the public names, and nothing imports it
+GRAPH = {name: imported(name) & MODULES.keys() for name in MODULES if name != "faultgen"}
+
+
+def circle(graph):
+    """Nodes of a circle of a graph; empty if there is none."""
+    done, path = set(), []
+
+    def visit(node):
+        if node in path:
+            return path[path.index(node) :]
+        if node in done:
+            return []
+        path.append(node)
+        for following in sorted(graph.get(node, ())):
+            found = visit(following)
+            if found:
+                return found
+        done.add(path.pop())
+        return []
+
+    return next(filter(None, map(visit, sorted(graph))), [])
+
+
+def test_modules_import_each_other_without_circles():
+    """No module needs, directly or not, a module that needs it."""
+    assert circle({"a": {"b"}, "b": {"c"}, "c": {"a"}}) == ["a", "b", "c"]
+    assert circle(GRAPH) == []
+
+
+def folder_of(name):
+    return ".".join(name.split(".")[:2])
+
+
+def test_folders_import_each_other_in_one_direction():
+    """The folders, too, can be put in an order in which each uses only those before it."""
+    folders = {}
+    for name, others in GRAPH.items():
+        others = {folder_of(other) for other in others} - {folder_of(name)}
+        folders.setdefault(folder_of(name), set()).update(others)
+    assert {"faultgen.simulation", "faultgen.dataset", "faultgen.analysis"} <= folders.keys()
+    assert circle(folders) == []
 
 
 def test_analysis_depends_on_no_simulation():
-    """`analysis` imports neither faultgen, robots nor mujoco: it works on anybody's arrays."""
-    for path in (ROOT / "analysis").rglob("*.py"):
-        for name in imported(path):
-            assert name.split(".")[0] not in {"faultgen", "robots", "mujoco"}, (path, name)
+    """`analysis` imports nothing else of faultgen, nor mujoco: it works on anybody's arrays."""
+    for name in MODULES:
+        if folder_of(name) == "faultgen.analysis":
+            for other in imported(name):
+                assert folder_of(other) == "faultgen.analysis" or not other.startswith(
+                    ("faultgen", "mujoco")
+                ), (name, other)
 
 
-def test_faultgen_meets_analysis_in_studies_and_reports_only():
+def test_faultgen_meets_analysis_in_evaluation_studies_and_reports_only():
     """Simulation and data do not depend on the methods that are measured on them."""
-    for path in (ROOT / "faultgen").rglob("*.py"):
-        if path.parent.name not in {"studies", "report"}:
-            assert not any(name.split(".")[0] == "analysis" for name in imported(path)), path
+    meeting = {"faultgen.analysis", "faultgen.evaluation", "faultgen.studies", "faultgen.report"}
+    for name, others in GRAPH.items():
+        if folder_of(name) not in meeting:
+            assert not any(folder_of(other) == "faultgen.analysis" for other in others), name
+
+
+def test_every_package_is_installed():
+    """The list of packages in pyproject.toml has every folder with code."""
+    listed = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
+    there = {name for name, path in MODULES.items() if path.name == "__init__.py"}
+    assert set(listed) == there | {"faultgen.robots"}
 
 
 def test_datasets_are_read_without_the_simulator():
@@ -37,7 +124,9 @@ def test_datasets_are_read_without_the_simulator():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-@pytest.mark.parametrize("package", ["analysis", "faultgen", "faultgen.effects"])
+@pytest.mark.parametrize(
+    "package", ["faultgen.analysis", "faultgen", "faultgen.effects", "faultgen.dataset"]
+)
 def test_public_names_resolve(package):
     """Every name in __all__ is there."""
     module = importlib.import_module(package)

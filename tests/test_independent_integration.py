@@ -1,4 +1,4 @@
-"""`faultgen.simulate` against an independent integration of the same robot."""
+"""`faultgen.simulation.stepping` against an independent integration of the same robot."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from independent import TOLERANCE, from_busy_move, integrate
 
-from faultgen.motion import Motion, plan
 from faultgen.robot import COULOMB, STICTION, Robot, load_robot
-from faultgen.servo import control_signal
-from faultgen.simulate import Cycle, simulate
+from faultgen.simulation.motion import Motion, plan
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.stepping import Cycle, simulate
 from faultgen.tasks import load_task
 
 SECONDS = 2.5

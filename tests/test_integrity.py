@@ -12,15 +12,16 @@ import h5py
 import numpy as np
 import pytest
 
-import faultgen.files as files
-import faultgen.sweep as sweep
-from faultgen.dataset import open_dataset
+import faultgen.dataset.sweep as sweep
+import faultgen.system.files as files
+from faultgen.dataset.experiment import make_experiment, plan_runs
+from faultgen.dataset.manifest import Manifest
+from faultgen.dataset.reader import open_dataset
+from faultgen.dataset.storage import RunWriter
+from faultgen.dataset.sweep import generate
 from faultgen.errors import InputError, StorageFailed
-from faultgen.experiment import make_experiment, plan_runs
-from faultgen.files import file_sha256, write_text
-from faultgen.manifest import Manifest
-from faultgen.storage import RunWriter, read_arrays, write_arrays
-from faultgen.sweep import generate
+from faultgen.system.arrays import read_arrays, write_arrays
+from faultgen.system.files import file_sha256, write_text
 
 
 @pytest.fixture(scope="module")
@@ -270,7 +271,7 @@ def test_runs_of_another_version_are_refused_or_made_again(experiment, dataset, 
     lost, kept = open_dataset(dataset).runs
     lost.path.unlink()
     monkeypatch.setattr(sweep, "run_provenance", lambda: other)
-    monkeypatch.setattr("faultgen.run_file.run_provenance", lambda: other)
+    monkeypatch.setattr("faultgen.dataset.run_file.run_provenance", lambda: other)
     with pytest.raises(InputError, match=f"1 of 2 runs, such as {kept.id}, were made by faultgen"):
         generate(experiment, dataset, progress=False)
     assert not lost.path.is_file()

@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
-import faultgen.studies.isolation as study
-from faultgen.dataset import open_dataset
+import faultgen.evaluation.isolate as study
+from faultgen.dataset.experiment import make_experiment
+from faultgen.dataset.reader import open_dataset
+from faultgen.dataset.sweep import generate
 from faultgen.errors import InputError
-from faultgen.experiment import make_experiment
-from faultgen.sensors import get_sensors
-from faultgen.studies.runs import Place, _mean_torque, _measured
-from faultgen.studies.tally import Tally
-from faultgen.sweep import generate
+from faultgen.evaluation.observed_runs import Place, _mean_torque, _measured
+from faultgen.evaluation.outcomes import Tally
+from faultgen.monitoring.sensors import get_sensors
 
 
 @pytest.fixture(scope="module")

@@ -6,11 +6,11 @@ import pytest
 from conftest import TWO_AXES
 
 from faultgen.effects import Applied, get_effect
-from faultgen.gearbox import Gearbox
-from faultgen.machine import assemble
-from faultgen.motion import plan
+from faultgen.mjcf.gearbox import Gearbox
 from faultgen.robot import load_robot
-from faultgen.servo import control_signal, nominal_friction
+from faultgen.simulation.motion import plan
+from faultgen.simulation.plant import assemble
+from faultgen.simulation.servo import control_signal, nominal_friction
 from faultgen.tasks import load_task
 
 

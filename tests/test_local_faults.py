@@ -10,11 +10,11 @@ from swing import STEP, force_added, newton, run, servo
 from faultgen.effects import Applied
 from faultgen.effects.tooth import harmonics, pulse
 from faultgen.errors import InputError
-from faultgen.machine import assemble
-from faultgen.motion import plan
 from faultgen.robot import COULOMB, STRIBECK_VELOCITY
-from faultgen.servo import control_signal
-from faultgen.simulate import simulate
+from faultgen.simulation.motion import plan
+from faultgen.simulation.plant import assemble
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.stepping import simulate
 from faultgen.tasks import load_task
 
 

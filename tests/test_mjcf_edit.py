@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from faultgen.discovery.terms import apply_inertia, inertia_terms
+from faultgen.discovery.candidates import apply_inertia, inertia_terms
 from faultgen.effects import get_effect
-from faultgen.mjcf_edit import mjcf_text, write_model
+from faultgen.mjcf.edit import mjcf_text, write_model
 from faultgen.robot import Robot
 
 LINK = '<inertial pos="0.1 0 0" mass="1" diaginertia="0.02 0.02 0.02"/>'

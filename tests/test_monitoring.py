@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from faultgen.monitoring import Limits, histogram, mean_abs_torque, monitor
+from faultgen.monitoring.reductions import Limits, histogram, mean_abs_torque, monitor
 
 LIMITS = Limits(
     torque=np.array([6.0]),

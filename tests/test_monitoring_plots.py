@@ -3,16 +3,15 @@
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgba
-
-from analysis.monitoring_plots import (
+from faultgen.analysis.monitoring_plots import (
     plot_contributions,
     plot_control_chart,
     plot_detection_delay,
     plot_divergence,
     plot_scores,
 )
-from analysis.plots import COLOURS, legend_beside, plot_accuracy, style
+from faultgen.analysis.plots import COLOURS, legend_beside, plot_accuracy, style
+from matplotlib.colors import to_rgba
 
 
 @pytest.fixture

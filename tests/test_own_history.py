@@ -5,10 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fake_fleet import fake_fleet
-from sklearn.metrics import roc_auc_score
-
-from analysis.classification import leave_pair_out
-from analysis.own_history import (
+from faultgen.analysis.classification import leave_pair_out
+from faultgen.analysis.own_history import (
     FEWEST,
     event_changes,
     growth,
@@ -16,7 +14,8 @@ from analysis.own_history import (
     make_history_classifier,
     rms_torque,
 )
-from analysis.plain_history import plain_history, untrained_auc
+from faultgen.analysis.plain_history import plain_history, untrained_auc
+from sklearn.metrics import roc_auc_score
 
 
 def test_planted_growth_is_found():

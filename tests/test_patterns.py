@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from faultgen.discovery.answer import significance
+from faultgen.discovery.diagnostics import patterns, where
 from faultgen.discovery.noise import autoregression
-from faultgen.discovery.orders import find_orders
-from faultgen.discovery.problem import Kinematics
+from faultgen.discovery.order_analysis import find_orders
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.regimes import patterns, where
+from faultgen.discovery.regression import Kinematics
+from faultgen.discovery.verdict import significance
 
 PERIOD, COUNT = 0.004, 4000
 

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from faultgen.analysis.pca import PCAMonitor
 from sklearn.decomposition import PCA
 from sklearn.exceptions import NotFittedError
 from sklearn.utils.estimator_checks import parametrize_with_checks
-
-from analysis.pca import PCAMonitor
 
 TESTS = Path(__file__).parent
 TEP_PCA = TESTS.parents[1] / "shared" / "reference" / "values" / "tep_pca.json"

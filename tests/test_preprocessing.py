@@ -5,11 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from fake_fleet import fake_fleet
-from scipy.stats import entropy
-from sklearn.decomposition import PCA
-
-from analysis.daily import daily
-from analysis.preprocessing import (
+from faultgen.analysis.daily import daily
+from faultgen.analysis.preprocessing import (
     COMBINATIONS,
     SMOOTHING,
     Combination,
@@ -18,6 +15,8 @@ from analysis.preprocessing import (
     prepare,
     windows,
 )
+from scipy.stats import entropy
+from sklearn.decomposition import PCA
 
 
 def record(production, torque, day, histograms=None):

@@ -37,23 +37,36 @@ def test_comments_and_docstrings_do_not_count():
 
 def test_a_run_depends_on_what_simulates_it():
     """Physics, noise and storage belong to a run; analysis, reports and the command line do not."""
-    names = set(source_files("faultgen.run"))
-    assert {"faultgen.simulate", "faultgen.effects.friction", "faultgen.sensors"} <= names
-    assert {"faultgen.motion", "faultgen.storage", "faultgen.run"} <= names
+    names = set(source_files("faultgen.dataset.run"))
+    assert {
+        "faultgen.simulation.stepping",
+        "faultgen.effects.friction",
+        "faultgen.monitoring.sensors",
+    } <= names
+    assert {
+        "faultgen.simulation.motion",
+        "faultgen.dataset.storage",
+        "faultgen.dataset.run",
+    } <= names
     assert not [name for name in names if name.startswith(("faultgen.cli", "faultgen.studies"))]
-    assert not [name for name in names if name.startswith(("analysis", "faultgen.discovery"))]
+    assert not [
+        name for name in names if name.startswith(("faultgen.analysis", "faultgen.discovery"))
+    ]
 
 
 def test_every_imported_module_counts():
     """The modules that Python really loads for a run are among the source files."""
-    code = "import sys, faultgen.run; print(*[n for n in sys.modules if n.startswith('faultgen.')])"
+    code = (
+        "import sys, faultgen.dataset.run\n"
+        "print(*[name for name in sys.modules if name.startswith('faultgen.')])"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     # the package itself imports its readers, which no run depends on
-    readers = {"faultgen.dataset", "faultgen.manifest"}
-    assert set(done.stdout.split()) - readers <= set(source_files("faultgen.run"))
+    readers = {"faultgen.dataset.reader", "faultgen.dataset.manifest"}
+    assert set(done.stdout.split()) - readers <= set(source_files("faultgen.dataset.run"))
 
 
-@pytest.mark.parametrize("module", ["faultgen.run", "faultgen.surrogate"])
+@pytest.mark.parametrize("module", ["faultgen.dataset.run", "faultgen.simulation.surrogate"])
 def test_a_changed_law_changes_the_key(monkeypatch, module):
     """One changed number in the friction law gives another key; a changed comment does not."""
     path = source_files(module)["faultgen.effects.friction"]

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from conftest import HANG
 
-from faultgen.motion import plan
 from faultgen.robot import load_robot
+from faultgen.simulation.motion import plan
 from faultgen.tasks import load_task
 
 ROOT = Path(__file__).parents[1]

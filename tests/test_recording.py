@@ -9,9 +9,9 @@ import pytest
 
 from faultgen.discovery import Recording, check_recording, read_recording, write_recording
 from faultgen.errors import InputError
-from faultgen.motion import plan
-from faultgen.servo import control_signal
-from faultgen.simulate import simulate
+from faultgen.simulation.motion import plan
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.stepping import simulate
 from faultgen.tasks import load_task
 
 PERIOD = 0.004

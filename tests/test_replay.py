@@ -8,9 +8,9 @@ import pytest
 from faultgen.discovery import Recording, replay, settled
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
-from faultgen.motion import plan
-from faultgen.servo import control_signal
-from faultgen.simulate import simulate
+from faultgen.simulation.motion import plan
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.stepping import simulate
 from faultgen.tasks import load_task
 
 PERIOD = 0.004

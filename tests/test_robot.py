@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from faultgen.errors import InputError
-from faultgen.nominal import nominal
 from faultgen.robot import load_robot
+from faultgen.simulation.nominal import nominal
 
 
 def test_numbers_come_from_the_file():

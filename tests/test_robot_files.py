@@ -7,12 +7,12 @@ import struct
 import numpy as np
 import pytest
 
-from faultgen.dataset import open_dataset
+from faultgen.dataset.experiment import make_experiment
+from faultgen.dataset.reader import open_dataset
+from faultgen.dataset.sweep import generate
 from faultgen.errors import InputError
-from faultgen.experiment import make_experiment
-from faultgen.machine import assemble
 from faultgen.robot import load_robot
-from faultgen.sweep import generate
+from faultgen.simulation.plant import assemble
 from faultgen.tasks import load_task
 
 MESH = '<asset><mesh name="hull" file="hull.stl"/></asset>'
@@ -237,7 +237,7 @@ def test_other_models_inside_are_refused(tiny_robot, tmp_path):
 @pytest.mark.parametrize("what", ["/dev/zero", "folder", "huge", "latin"])
 def test_what_is_no_text_file_is_refused(tmp_path, what, monkeypatch):
     """Devices, folders, huge files and other encodings, as robot, task or experiment."""
-    from faultgen.experiment import load_experiment
+    from faultgen.dataset.experiment import load_experiment
 
     path = tmp_path / "file"
     if what == "folder":

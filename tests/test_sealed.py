@@ -21,15 +21,15 @@ from sealed.score import markdown, score
 from sealed.unlisted import UNLISTED
 from typer.testing import CliRunner
 
-from faultgen.arm import Arm
 from faultgen.discovery import check_recording, read_recording
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.replay import replay
 from faultgen.effects import EFFECTS
-from faultgen.motion import plan
 from faultgen.robot import load_robot
-from faultgen.servo import control_signal
-from faultgen.simulate import simulate as simulate_mujoco
+from faultgen.simulation.arm import Arm
+from faultgen.simulation.motion import plan
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.stepping import simulate as simulate_mujoco
 from faultgen.tasks import load_task
 
 SECONDS = 2.5

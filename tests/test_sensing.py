@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from faultgen import open_dataset
+from faultgen.dataset.experiment import make_experiment
+from faultgen.dataset.sweep import generate
 from faultgen.effects import Applied
-from faultgen.experiment import make_experiment
-from faultgen.machine import assemble
-from faultgen.sensors import Measured
-from faultgen.sweep import generate
+from faultgen.monitoring.sensors import Measured
+from faultgen.simulation.plant import assemble
 
 PERIOD = 0.004
 

@@ -6,12 +6,12 @@ import h5py
 import numpy as np
 import pytest
 
-from faultgen.dataset import open_dataset
+from faultgen.dataset.experiment import make_experiment, plan_runs, to_toml
+from faultgen.dataset.reader import open_dataset
+from faultgen.dataset.sweep import generate
 from faultgen.effects import EFFECTS, get_effect
 from faultgen.errors import InputError
-from faultgen.experiment import make_experiment, plan_runs, to_toml
 from faultgen.robot import load_robot
-from faultgen.sweep import generate
 
 CHEAP = {"cycles": 2, "schedule": "linear", "healthy": False, "signals": "none"}
 

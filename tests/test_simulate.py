@@ -5,14 +5,14 @@ import mujoco.batch
 import numpy as np
 import pytest
 
-from faultgen import simulate as module
+import faultgen.simulation.stepping as module
 from faultgen.effects import Applied
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.machine import assemble
-from faultgen.motion import plan
 from faultgen.robot import load_robot, robot_names
-from faultgen.servo import control_signal
-from faultgen.simulate import simulate
+from faultgen.simulation.motion import plan
+from faultgen.simulation.plant import assemble
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.stepping import simulate
 from faultgen.tasks import load_task
 
 

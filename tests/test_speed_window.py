@@ -4,12 +4,12 @@ import h5py
 import numpy as np
 import pytest
 
-from faultgen.dataset import open_dataset
+from faultgen.dataset.experiment import make_experiment
+from faultgen.dataset.reader import open_dataset
+from faultgen.dataset.sweep import generate
 from faultgen.errors import InputError
-from faultgen.experiment import make_experiment
-from faultgen.monitoring import SPEED_WINDOW, default_window, mean_abs_torque
-from faultgen.nominal import nominal
-from faultgen.sweep import generate
+from faultgen.monitoring.reductions import SPEED_WINDOW, default_window, mean_abs_torque
+from faultgen.simulation.nominal import nominal
 
 # axis 1 turns at up to 28 rad/s, axis 2 not at all
 SLOW = """

@@ -3,10 +3,9 @@
 import numpy as np
 import pandas as pd
 import pytest
+from faultgen.analysis.glm import formulas, sequence, terms
+from faultgen.analysis.statistics import anova, compare, difference_over_robots, levene_p, tukey
 from scipy import stats
-
-from analysis.glm import formulas, sequence, terms
-from analysis.statistics import anova, compare, difference_over_robots, levene_p, tukey
 
 A = [24.5, 23.5, 26.4, 27.1, 29.9]
 B = [28.4, 34.2, 29.5, 32.2, 30.1]

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from faultgen.dataset import open_dataset
-from faultgen.experiment import make_experiment
-from faultgen.sweep import generate
+from faultgen.dataset.experiment import make_experiment
+from faultgen.dataset.reader import open_dataset
+from faultgen.dataset.sweep import generate
 
 HANG = 900  # s; a limit for hangs only
 
@@ -93,7 +93,7 @@ def test_resuming_waits_for_writers_of_a_killed_program(
             writer.kill()
             writer.wait()
 
-    monkeypatch.setattr("faultgen.sweep.time.sleep", wait)
+    monkeypatch.setattr("faultgen.dataset.sweep.time.sleep", wait)
     generate(make_experiment(given), tmp_path, progress=False)
     assert len(waits) == 3
     assert not unfinished.exists()

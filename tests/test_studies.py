@@ -5,16 +5,18 @@ import shutil
 
 import numpy as np
 import pytest
+from faultgen.analysis.pca import PCAMonitor
+from faultgen.analysis.run_length import ewma_width
 
-from analysis.pca import PCAMonitor
-from analysis.run_length import ewma_width
+import faultgen.studies.chapter3_detection.study as detection_study
+import faultgen.studies.chapter6_isolation.study as isolation_study
 from faultgen.cli import main
-from faultgen.motion import plan
+from faultgen.evaluation.wear_model import FRICTION
+from faultgen.monitoring.sensors import get_sensors
 from faultgen.robot import STRIBECK_VELOCITY, load_robot
-from faultgen.sensors import get_sensors
-from faultgen.studies import detection_study, isolation_study
-from faultgen.studies.detection_study import _first_run, _found
-from faultgen.studies.detectors import (
+from faultgen.simulation.motion import plan
+from faultgen.simulation.surrogate import surrogate_file
+from faultgen.studies.chapter3_detection.detectors import (
     DETECTORS,
     KL_EWMA,
     Divergences,
@@ -24,13 +26,12 @@ from faultgen.studies.detectors import (
     score,
     threshold,
 )
-from faultgen.studies.hourly import hourly_monitored
-from faultgen.studies.isolation_tables import pooled
-from faultgen.studies.isolation_tables import tables as isolation_tables
-from faultgen.studies.series import HEALTHY, PAIR, REFERENCE, WORN, Block, growth
-from faultgen.studies.study import STUDIES, run_study
-from faultgen.studies.wear_model import FRICTION
-from faultgen.surrogate import surrogate_file
+from faultgen.studies.chapter3_detection.hourly_torque import hourly_monitored
+from faultgen.studies.chapter3_detection.study import _first_run, _found
+from faultgen.studies.chapter6_isolation.series import HEALTHY, PAIR, REFERENCE, WORN, Block, growth
+from faultgen.studies.chapter6_isolation.tables import pooled
+from faultgen.studies.chapter6_isolation.tables import tables as isolation_tables
+from faultgen.studies.runner import STUDIES, run_study
 from faultgen.tasks import load_task
 
 

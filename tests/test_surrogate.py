@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from faultgen.condition import Condition, machine_at
-from faultgen.dataset import open_dataset
+from faultgen.dataset.experiment import make_experiment
+from faultgen.dataset.reader import open_dataset
+from faultgen.dataset.sweep import generate
 from faultgen.errors import InputError
-from faultgen.experiment import make_experiment
+from faultgen.monitoring.sensors import get_sensors
 from faultgen.robot import COULOMB, load_robot
-from faultgen.sensors import get_sensors
-from faultgen.studies.monitored import Monitored
-from faultgen.surrogate import Surrogate, build_surrogate, simulate_at, surrogate_file
-from faultgen.sweep import generate
+from faultgen.simulation.state import Condition, machine_at
+from faultgen.simulation.surrogate import Surrogate, build_surrogate, simulate_at, surrogate_file
+from faultgen.studies.chapter6_isolation.monitored import Monitored
 
 
 @pytest.fixture(scope="module")

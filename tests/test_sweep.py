@@ -10,13 +10,13 @@ import h5py
 import numpy as np
 import pytest
 
-import faultgen.sweep as sweep
-from faultgen.dataset import open_dataset
+import faultgen.dataset.sweep as sweep
+from faultgen.dataset.experiment import make_experiment, plan_runs, to_toml
+from faultgen.dataset.reader import open_dataset
+from faultgen.dataset.sweep import generate
 from faultgen.effects import EFFECTS, get_effect
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.experiment import make_experiment, plan_runs, to_toml
-from faultgen.files import file_sha256
-from faultgen.sweep import generate
+from faultgen.system.files import file_sha256
 
 
 @pytest.fixture(scope="session")
@@ -218,7 +218,8 @@ def test_killed_sweeps_are_finished_by_running_again(small, made, tmp_path):
     toml = tmp_path / "experiment.toml"
     toml.write_text(to_toml(small(sensors="realistic", paired=True)))
     code = (
-        "import sys, pathlib, faultgen.run as r, faultgen.sweep as s; real = r.simulate\n"
+        "import sys, pathlib, faultgen.dataset.run as r, faultgen.dataset.sweep as s\n"
+        "real = r.simulate\n"
         "def halting(*a, **k):\n"
         "    for number, cycle in enumerate(real(*a, **k)):\n"
         "        yield cycle\n"
@@ -399,7 +400,7 @@ def test_two_generators_do_not_share_a_folder(small, tmp_path):
 
 def test_experiments_survive_being_written_out(small, made):
     """experiment.toml gives the same runs again, and runs.json names them."""
-    from faultgen.experiment import load_experiment
+    from faultgen.dataset.experiment import load_experiment
 
     experiment = load_experiment(made / "experiment.toml")
     assert experiment == small(sensors="realistic", paired=True)

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from faultgen.arm import Arm
 from faultgen.errors import InputError
-from faultgen.motion import plan
 from faultgen.robot import load_robot
-from faultgen.servo import motor_torque
+from faultgen.simulation.arm import Arm
+from faultgen.simulation.motion import plan
+from faultgen.simulation.servo import motor_torque
 from faultgen.tasks import load_task, task_names
 
 SHIPPED = [

@@ -1,10 +1,9 @@
 """How many bins for transfer entropy: planted trends, ties, repeatability."""
 
+import faultgen.analysis.te_bins as te_bins
 import numpy as np
 import pytest
-
-import analysis.te_bins as te_bins
-from analysis.te_bins import CANDIDATES, choose_bins, isolation_by_bins
+from faultgen.analysis.te_bins import CANDIDATES, choose_bins, isolation_by_bins
 
 
 @pytest.fixture

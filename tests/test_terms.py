@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from faultgen.discovery.terms import (
+from faultgen.discovery.candidates import (
     INERTIA,
     NO_COLUMN,
     OPTIONAL,

@@ -7,13 +7,20 @@ import numpy as np
 import pytest
 from fake_fleet import fake_fleet
 
+import faultgen.studies.chapter4_training_data.study as training_study
 from faultgen.errors import InputError
-from faultgen.studies import training_study
-from faultgen.studies.study import run_study
-from faultgen.studies.thesis_training import ANOVA, ERROR, FACTORS, MODELS, NULL, TERM_BY_TERM
-from faultgen.studies.training_signals import SIGNALS, training_sets
-from faultgen.studies.training_study import describe, run_training
-from faultgen.studies.training_tables import tables
+from faultgen.studies.chapter4_training_data.signals import SIGNALS, training_sets
+from faultgen.studies.chapter4_training_data.study import describe, run_training
+from faultgen.studies.chapter4_training_data.tables import tables
+from faultgen.studies.chapter4_training_data.thesis import (
+    ANOVA,
+    ERROR,
+    FACTORS,
+    MODELS,
+    NULL,
+    TERM_BY_TERM,
+)
+from faultgen.studies.runner import run_study
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +132,7 @@ def test_fleets_that_do_not_do():
 
 def test_files_of_the_study(fleet, result, monkeypatch, tmp_path):
     """results.json, tables with the thesis' numbers, and figures."""
-    monkeypatch.setattr("faultgen.studies.study.open_fleet", lambda folder: fleet)
+    monkeypatch.setattr("faultgen.studies.runner.open_fleet", lambda folder: fleet)
     monkeypatch.setattr(training_study, "run_training", lambda fleet, **options: dict(result))
     run_study("training-data", tmp_path, quick=True, fleet=tmp_path)
     stored = json.loads((tmp_path / "results.json").read_text())

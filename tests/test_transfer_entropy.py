@@ -8,12 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
-from statsmodels.stats.multitest import multipletests
-
-import analysis
-from analysis.symbols import quantile_symbols
-from analysis.transfer_entropy import (
+from faultgen.analysis.symbols import quantile_symbols
+from faultgen.analysis.transfer_entropy import (
     _holm,
     _shuffled,
     effective_net_transfer_entropy,
@@ -23,6 +19,10 @@ from analysis.transfer_entropy import (
     transfer_entropy,
     transfer_entropy_matrix,
 )
+from scipy.signal import lfilter
+from statsmodels.stats.multitest import multipletests
+
+from faultgen import analysis
 
 TESTS = Path(__file__).parent
 VALUES = TESTS.parents[1] / "shared" / "reference" / "values"
@@ -445,7 +445,7 @@ def test_adjusted_p_values_are_those_of_holm():
 
 def test_package_offers_the_functions():
     """Every public name resolves, and the module of the same name does not hide the function."""
-    importlib.import_module("analysis.transfer_entropy")
+    importlib.import_module("faultgen.analysis.transfer_entropy")
     for name in analysis.__all__:
         assert callable(getattr(analysis, name))
     assert analysis.transfer_entropy([1, 2, 3, 4], [1, 2, 3, 4], bins=2) == 0

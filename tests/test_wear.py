@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from faultgen.dataset.wear import SCHEDULES, severities
 from faultgen.errors import InputError
-from faultgen.wear import SCHEDULES, severities
 
 
 @pytest.mark.parametrize("schedule", SCHEDULES)

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from faultgen.discovery.recording import Recording, write_recording
-from faultgen.files import write_text
 from faultgen.robot import load_robot
+from faultgen.system.files import write_text
 from sealed.dynamics import STEP
 from sealed.effects import context
 from sealed.limits import torque_of

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from faultgen.arm import Arm
 from faultgen.robot import Robot
+from faultgen.simulation.arm import Arm
 
 
 @dataclass(frozen=True, kw_only=True)

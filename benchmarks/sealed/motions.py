@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from faultgen.arm import Arm
-from faultgen.motion import plan
 from faultgen.robot import Robot, load_robot
+from faultgen.simulation.arm import Arm
+from faultgen.simulation.motion import plan
 from faultgen.tasks import load_task
 from sealed.physics import GRID, SAMPLE_PERIOD, Physics, Reference, nominal_physics, set_points
 

@@ -71,6 +71,6 @@ def worker_count(given: int | None) -> int:
     """Processes that were asked for, or one a core."""
     from joblib import cpu_count
 
-    from faultgen.parallel import check_workers
+    from faultgen.system.parallel import check_workers
 
     return check_workers(given) if given is not None else cpu_count()

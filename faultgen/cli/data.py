@@ -74,8 +74,8 @@ def generate(
     faultgen generate --robot irb6700 --task spot_weld --axis 3 --cycles 50 -o out
     faultgen generate experiment.toml -o out
     """  # noqa: D301
-    from faultgen.experiment import load_experiment, make_experiment
-    from faultgen.sweep import generate as run_generate
+    from faultgen.dataset.experiment import load_experiment, make_experiment
+    from faultgen.dataset.sweep import generate as run_generate
 
     flags: dict[str, Any] = {
         "robot": _split(robot),
@@ -117,7 +117,7 @@ def generate(
 @app.command()
 def info(folder: Folder, as_json: Json = False) -> None:
     """Tell what a dataset holds, and whether it is complete and intact."""
-    from faultgen.dataset import open_dataset
+    from faultgen.dataset.reader import open_dataset
 
     dataset = open_dataset(folder)
     damaged = dataset.damaged()
@@ -191,12 +191,12 @@ def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = F
     Takes about a minute of processor time on a 2-core AMD EPYC server. With both cores free that is
     less on the clock; on a busy machine it can be several minutes.
     """
-    from faultgen.dataset import open_dataset
-    from faultgen.experiment import make_experiment
+    from faultgen.dataset.experiment import make_experiment
+    from faultgen.dataset.reader import open_dataset
+    from faultgen.dataset.sweep import generate as run_generate
+    from faultgen.evaluation.isolate import isolate as run_isolate
+    from faultgen.evaluation.outcomes import save, table, to_dict
     from faultgen.report import write_report
-    from faultgen.studies.isolation import isolate as run_isolate
-    from faultgen.studies.tally import save, table, to_dict
-    from faultgen.sweep import generate as run_generate
 
     chosen = make_experiment(
         {

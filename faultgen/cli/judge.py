@@ -35,9 +35,9 @@ def detect(
     the noise is stored, of healthy runs of other seeds (generate with repetitions). Shares have
     95 % Wilson intervals. The result is also written to detection.json in the folder.
     """
-    from faultgen.dataset import open_dataset
-    from faultgen.studies.detection import detect as run_detect
-    from faultgen.studies.detection import detection_table, save_detection
+    from faultgen.dataset.reader import open_dataset
+    from faultgen.evaluation.detect import detect as run_detect
+    from faultgen.evaluation.detect import detection_table, save_detection
 
     result = run_detect(open_dataset(folder), sensors=sensors, seeds=seeds)
     save_detection(result, folder)
@@ -58,9 +58,9 @@ def isolate(
     answers have 95 % Wilson intervals; rows 'healthy' tell how often an axis is named though none
     is worn. The result is also written to isolation.json in the folder.
     """
-    from faultgen.dataset import open_dataset
-    from faultgen.studies.isolation import isolate as run_isolate
-    from faultgen.studies.tally import save, table, to_dict
+    from faultgen.dataset.reader import open_dataset
+    from faultgen.evaluation.isolate import isolate as run_isolate
+    from faultgen.evaluation.outcomes import save, table, to_dict
 
     result = run_isolate(open_dataset(folder), sensors=sensors, seeds=seeds)
     save(result, folder)
@@ -90,7 +90,7 @@ def study(
     The folder gets results.json, tables.md and figures/. Simulated cycles stay there, and are used
     again by the next call.
     """
-    from faultgen.studies.study import run_study
+    from faultgen.studies.runner import run_study
 
     result = run_study(
         name, out, quick=quick, seed=seed, workers=worker_count(workers), fleet=fleet
@@ -141,7 +141,7 @@ def discover(
     motion that would decide it), or unknown effect. The folder gets discovery.json, model.xml
     (the robot with the effects in it), report.html and, if ambiguous, next_experiment.toml.
     """
-    from faultgen.discovery import discover as run_discover
+    from faultgen.report.discover import discover as run_discover
 
     result = run_discover(
         measured,
@@ -201,9 +201,9 @@ def calibrate(
     """
     from faultgen.discovery.calibrate import calibrate as run_calibrate
     from faultgen.discovery.workflow import usable
-    from faultgen.files import write_text
-    from faultgen.mjcf_edit import write_model
+    from faultgen.mjcf.edit import write_model
     from faultgen.robot import load_robot
+    from faultgen.system.files import write_text
 
     model = load_robot(robot)
     recording, warnings = usable(measured, model)

@@ -32,8 +32,8 @@ def robots(as_json: Json = False) -> None:
 @app.command()
 def tasks(as_json: Json = False) -> None:
     """List the tasks of each robot, with cycle time and time in the speed window."""
-    from faultgen.motion import plan
     from faultgen.robot import load_robot, robot_names
+    from faultgen.simulation.motion import plan
     from faultgen.tasks import load_task, task_names
 
     rows = []

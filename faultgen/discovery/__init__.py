@@ -6,11 +6,11 @@ for finding in check_recording(recording, load_robot("puma560")):
 gap = recording.torque - replay(recording, robot)
 """
 
-from faultgen.discovery.check import Finding, check_recording
+from faultgen.discovery.checks import Finding, check_recording
 from faultgen.discovery.read import read_recording
 from faultgen.discovery.recording import Recording, write_recording
 from faultgen.discovery.replay import Replay, replay, settled
-from faultgen.discovery.workflow import Discovery, discover, investigate
+from faultgen.discovery.workflow import Discovery, discover_from_files, investigate
 
 __all__ = [
     "Discovery",
@@ -18,7 +18,7 @@ __all__ = [
     "Recording",
     "Replay",
     "check_recording",
-    "discover",
+    "discover_from_files",
     "investigate",
     "read_recording",
     "replay",

@@ -15,14 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from faultgen.discovery.columns import columns
-from faultgen.discovery.evidence import FREE, Evidence
-from faultgen.discovery.fit import differences
-from faultgen.discovery.forms import form_columns, form_terms
-from faultgen.discovery.problem import Problem, plain, pose
-from faultgen.discovery.recording import Recording
-from faultgen.discovery.replay import Replay
-from faultgen.discovery.terms import (
+from faultgen.discovery.candidates import (
     INERTIA,
     NUMBERS,
     Term,
@@ -33,9 +26,16 @@ from faultgen.discovery.terms import (
     inertia_terms,
     widened,
 )
+from faultgen.discovery.evidence import FREE, Evidence
+from faultgen.discovery.fit import differences
+from faultgen.discovery.friction_discrepancy import form_columns, form_terms
+from faultgen.discovery.recording import Recording
+from faultgen.discovery.regression import Problem, plain, pose
+from faultgen.discovery.replay import Replay
+from faultgen.discovery.sensitivities import columns
 from faultgen.effects import get_effect
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.mjcf_edit import mjcf_text
+from faultgen.mjcf.edit import mjcf_text
 from faultgen.robot import Robot
 
 WIDTHS = (1.0, 3.0, 10.0, 30.0, 100.0)

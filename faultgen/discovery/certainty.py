@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
+from faultgen.discovery.candidates import PAYLOAD
 from faultgen.discovery.fit import Fit, bounds_of
-from faultgen.discovery.problem import Problem
-from faultgen.discovery.terms import PAYLOAD
+from faultgen.discovery.regression import Problem
 from faultgen.effects import get_effect
 
 LEVEL = 0.95

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from faultgen.discovery.candidates import BENT, PAYLOAD, PERIODIC, Term
 from faultgen.discovery.evidence import Evidence
-from faultgen.discovery.problem import Problem
-from faultgen.discovery.terms import BENT, PAYLOAD, PERIODIC, Term
+from faultgen.discovery.regression import Problem
 from faultgen.effects import get_effect
 
 Group = tuple[int, ...]

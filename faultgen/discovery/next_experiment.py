@@ -9,14 +9,14 @@ from importlib import resources
 
 import numpy as np
 
-from faultgen.discovery.choose import Choice
 from faultgen.discovery.fit import Group
-from faultgen.discovery.problem import Problem
 from faultgen.discovery.recording import Recording
+from faultgen.discovery.regression import Problem
 from faultgen.discovery.replay import Replay, settled
+from faultgen.discovery.selection import Choice
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.motion import plan
 from faultgen.robot import Robot
+from faultgen.simulation.motion import plan
 from faultgen.tasks import Task, load_task, task_names
 
 _LONGEST = 20.0  # time of a motion that is looked at [s]
@@ -126,7 +126,7 @@ def _library(problem: Problem) -> Iterator[tuple[str, str]]:
     robot = problem.robot
     for name in task_names(robot.name):
         load_task(robot.name, name)
-        folder = resources.files("robots").joinpath(robot.name, "tasks")
+        folder = resources.files("faultgen.robots").joinpath(robot.name, "tasks")
         yield name, folder.joinpath(f"{name}.toml").read_text()
     yield from _own(problem, robot)
 

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.signal import butter, filtfilt, savgol_filter
 
 from faultgen.errors import InputError
-from faultgen.storage import write_arrays
+from faultgen.system.arrays import write_arrays
 
 _ARRAYS = ("position", "torque", "velocity", "reference_position", "temperature")
 _SMOOTHING = 0.06  # window of the derivatives [s]

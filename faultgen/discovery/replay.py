@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from faultgen.discovery.candidates import INERTIA, Term, applied, apply_inertia
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.terms import INERTIA, Term, applied, apply_inertia
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.machine import Machine, assemble
 from faultgen.robot import Robot
-from faultgen.servo import control_signal
-from faultgen.simulate import simulate
+from faultgen.simulation.plant import Machine, assemble
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.stepping import simulate
 
 SETTLING = 0.3
 """Time that the simulation needs to settle after an axis begins to turn [s]: assumed."""

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from faultgen.discovery.regimes import Pattern, Share
-from faultgen.discovery.terms import Term
+from faultgen.discovery.candidates import Term
+from faultgen.discovery.diagnostics import Pattern, Share
 from faultgen.effects import get_effect
 from faultgen.robot import Robot
 

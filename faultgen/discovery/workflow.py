@@ -1,6 +1,6 @@
-"""From a recording to a named effect, a model with it, and a report.
+"""From a recording to a named effect and a model that has it.
 
-result = discover("measured.h5", "puma560", healthy="healthy.h5", out="out")
+result, found = discover_from_files("measured.h5", "puma560", healthy="healthy.h5")
 result["verdict"], result["effects"]
 """
 
@@ -16,20 +16,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from faultgen.discovery.answer import answer
-from faultgen.discovery.check import check_recording
-from faultgen.discovery.choose import Choice, choose
-from faultgen.discovery.columns import columns, own_columns
-from faultgen.discovery.forms import form_columns, form_terms
-from faultgen.discovery.next_experiment import Experiment, next_experiment
-from faultgen.discovery.noise import is_same_noise
-from faultgen.discovery.orders import find_orders
-from faultgen.discovery.problem import Problem, counted, plain, pose
-from faultgen.discovery.read import read_recording
-from faultgen.discovery.recording import Recording, low_passed
-from faultgen.discovery.replay import Replay, relative_error
-from faultgen.discovery.result import AMBIGUOUS, Answer
-from faultgen.discovery.terms import (
+from faultgen.discovery.candidates import (
     OPTIONAL,
     ORDERS,
     PERIODIC,
@@ -42,6 +29,19 @@ from faultgen.discovery.terms import (
     widened,
     with_tolerance,
 )
+from faultgen.discovery.checks import check_recording
+from faultgen.discovery.friction_discrepancy import form_columns, form_terms
+from faultgen.discovery.next_experiment import Experiment, next_experiment
+from faultgen.discovery.noise import is_same_noise
+from faultgen.discovery.order_analysis import find_orders
+from faultgen.discovery.read import read_recording
+from faultgen.discovery.recording import Recording, low_passed
+from faultgen.discovery.regression import Problem, counted, plain, pose
+from faultgen.discovery.replay import Replay, relative_error
+from faultgen.discovery.result import AMBIGUOUS, Answer
+from faultgen.discovery.selection import Choice, choose
+from faultgen.discovery.sensitivities import columns, own_columns
+from faultgen.discovery.verdict import answer
 from faultgen.effects import EFFECTS
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import Robot, load_robot
@@ -64,13 +64,12 @@ class Discovery:
     """A motion that tells apart what this one does not."""
 
 
-def discover(
+def discover_from_files(
     measured: str | Path,
     robot: str | Path,
     healthy: str | Path | None = None,
     validate: str | Path | None = None,
     *,
-    out: str | Path | None = None,
     workers: int = 1,
     exclude: Collection[str] = (),
     include: Collection[str] = (),
@@ -78,7 +77,7 @@ def discover(
     steady: bool = False,
     low_pass: float | None = None,
     cache: str | Path | None = None,
-) -> dict[str, Any]:
+) -> tuple[dict[str, Any], Discovery]:
     """Find the effect that a measured robot has and its model, or its healthy twin, lacks.
 
     Args:
@@ -87,7 +86,6 @@ def discover(
         healthy: Recording of the same motions before the change; None: the model is calibrated on
             the recording itself, and an effect has to be larger than the tolerances of the model.
         validate: Recording of other motions with the effect, for scoring only.
-        out: Folder for ``discovery.json``, ``model.xml`` and ``report.html``; None: none written.
         workers: Processes; no effect on the result.
         exclude: Effects that are not considered.
         include: Effects beyond the usual ones that are, of `terms.OPTIONAL`.
@@ -100,7 +98,7 @@ def discover(
         cache: Folder that keeps sensitivities for other recordings of the same program.
 
     Returns:
-        The content of ``discovery.json``.
+        The content of ``discovery.json``, and what it was made from.
 
     Raises:
         InputError: A recording or an option cannot be used, or the two recordings are not of the
@@ -145,11 +143,7 @@ def discover(
                 warnings.append(f"{validate}: not scored: {error}")
     result["warnings"] = [*warnings, *_on_noise(found.problem), *found.answer.lacks]
     result["seconds"] = round(time.monotonic() - started, 1)
-    if out is not None:
-        from faultgen.report.discovery_report import write_discovery
-
-        write_discovery(Path(out), result, found)
-    return result
+    return result, found
 
 
 def investigate(

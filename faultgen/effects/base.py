@@ -23,9 +23,9 @@ import numpy as np
 from faultgen.errors import InputError
 
 if TYPE_CHECKING:
-    from faultgen.channels import Cycle
+    from faultgen.monitoring.sensors import Measured
     from faultgen.robot import Robot
-    from faultgen.sensors import Measured
+    from faultgen.simulation.cycle import Cycle
 
 HEALTHY = "healthy"
 """Effect name of runs without a fault."""
@@ -236,7 +236,7 @@ class Effect:
     def apply(self, spec: mujoco.MjSpec, axis: int, severity: float, **parameters: Any) -> None:
         """Put the effect's edit into a model. Severity 0 leaves the model exactly as it is.
 
-        Effects that act on more than the model need `faultgen.machine.assemble`.
+        Effects that act on more than the model need `faultgen.simulation.plant.assemble`.
         """
         values = self.complete(parameters)
         if severity != 0 and self.edit is not None:

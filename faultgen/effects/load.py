@@ -12,7 +12,7 @@ import numpy as np
 
 from faultgen.effects.base import Effect, Moment, Place, Update
 from faultgen.effects.elements import ToldFriction, add_told_friction
-from faultgen.gearbox import Gearbox
+from faultgen.mjcf.gearbox import Gearbox
 
 
 def add_element(spec: mujoco.MjSpec, axis: int, severity: float) -> None:

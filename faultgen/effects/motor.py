@@ -12,7 +12,7 @@ from faultgen.effects.base import FRACTION, Effect, Place
 from faultgen.errors import InputError
 
 if TYPE_CHECKING:
-    from faultgen.channels import Cycle
+    from faultgen.simulation.cycle import Cycle
 
 _GAINS = slice(4, 7)  # kp, ki, kd of a dcmotor in mjModel.actuator_gainprm
 _FEED_FORWARD = 2  # column of a drive's control

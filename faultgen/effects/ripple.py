@@ -13,7 +13,7 @@ from faultgen.effects.elements import add_cogging, add_tendon, gear_ratio
 from faultgen.errors import InputError
 
 if TYPE_CHECKING:
-    from faultgen.channels import Cycle
+    from faultgen.simulation.cycle import Cycle
 
 _WAVE = {"order": 2.0, "phase": 0.0, "per": "motor"}
 

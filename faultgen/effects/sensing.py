@@ -13,7 +13,7 @@ import numpy as np
 from faultgen.effects.base import Effect, Place
 
 if TYPE_CHECKING:
-    from faultgen.sensors import Measured
+    from faultgen.monitoring.sensors import Measured
 
 
 def scale_torque(

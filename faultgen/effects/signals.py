@@ -10,7 +10,7 @@ import numpy as np
 from faultgen.effects.base import Effect, Place
 
 if TYPE_CHECKING:
-    from faultgen.channels import Cycle
+    from faultgen.simulation.cycle import Cycle
 
 
 def shift_position(control: np.ndarray, place: Place, repeats: bool) -> np.ndarray:

@@ -14,7 +14,7 @@ from faultgen.effects.ripple import motor_order, with_error
 from faultgen.errors import InputError
 
 if TYPE_CHECKING:
-    from faultgen.channels import Cycle
+    from faultgen.simulation.cycle import Cycle
 
 _SMALL = 1e-4  # of the peak: harmonics that are left out
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultgen.fleet.plan import FleetPlan
-from faultgen.fleet.unit import WORKED, Unit
+from faultgen.fleet.robot_instance import WORKED, Unit
 
 ROWS = 288
 """Rows a day."""

@@ -21,16 +21,16 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from faultgen.channels import Cycle
-from faultgen.condition import Condition, machine_at
 from faultgen.effects import Applied
 from faultgen.errors import InputError
-from faultgen.fleet.unit import Program, Unit
-from faultgen.motion import Motion, plan, shifted
+from faultgen.fleet.robot_instance import Program, Unit
 from faultgen.robot import Robot, load_robot
-from faultgen.servo import control_signal
-from faultgen.simulate import simulate
-from faultgen.surrogate import lagrange
+from faultgen.simulation.cycle import Cycle
+from faultgen.simulation.motion import Motion, plan, shifted
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.state import Condition, machine_at
+from faultgen.simulation.stepping import simulate
+from faultgen.simulation.surrogate import lagrange
 from faultgen.tasks import load_task
 
 TEMPERATURES = np.array([30.0, 41.0, 61.0, 80.0])

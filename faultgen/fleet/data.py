@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from faultgen.errors import InputError
-from faultgen.storage import read_arrays
+from faultgen.system.arrays import read_arrays
 
 STORED = (
     "day",

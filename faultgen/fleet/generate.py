@@ -10,14 +10,14 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.files import write_text
 from faultgen.fleet.data import STORED, Fleet, open_fleet, read_robot
 from faultgen.fleet.events import event_names
 from faultgen.fleet.plan import FleetPlan
 from faultgen.fleet.record import record_robot
-from faultgen.parallel import in_parallel
 from faultgen.provenance import Provenance, provenance
-from faultgen.storage import write_arrays
+from faultgen.system.arrays import write_arrays
+from faultgen.system.files import write_text
+from faultgen.system.parallel import in_parallel
 
 
 def generate_fleet(

@@ -12,9 +12,9 @@ from faultgen.fleet.cycles import TEMPERATURES, Cycles, simulate_program
 from faultgen.fleet.data import FleetRobot
 from faultgen.fleet.events import Strain, count_events
 from faultgen.fleet.plan import FleetPlan
+from faultgen.fleet.robot_instance import Unit, draw_unit
 from faultgen.fleet.thermal import RISE, temperatures
-from faultgen.fleet.unit import Unit, draw_unit
-from faultgen.monitoring import LIFE_EXPONENT, histogram
+from faultgen.monitoring.reductions import LIFE_EXPONENT, histogram
 from faultgen.robot import Robot
 
 _MOMENTS = (1 / 6, 1 / 2, 5 / 6)  # of a sample's production time, at which cycles are looked at

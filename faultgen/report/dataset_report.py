@@ -13,21 +13,21 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.plots import (
+from faultgen.analysis.plots import (
     legend_beside,
     plot_accuracy,
     plot_net_transfer_entropy,
     plot_series,
     style,
 )
-from analysis.transfer_entropy import net_transfer_entropy
-from faultgen.dataset import Dataset, StoredRun, open_dataset
+from faultgen.analysis.transfer_entropy import net_transfer_entropy
+from faultgen.dataset.reader import Dataset, StoredRun, open_dataset
 from faultgen.effects import get_effect
-from faultgen.files import write_text
+from faultgen.evaluation.isolate import isolate
+from faultgen.evaluation.observed_runs import one_series
+from faultgen.evaluation.outcomes import Isolation, table
 from faultgen.report.page import image, page
-from faultgen.studies.isolation import isolate
-from faultgen.studies.runs import one_series
-from faultgen.studies.tally import Isolation, table
+from faultgen.system.files import write_text
 
 _LINES = 4  # worn runs drawn for an axis
 _WEAR_CAPTION = (

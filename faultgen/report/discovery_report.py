@@ -14,13 +14,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.plots import COLOURS, legend_beside, style
+from faultgen.analysis.plots import COLOURS, legend_beside, style
 from faultgen.discovery.calibrate import CARRIED
 from faultgen.discovery.workflow import Discovery, dump
 from faultgen.effects import get_effect
-from faultgen.files import write_text
-from faultgen.mjcf_edit import write_model
+from faultgen.mjcf.edit import write_model
 from faultgen.report.page import image, page
+from faultgen.system.files import write_text
 
 
 def write_discovery(folder: Path, result: dict[str, Any], found: Discovery) -> None:
@@ -113,7 +113,7 @@ def _beside_the_model(found: Discovery) -> str:
         return ""
     return (
         f"<p>No element of MuJoCo carries {', '.join(names)}: model.xml has the rest, and "
-        "<code>faultgen.machine.assemble</code> adds it.</p>"
+        "<code>faultgen.simulation.plant.assemble</code> adds it.</p>"
     )
 
 

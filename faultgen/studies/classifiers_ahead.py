@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from analysis.classification import PairResult, leave_pair_out
-from analysis.own_history import (
+from faultgen.analysis.classification import PairResult, leave_pair_out
+from faultgen.analysis.own_history import (
     FEATURES,
     FEWEST,
     event_changes,
     history_features,
     make_history_classifier,
 )
-from analysis.plain_history import PLAIN, plain_history, untrained_auc
+from faultgen.analysis.plain_history import PLAIN, plain_history, untrained_auc
 from faultgen.errors import InputError
 from faultgen.fleet.data import Fleet
 

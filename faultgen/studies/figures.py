@@ -13,7 +13,7 @@ matplotlib.use("Agg")  # no display needed
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
-from analysis.plots import style
+from faultgen.analysis.plots import style
 
 Figures = dict[str, Callable[[dict[str, Any]], Figure]]
 """What draws each figure of a study's result, by name."""

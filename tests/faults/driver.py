@@ -15,8 +15,8 @@ import traceback
 from pathlib import Path
 
 import faultgen.cli
-import faultgen.merge
-import faultgen.sweep  # noqa: F401
+import faultgen.dataset.merge
+import faultgen.dataset.sweep  # noqa: F401
 
 KINDS = ["none", "open", "write", "sync", "rename", "close", "truncate"]
 
@@ -74,7 +74,7 @@ def main() -> None:
 
 def sums(folder: Path) -> dict[str, str]:
     """Checksums of the files in a folder, by name."""
-    from faultgen.files import file_sha256
+    from faultgen.system.files import file_sha256
 
     files = [path for path in sorted(folder.rglob("*")) if path.is_file() and path.name != ".lock"]
     return {str(path.relative_to(folder)): file_sha256(path) for path in files}

@@ -1,0 +1,419 @@
+"""An experiment: which runs a dataset consists of.
+
+An experiment is a TOML file; every entry that is swept takes one value or a list.
+
+    experiment = load_experiment("experiment.toml")
+    runs = plan_runs(experiment)
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationError,
+    model_validator,
+)
+
+from faultgen.dataset.faults import (
+    beside_of,
+    check_severity,
+    default_severity,
+    list_faults,
+    window_of,
+)
+from faultgen.dataset.wear import severities
+from faultgen.effects import HEALTHY, Applied, get_effect
+from faultgen.effects.base import DEFAULT_FRACTION
+from faultgen.errors import InputError
+from faultgen.monitoring.sensors import get_sensors
+from faultgen.robot import load_robot
+from faultgen.simulation.stepping import decimation
+from faultgen.system.reading import read_text
+from faultgen.tasks import load_task
+
+SCHEMA_VERSION = 2
+"""Version of the layout of run files."""
+
+SIGNALS = (
+    "signals/motor_position",
+    "signals/motor_velocity",
+    "signals/motor_torque",
+    "truth/motor_velocity",
+    "truth/motor_torque",
+    "truth/friction_torque",
+    "truth/gear_torque",
+    "truth/joint_position",
+    "truth/joint_velocity",
+)
+"""Sampled signals that a run file can hold; `signals` as measured, `truth` as simulated."""
+
+
+def _listed(value: Any) -> Any:
+    return value if isinstance(value, list) else [value]
+
+
+def _places(value: Any) -> Any:
+    """Names as they are, and paths in full, so that they hold in every folder."""
+    return [
+        str(Path(item).resolve()) if isinstance(item, str) and Path(item).is_file() else item
+        for item in _listed(value)
+    ]
+
+
+def _axes(value: Any) -> Any:
+    """[1, [2, 3]] to [[1], [2, 3]]."""
+    return [_listed(item) for item in _listed(value)]
+
+
+def _severities(value: Any) -> Any:
+    """0.1 to [0.1], also within a table by effect."""
+    if isinstance(value, dict):
+        return {name: _listed(one) for name, one in value.items()}
+    return _listed(value)
+
+
+def _windows(value: Any) -> Any:
+    """[low, high] to [[low, high]]."""
+    single = isinstance(value, list) and not any(isinstance(one, list) for one in value)
+    return [value] if single else value
+
+
+def _kind(value: Any) -> str:
+    return "table" if isinstance(value, dict) else "list"
+
+
+Axes = Annotated[list[int], Field(min_length=1)]
+Names = Annotated[list[str], BeforeValidator(_listed), Field(min_length=1)]
+Places = Annotated[list[str], BeforeValidator(_places), Field(min_length=1)]
+Severity = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Severities = Annotated[list[Severity], Field(min_length=1)]
+Window = Annotated[
+    list[Annotated[float, Field(ge=0, allow_inf_nan=False)]], Field(min_length=2, max_length=2)
+]
+
+MOST_RUNS = 100_000
+"""Runs that a dataset may have."""
+
+LARGEST_SEED = 2**63 - 1
+"""Largest seed that run files can store."""
+
+Numbers = dict[str, int | float | str]
+
+
+class Beside(BaseModel):
+    """Another effect that grows beside that of a run, by the same schedule."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    effect: str
+    """Name from the catalogue."""
+    severity: float
+    """When the effect of the run has its final severity."""
+    axis: int | None = None
+    """From 1; default: the axes of the run."""
+    parameters: Numbers = {}
+    """Of this effect."""
+
+
+class Experiment(BaseModel):
+    """What a dataset is made of: every combination of robot, task, effect, axis and severity."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    robot: Places
+    """Names of robots, or paths of MJCF files."""
+    task: Places
+    """Names of tasks, or paths of task files; each must exist for each robot."""
+    effect: Names = ["friction_wear"]
+    """Names from the catalogue; 'healthy' is the robot without a fault."""
+    axis: Annotated[list[Axes], BeforeValidator(_axes), Field(min_length=1)] | None = None
+    """Axes that wear, one run each, from 1; a list within the list wears at once. Default: every
+    axis of the robot on which the effect can act."""
+    severity: Annotated[
+        Annotated[Severities, Tag("list")] | Annotated[dict[str, Severities], Tag("table")],
+        Discriminator(_kind),
+        BeforeValidator(_severities),
+    ] = [DEFAULT_FRACTION]
+    """Final severities: of all effects, or a table with those of each effect. Default: 0.2 for an
+    effect in fractions of nominal, else the effect's own default."""
+    schedule: str | list[Severity] = "exponential"
+    """Name of a wear schedule, or the severity of each cycle."""
+    cycles: Annotated[int, Field(ge=1, le=1_000_000)] = 100
+    """Cycles a run."""
+    parameters: dict[str, Numbers] = {}
+    """Further numbers of effects, by name of the effect, as [parameters.torque_ripple]."""
+    beside: list[Beside] = []
+    """Effects that every faulty run has too, as [[beside]]."""
+    healthy: bool = True
+    """Also run the healthy robot, once for each robot, task and seed."""
+    sensors: str = "none"
+    """Preset of noise and disturbance."""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of the first repetition; the next ones count up."""
+    repetitions: Annotated[int, Field(ge=1, le=MOST_RUNS)] = 1
+    """How often everything is repeated with another seed."""
+    paired: bool = False
+    """Give every run of a repetition the same seed, so that a faulty run and its healthy twin
+    share noise, temperature and payload, and differ by the fault alone. Default: every run has a
+    seed of its own, as a dataset to learn from needs it."""
+    sample_period: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.004
+    """Time between samples [s]."""
+    signals: Literal["all", "none"] | list[str] = "all"
+    """Which sampled signals are kept in the files."""
+    thin: Annotated[int, Field(ge=1)] = 1
+    """Keep every so many-th sample in the files; reductions use all."""
+    speed_window: Annotated[list[Window], BeforeValidator(_windows), Field(min_length=1)] | None = (
+        None
+    )
+    """Motor speeds whose samples `mean_abs_torque` uses [rad/s]: [low, high] for all axes, or one
+    pair for each axis. Default: 50 to 120, or, where the task never turns an axis so fast, a part
+    of the speeds that it does reach."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Experiment:
+        if not isinstance(self.schedule, str):
+            if "severity" in self.model_fields_set:
+                raise InputError("severity: an array as schedule has the severities; leave it out")
+            self.severity = self.schedule[-1:] or [0.0]
+        effects = {name: get_effect(name) for name in self.faults}
+        if isinstance(self.schedule, str) and "severity" not in self.model_fields_set:
+            self.severity = default_severity(effects)
+        check_severity(effects, self.severity, self.schedule)
+        warms = get_sensors(self.sensors).temperature_wander > 0
+        for name in self.faults:
+            if "temperature" in get_effect(name).parameters and not warms:
+                raise InputError(
+                    f"effect: {name} needs a temperature that changes, which sensors "
+                    f"'{self.sensors}' do not have; choose realistic"
+                )
+        self._check_parameters()
+        severities(self.schedule, 0.0, self.cycles)
+        for name in self.kept_signals:
+            if name not in SIGNALS:
+                raise InputError(f"signals: unknown '{name}': choose {', '.join(SIGNALS)}")
+        if len(set(self.kept_signals)) < len(self.kept_signals):
+            raise InputError("signals: the same name twice")
+        for low, high in self.speed_window or []:
+            if not low < high:
+                raise InputError(f"speed_window: must be [low, high], not [{low:g}, {high:g}]")
+        if self.seed + self.repetitions - 1 > LARGEST_SEED:
+            raise InputError(
+                f"seed: must be at most {LARGEST_SEED + 1 - self.repetitions}, not {self.seed}"
+            )
+        return self
+
+    def _check_parameters(self) -> None:
+        for name, values in self.parameters.items():
+            if name not in self.effect:
+                raise InputError(f"parameters: '{name}' is no effect of this experiment")
+            get_effect(name).complete(values)
+        for one in self.beside:
+            effect = get_effect(one.effect)
+            effect.complete(one.parameters)
+            if not 0 <= one.severity <= effect.largest:
+                raise InputError(
+                    f"beside: {one.effect} takes 0 to {effect.largest:g} ({effect.unit}), "
+                    f"not {one.severity:g}"
+                )
+
+    @property
+    def faults(self) -> list[str]:
+        """Names of the effects that are faults."""
+        return [name for name in self.effect if name != HEALTHY]
+
+    def severities_of(self, effect: str) -> list[float]:
+        """Final severities of an effect."""
+        if isinstance(self.severity, dict):
+            return self.severity[effect]
+        return self.severity
+
+    @property
+    def kept_signals(self) -> tuple[str, ...]:
+        """Names of the signals kept."""
+        if self.signals == "all":
+            return SIGNALS
+        return () if self.signals == "none" else tuple(self.signals)
+
+
+_OPTIONAL = ("parameters", "beside", "speed_window")  # not in the id of a run without them
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """The parameters of one run; with the model and the task they decide every byte of its file."""
+
+    robot: str
+    task: str
+    effect: str
+    axes: tuple[int, ...]
+    severity: float
+    schedule: str | tuple[float, ...]
+    cycles: int
+    sensors: str
+    seed: int
+    sample_period: float
+    signals: tuple[str, ...]
+    thin: int
+    parameters: tuple[tuple[str, int | float | str], ...] = ()
+    """Of the effect, where they are not its defaults."""
+    beside: tuple[tuple[str, int, float, tuple[tuple[str, int | float | str], ...]], ...] = ()
+    """Effect, axis, final severity and parameters of those that grow beside it."""
+    speed_window: tuple[tuple[float, float], ...] = ()
+    """Low and high motor speed of each axis [rad/s]; empty: the default of robot and task."""
+    model_sha256: str
+    task_sha256: str
+    schema_version: int = SCHEMA_VERSION
+
+    @property
+    def id(self) -> str:
+        """Hash of the parameters, 16 hex digits; where robot and task are stored does not count."""
+        told = {k: v for k, v in asdict(self).items() if v or k not in _OPTIONAL}
+        told |= {"robot": Path(self.robot).stem, "task": Path(self.task).stem}
+        text = json.dumps(told, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    @property
+    def faults(self) -> list[Applied]:
+        """Every fault of the run with its final severity: that of the run, and those beside it."""
+        own = [
+            Applied(self.effect, axis, self.severity, dict(self.parameters)) for axis in self.axes
+        ]
+        return own + [Applied(name, axis, s, dict(more)) for name, axis, s, more in self.beside]
+
+    @property
+    def label(self) -> str:
+        """The run in a few words."""
+        fault = HEALTHY
+        if self.axes:
+            axes = "+".join(map(str, self.axes))
+            fault = f"{self.effect} {self.severity:g} on axis {axes}"
+            fault += "".join(f" + {name} {s:g} on axis {a}" for name, a, s, _ in self.beside)
+        return f"{Path(self.robot).stem} {Path(self.task).stem} {fault} seed {self.seed}"
+
+
+def load_experiment(path: str | Path) -> Experiment:
+    """Read an experiment file.
+
+    Raises:
+        InputError: The file cannot be read, or says something wrong.
+    """
+    try:
+        content = tomllib.loads(read_text(path, "experiment file"))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"experiment file {path}: not valid TOML: {error}") from None
+    return make_experiment(content, where=f"experiment file {path}: ")
+
+
+def make_experiment(content: dict[str, Any], *, where: str = "") -> Experiment:
+    """Validate the content of an experiment.
+
+    Args:
+        content: Entries by name.
+        where: Start of the error message.
+
+    Raises:
+        InputError: An entry is unknown, missing or wrong.
+    """
+    try:
+        return Experiment(**content)
+    except ValidationError as error:
+        # a schedule is a name or a list: of the two reasons the last one is that of the list
+        first = error.errors()[-1 if error.errors()[0]["loc"][:1] == ("schedule",) else 0]
+        name = ".".join(str(part) for part in first["loc"][:1]) or "experiment"
+        if first["type"] == "extra_forbidden":
+            known = ", ".join(Experiment.model_fields)
+            raise InputError(f"{where}unknown entry '{name}': choose {known}") from None
+        given = "" if first["type"] == "missing" else f", not {first['input']!r}"
+        said = first["msg"].removeprefix("Value error, ").replace(" after validation, not 0", "")
+        if first["type"] == "value_error":
+            raise InputError(f"{where}{said}") from None
+        raise InputError(f"{where}{name}: {said[0].lower()}{said[1:]}{given}") from None
+
+
+def to_toml(experiment: Experiment) -> str:
+    """The experiment as TOML, every entry written out but those that depend on the robot."""
+    entries = experiment.model_dump(exclude_none=True)
+    if not isinstance(experiment.schedule, str):
+        del entries["severity"]  # the array has it
+    for name in ("parameters", "beside"):
+        if not entries[name]:
+            del entries[name]
+    return "".join(f"{name} = {_inline(value)}\n" for name, value in entries.items())
+
+
+def _inline(value: Any) -> str:
+    """A TOML value; tables in one line."""
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key} = {_inline(one)}' for key, one in value.items())}}}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_inline, value))}]"
+    return json.dumps(value, ensure_ascii=False)
+
+
+def plan_runs(experiment: Experiment) -> list[Run]:
+    """All runs of an experiment, without repetition, in a fixed order.
+
+    Raises:
+        InputError: A robot, task or axis does not exist, an effect cannot act on it, a severity is
+            too large for it, the sample period does not fit, or there are too many runs.
+    """
+    runs: dict[str, Run] = {}
+    first = True
+    schedule = experiment.schedule
+    for robot_name in experiment.robot:
+        robot = load_robot(robot_name)
+        decimation(robot.model.opt.timestep, experiment.sample_period)
+        faults = list_faults(experiment, robot)
+        window = window_of(experiment, robot)
+        count = len(faults) * experiment.repetitions * len(experiment.task)
+        if count > MOST_RUNS:
+            raise InputError(f"experiment: has {count} runs, but at most {MOST_RUNS} are possible")
+        for task_name in experiment.task:
+            task = load_task(robot.name, task_name)
+            digest = hashlib.sha256(task.model_dump_json().encode()).hexdigest()
+            for repetition in range(experiment.repetitions):
+                for effect, axes, severity in faults:
+                    seed = experiment.seed + repetition
+                    # the healthy runs of the first robot and task have the seeds as given
+                    if not experiment.paired and (axes or not first):
+                        seed = _own_seed(seed, robot.sha256, digest, effect, axes, severity)
+                    run = Run(
+                        robot=robot_name,
+                        task=task_name,
+                        effect=effect,
+                        axes=axes,
+                        severity=severity,
+                        schedule=schedule if isinstance(schedule, str) else tuple(schedule),
+                        cycles=experiment.cycles,
+                        sensors=experiment.sensors,
+                        seed=seed,
+                        sample_period=experiment.sample_period,
+                        signals=experiment.kept_signals,
+                        thin=experiment.thin,
+                        parameters=tuple(sorted(experiment.parameters.get(effect, {}).items())),
+                        beside=beside_of(experiment, axes),
+                        speed_window=window,
+                        model_sha256=robot.sha256,
+                        task_sha256=digest,
+                    )
+                    runs.setdefault(run.id, run)
+            first = False
+    return list(runs.values())
+
+
+def _own_seed(*parts: Any) -> int:
+    """A seed that no other run has: 53 bits, which every reader of JSON keeps exactly."""
+    digest = hashlib.sha256(json.dumps(parts).encode()).digest()
+    return int.from_bytes(digest[:8], "little") >> 11

@@ -1,0 +1,165 @@
+"""Datasets on disk: run files, their merger, and how to read them.
+
+A dataset is a folder: ``experiment.toml``, ``runs.json`` (the runs it should hold),
+``runs/<id>.h5`` with a checksum beside each, and ``dataset.h5`` with all runs merged. A file that
+exists is whole, and it is compared with its checksum before it is read. Reading needs no simulator.
+
+    dataset = open_dataset("out")
+    for run in dataset.runs:
+        run["axis"], run["severity"], run.read("monitoring/mean_abs_torque").shape
+"""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from faultgen.dataset.manifest import EXPERIMENT, Manifest
+from faultgen.errors import InputError
+from faultgen.provenance import Provenance
+from faultgen.system.arrays import plain_value
+from faultgen.system.files import damage, file_sha256, open_verified
+
+
+@dataclass(frozen=True)
+class StoredRun:
+    """One run of a dataset."""
+
+    id: str
+    path: Path
+
+    @cached_property
+    def attributes(self) -> dict[str, Any]:
+        """Root attributes of the run file."""
+        with open_verified(self.path) as file:
+            return {name: plain_value(value) for name, value in file.attrs.items()}
+
+    @property
+    def made_by(self) -> Provenance:
+        """The versions and the code that made the run."""
+        return Provenance.of(self.attributes)
+
+    def __getitem__(self, name: str) -> Any:
+        return self.attributes[name]
+
+    def read(self, name: str, select: Any = ()) -> np.ndarray:
+        """Read an array, such as 'monitoring/mean_abs_torque', whole or in part.
+
+        Args:
+            name: Path of the array in the file.
+            select: What to take of it, as h5py takes it.
+
+        Raises:
+            InputError: There is no such array in this run.
+        """
+        with open_verified(self.path) as file:
+            if name not in file:
+                raise InputError(f"{self.path}: holds no '{name}'")
+            return file[name][select]
+
+    def __contains__(self, name: str) -> bool:
+        with open_verified(self.path) as file:
+            return name in file
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A dataset folder."""
+
+    path: Path
+
+    @cached_property
+    def manifest(self) -> Manifest:
+        """The list of runs that the dataset should hold.
+
+        Raises:
+            InputError: The list is missing or damaged.
+        """
+        return Manifest.read(self.path)
+
+    @property
+    def planned(self) -> dict[str, dict[str, Any]]:
+        """Parameters of every run that belongs to the dataset, by id."""
+        return self.manifest.runs
+
+    @cached_property
+    def runs(self) -> list[StoredRun]:
+        """The runs that are there, in planned order."""
+        every = [StoredRun(i, self.path / "runs" / f"{i}.h5") for i in self.planned]
+        return [run for run in every if run.path.is_file()]
+
+    @property
+    def missing(self) -> list[str]:
+        """Ids of planned runs that are not there."""
+        return [i for i in self.planned if not (self.path / "runs" / f"{i}.h5").is_file()]
+
+    @property
+    def failed(self) -> dict[str, str]:
+        """Why runs failed, by id."""
+        reasons = {}
+        for i in self.missing:
+            note = self.path / "runs" / f"{i}.failed.json"
+            if note.is_file():
+                reasons[i] = _reason(note)
+        return reasons
+
+    def versions(self) -> dict[Provenance, list[str]]:
+        """Ids of the intact runs that are there, by the versions and code that made them."""
+        found: dict[Provenance, list[str]] = {}
+        for run in self.runs:
+            with suppress(InputError):  # a damaged file is reported by `damaged`
+                found.setdefault(run.made_by, []).append(run.id)
+        return found
+
+    def damaged(self) -> dict[str, str]:
+        """What is wrong with files that are there, by name; reads everything.
+
+        Returns:
+            File name relative to the folder, and the reason. Empty if all is well.
+        """
+        files = [run.path for run in self.runs]
+        merged = self.path / "dataset.h5"
+        if merged.is_file():
+            files.append(merged)
+        reasons = {str(path.relative_to(self.path)): damage(path) for path in files}
+        reasons[EXPERIMENT] = self._experiment_damage()
+        return {name: reason for name, reason in reasons.items() if reason is not None}
+
+    def _experiment_damage(self) -> str | None:
+        try:
+            found = file_sha256(self.path / EXPERIMENT)
+        except OSError as error:
+            return f"cannot be read ({error.strerror})"
+        if found != self.manifest.experiment_sha256:
+            return "is not the experiment that made this dataset"
+        return None
+
+
+def _reason(note: Path) -> str:
+    """Why a run failed, from the note beside it."""
+    try:
+        return str(json.loads(note.read_bytes())["reason"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return "unknown: the note about it cannot be read"
+
+
+def open_dataset(folder: str | Path) -> Dataset:
+    """Open a dataset.
+
+    Every file is compared with its checksum before it is first read.
+
+    Args:
+        folder: Folder that `faultgen generate` wrote.
+
+    Raises:
+        InputError: The folder is no dataset, or its list of runs is damaged.
+    """
+    dataset = Dataset(Path(folder))
+    _ = dataset.manifest
+    return dataset

@@ -1,0 +1,107 @@
+"""Making one run: simulate its cycles, measure and reduce them, write its file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import tee
+from pathlib import Path
+
+import numpy as np
+
+from faultgen.dataset.experiment import Run
+from faultgen.dataset.run_file import create_arrays, growth_of, run_attributes, shares_of
+from faultgen.dataset.storage import RunWriter
+from faultgen.effects import Applied
+from faultgen.errors import InputError, SimulationFailed
+from faultgen.monitoring.reductions import monitor
+from faultgen.monitoring.sensors import Surroundings, get_sensors, measure, surroundings
+from faultgen.robot import Robot
+from faultgen.simulation.nominal import nominal
+from faultgen.simulation.plant import Machine
+from faultgen.simulation.state import Condition, machine_at
+from faultgen.simulation.stepping import simulate
+
+
+def make_run(
+    run: Run, folder: Path, on_cycle: Callable[[], object] | None = None
+) -> tuple[Run, str | None]:
+    """Simulate one run and write its file.
+
+    Args:
+        run: What to simulate.
+        folder: The folder ``runs`` of the dataset.
+        on_cycle: Called after each cycle.
+
+    Returns:
+        The run, and None or the reason for which it failed.
+
+    Raises:
+        StorageFailed: The file could not be written; other runs would fail in the same way.
+    """
+    try:
+        _simulate_and_write(run, folder, on_cycle)
+    except (SimulationFailed, InputError, ValueError, ArithmeticError) as error:
+        return run, " ".join(str(error).split()) or type(error).__name__
+    return run, None
+
+
+def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], object] | None) -> None:
+    shared = nominal(run.robot, run.task, run.sample_period)
+    robot, sensors = shared.robot, get_sensors(run.sensors)
+    rng_surroundings, rng_sensors, rng_faults = np.random.default_rng(run.seed).spawn(3)
+    around = surroundings(sensors, run.cycles, robot.friction_temperature, rng_surroundings)
+    window = shared.speed_window(run.speed_window)
+    with RunWriter(folder, run.id, run_attributes(run, shared), robot.xml) as writer:
+        create_arrays(writer, run, shared, around)
+        machines, simulated = tee(_machines(run, robot, around))
+        cycles = simulate(robot, shared.control, simulated, sample_period=run.sample_period)
+        for index, (machine, cycle) in enumerate(zip(machines, cycles, strict=True)):
+            seen = measure(
+                sensors,
+                cycle.motor_position,
+                cycle.motor_velocity,
+                cycle.motor_torque,
+                gear_ratio=robot.gear_ratio,
+                encoder_counts=robot.encoder_counts,
+                mean_torque=shared.mean_torque,
+                sample_period=run.sample_period,
+                rng=rng_sensors,
+            )
+            seen = machine.sense(seen, run.sample_period, rng_faults)
+            reduced = monitor(
+                seen.motor_position, seen.motor_velocity, seen.motor_torque, shared.limits, window
+            )
+            for name, values in reduced.items():
+                writer.put(f"monitoring/{name}", index, values)
+            for name in run.signals:
+                group, channel = name.split("/")
+                values = getattr(seen if group == "signals" else cycle, channel)
+                writer.put(name, index, values[:: run.thin])
+            if on_cycle:
+                on_cycle()
+
+
+def _machines(run: Run, robot: Robot, around: Surroundings) -> Iterator[Machine]:
+    """The robot as it is in each cycle; assembled anew only where something changed."""
+    healthy = robot.spec()
+    before: Condition | None = None
+    machine = Machine(robot.model)
+    growth, shares = growth_of(run), shares_of(run)
+    for severity, share, temperature, load in zip(
+        growth, shares.tolist(), around.temperature, around.payload_factor, strict=True
+    ):
+        now = Condition(
+            temperature=float(temperature),
+            payload_factor=float(load),
+            effect=run.effect,
+            wear=tuple((axis, float(severity)) for axis in run.axes),
+            parameters=run.parameters,
+            beside=tuple(
+                Applied(name, axis, final * share, dict(parameters))
+                for name, axis, final, parameters in run.beside
+            ),
+        )
+        if now != before:
+            machine = machine_at(robot, healthy, now)
+            before = now
+        yield machine

@@ -1,0 +1,135 @@
+"""What a run file holds: its attributes, labels and arrays."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from faultgen.dataset.experiment import Run
+from faultgen.dataset.storage import RunWriter
+from faultgen.dataset.wear import severities
+from faultgen.effects import get_effect
+from faultgen.effects.elements import numbered
+from faultgen.monitoring.reductions import BINS
+from faultgen.monitoring.sensors import Surroundings
+from faultgen.provenance import Provenance, provenance
+from faultgen.robot import Robot
+from faultgen.simulation.nominal import Nominal
+
+
+def run_provenance() -> Provenance:
+    """What makes runs: the versions and the code that their bytes depend on."""
+    return provenance("faultgen.dataset.run")
+
+
+def growth_of(run: Run) -> np.ndarray:
+    """Severity in each cycle, shape (cycles,), in the unit of the run's effect."""
+    if not run.axes:
+        return np.zeros(run.cycles)
+    return severities(run.schedule, run.severity, run.cycles)
+
+
+def shares_of(run: Run) -> np.ndarray:
+    """Severity in each cycle over the final one, which the effects beside follow."""
+    growth = growth_of(run)
+    return growth / run.severity if run.severity else growth
+
+
+def _units(run: Run, robot: Robot) -> str:
+    """SI unit of a run's severity."""
+    return get_effect(run.effect).units_on(robot, run.axes[0]) if run.axes else "1"
+
+
+def _labels(run: Run, robot: Robot) -> dict[str, tuple[np.ndarray, str]]:
+    """Severity of every fault, shape (cycles, n_axes), and its unit, by name of the effect.
+
+    A second fault of the same effect on the same axis has an array of its own, ``<effect>_2``.
+    """
+    labels: dict[str, tuple[np.ndarray, str]] = {}
+    seen: list[tuple[str, int]] = []
+    growth, shares = growth_of(run), shares_of(run)
+    for order, one in enumerate(run.faults):
+        seen.append((one.effect, one.axis))
+        name = numbered(one.effect, seen.count(seen[-1]))
+        units = get_effect(one.effect).units_on(robot, one.axis)
+        label, _ = labels.setdefault(name, (np.zeros((run.cycles, robot.n_axes)), units))
+        # that of the run itself is exact; those beside grow in proportion
+        label[:, one.axis - 1] = growth if order < len(run.axes) else one.severity * shares
+    return labels
+
+
+def run_attributes(run: Run, nominal: Nominal) -> dict[str, Any]:
+    """Root attributes of a run's file, by name."""
+    robot = nominal.robot
+    schedule = run.schedule if isinstance(run.schedule, str) else list(run.schedule)
+    return {
+        "schema_version": run.schema_version,
+        "run_id": run.id,
+        "robot": robot.name,
+        "task": Path(run.task).stem,
+        "effect": run.effect,
+        "axis": run.axes[0] if run.axes else 0,
+        "axes": np.array(run.axes, dtype=np.int64),
+        "severity": run.severity,
+        "severity_units": _units(run, robot),
+        "schedule": schedule,
+        "parameters": json.dumps(dict(run.parameters)),
+        "beside": json.dumps(
+            [
+                {"effect": name, "axis": axis, "severity": final, "parameters": dict(parameters)}
+                for name, axis, final, parameters in run.beside
+            ]
+        ),
+        "cycles": run.cycles,
+        "sensors": run.sensors,
+        "seed": run.seed,
+        "sample_period": run.sample_period,
+        "thin": run.thin,
+        "gear_ratio": robot.gear_ratio,
+        "encoder_counts": robot.encoder_counts,
+        "nominal_mean_torque": nominal.mean_torque,
+        "motor_torque_limit": nominal.limits.torque,
+        "motor_velocity_limit": nominal.limits.speed,
+        "speed_window": nominal.speed_window(run.speed_window),
+        **asdict(run_provenance()),
+        "model_sha256": run.model_sha256,
+        "task_sha256": run.task_sha256,
+        "asset_sha256": json.dumps(
+            {name: sha256(content).hexdigest() for name, content in sorted(robot.assets.items())}
+        ),
+    }
+
+
+def create_arrays(writer: RunWriter, run: Run, nominal: Nominal, around: Surroundings) -> None:
+    """Create the arrays of a run's file, and write those that are known before it is simulated."""
+    robot = nominal.robot
+    kept = -(-nominal.samples // run.thin)
+    n_axes = robot.n_axes
+    axis = np.arange(1, n_axes + 1)
+    writer.scale("cycle_number", np.arange(1, run.cycles + 1))
+    writer.scale("time", np.arange(kept) * run.thin * run.sample_period)
+    writer.scale("axis", axis)
+    writer.scale("bin", np.arange(1, BINS + 1))
+    writer.add("cycle/index", np.arange(1, run.cycles + 1), ("cycle_number",))
+    writer.add("cycle/severity", growth_of(run), ("cycle_number",), units=_units(run, robot))
+    for name, (label, units) in _labels(run, robot).items():
+        writer.add(f"cycle/fault_severity/{name}", label, ("cycle_number", "axis"), units=units)
+    writer.add("cycle/temperature", around.measured_temperature, ("cycle_number",))
+    writer.add("truth/gearbox_temperature", around.temperature, ("cycle_number",))
+    if not np.isnan(robot.payload_mass):
+        mass = robot.payload_mass * around.payload_factor
+        writer.add("truth/payload_mass", mass, ("cycle_number",))
+    for name in ("mean_abs_torque", "torque_indicator", "speed_indicator"):
+        writer.create(f"monitoring/{name}", (run.cycles, n_axes), "f8", ("cycle_number", "axis"))
+    window = nominal.speed_window(run.speed_window)
+    writer.describe("monitoring/mean_abs_torque", speed_window=window)
+    for name in ("torque_histogram", "speed_histogram", "angle_histogram"):
+        shape = (run.cycles, n_axes, BINS)
+        writer.create(f"monitoring/{name}", shape, "f8", ("cycle_number", "axis", "bin"))
+    for name in run.signals:
+        writer.create(name, (run.cycles, kept, n_axes), "f4", ("cycle_number", "time", "axis"))

@@ -1,0 +1,211 @@
+"""Writing run files and files of arrays; all of it is checked before a file gets its name.
+
+Every array that is written is also summed up (SHA-256). Before the file gets its final name, it is
+opened again, and its arrays and attributes are compared with what should have been written.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import h5py
+import numpy as np
+
+from faultgen.errors import StorageFailed
+from faultgen.system.files import new_hdf5, publish, temporary_name
+
+_COMPRESSION: dict[str, Any] = {
+    "compression": "gzip",
+    "compression_opts": 1,
+    "shuffle": True,
+    "fletcher32": True,
+}
+
+
+DESCRIPTIONS = {
+    "motor_position": ("rad", "motor position"),
+    "motor_velocity": ("rad/s", "motor velocity"),
+    "motor_torque": ("N m", "motor torque"),
+    "friction_torque": ("N m", "friction torque on the rotor"),
+    "gear_torque": ("N m", "gearbox torque on the joint, arm side"),
+    "joint_position": ("rad", "joint position, arm side"),
+    "joint_velocity": ("rad/s", "joint velocity, arm side"),
+    "mean_abs_torque": ("N m", "mean |motor torque| at motor speeds within speed_window [rad/s]"),
+    "torque_histogram": ("1", "share of time by motor torque, 12 parts of +- its limit"),
+    "speed_histogram": ("1", "share of time by motor speed, 12 parts of +- its limit"),
+    "angle_histogram": ("1", "share of time by joint angle, 12 parts of its range"),
+    "torque_indicator": ("N m", "mean motor torque weighted by speed, exponent 10/3"),
+    "speed_indicator": ("rad/s", "mean |motor speed|"),
+    "index": ("1", "cycle, from 1"),
+    "severity": ("1", "severity of the effect in the cycle"),
+    "fault_severity": ("1", "severity of the effect in the cycle, by axis"),
+    "temperature": ("degC", "gearbox temperature as measured"),
+    "gearbox_temperature": ("degC", "true gearbox temperature"),
+    "payload_mass": ("kg", "true mass of the payload"),
+    "cycle_number": ("1", "cycle, from 1"),
+    "time": ("s", "time in the cycle"),
+    "axis": ("1", "axis, from 1"),
+    "bin": ("1", "bin, from 1"),
+}
+"""Unit and long name of every array, by the last part of its name, or else by its group."""
+
+
+class RunWriter:
+    """Writes one run file, a cycle at a time.
+
+    It is a context manager. The file gets its name when the context ends without an error, and
+    nothing is left of it otherwise.
+    """
+
+    def __init__(self, folder: Path, run_id: str, attributes: dict[str, Any], model: str) -> None:
+        """Choose what the file is called and what it says of the run.
+
+        Args:
+            folder: The folder ``runs``.
+            run_id: Name of the file, without ending.
+            attributes: Root attributes.
+            model: MJCF text of the healthy robot.
+        """
+        self.path = folder / f"{run_id}.h5"
+        self._temporary = temporary_name(self.path)
+        self._context = new_hdf5(self.path)
+        self._attributes: dict[str, dict[str, Any]] = {"/": dict(attributes)}
+        self._model = model
+        self._arrays: dict[str, h5py.Dataset] = {}
+        self._sums: dict[str, Any] = {}
+        self._cycles: dict[str, int] = {}
+
+    def __enter__(self) -> RunWriter:
+        """Create the file under a temporary name.
+
+        Raises:
+            StorageFailed: The file cannot be written.
+        """
+        self._file, self._sink = self._context.__enter__()
+        try:
+            for name, value in self._attributes["/"].items():
+                self._file.attrs[name] = value
+            self._file["model"] = self._model
+        except BaseException:
+            self._context.__exit__(*sys.exc_info())
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Compare the file with what should be in it and give it its name; or remove it.
+
+        Raises:
+            StorageFailed: The disk refused a write, or does not hold what was written.
+        """
+        self._context.__exit__(kind, error, trace)
+        if kind is not None:
+            return
+        try:
+            self._compare()
+        except BaseException:
+            with suppress(OSError):
+                self._temporary.unlink(missing_ok=True)
+            raise
+        publish(self._temporary, self.path)
+
+    def scale(self, name: str, values: np.ndarray) -> None:
+        """Add a dimension scale, at the root: netCDF looks for it in the groups above an array."""
+        values = np.asarray(values)
+        self._new(name, (), data=values, chunks=values.shape, fletcher32=True)
+        self._sums[name].update(np.ascontiguousarray(values).data)
+        self._arrays[name].make_scale(name)
+
+    def create(self, name: str, shape: tuple[int, ...], dtype: str, dims: tuple[str, ...]) -> None:
+        """Create a compressed array, one chunk a cycle."""
+        chunks = (1, *shape[1:])
+        self._new(name, dims, shape=shape, dtype=dtype, chunks=chunks, **_COMPRESSION)
+        self._cycles[name] = 0
+
+    def put(self, name: str, index: int, values: np.ndarray) -> None:
+        """Write one cycle of an array. Cycles are written in their order.
+
+        Raises:
+            StorageFailed: The disk refused this write or an earlier one.
+        """
+        if index != self._cycles[name]:
+            raise ValueError(f"{name}: cycle {index} cannot follow {self._cycles[name]} cycles")
+        data = self._arrays[name]
+        stored = np.ascontiguousarray(values, data.dtype).reshape(data.shape[1:])
+        data[index] = stored
+        self._sink.check()
+        self._sums[name].update(stored.data)
+        self._cycles[name] += 1
+
+    def add(
+        self, name: str, values: np.ndarray, dims: tuple[str, ...], units: str | None = None
+    ) -> None:
+        """Write a whole small array.
+
+        Args:
+            name: Its path in the file.
+            values: What it holds.
+            dims: Names of its scales.
+            units: SI unit, if it is not that of `DESCRIPTIONS`.
+        """
+        values = np.asarray(values)
+        self._new(name, dims, data=values, fletcher32=True)
+        self._sums[name].update(np.ascontiguousarray(values).data)
+        if units is not None:
+            self.describe(name, units=units)
+
+    def describe(self, name: str, **attributes: Any) -> None:
+        """Give an array more attributes, or other ones."""
+        self._attributes[name].update(attributes)
+        self._arrays[name].attrs.update(attributes)
+
+    def _new(self, name: str, dims: tuple[str, ...], **how: Any) -> None:
+        data = self._file.create_dataset(name, **how)
+        parts = name.split("/")
+        units, long_name = DESCRIPTIONS[parts[-1] if parts[-1] in DESCRIPTIONS else parts[-2]]
+        self._attributes[name] = {"units": units, "long_name": long_name}
+        data.attrs.update(self._attributes[name])
+        for axis, scale in enumerate(dims):
+            data.dims[axis].label = scale
+            data.dims[axis].attach_scale(self._arrays[scale])
+        self._arrays[name] = data
+        self._sums[name] = hashlib.sha256()
+
+    def _compare(self) -> None:
+        """Read the file back.
+
+        Raises:
+            StorageFailed: It does not hold what was written.
+        """
+        try:
+            with h5py.File(self._temporary, "r") as file:
+                wrong = self._difference(file)
+        except (OSError, KeyError, ValueError, RuntimeError) as error:
+            wrong = " ".join(str(error).split())
+        if wrong:
+            raise StorageFailed(f"{self.path}: does not read back as it was written ({wrong})")
+
+    def _difference(self, file: h5py.File) -> str:
+        if file["model"][()].decode() != self._model:
+            return "model"
+        for name, wanted in self._sums.items():
+            found = hashlib.sha256()
+            data = file[name]
+            for part in data if name in self._cycles else [data[()]]:
+                found.update(np.ascontiguousarray(part).data)
+            if found.digest() != wanted.digest():
+                return name
+        for name, attributes in self._attributes.items():
+            for key, value in attributes.items():
+                if not np.array_equal(file[name].attrs[key], value):
+                    return f"attribute {key} of {name}"
+        return ""

@@ -1,0 +1,231 @@
+"""Generating a dataset: every run of an experiment, in parallel, resumable.
+
+summary = generate(experiment, "out", workers=2)
+summary.done, summary.failed
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+from joblib import delayed
+from tqdm import tqdm
+
+from faultgen.dataset.experiment import Experiment, Run, load_experiment, plan_runs, to_toml
+from faultgen.dataset.manifest import EXPERIMENT, Manifest
+from faultgen.dataset.merge import merge
+from faultgen.dataset.planning import check_runs
+from faultgen.dataset.reader import Dataset, open_dataset
+from faultgen.dataset.run import make_run
+from faultgen.dataset.run_file import run_provenance
+from faultgen.errors import InputError
+from faultgen.system.files import write_text, writer_of
+from faultgen.system.parallel import check_workers, in_parallel
+
+
+@dataclass
+class Summary:
+    """What a sweep did."""
+
+    folder: str
+    """Folder of the dataset."""
+    planned: int = 0
+    """Runs that the experiment has."""
+    done: int = 0
+    """Runs made now."""
+    kept: int = 0
+    """Runs that were there before."""
+    failed: dict[str, str] = field(default_factory=dict)
+    """Reason by run id."""
+
+
+def generate(
+    experiment: Experiment | str | Path,
+    out: str | Path,
+    *,
+    workers: int = 1,
+    regenerate: bool = False,
+    progress: bool = True,
+) -> Summary:
+    """Make a dataset, or finish one that was begun.
+
+    Runs that are there stay, unless they are damaged. The same experiment gives the same files,
+    bit for bit, for any number of workers.
+
+    Args:
+        experiment: The experiment, or the path of its file.
+        out: Folder for the dataset; made if it is not there.
+        workers: Processes that simulate.
+        regenerate: Make runs again that another version of the code has made.
+        progress: Show a progress bar on stderr.
+
+    Returns:
+        What was done; failed runs are in it, they do not stop the sweep.
+
+    Raises:
+        InputError: The experiment is wrong, the folder cannot be written or holds another dataset,
+            or some of its runs were made by another version of the code.
+        StorageFailed: A file could not be written. The same call goes on with the sweep.
+        SimulationFailed: A worker process was killed. The same call goes on with the sweep.
+    """
+    if not isinstance(experiment, Experiment):
+        experiment = load_experiment(experiment)
+    check_workers(workers)
+    runs = plan_runs(experiment)
+    for line in check_runs(runs):  # what cannot be is refused before anything is written
+        if progress:
+            print(f"faultgen: {line}", file=sys.stderr)
+    folder = Path(out)
+    with _locked(folder):
+        dataset = _prepare(folder, experiment, runs)
+        summary = Summary(str(folder), planned=len(runs))
+        again = {*dataset.missing, *(Path(name).stem for name in dataset.damaged())}
+        again |= _outdated(dataset, again, regenerate)
+        todo = [run for run in runs if run.id in again]
+        summary.kept = len(runs) - len(todo)
+        for run, reason in _make_all(todo, folder / "runs", workers, progress):
+            note = folder / "runs" / f"{run.id}.failed.json"
+            if reason is None:
+                summary.done += 1
+                note.unlink(missing_ok=True)
+            else:
+                summary.failed[run.id] = f"{run.label}: {reason}"
+                write_text(note, json.dumps({"run": asdict(run), "reason": reason}, indent=1))
+        merge(open_dataset(folder))
+    return summary
+
+
+def _make_all(
+    runs: list[Run], folder: Path, workers: int, progress: bool
+) -> Iterator[tuple[Run, str | None]]:
+    """Make runs in parallel; yield each with None, or the reason for which it failed."""
+    bar = tqdm(
+        total=sum(run.cycles for run in runs),
+        unit="cycle",
+        disable=None if progress and runs else True,
+        desc="simulating",
+    )
+    workers = min(workers, max(len(runs), 1))
+    # within this process the bar moves with every cycle, else with every run
+    on_cycle = bar.update if workers == 1 else None
+    results = in_parallel(
+        (delayed(make_run)(run, folder, on_cycle) for run in runs), workers, ordered=False
+    )
+    finished = 0
+    with bar:
+        for run, reason in results:
+            finished += run.cycles
+            bar.update(finished - bar.n)
+            yield run, reason
+
+
+def _outdated(dataset: Dataset, again: set[str], regenerate: bool) -> set[str]:
+    """Ids of whole runs that another version of the code has made.
+
+    Raises:
+        InputError: There are some, and they are not to be made again.
+    """
+    now = run_provenance()
+    others = {
+        run.id: run.made_by for run in dataset.runs if run.id not in again and run.made_by != now
+    }
+    if others and not regenerate:
+        run_id, made_by = next(iter(others.items()))
+        raise InputError(
+            f"{dataset.path}: {len(others)} of {len(dataset.planned)} runs, such as {run_id}, were "
+            f"made by {made_by}, and this is {now}; finish the dataset with that version, or make "
+            "these runs again with --regenerate"
+        )
+    return set(others)
+
+
+def _prepare(folder: Path, experiment: Experiment, runs: list[Run]) -> Dataset:
+    """Make the folder, or check that it holds this very experiment; repair its lists."""
+    text = to_toml(experiment)
+    planned = {run.id: asdict(run) for run in runs}
+    manifest = Manifest(planned, hashlib.sha256(text.encode()).hexdigest())
+    written = folder / EXPERIMENT
+    old = _manifest_of(folder)
+    if old is None:
+        # without a list of runs, the run files show which dataset this is
+        there = {path.stem for path in folder.glob("runs/*.h5")}
+        if there - planned.keys():
+            raise InputError(f"{folder}: holds runs of another dataset; give another folder")
+        if not there and _differs(written, text):
+            raise InputError(f"{folder}: holds an {EXPERIMENT} of its own; give another folder")
+    elif old.runs.keys() != planned.keys():
+        raise InputError(
+            f"{folder}: holds another dataset (see its {EXPERIMENT}); give another folder"
+        )
+    if old != manifest:
+        manifest.write(folder)
+    if _differs(written, text) or not written.is_file():
+        write_text(written, text)
+    (folder / "runs").mkdir(exist_ok=True)
+    _clear_temporary([*folder.glob(".*.tmp"), *(folder / "runs").glob(".*.tmp")])
+    return open_dataset(folder)
+
+
+def _manifest_of(folder: Path) -> Manifest | None:
+    """The list of runs in a folder; None if there is none that can be used."""
+    try:
+        return Manifest.read(folder)
+    except InputError:
+        return None
+
+
+def _differs(path: Path, text: str) -> bool:
+    """Whether a file is there and holds another text."""
+    return path.is_file() and path.read_bytes() != text.encode()
+
+
+def _clear_temporary(files: list[Path]) -> None:
+    """Remove unfinished files, once the processes that write them have ended."""
+    for _ in range(50):
+        if not any(_is_running(writer_of(file)) for file in files):
+            break
+        time.sleep(0.2)  # workers of a killed program end by themselves
+    for file in files:
+        file.unlink(missing_ok=True)
+
+
+def _is_running(process: int | None) -> bool:
+    if process is None or process == os.getpid() or os.name == "nt":
+        return False
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        pass
+    return True
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Hold the folder for this process alone.
+
+    Raises:
+        InputError: It cannot be written, or another process holds it.
+    """
+    lock = FileLock(folder / ".lock", timeout=0)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
+    except Timeout:
+        raise InputError(f"{folder}: another process is writing there") from None
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
+    try:
+        yield
+    finally:
+        lock.release()

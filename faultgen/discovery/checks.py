@@ -1,0 +1,227 @@
+"""Is a recording what it says it is? Units, signs, gear, gaps, delays and excitation, by axis.
+
+The recording is held against the model's own torque on the measured motion: a wrong sign or unit
+is seen long before a missing effect is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from faultgen.discovery.recording import Recording
+from faultgen.robot import STRIBECK_VELOCITY, Robot
+from faultgen.simulation.arm import Arm, motor_torque
+
+_LAGS = 12  # samples by which a channel may be late to be told so
+_STILL = 1e-3  # range of a joint that does not move [rad]
+_STUCK = 0.25  # time without any change of position while the reference moves [s]
+_SLOW = 3.0  # motor speed, in Stribeck velocities, that friction has to be told from
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong or doubtful."""
+
+    level: str
+    """'refuse' where the data cannot be used as they are, else 'warn'."""
+    axis: int
+    """From 1; 0 for all."""
+    message: str
+    """What is wrong, where, and what would be right."""
+
+    def __str__(self) -> str:
+        where = f"axis {self.axis}: " if self.axis else ""
+        return f"{self.level}: {where}{self.message}"
+
+
+def check_recording(recording: Recording, robot: Robot) -> list[Finding]:
+    """Check a recording against the robot that it is said to be of.
+
+    Args:
+        recording: The measured data.
+        robot: The robot's model.
+
+    Returns:
+        Findings, refusals first; none if all is well.
+    """
+    if recording.n_axes != robot.n_axes:
+        text = f"{recording.n_axes} axes, but {robot.name} has {robot.n_axes}"
+        return [Finding("refuse", 0, text)]
+    findings = []
+    if recording.robot and recording.robot != robot.name:
+        text = f"the file says robot '{recording.robot}', the model is {robot.name}"
+        findings.append(Finding("warn", 0, text))
+    motor = recording.side == "motor"
+    joint = recording.joint_position(robot.gear_ratio)
+    findings += _units(recording, robot, joint)
+    findings += _gaps(recording, robot, joint)
+    if any(finding.level == "refuse" for finding in findings):
+        return _sorted(findings)  # derivatives and torques of such data mean nothing
+    q, qd, qdd = recording.derivatives(joint)
+    findings += _velocity(recording, qd * robot.gear_ratio if motor else qd)
+    findings += _excitation(recording, robot, q, qd)
+    expected = motor_torque(Arm(robot), q, qd, qdd)
+    if not motor:
+        expected = expected * robot.gear_ratio
+    findings += _torque(recording, robot, expected, qd)
+    return _sorted(findings)
+
+
+def _sorted(findings: list[Finding]) -> list[Finding]:
+    return sorted(findings, key=lambda finding: (finding.level != "refuse", finding.axis))
+
+
+def _units(recording: Recording, robot: Robot, joint: np.ndarray) -> list[Finding]:
+    findings = []
+    low, high = robot.joint_range.T
+    slack = 0.05 * (high - low)
+    for axis in range(robot.n_axes):
+        least, most = joint[:, axis].min(), joint[:, axis].max()
+        if least >= low[axis] - slack[axis] and most <= high[axis] + slack[axis]:
+            continue
+        guess = ""
+        for factor, unit in ((np.pi / 180, "degrees"), (1 / abs(robot.gear_ratio[axis]), "motor")):
+            inside = least * factor >= low[axis] - slack[axis]
+            if inside and most * factor <= high[axis] + slack[axis]:
+                told = "in degrees" if unit == "degrees" else "of the motor, not of the joint"
+                guess = f"; are the positions {told}?"
+                break
+        text = (
+            f"joint angles from {least:.3g} to {most:.3g} rad are outside of the range "
+            f"{low[axis]:.3g} to {high[axis]:.3g} rad{guess}"
+        )
+        findings.append(Finding("refuse", axis + 1, text))
+    return findings
+
+
+def _gaps(recording: Recording, robot: Robot, joint: np.ndarray) -> list[Finding]:
+    findings = []
+    period = recording.sample_period
+    fastest = robot.motor_velocity_limit / np.abs(robot.gear_ratio)
+    for part in recording.parts:
+        steps = np.diff(joint[part], axis=0)
+        for axis in range(robot.n_axes):
+            far = np.flatnonzero(np.abs(steps[:, axis]) > 1.5 * fastest[axis] * period + 1e-6)
+            if len(far):
+                sample = part.start + int(far[0]) + 1
+                text = (
+                    f"jumps by {steps[far[0], axis]:.3g} rad at sample {sample}, more than "
+                    f"{fastest[axis]:.3g} rad/s allow: a gap? begin a new segment there"
+                )
+                findings.append(Finding("refuse", axis + 1, text))
+        if recording.reference_position is None:
+            continue
+        reference = np.abs(np.diff(recording.reference_position[part], axis=0))
+        length = max(2, round(_STUCK / period))
+        for axis in range(robot.n_axes):
+            moving = reference[:, axis] > 0.05 * fastest[axis] * period
+            frozen = (steps[:, axis] == 0) & moving
+            if len(frozen) < length:
+                continue
+            run = np.convolve(frozen.astype(int), np.ones(length, int), "valid") == length
+            if run.any():
+                sample = part.start + int(np.argmax(run))
+                text = (
+                    f"position is stuck from sample {sample} on while the reference moves: "
+                    "stiction, or a dead encoder?"
+                )
+                findings.append(Finding("warn", axis + 1, text))
+    return findings
+
+
+def _lag(x: np.ndarray, y: np.ndarray) -> tuple[int, float]:
+    """Samples by which y is late behind x, and their correlation without any lag.
+
+    A lag counts if it explains half of what is left of y without it: near its top the correlation
+    is so flat that elasticity and smoothing move it by some samples.
+    """
+    x, y = x - x.mean(), y - y.mean()
+
+    def correlation(lag: int) -> float:
+        a, b = (x[: len(x) - lag], y[lag:]) if lag >= 0 else (x[-lag:], y[:lag])
+        size = np.sqrt((a @ a) * (b @ b))
+        return float(a @ b / size) if size > 0 else 0.0
+
+    by_lag = {lag: correlation(lag) for lag in range(-_LAGS, _LAGS + 1)}
+    best = max(by_lag, key=lambda lag: abs(by_lag[lag]))
+    left, left_without = 1 - by_lag[best] ** 2, 1 - by_lag[0] ** 2
+    return (best if left < 0.5 * left_without else 0), by_lag[0]
+
+
+def _velocity(recording: Recording, derived: np.ndarray) -> list[Finding]:
+    findings: list[Finding] = []
+    if recording.velocity is None:
+        return findings
+    for axis in range(recording.n_axes):
+        given, own = recording.velocity[:, axis], derived[:, axis]
+        if np.ptp(own) < 1e-9 or np.ptp(given) < 1e-9:
+            continue
+        lag, correlation = _lag(own, given)
+        slope = float(given @ own / (own @ own))
+        if correlation < -0.5:
+            text = "velocity has the opposite sign of the change of position"
+            findings.append(Finding("refuse", axis + 1, text))
+        elif not 0.8 < slope < 1.25:
+            text = f"velocity is {slope:.3g} times the change of position: other units, or side?"
+            findings.append(Finding("refuse", axis + 1, text))
+        elif lag:
+            text = f"velocity is {abs(lag)} samples {'late' if lag > 0 else 'early'}"
+            findings.append(Finding("warn", axis + 1, text))
+    return findings
+
+
+def _excitation(recording: Recording, robot: Robot, q: np.ndarray, qd: np.ndarray) -> list[Finding]:
+    findings = []
+    friction = robot.ids("actuator", "friction")
+    stribeck = robot.model.actuator_biasprm[friction, STRIBECK_VELOCITY]
+    speed = np.abs(qd * robot.gear_ratio)
+    for axis in range(robot.n_axes):
+        if np.ptp(q[:, axis]) < _STILL:
+            text = "does not move: no effect of this axis can be told"
+        elif speed[:, axis].max() < _SLOW * stribeck[axis]:
+            text = (
+                f"motor speed stays below {speed[:, axis].max():.3g} rad/s: Coulomb, viscous and "
+                "Stribeck friction cannot be told apart"
+            )
+        elif qd[:, axis].max() <= 0 or qd[:, axis].min() >= 0:
+            text = "moves in one direction only: friction and load cannot be told apart"
+        else:
+            continue
+        findings.append(Finding("warn", axis + 1, text))
+    return findings
+
+
+def _torque(
+    recording: Recording, robot: Robot, expected: np.ndarray, qd: np.ndarray
+) -> list[Finding]:
+    findings = []
+    for axis in range(robot.n_axes):
+        measured, model = recording.torque[:, axis], expected[:, axis]
+        if np.ptp(qd[:, axis]) * recording.sample_period < 1e-9 or np.ptp(measured) == 0:
+            continue
+        lag, correlation = _lag(model, measured)
+        scale = float(measured.std() / model.std())
+        ratio = abs(robot.gear_ratio[axis])
+        if abs(correlation) < 0.5:
+            text = (
+                f"torque is hardly that of the model (correlation {correlation:.2f}): another "
+                "robot, axis or payload?"
+            )
+            findings.append(Finding("warn", axis + 1, text))
+        elif correlation < 0:
+            text = "torque has the opposite sign of the model's: turn it round"
+            findings.append(Finding("refuse", axis + 1, text))
+        elif not 1 / 3 < scale < 3:
+            side = "joint" if recording.side == "motor" else "motor"
+            near = ratio if recording.side == "motor" else 1 / ratio
+            guess = f", about the gear ratio: is it {side} side?" if 0.5 < scale / near < 2 else ""
+            text = f"torque is {scale:.3g} times the model's{guess}"
+            findings.append(Finding("refuse", axis + 1, text))
+        elif lag:
+            milliseconds = 1000 * abs(lag) * recording.sample_period
+            late = "late" if lag > 0 else "early"
+            text = f"torque is {abs(lag)} samples ({milliseconds:.3g} ms) {late} behind the motion"
+            findings.append(Finding("warn", axis + 1, text))
+    return findings

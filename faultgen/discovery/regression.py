@@ -1,0 +1,328 @@
+"""A gap, made ready: masked, whitened, with the columns of every term beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from faultgen.discovery.candidates import Term
+from faultgen.discovery.evidence import Evidence
+from faultgen.discovery.noise import SHARED, Autoregression, autoregression, noise_of, shared_noise
+from faultgen.discovery.recording import Recording
+from faultgen.discovery.replay import Changes, Replay, settled
+from faultgen.errors import SimulationFailed
+from faultgen.robot import STRIBECK_VELOCITY, Robot
+
+_JUMP = 0.05  # time around a change of direction in which the noise is not looked for [s]
+_PRESLIDING = 0.1  # time from rest or reversal until friction has settled [s]: assumed
+_FEWEST = 50  # samples of a regime from which its weight is told
+_EXACT = 1e-5  # noise over torque that simulations and columns are not exact enough to go below
+_BLOCKS = 6  # into which a single recording is cut, to fit on some and choose on others
+
+
+@dataclass(frozen=True, eq=False)
+class Kinematics:
+    """Measured motion, motor side. Arrays have shape (samples, n_axes)."""
+
+    position: np.ndarray
+    """[rad]."""
+    velocity: np.ndarray
+    """Smoothed [rad/s]."""
+    acceleration: np.ndarray
+    """Smoothed [rad/s^2]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A gap and the terms that may explain it. Arrays of samples have shape (samples, n_axes)."""
+
+    replay: Replay
+    """The recording and the model."""
+    terms: list[Term]
+    """All terms, with tolerances of this comparison."""
+    base: np.ndarray
+    """Torque of the model as it is."""
+    gap: np.ndarray
+    """Torque to be explained."""
+    inside: np.ndarray
+    """Samples that count."""
+    parts: list[slice]
+    """Separate recordings, or blocks of a single one."""
+    scoring: list[int]
+    """Parts that are used neither for fitting nor for choosing."""
+    raw: np.ndarray
+    """Change of the torque a unit of each term, shape (terms, samples, n_axes)."""
+    noise: Autoregression
+    """Of the gap."""
+    trust: np.ndarray
+    """Weight of each sample: 1, or less where models of friction are usually wrong."""
+    white: np.ndarray
+    """Whitened columns in units of the tolerances, shape (terms, samples, n_axes)."""
+    twin: bool
+    """Whether the gap is the difference of two recordings."""
+    shared: np.ndarray
+    """Axes on which the two have the same noise, which their difference lacks; shape (n_axes,)."""
+
+    @property
+    def fitting(self) -> list[int]:
+        """Parts on which terms are fitted and chosen."""
+        return [p for p in range(len(self.parts)) if p not in self.scoring]
+
+    @property
+    def recording(self) -> Recording:
+        """The recording."""
+        return self.replay.recording
+
+    @property
+    def robot(self) -> Robot:
+        """The model."""
+        return self.replay.robot
+
+    @cached_property
+    def motion(self) -> Kinematics:
+        """Measured motion, smoothed."""
+        position = self.recording.motor_position(self.robot.gear_ratio)
+        _, velocity, acceleration = self.recording.derivatives(position)
+        return Kinematics(position, velocity, acceleration)
+
+    def samples(self, parts: Sequence[int]) -> np.ndarray:
+        """Samples of parts, as a mask of shape (samples,)."""
+        return samples_of([self.parts[p] for p in parts], len(self.gap))
+
+    def change(self, changes: Changes) -> np.ndarray | None:
+        """What changes in the model add to its torque; None where the simulation diverges."""
+        try:
+            change = self.replay.torque(changes) - self.base
+        except SimulationFailed:
+            return None
+        return change if np.isfinite(change).all() else None
+
+    def whiten(self, x: np.ndarray) -> np.ndarray:
+        """Whitened, masked and weighted, shape (..., samples, n_axes)."""
+        return self.noise.whiten(x, self.parts) * (self.inside * self.trust).astype(x.dtype)
+
+    @cached_property
+    def _nominal(self) -> Evidence:
+        return Evidence.of(self.white, self.whiten(self.gap), self._slices)
+
+    @property
+    def _slices(self) -> list[slice]:
+        return [self.parts[p] for p in self.fitting]
+
+    def evidence(
+        self, gap: np.ndarray | None = None, slopes: dict[int, np.ndarray] | None = None
+    ) -> Evidence:
+        """Inner products on the parts for fitting.
+
+        Args:
+            gap: Another gap than that of the problem, shape (samples, n_axes).
+            slopes: Other columns of some terms, a unit each, shape (samples, n_axes).
+        """
+        if gap is None:
+            return self._nominal
+        target = self.whiten(gap)
+        evidence = self._nominal.against(self.white, target, self._slices)
+        if not slopes:
+            return evidence
+        white = {t: self.whiten(c) * self.terms[t].tolerance for t, c in slopes.items()}
+        return evidence.replaced(white, self.white, target, self._slices)
+
+
+def blocks(recording: Recording) -> list[slice]:
+    """Parts of a recording; a single one is cut into blocks."""
+    parts = recording.parts
+    if len(parts) > 2:
+        return parts
+    count = -(-_BLOCKS // len(parts))
+    cut = []
+    for part in parts:
+        edges = np.linspace(part.start, part.stop, count + 1).round().astype(int)
+        cut += [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return cut
+
+
+def for_scoring(parts: Sequence[slice]) -> list[int]:
+    """The last fifth of the parts, at least one: nothing is fitted to them or chosen by them."""
+    return list(range(len(parts) - max(1, len(parts) // 5), len(parts)))
+
+
+def counted(recording: Recording, robot: Robot, *, twin: bool) -> np.ndarray:
+    """Samples that count in a comparison, as a mask of shape (samples, n_axes).
+
+    Every number of an answer is of these samples, and so is the score on other motions.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+        twin: Whether it is compared with another recording. Without, rest and the moments after it
+            and after a reversal do not count.
+    """
+    inside = settled(recording, robot)
+    return inside if twin else inside & rolling(recording, robot)
+
+
+def samples_of(parts: Sequence[slice], count: int) -> np.ndarray:
+    """Samples of parts, as a mask of shape (count,)."""
+    use = np.zeros(count, bool)
+    for part in parts:
+        use[part] = True
+    return use
+
+
+def pose(
+    replay: Replay,
+    terms: Sequence[Term],
+    base: np.ndarray,
+    raw: np.ndarray,
+    gap: np.ndarray,
+    *,
+    twin: bool,
+) -> Problem:
+    """Estimate the noise of a gap and whiten everything with it.
+
+    The noise is what no combination of the terms explains, as an autoregression. In slow motion,
+    where that is more than at speed, samples count less: there friction of any real robot has
+    another form than a model's. Without a twin, rest and the moments after it do not count at all.
+    On axes on which two recordings have the same noise, that of the recording is reckoned with, as
+    if the other had its own.
+
+    Args:
+        replay: The recording and the model.
+        terms: All terms.
+        base: Torque of the model as it is.
+        raw: Columns, shape (terms, samples, n_axes).
+        gap: What is to be explained.
+        twin: Whether the gap is the difference of two recordings.
+
+    Raises:
+        ValueError: Too little of the recording can be used.
+    """
+    recording, robot = replay.recording, replay.robot
+    parts = blocks(recording)
+    inside = counted(recording, robot, twin=twin)
+    if not (inside & samples_of([parts[p] for p in for_scoring(parts)], len(gap))[:, None]).any():
+        raise ValueError("nothing moves in the last fifth, which is kept for scoring")
+    steady = inside & ~near_reversal(recording, robot)
+    tolerances = np.array([term.tolerance for term in terms], np.float32)[:, None, None]
+    scale = tolerances[:, 0, 0]
+
+    mask = inside.astype(np.float32)
+
+    def unexplained(x: np.ndarray, by: Autoregression) -> np.ndarray:
+        """What no combination of the terms explains."""
+        white = [by.whiten(y, parts) * mask for y in (raw, x)]
+        evidence = Evidence.of(white[0] * tolerances, white[1], parts)
+        value, _, _ = evidence.solve(free=range(len(terms)))
+        return x - np.tensordot((value * scale).astype(np.float32), raw, axes=1)
+
+    def noise_in(x: np.ndarray) -> Autoregression:
+        first = noise_of(x, steady, parts)
+        return autoregression(unexplained(x, first), steady, parts)
+
+    noise = noise_in(gap)
+    shared = np.zeros(robot.n_axes, bool)
+    if twin:
+        shared = shared_noise(recording.torque, recording.torque - gap, parts)
+    if shared.any():  # what neither the model nor the samples before foretell of the healthy one
+        healthy = recording.torque - gap
+        own, plainly = noise_in(healthy - base), autoregression(healthy, steady, parts)
+        white = replace(plainly, coefficients=0 * plainly.coefficients)
+        own = own.replaced(white, white.innovation < own.innovation).times(np.sqrt(2))
+        shared &= noise.innovation < SHARED * own.innovation
+        noise = noise.replaced(own, shared)
+    torque = np.sqrt(np.mean(recording.torque**2, axis=0))
+    noise = replace(noise, innovation=np.maximum(noise.innovation, _EXACT * torque))
+    left = noise.whiten(unexplained(gap, noise), parts)
+    trust = _trust(recording, robot, left, inside)
+    weight = (mask * trust).astype(np.float32)
+    return Problem(
+        replay=replay,
+        terms=list(terms),
+        base=base,
+        gap=gap,
+        inside=inside,
+        parts=parts,
+        scoring=for_scoring(parts),
+        raw=raw,
+        noise=noise,
+        trust=trust,
+        white=noise.whiten(raw, parts) * weight * tolerances,
+        twin=twin,
+        shared=shared,
+    )
+
+
+def plain(problem: Problem) -> Problem:
+    """The same problem with noise that is white, of the same deviation and information.
+
+    An autoregression of what a model leaves takes errors that last for noise that drifts: good for
+    telling effects apart, but values are to make the torque right, also where it is steady.
+    """
+    noise = problem.noise
+    longer = noise.deviation / noise.innovation  # root of the samples that one is worth
+    white = Autoregression(0 * noise.coefficients, noise.deviation * longer)
+    new = replace(problem, noise=white, trust=np.ones_like(problem.trust))
+    tolerances = np.array([term.tolerance for term in problem.terms], np.float32)
+    return replace(new, white=new.whiten(problem.raw) * tolerances[:, None, None])
+
+
+def rolling(recording: Recording, robot: Robot) -> np.ndarray:
+    """Samples that are `_PRESLIDING` away from rest and reversal, shape (samples, n_axes).
+
+    Before, the torque of an axis depends on how its bristles bent, which no two models agree on.
+    """
+    moving = _moving(recording, robot)
+    count = max(1, round(_PRESLIDING / recording.sample_period))
+    for part in recording.parts:
+        turned = np.zeros(moving[part].shape, bool)
+        position = recording.position[part]
+        direction = np.sign(np.gradient(position, axis=0))
+        turned[1:] = direction[1:] != direction[:-1]
+        disturbed = turned | ~moving[part]
+        for axis in range(robot.n_axes):
+            after = np.convolve(disturbed[:, axis].astype(int), np.ones(count, int))
+            moving[part, axis] = after[: len(position)] == 0
+    return moving
+
+
+def _trust(recording: Recording, robot: Robot, left: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Weights by which what is left is as large in slow motion as noise is, by axis."""
+    slow = near_reversal(recording, robot)
+    trust = np.ones(left.shape)
+    moving = _moving(recording, robot)
+    for axis in range(robot.n_axes):
+        for regime in (slow[:, axis] & moving[:, axis], ~moving[:, axis]):
+            rows = regime & inside[:, axis]
+            if rows.sum() >= _FEWEST:
+                trust[rows, axis] = 1 / np.sqrt(max(float(np.mean(left[rows, axis] ** 2)), 1.0))
+    return trust
+
+
+def _moving(recording: Recording, robot: Robot) -> np.ndarray:
+    """Samples at which axes do not rest, shape (samples, n_axes)."""
+    position = recording.motor_position(robot.gear_ratio)
+    slow = robot.model.actuator_biasprm[robot.ids("actuator", "friction"), STRIBECK_VELOCITY]
+    moving = np.zeros(recording.position.shape, bool)
+    for part in recording.parts:
+        speed = np.gradient(position[part], recording.sample_period, axis=0)
+        moving[part] = np.abs(speed) > 0.1 * slow
+    return moving
+
+
+def near_reversal(recording: Recording, robot: Robot) -> np.ndarray:
+    """Samples about a change of direction, where friction jumps; shape (samples, n_axes)."""
+    position = recording.motor_position(robot.gear_ratio)
+    friction = robot.ids("actuator", "friction")
+    slow = 3 * robot.model.actuator_biasprm[friction, STRIBECK_VELOCITY]
+    width = max(1, round(_JUMP / recording.sample_period))
+    near = np.zeros(recording.position.shape, bool)
+    for part in recording.parts:
+        speed = np.gradient(position[part], recording.sample_period, axis=0)
+        still = np.abs(speed) < slow
+        for axis in range(robot.n_axes):
+            spread = np.convolve(still[:, axis].astype(int), np.ones(2 * width + 1, int))
+            near[part, axis] = spread[width : width + len(still)] > 0
+    return near

@@ -1,0 +1,190 @@
+"""How each term changes the measured torque: sensitivities by re-simulation, closed loop.
+
+Not by regression on measured signals: the servo answers to an effect, and that answer is part of
+what is measured. Robots of one type that run one program share their sensitivities; they can be
+kept in a folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from joblib import delayed
+from tqdm import tqdm
+
+from faultgen.discovery.candidates import Term
+from faultgen.discovery.replay import Replay
+from faultgen.effects.temperature import friction_ratios
+from faultgen.errors import SimulationFailed
+from faultgen.provenance import provenance
+from faultgen.system.parallel import in_parallel
+
+TEMPERATURE = "temperature_friction"
+"""Effect whose column follows from others, so that it does not depend on when it was recorded."""
+
+_FOLLOWS = ("static_friction", "stribeck_velocity", "viscous_friction")
+
+
+def columns(
+    replay: Replay,
+    terms: Sequence[Term],
+    *,
+    workers: int = 1,
+    cache: Path | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Torque of the model, and its change with each term.
+
+    Args:
+        replay: The recording and the model.
+        terms: Terms to probe, each with its own step.
+        workers: Processes; no effect on the result.
+        cache: Folder in which results are kept for the next recording of the same program.
+
+    Returns:
+        Torque of the model as it is, shape (samples, n_axes); and its change a unit of each term,
+        shape (terms, samples, n_axes). A term with which the simulation diverges has zeros.
+
+    Raises:
+        SimulationFailed: The model as it is diverged.
+    """
+    simulated = [(term,) for term in terms if term.name != TEMPERATURE]
+    base, *moved = _runs(replay, [(), *simulated], workers, cache)
+    if not np.isfinite(base).all():
+        raise SimulationFailed("the model diverges on the recorded motion")
+    by_term: dict[Term, np.ndarray] = {}
+    for (term,), run in zip(simulated, moved, strict=True):
+        if np.isfinite(run).all():
+            by_term[term] = (run - base) / term.step
+    nothing = np.zeros_like(base)
+    changes = [
+        _by_temperature(replay, term.axis, by_term)
+        if term.name == TEMPERATURE
+        else by_term.get(term, nothing)
+        for term in terms
+    ]
+    return base, np.array(changes, np.float32)
+
+
+def own_columns(
+    replay: Replay,
+    terms: Sequence[Term],
+    base: np.ndarray,
+    *,
+    workers: int = 1,
+    cache: Path | None = None,
+) -> np.ndarray:
+    """Change of the torque with terms of which each hardly moves another axis than its own.
+
+    Terms that differ in the axis only are simulated together.
+
+    Args:
+        replay: The recording and the model.
+        terms: Terms to probe.
+        base: Torque of the model as it is, shape (samples, n_axes).
+        workers: Processes; no effect on the result.
+        cache: Folder as in `columns`.
+
+    Returns:
+        Shape (terms, samples, n_axes), zero but for the term's own axis.
+    """
+    together: dict[tuple, list[Term]] = {}
+    for term in terms:
+        together.setdefault((term.name, term.parameters), []).append(term)
+    groups = [tuple(group) for group in together.values()]
+    out = {}
+    for group, run in zip(groups, _runs(replay, groups, workers, cache), strict=True):
+        for term in group:
+            column = np.zeros(base.shape, np.float32)
+            if np.isfinite(run).all():
+                axis = term.axis - 1
+                column[:, axis] = (run - base)[:, axis] / term.step
+            out[term] = column
+    return np.array([out[term] for term in terms], np.float32).reshape(-1, *base.shape)
+
+
+def _runs(
+    replay: Replay, groups: Sequence[tuple[Term, ...]], workers: int, cache: Path | None
+) -> list[np.ndarray]:
+    """Torque of the model with each group of terms in it."""
+    keys = [
+        repr([(term.name, term.axis, term.step, term.parameters) for term in group]).encode()
+        for group in groups
+    ]
+    return kept_runs(
+        [kept_in(cache, replay, key) for key in keys],
+        [delayed(_one)(replay, group) for group in groups],
+        workers,
+    )
+
+
+def kept_runs(files: Sequence[Path | None], calls: Sequence[Any], workers: int) -> list[np.ndarray]:
+    """Results of calls, from files where they are known; new ones are kept in them.
+
+    Args:
+        files: Where each result is kept; None: nowhere.
+        calls: Delayed calls (joblib), each of an array.
+        workers: Processes; no effect on the result.
+    """
+    known: dict[int, np.ndarray] = {
+        k: np.load(file) for k, file in enumerate(files) if file is not None and file.is_file()
+    }
+    todo = [k for k in range(len(calls)) if k not in known]
+    if todo:
+        done = in_parallel([calls[k] for k in todo], min(workers, len(todo)))
+        progress = tqdm(
+            done, total=len(todo), unit="replay", desc="probing", disable=None, leave=False
+        )
+        for k, result in zip(todo, progress, strict=True):
+            known[k] = result
+            file = files[k]
+            if file is not None:
+                file.parent.mkdir(parents=True, exist_ok=True)
+                part = file.with_suffix(f".{os.getpid()}")
+                with part.open("wb") as out:
+                    np.save(out, result)
+                part.replace(file)
+    return [known[k] for k in range(len(calls))]
+
+
+def _by_temperature(replay: Replay, axis: int, known: dict[Term, np.ndarray]) -> np.ndarray:
+    """Friction that follows the temperature, from what its three laws change, to first order."""
+    recording = replay.recording
+    change = np.zeros_like(recording.torque)
+    if recording.temperature is None:
+        return change
+    told, inverse = np.unique(np.round(recording.temperature, 1), return_inverse=True)
+    reference = replay.robot.friction_temperature
+    ratios = np.array([friction_ratios(float(t), reference) for t in told])
+    of_sample = np.log(np.maximum(ratios, 1e-3))[inverse]
+    for name, logarithm in zip(_FOLLOWS, of_sample.T, strict=True):
+        steps = [term for term in known if term.key == (name, axis)]
+        if steps:
+            change += logarithm[:, None] * known[min(steps, key=lambda term: term.step)]
+    return change
+
+
+def _one(replay: Replay, terms: Sequence[Term]) -> np.ndarray:
+    try:
+        return replay.torque([(term, term.step) for term in terms])
+    except SimulationFailed:
+        return np.full_like(replay.recording.torque, np.nan)
+
+
+def kept_in(folder: Path | None, replay: Replay, what: bytes) -> Path | None:
+    """File for what was simulated with a model on a motion; None without a folder."""
+    if folder is None:
+        return None
+    recording = replay.recording
+    reference = recording.reference_position
+    motion = recording.position if reference is None else reference
+    made_by = provenance("faultgen.discovery.sensitivities").key
+    content = hashlib.sha256(replay.robot.xml.encode() + made_by.encode())
+    content.update(np.ascontiguousarray(motion).tobytes())
+    content.update(repr((recording.segments, recording.sample_period, recording.side)).encode())
+    content.update(what)
+    return folder / f"{content.hexdigest()[:32]}.npy"

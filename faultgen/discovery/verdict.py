@@ -1,0 +1,268 @@
+"""What is said of a gap: nothing missing, named, ambiguous, or unknown."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from faultgen.discovery.candidates import FRICTION, PAYLOAD, PERIODIC, Term, payload_of
+from faultgen.discovery.certainty import certainty
+from faultgen.discovery.diagnostics import Pattern, patterns, where
+from faultgen.discovery.fit import Fit, first_of
+from faultgen.discovery.model_edit import build, build_stable
+from faultgen.discovery.regression import Problem
+from faultgen.discovery.replay import relative_error, relative_errors
+from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE, UNKNOWN, UNLIKELY, Answer, Named
+from faultgen.discovery.selection import Choice
+
+LEFT = 0.05
+"""Share of a gap with a pattern from which effects do not explain it: chosen on development
+cases."""
+
+OPEN, OPEN_NOISE = 0.1, 1.5
+"""Share of an axis' squared gap to its twin, and RMS over that of the noise, beyond which a gap is
+left open by what explains it: assumed."""
+
+BAND = {
+    "time": 0.004,
+    "joint angle": 0.0036,
+    "motor turn": 0.0025,
+    "speed": 0.0026,
+    "acceleration": 0.0026,
+    "motion": np.inf,
+}
+"""RMS of a pattern over RMS torque of its axis up to which a calibrated model without twin is as
+good as models are: 1.35 times the largest of healthy development cases."""
+
+_DRAWS = 1999  # of the bootstrap
+
+
+def answer(problem: Problem, choice: Choice) -> Answer:
+    """Weigh what was chosen.
+
+    Args:
+        problem: The gap and the terms.
+        choice: The sets that were chosen among.
+    """
+    empty, best = choice.fits[0], choice.best
+    without, base_values = _left(problem, empty)
+    left, values = _left(problem, best)
+    white = problem.whiten(left)
+    own = [(problem.terms[t].axis, problem.white[t]) for t in best.terms]
+    found = patterns(problem, white, problem.fitting, own)
+    shown = left + best.change  # the gap that is to be explained, less calibration
+    white_shown = problem.whiten(shown)
+    shares = where(problem, white_shown)
+    p_value = significance(problem, problem.whiten(without))
+    noise = np.broadcast_to(problem.noise.deviation, left.shape)
+    open_ = [_score(problem, x)[1] for x in (problem.gap, left, noise)]
+    is_open = problem.twin and _is_open(*open_)
+    verdict = _verdict(problem, choice, found, white_shown, is_open)
+    known = verdict in (NAMED, AMBIGUOUS)
+    effects, alternatives = _named(problem, choice)
+    basic = build(problem, empty, base_values)
+    chosen = (best, values) if known else (empty, base_values)
+    built, robot, lacks = build_stable(problem, *chosen)
+    before, calibrated, after = (_score(problem, x) for x in (problem.gap, basic.left, built.left))
+    # an error holds the noise, so that the noise of an axis is no larger than any of its errors
+    floor = np.min([open_[2], before[1], calibrated[1], after[1]], axis=0)
+    return Answer(
+        verdict=verdict,
+        effects=effects if known else (),
+        alternatives=alternatives
+        if known
+        else tuple((one.effect, one.axis, one.confidence) for one in effects),
+        before=before[0],
+        calibrated=calibrated[0],
+        after=after[0],
+        floor=float(np.sqrt(np.mean(floor[_scored(problem).any(axis=0)] ** 2))),
+        per_axis=tuple(
+            {"axis": k + 1, "before": a, "calibrated": b, "after": c, "floor": d}
+            for k, (a, b, c, d) in enumerate(
+                zip(before[1], calibrated[1], after[1], floor.tolist(), strict=True)
+            )
+        ),
+        p_value=p_value,
+        where=tuple(shares),
+        left=tuple(found),
+        changes=built.changes,
+        robot=robot,
+        lacks=tuple(lacks),
+        calibration=_told(problem, chosen[0], built.changes),
+        left_torque=built.left,
+    )
+
+
+def _left(problem: Problem, fitted: Fit) -> tuple[np.ndarray, np.ndarray]:
+    """Torque that a set and the calibration leave, and values of all terms in tolerances."""
+    free = fitted.terms
+    solution, _, _ = fitted.evidence.solve(free)
+    solution = solution.copy()
+    solution[free] = 0.0  # at the fit already
+    scale = np.array([term.tolerance for term in problem.terms])
+    explained = np.tensordot((solution * scale).astype(np.float32), problem.raw, axes=1)
+    return problem.gap - fitted.change - explained, solution
+
+
+def _scored(problem: Problem) -> np.ndarray:
+    """Samples of the scoring motions that count, as a mask of shape (samples, n_axes)."""
+    return problem.inside & problem.samples(problem.scoring)[:, None]
+
+
+def _score(problem: Problem, error: np.ndarray) -> tuple[float, list[float]]:
+    """Relative error on the scoring motions: all axes, and each."""
+    inside, recording = _scored(problem), problem.recording
+    by_axis = relative_errors(error**2, recording, inside)
+    return relative_error(error**2, recording, inside), by_axis.tolist()
+
+
+def significance(problem: Problem, white: np.ndarray) -> float:
+    """Probability by noise of the largest mean square of any motion and axis.
+
+    Mean squares less 1, over their standard errors, are held against the same of blocks of 0.1 s
+    drawn again about their own mean, so that correlation and tails that are left count. Source:
+    block bootstrap (Kunsch 1989) of a studentized maximum (Romano and Wolf 2005).
+
+    Args:
+        problem: The recording.
+        white: Whitened error, shape (samples, n_axes).
+
+    Returns:
+        The share of draws that are as large, of `_DRAWS` and the one seen.
+    """
+    length = max(5, round(0.1 / problem.recording.sample_period))
+    rng = np.random.default_rng(0)
+    seen, largest = -np.inf, np.full(_DRAWS, -np.inf)
+    for part in problem.parts:
+        for axis in range(white.shape[1]):
+            rows = problem.inside[part, axis]
+            if rows.sum() < 4 * length:
+                continue
+            squares = white[part, axis][rows] ** 2
+            blocks = squares[: len(squares) // length * length].reshape(-1, length).mean(axis=1)
+            # one block that is far off must not hide itself in the error
+            error = min(float(blocks.std()), 3 * np.sqrt(2 / length)) + 1e-12
+            seen = max(seen, (blocks.mean() - 1) / error * np.sqrt(len(blocks)))
+            drawn = blocks[rng.integers(len(blocks), size=(_DRAWS, len(blocks)))]
+            spread = drawn.std(axis=1) + 1e-12
+            t = (drawn.mean(axis=1) - blocks.mean()) / spread * np.sqrt(len(blocks))
+            largest = np.maximum(largest, t)
+    if not np.isfinite(seen):
+        return 1.0
+    return float((1 + np.sum(largest >= seen)) / (_DRAWS + 1))
+
+
+def _verdict(
+    problem: Problem,
+    choice: Choice,
+    found: list[Pattern],
+    white: np.ndarray,
+    is_open: bool,
+) -> str:
+    strange = strange_patterns(problem, found)
+    if not choice.best.groups:
+        return UNKNOWN if strange else NONE
+    if is_open or _contrived(problem, choice.best):
+        return UNKNOWN
+    gap = max(float((white[problem.inside] ** 2).sum()) - problem.inside.sum(), 1.0)
+    if strange and strange[0].strength > LEFT * gap:
+        return UNKNOWN
+    return AMBIGUOUS if choice.rivals else NAMED
+
+
+def _is_open(before: list[float], after: list[float], floor: list[float]) -> bool:
+    """Whether the gap of an axis is left open on motions that nothing was fitted to."""
+    was, left, noise = (np.square(x) for x in (before, after, floor))
+    return bool(np.any((left > OPEN_NOISE**2 * noise) & (left - noise > OPEN * (was - noise))))
+
+
+def _contrived(problem: Problem, best: Fit) -> bool:
+    """Whether one axis has several kinds of friction by speed, or several periodic effects.
+
+    Together they make a curve, or a wave, that no single effect of the catalogue has.
+    """
+    kinds = []
+    for group in best.groups:
+        term = problem.terms[group[0]]
+        if term.name in FRICTION:
+            kinds.append(("friction", term.axis))
+        elif term.parameters and term.name in PERIODIC:
+            kinds.append(("periodic", term.axis))
+    return len(set(kinds)) < len(kinds)
+
+
+def strange_patterns(problem: Problem, found: list[Pattern]) -> list[Pattern]:
+    """Patterns that neither noise nor what models are usually wrong by explains, largest first."""
+    strange = [one for one in found if one.p_value < UNLIKELY and _is_large(problem, one)]
+    return sorted(strange, key=lambda one: -one.strength)
+
+
+def _is_large(problem: Problem, pattern: Pattern) -> bool:
+    """Whether a pattern is larger than what a model may be wrong by."""
+    if problem.twin:
+        return True
+    axis = pattern.axis - 1
+    rows = problem.inside[:, axis]
+    torque = float(np.sqrt(np.mean(problem.recording.torque[rows, axis] ** 2)))
+    size = np.sqrt(max(pattern.strength, 0.0) / rows.sum()) * problem.noise.deviation[axis]
+    return bool(size > BAND[pattern.along] * torque)
+
+
+def _named(
+    problem: Problem, choice: Choice
+) -> tuple[tuple[Named, ...], tuple[tuple[str, int, float], ...]]:
+    best = choice.best
+    effects, others = [], []
+    solution = _left(problem, best)[1]
+    for place, group in enumerate(best.groups):
+        known = certainty(choice.problem, best, place)
+        rivals = [(g, worse) for where, g, worse in choice.rivals if where == place]
+        odds = np.exp([-max(worse, 0.0) / 2 for _, worse in rivals])
+        total = 1 + float(odds.sum()) + float(np.exp(-known.absent / 2))
+        others += [
+            (*problem.terms[g[0]].key, float(odd) / total)
+            for (g, _), odd in zip(rivals, odds, strict=True)
+        ]
+        left = build(problem, first_of(problem, best, place + 1), solution).left
+        effects.append(
+            Named(
+                *problem.terms[group[0]].key,
+                known.severity,
+                known.error,
+                (known.low, known.high),
+                _parameters(problem, best, place),
+                1 / total,
+                _score(problem, left)[0],
+            )
+        )
+    own = {(one.effect, one.axis) for one in effects}
+    return tuple(effects), tuple(one for one in others if (one[0], one[1]) not in own)
+
+
+def _parameters(problem: Problem, best: Fit, place: int) -> dict[str, float]:
+    """Further parameters of an effect."""
+    group, values, _ = list(best.members())[place]
+    term = problem.terms[group[0]]
+    parameters = dict(term.parameters)
+    if term.name == PAYLOAD and len(group) > 1:
+        places = np.array([[x for _, x in problem.terms[t].parameters] for t in group])
+        _, centre = payload_of(values, places)
+        parameters = dict(zip("xyz", centre.tolist(), strict=True))
+    elif len(group) == 2:  # sine and cosine
+        parameters["phase"] = float(np.arctan2(values[1], values[0]))
+    return parameters
+
+
+def _told(
+    problem: Problem, fitted: Fit, changes: list[tuple[Term, float]]
+) -> dict[str, dict[str, float]]:
+    """Calibrated numbers that are off by more than half their tolerance."""
+    named = {problem.terms[t].key for t in fitted.terms}
+    told: dict[str, dict[str, float]] = {}
+    if problem.twin:
+        return told
+    for term, value in changes:
+        if not term.is_effect or term.parameters or term.key in named:
+            continue
+        if abs(value) > 0.5 * term.tolerance:
+            told.setdefault(term.name, {})[str(term.axis)] = value
+    return told

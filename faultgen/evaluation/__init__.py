@@ -1,0 +1,1 @@
+"""How detectors and isolators are judged on a dataset."""

@@ -1,0 +1,204 @@
+"""Answers of isolators, counted, in the form of thesis table 6.2."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from faultgen.effects import HEALTHY, get_effect
+from faultgen.evaluation.shares import wilson
+from faultgen.system.files import write_text
+
+# Thesis table 6.2, percent right of six axes, one simulation each; columns TE 10, TE 5 and CC
+THESIS = {
+    ("pick_and_place", 0.01): (50.0, 100.0, 16.7),
+    ("pick_and_place", 0.05): (100.0, 83.3, 33.3),
+    ("pick_and_place", 0.10): (100.0, 83.3, 33.3),
+    ("pick_and_place", 0.15): (100.0, 100.0, 33.3),
+    ("spot_weld", 0.01): (83.3, 66.7, 16.7),
+    ("spot_weld", 0.05): (83.3, 66.7, 0.0),
+    ("spot_weld", 0.10): (100.0, 66.7, 33.3),
+    ("spot_weld", 0.15): (100.0, 50.0, 33.3),
+    ("arc_weld", 0.01): (100.0, 83.3, 50.0),
+    ("arc_weld", 0.05): (100.0, 66.7, 66.7),
+    ("arc_weld", 0.10): (100.0, 66.7, 83.3),
+    ("arc_weld", 0.15): (100.0, 66.7, 100.0),
+}
+
+
+_THEIRS = ("TE 10 bins", "TE 5 bins", "CC", "CC, eq. 3.5")
+"""Methods that the thesis has; both readings of CC beside its one."""
+
+
+@dataclass
+class Tally:
+    """Answers of one method at one robot, task and level of wear."""
+
+    robot: str
+    task: str
+    effect: str
+    level: float
+    """Severity at the last cycle seen; 0 for the healthy robot over all of its cycles."""
+    method: str
+    right: int = 0
+    """Answers that named a worn axis; on a healthy robot, answers that named none."""
+    named: int = 0
+    """Answers that named any axis."""
+    total: int = 0
+    """Answers."""
+    right_by_axis: dict[int, int] = field(default_factory=dict)
+    """Right answers, by worn axis."""
+    total_by_axis: dict[int, int] = field(default_factory=dict)
+    """Answers, by worn axis."""
+    answers: dict[int, int] = field(default_factory=dict)
+    """How often each axis was named; 0 is none."""
+
+    @property
+    def accuracy(self) -> float:
+        """Share of right answers."""
+        return self.right / self.total
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson interval of the accuracy, 95 %."""
+        return wilson(self.right, self.total)
+
+    def add(self, answer: int, worn: tuple[int, ...]) -> None:
+        """Count one answer (axis from 1, 0 for none)."""
+        right = answer in worn if worn else answer == 0
+        self.total += 1
+        self.right += right
+        self.named += answer > 0
+        self.answers[answer] = self.answers.get(answer, 0) + 1
+        for axis in worn:
+            self.total_by_axis[axis] = self.total_by_axis.get(axis, 0) + 1
+            self.right_by_axis[axis] = self.right_by_axis.get(axis, 0) + (answer == axis)
+
+
+@dataclass(frozen=True)
+class Isolation:
+    """What the isolators answered on a dataset."""
+
+    sensors: str
+    """Noise that they saw."""
+    seeds: int
+    """Draws of the noise for each run."""
+    redrawn: bool
+    """Whether the noise was drawn anew, or is that of the dataset."""
+    tallies: list[Tally]
+    """One for each robot, task, level and method."""
+    unobservable: dict[str, list[int]]
+    """Axes that are never within the speed window, by robot and task."""
+    too_short: str
+    """Levels of wear that were reached too early to be asked for, in words; empty if none."""
+    left_out: dict[str, str]
+    """Why our isolators were left out, by robot and task."""
+
+
+def shown_level(effect: str, level: float) -> str:
+    """A severity in the unit of its effect; '-' for the healthy robot."""
+    return get_effect(effect).shown(level) if level else "-"
+
+
+def other_effects(effects: Iterable[str]) -> list[str]:
+    """What has to be said where a dataset holds other effects than friction wear."""
+    others = sorted(set(effects) - {HEALTHY, "friction_wear", "coulomb_friction"})
+    if not others:
+        return []
+    return [
+        f"{', '.join(others)}: our isolators look for friction wear (Coulomb and static friction); "
+        "on other effects they may name a wrong axis with certainty."
+    ]
+
+
+def table(result: Isolation) -> str:
+    """Table 6.2's form in Markdown: robot and task x wear x method, thesis figures beside."""
+    cells = {(t.robot, t.task, t.effect, t.level, t.method): t for t in result.tallies}
+    rows = sorted({key[:4] for key in cells}, key=lambda r: (r[0], r[1], r[3] == 0, r[2], r[3]))
+    beside = any(robot == "irb6700" for robot, *_ in rows)
+    methods = list(dict.fromkeys(t.method for t in result.tallies))
+    drawn = f"{result.seeds} draws of" if result.redrawn else "the stored"
+    lines = [
+        f"Axis isolated, percent [95 % Wilson interval]; {drawn} '{result.sensors}' noise"
+        + ("; thesis' figure after the slash." if beside else "."),
+        "",
+        "| robot | task | effect | severity | answers | right by axis, TE 10 bins | "
+        + " | ".join(methods)
+        + " |",
+        "|" + " --- |" * (6 + len(methods)),
+    ]
+    for robot, task, effect, level in rows:
+        first = cells[robot, task, effect, level, methods[0]]
+        here = [(m, cells.get((robot, task, effect, level, m))) for m in methods]
+        shown = [_cell(tally) if tally else "-" for _, tally in here]
+        if level > 0 and robot == "irb6700" and (task, level) in THESIS:
+            shown = [
+                f"{cell} / {_thesis(task, level, method):g}" if method in _THEIRS else cell
+                for cell, method in zip(shown, methods, strict=True)
+            ]
+        by_axis = " ".join(
+            f"{axis}:{100 * first.right_by_axis[axis] / count:.0f}"
+            for axis, count in sorted(first.total_by_axis.items())
+        )
+        wear = shown_level(effect, level)
+        lines.append(
+            f"| {robot} | {task} | {effect} | {wear} | {first.total} | {by_axis} | "
+            + " | ".join(shown)
+            + " |"
+        )
+    if result.too_short:
+        lines += ["", "Not asked, since wear gets there within 4 cycles: " + result.too_short]
+    if any(level == 0 for *_, level in rows):
+        lines += ["", f"In rows '{HEALTHY}': how often an axis was named though none is worn."]
+    for place, axes in result.unobservable.items():
+        if axes:
+            lines += [f"{place}: axes {axes} never turn within the speed window; left out."]
+    for place, reason in result.left_out.items():
+        lines += ["", f"{place}: {reason}"]
+    for said in other_effects(t.effect for t in result.tallies):
+        lines += ["", said]
+    return "\n".join(lines)
+
+
+def _thesis(task: str, level: float, method: str) -> float:
+    """Figure of thesis table 6.2 [%]; it has one for cross-correlation."""
+    return THESIS[task, level][min(_THEIRS.index(method), 2)]
+
+
+def _cell(tally: Tally) -> str:
+    if tally.level == 0:
+        most = max(tally.answers, key=lambda axis: tally.answers[axis])
+        often = f", mostly axis {most}" if most else ""
+        return f"named {100 * tally.named / tally.total:.0f} %{often}"
+    low, high = tally.interval
+    return f"{100 * tally.accuracy:.0f} [{100 * low:.0f}, {100 * high:.0f}]"
+
+
+def to_dict(result: Isolation) -> dict[str, Any]:
+    """The result for JSON."""
+    rows = []
+    for tally in result.tallies:
+        low, high = tally.interval
+        known = tally.robot == "irb6700" and (tally.task, tally.level) in THESIS
+        known &= tally.method in _THEIRS
+        figure = _thesis(tally.task, tally.level, tally.method) / 100 if known else None
+        rows.append(
+            asdict(tally) | {"accuracy": tally.accuracy, "low": low, "high": high, "thesis": figure}
+        )
+    return {
+        "sensors": result.sensors,
+        "seeds": result.seeds,
+        "redrawn": result.redrawn,
+        "results": rows,
+        "unobservable": result.unobservable,
+        "too_short": result.too_short,
+        "left_out": result.left_out,
+    }
+
+
+def save(result: Isolation, folder: Path) -> None:
+    """Write the result to ``isolation.json`` in a dataset's folder."""
+    write_text(folder / "isolation.json", json.dumps(to_dict(result), indent=1) + "\n")

@@ -1,0 +1,173 @@
+"""What the nominal model says of wear, and the isolators that use it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from faultgen.analysis.friction_features import FrictionFeatures
+from faultgen.analysis.isolation import ChangeIsolator
+from faultgen.monitoring.reductions import SPEED_WINDOW, mean_abs_torque
+from faultgen.robot import STRIBECK_VELOCITY, Robot
+from faultgen.simulation.state import Condition
+
+OWN_TORQUE = "own torque"
+ALL_TORQUES = "all torques"
+FRICTION = "friction residual"
+ISOLATORS = {
+    OWN_TORQUE: "change of an axis' mean |torque| over its own healthy spread",
+    ALL_TORQUES: "mean |torque| of all axes and the temperature, with their healthy covariance",
+    FRICTION: "friction terms in the torque of all axes, and the temperature, with their "
+    "healthy covariance",
+}
+"""Name and idea of our isolators."""
+
+_STEP = 4.0  # as far as temperatures of the preset 'realistic' commonly wander [K]
+_SEVERITY = 0.1
+_HEAVIER = 1.03
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """Reductions of consecutive cycles of one robot."""
+
+    mean_torque: np.ndarray
+    """Mean |torque| at 50 to 120 rad/s, shape (cycles, n_axes), in [N m]; nan where an axis is
+    never in that window."""
+    friction: np.ndarray
+    """Coefficients of friction terms, shape (cycles, features)."""
+    temperature: np.ndarray
+    """Measured gearbox temperature, shape (cycles,), in [deg C]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Directions:
+    """Change of a reduction with the severity of each axis."""
+
+    value: np.ndarray
+    """At reference temperature, shape (n_axes, features)."""
+    spread: np.ndarray
+    """How it differs at other temperatures and severities, shape (n_axes, vectors, features)."""
+
+    def isolator(self, *, temperature_varies: bool, **options: Any) -> ChangeIsolator:
+        """An isolator by these directions, not fitted.
+
+        Args:
+            temperature_varies: Whether the temperature is given as one more feature, the last.
+            options: For `ChangeIsolator`.
+        """
+        extra = int(temperature_varies)
+        return ChangeIsolator(
+            directions=_widened(self.value, extra),
+            spread=_widened(self.spread, extra),
+            condition=self.value.shape[1] if temperature_varies else None,
+            **options,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class WearModel:
+    """Friction terms of a robot's task, and how reductions change with wear."""
+
+    features: FrictionFeatures
+    """Friction terms of the nominal cycle."""
+    mean_torque: Directions
+    """Of `Observed.mean_torque`."""
+    friction: Directions
+    """Of `Observed.friction`."""
+
+    def isolators(self, *, temperature_varies: bool) -> dict[str, ChangeIsolator]:
+        """Our isolators, not fitted.
+
+        Args:
+            temperature_varies: Whether the temperature is measured, and says something.
+        """
+        n_axes = len(self.mean_torque.value)
+        own = np.zeros((n_axes, n_axes))
+        np.fill_diagonal(own, np.diagonal(self.mean_torque.value))
+        return {
+            OWN_TORQUE: ChangeIsolator(directions=own, covariance="diagonal"),
+            ALL_TORQUES: self.mean_torque.isolator(temperature_varies=temperature_varies),
+            FRICTION: self.friction.isolator(temperature_varies=temperature_varies),
+        }
+
+
+def _widened(vectors: np.ndarray, extra: int) -> np.ndarray:
+    """Zeros for features that wear does not move."""
+    return np.concatenate([vectors, np.zeros((*vectors.shape[:-1], extra))], axis=-1)
+
+
+def isolator_input(name: str, seen: Observed, *, temperature_varies: bool) -> np.ndarray:
+    """What an isolator is given of the reductions, shape (cycles, features)."""
+    torque = np.nan_to_num(seen.mean_torque)
+    if name == OWN_TORQUE:
+        return torque
+    values = torque if name == ALL_TORQUES else seen.friction
+    return np.hstack([values, seen.temperature[:, None]]) if temperature_varies else values
+
+
+def _steps(reference: float) -> list[tuple[float, float]]:
+    """(temperature, severity) of wear: nominal, colder, warmer, further."""
+    return [
+        (reference, _SEVERITY),
+        (reference - _STEP, _SEVERITY),
+        (reference + _STEP, _SEVERITY),
+        (reference, 2 * _SEVERITY),
+    ]
+
+
+def wear_points(robot: Robot, effect: str) -> list[Condition]:
+    """Conditions whose cycles `wear_model` and `wear_slopes` need, in their order.
+
+    The first one has a heavier payload; then come, for each step, the healthy robot and each axis
+    worn.
+    """
+    reference = robot.friction_temperature
+    conditions = [Condition(reference, _HEAVIER)]
+    for temperature, severity in _steps(reference):
+        conditions.append(Condition(temperature))
+        conditions += [
+            Condition(temperature, 1.0, effect, ((axis, severity),))
+            for axis in range(1, robot.n_axes + 1)
+        ]
+    return conditions
+
+
+def wear_model(robot: Robot, cycles: np.ndarray, window: ArrayLike = SPEED_WINDOW) -> WearModel:
+    """Take friction terms and directions from nominal cycles.
+
+    Args:
+        robot: The healthy robot.
+        cycles: Noise-free cycles at `wear_points`, shape (points, 3, samples, n_axes): motor
+            position [rad], velocity [rad/s] and torque [N m].
+        window: Speed window of the mean torque, shape (2,) or (n_axes, 2), in [rad/s].
+
+    Returns:
+        What the model says of wear.
+    """
+    heavy, nominal, *_ = cycles
+    friction = robot.ids("actuator", "friction")
+    features = FrictionFeatures(
+        stribeck_velocity=robot.model.actuator_biasprm[friction, STRIBECK_VELOCITY]
+    ).fit(nominal[1], load=(heavy[2] - nominal[2]) / (_HEAVIER - 1))
+    torque = np.nan_to_num([mean_abs_torque(cycle[1], cycle[2], window) for cycle in cycles[1:]])
+    coefficients = features.transform(cycles[1:, 2])
+    return WearModel(features, wear_slopes(torque), wear_slopes(coefficients))
+
+
+def wear_slopes(reduced: np.ndarray) -> Directions:
+    """Directions of a reduction.
+
+    Args:
+        reduced: Of the cycles at `wear_points` but the first, shape (cycles, features).
+    """
+    steps = _steps(0.0)
+    here, cold, warm, further = (
+        (group[1:] - group[0]) / severity
+        for group, (_, severity) in zip(np.split(reduced, len(steps)), steps, strict=True)
+    )
+    spread = np.stack([(warm - cold) / 2, warm + cold - 2 * here, further - here], axis=1)
+    return Directions(here, spread)

@@ -1,0 +1,1 @@
+"""What a robot's MJCF file must hold, and how it is compiled safely."""

@@ -1,0 +1,133 @@
+"""What a model lacks to be a robot: elements, and numbers that make sense.
+
+All findings are reported at once, so that a file can be completed in one go.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from faultgen.mjcf.dcmotor import (
+    BRISTLE_STIFFNESS,
+    COULOMB,
+    STICTION,
+    STRIBECK_VELOCITY,
+)
+
+if TYPE_CHECKING:
+    from faultgen.robot import Robot
+
+SHORTEST_STEP = 1e-5
+"""Shortest time step of a model [s]: a cycle of 10 s then has a million steps."""
+
+LONGEST_STEP = 0.1
+"""Longest time step of a model [s]."""
+
+_MOST_SHOWN = 12  # names in a message
+_PASSIVE, _SERVO = 0, 3  # controls of friction{i} and drive{i}
+_FINITE = ("body_mass", "body_inertia", "body_pos", "body_ipos", "dof_armature", "dof_damping")
+_BOUNDED = ("joint", "encoder_counts", "torque_gain", "gearbox", "friction")  # not inf either
+
+
+def count_axes(model: mujoco.MjModel) -> int:
+    """The largest number in a joint's name ``joint1``, ``joint2``, ..., at most all joints."""
+    names = (model.joint(k).name for k in range(model.njnt))
+    numbers = [int(n[5:]) for n in names if re.fullmatch(r"joint[1-9]\d{0,5}", n)]
+    return min(max(numbers, default=0), model.njnt)
+
+
+def missing_elements(model: mujoco.MjModel, n_axes: int) -> list[str]:
+    """Kinds of elements that a robot needs and the model lacks, each with all names."""
+    found = []
+    kinds: dict[str, tuple[mujoco.mjtObj, tuple[str, ...]]] = {
+        "joint": (mujoco.mjtObj.mjOBJ_JOINT, ("joint", "motor")),
+        "tendon": (mujoco.mjtObj.mjOBJ_TENDON, ("gearbox",)),
+        "actuator": (mujoco.mjtObj.mjOBJ_ACTUATOR, ("drive", "friction")),
+    }
+    for kind, (code, names) in kinds.items():
+        wanted = [f"{name}{i + 1}" for i in range(n_axes) for name in names]
+        lacking = [name for name in wanted if mujoco.mj_name2id(model, code, name) < 0]
+        if lacking:
+            shown = ", ".join(f"'{name}'" for name in lacking[:_MOST_SHOWN])
+            more = f" and {len(lacking) - _MOST_SHOWN} more" if len(lacking) > _MOST_SHOWN else ""
+            found.append(f"no {kind} named {shown}{more}")
+    return found
+
+
+def wrong_elements(robot: Robot) -> list[str]:
+    """Elements that are there but are not what their names say."""
+    model = robot.model
+    found = []
+    joints = {name: robot.ids("joint", name) for name in ("joint", "motor")}
+    kinds = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    for name, ids in joints.items():
+        for axis, joint in enumerate(ids, start=1):
+            if model.jnt_type[joint] not in kinds:
+                found.append(f"joint '{name}{axis}' must be a hinge or slide")
+    for name, controls in (("drive", _SERVO), ("friction", _PASSIVE)):
+        for axis, actuator in enumerate(robot.ids("actuator", name), start=1):
+            on_motor = (
+                model.actuator_trntype[actuator] == int(mujoco.mjtTrn.mjTRN_JOINT)
+                and model.actuator_trnid[actuator, 0] == joints["motor"][axis - 1]
+            )
+            if not on_motor or model.actuator_ctrlnum[actuator] != controls:
+                given = 'input="pos vel ff"' if controls else 'input="none"'
+                found.append(f"actuator '{name}{axis}' must be a dcmotor on motor{axis}, {given}")
+    return found
+
+
+def wrong_numbers(robot: Robot) -> list[str]:
+    """Numbers that no robot can have, each with where it is and what would be right."""
+    model = robot.model
+    found = []
+    step = model.opt.timestep
+    if not SHORTEST_STEP <= step <= LONGEST_STEP:
+        found.append(f"timestep must be from {SHORTEST_STEP:g} to {LONGEST_STEP:g} s, not {step:g}")
+    for name in _FINITE:
+        if not np.isfinite(getattr(model, name)).all():
+            found.append(f"{name} must be finite")
+    for values in re.findall(r'\bsaturation\s*=\s*["\']([^"\']*)', robot.xml):
+        if any(value.startswith("-") for value in values.split()):
+            found.append(f"saturation must not be negative, as in '{values}'")
+    low, high = robot.joint_range.T
+    # a joint may have no limits; limits that are given as 0 0 look the same once compiled
+    width = np.where(np.isinf(high - low), 1.0, high - low)
+    for axis in range(robot.n_axes):
+        given = re.search(rf'<joint\b[^>]*\bname=["\']joint{axis + 1}["\'][^>]*>', robot.xml)
+        limits = re.search(r'\brange=["\']([^"\']*)', given[0]) if given else None
+        if limits:
+            first, last = (float(value) for value in limits[1].split())
+            width[axis] = min(width[axis], last - first)
+    tendon, friction = robot.ids("tendon", "gearbox"), robot.ids("actuator", "friction")
+    bias, bristles = model.actuator_biasprm[friction], model.actuator_dynprm[friction]
+    # where there is no dry friction, the parameters of its law do not count
+    without = (bias[:, COULOMB] == 0) & (bias[:, STICTION] == 0)
+    rules: list[tuple[str, np.ndarray, bool]] = [  # where, values, whether 0 is right
+        ("joint{}: width of its range", width, False),
+        ("motor_velocity_limit of axis {}", robot.motor_velocity_limit, False),
+        ("joint_acceleration_limit of axis {}", robot.joint_acceleration_limit, False),
+        ("encoder_counts of axis {}", robot.encoder_counts, True),
+        ("torque_gain of axis {}", robot.torque_gain, False),
+        ("gearbox{}: stiffness", model.tendon_stiffness[tendon], False),
+        ("gearbox{}: damping", model.tendon_damping[tendon], True),
+        ("friction{}: Coulomb friction", bias[:, COULOMB], True),
+        ("friction{}: static friction", bias[:, STICTION], True),
+        ("friction{}: Stribeck velocity", bias[:, STRIBECK_VELOCITY] + without, False),
+        ("friction{}: bristle stiffness", bristles[:, BRISTLE_STIFFNESS] + without, False),
+    ]
+    for where, values, zero in rules:
+        right = values >= 0 if zero else values > 0
+        if where.startswith(_BOUNDED):
+            right &= np.isfinite(values)
+        if right.all():
+            continue
+        axis = int(np.flatnonzero(~right)[0])
+        needed = "must not be negative" if zero else "must be positive"
+        found.append(f"{where.format(axis + 1)} {needed}, not {values[axis]:g}")
+    if not (np.isfinite(robot.set_points).all() and np.isfinite(robot.friction_temperature)):
+        found.append("servo_set_points and friction_temperature must be finite")
+    return found

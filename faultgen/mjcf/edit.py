@@ -1,0 +1,126 @@
+"""MJCF as it is edited and written: plain inertias, and text that keeps every digit.
+
+MJCF gives the inertia of a body in several ways: diagonal, full, with the orientation of its frame
+as angles, or from the shapes of the body. An edit needs one of them. MuJoCo writes numbers with six
+digits, which makes another model, and one that it may not read again.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from faultgen.system.files import write_text
+
+_DIGITS = 17
+"""Decimal digits from which every double is read back exactly."""
+
+
+def resolve_inertias(spec: mujoco.MjSpec) -> None:
+    """Give every body that moves a mass, a centre of mass and a diagonal inertia, in place.
+
+    Bodies that have them already stay as they are. The values of the others are those that MuJoCo
+    computes when it compiles the model.
+
+    Args:
+        spec: The model.
+
+    Raises:
+        ValueError: MuJoCo cannot compile the model.
+    """
+    compiler = spec.compiler
+    from_geoms = compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+    rescaled = from_geoms or compiler.settotalmass > 0
+    bodies = list(spec.bodies)
+    asked = [k for k, body in enumerate(bodies) if k and (rescaled or not _is_plain(body))]
+    if not asked:
+        return
+    copy = spec.copy()
+    model = copy.compile()
+    compiled = [body.id for body in copy.bodies]
+    for k in asked:
+        body, at = bodies[k], compiled[k]
+        if at < 0 or model.body_mass[at] <= 0:
+            continue
+        body.explicitinertial = True
+        body.mass = float(model.body_mass[at])
+        body.ipos, body.inertia = model.body_ipos[at], model.body_inertia[at]
+        body.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+        body.iquat = model.body_iquat[at]
+        body.fullinertia = np.append(np.nan, np.zeros(5))
+    if rescaled:
+        compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+        compiler.settotalmass = -1.0
+
+
+def _is_plain(body: mujoco.MjsBody) -> bool:
+    """Whether a body does not move, or has a diagonal inertia in a frame given by a quaternion."""
+    if not len(body.joints) and body.name != "payload":
+        return True
+    quaternion = body.ialt.type == mujoco.mjtOrientation.mjORIENTATION_QUAT
+    return bool(body.explicitinertial and quaternion and np.isnan(body.fullinertia[0]))
+
+
+def mjcf_text(spec: mujoco.MjSpec) -> str:
+    """The text of a compiled model, with all digits.
+
+    Args:
+        spec: The model, compiled.
+    """
+    with _all_digits():
+        return spec.to_xml()
+
+
+def write_model(path: Path, xml: str, assets: Mapping[str, bytes]) -> None:
+    """Write a model, and beside it the files that it names.
+
+    Files that the model names outside its folder are not written.
+
+    Args:
+        path: Where to.
+        xml: Text of the model.
+        assets: Content of its files by name, relative to the model.
+    """
+    for name, content in assets.items():
+        file = Path(os.path.normpath(name))
+        if file.is_absolute() or ".." in file.parts:
+            continue
+        target = path.parent / file
+        if not target.exists():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(content)
+    write_text(path, xml)
+
+
+@contextmanager
+def _all_digits() -> Iterator[None]:
+    """Let MuJoCo write all digits; where a version of it cannot, it writes its usual six."""
+    library = _library()
+    try:
+        read, write = (
+            getattr(library, f"_mjPRIVATE__{verb}_xml_precision") for verb in ("get", "set")
+        )
+    except AttributeError:
+        yield
+        return
+    usual = read()
+    write(_DIGITS)
+    try:
+        yield
+    finally:
+        write(usual)
+
+
+def _library() -> ctypes.CDLL | None:
+    """MuJoCo's own library, which is loaded already."""
+    folder = Path(mujoco.__file__).parent
+    for pattern in ("libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll"):
+        for file in sorted(folder.glob(pattern)):
+            return ctypes.CDLL(str(file))
+    return None

@@ -1,0 +1,1 @@
+"""What a monitoring system sees of a cycle, and what it keeps."""

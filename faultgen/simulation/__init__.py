@@ -1,0 +1,1 @@
+"""From a task to simulated cycles; the only place that steps MuJoCo."""

@@ -1,0 +1,172 @@
+"""The rigid arm of a robot, without its drivetrain: kinematics and inverse dynamics."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from faultgen.errors import InputError
+from faultgen.robot import COULOMB, OFFSET, STRIBECK_VELOCITY, Robot
+
+
+@lru_cache(maxsize=8)
+def _rigid(
+    xml: str, assets: tuple[tuple[str, bytes], ...], n_axes: int, payload: bool
+) -> mujoco.MjModel:
+    """The arm without rotors, gearboxes and actuators; compiled once, and not to be edited."""
+    spec = mujoco.MjSpec.from_string(xml, assets=dict(assets))
+    for actuator in list(spec.actuators):
+        spec.delete(actuator)
+    rotors = [spec.joint(f"motor{i + 1}").parent for i in range(n_axes)]
+    for i in range(n_axes):
+        spec.delete(spec.tendon(f"gearbox{i + 1}"))
+    for rotor in rotors:
+        spec.delete(rotor)
+    if not payload:
+        spec.delete(spec.body("payload"))
+    model = spec.compile()
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    return model
+
+
+class Arm:
+    """Forward and inverse kinematics, and inverse dynamics, of a robot's rigid arm.
+
+    Positions, velocities and torques are joint side, shape (samples, n_axes), in [rad], [rad/s],
+    [N m]; tool poses are of the site ``tool`` in the base frame.
+    """
+
+    def __init__(self, robot: Robot, *, payload: bool = True) -> None:
+        """Build the arm.
+
+        Args:
+            robot: The robot.
+            payload: Keep the body ``payload``; False takes it off the flange.
+        """
+        self.robot = robot
+        self.model = _rigid(robot.xml, tuple(sorted(robot.assets.items())), robot.n_axes, payload)
+        self._data = mujoco.MjData(self.model)
+        self._tool = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, "tool")
+
+    def inverse_dynamics(
+        self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
+    ) -> np.ndarray:
+        """Joint torque of a motion, by recursive Newton-Euler (``mj_inverse``).
+
+        Args:
+            position: Shape (samples, n_axes), in [rad].
+            velocity: Shape (samples, n_axes), in [rad/s].
+            acceleration: Shape (samples, n_axes), in [rad/s^2].
+
+        Returns:
+            Torque, shape (samples, n_axes), in [N m]; rotor inertia and friction not included.
+        """
+        model, data = self.model, self._data
+        torque = np.empty_like(position)
+        for k in range(len(position)):
+            data.qpos[:] = position[k]
+            data.qvel[:] = velocity[k]
+            data.qacc[:] = acceleration[k]
+            mujoco.mj_inverse(model, data)
+            torque[k] = data.qfrc_inverse
+        return torque
+
+    def inertia(self, position: np.ndarray) -> np.ndarray:
+        """Inertia matrix at one pose, shape (n_axes, n_axes), in [kg m^2]."""
+        self._data.qpos[:] = position
+        mujoco.mj_forward(self.model, self._data)
+        matrix = np.zeros((self.model.nv, self.model.nv))
+        mujoco.mj_fullM(self.model, self._data, matrix)
+        return matrix
+
+    def tool_pose(self, position: np.ndarray) -> tuple[np.ndarray, Rotation]:
+        """Tool position [m] and orientation at one pose of the joints, shape (n_axes,)."""
+        self._data.qpos[:] = position
+        mujoco.mj_kinematics(self.model, self._data)
+        point = self._data.site_xpos[self._tool].copy()
+        return point, Rotation.from_matrix(self._data.site_xmat[self._tool].reshape(3, 3))
+
+    def inverse_kinematics(
+        self, point: np.ndarray, orientation: Rotation, near: np.ndarray
+    ) -> np.ndarray:
+        """Joint angles that bring the tool to a pose, starting from a configuration nearby.
+
+        Args:
+            point: Tool position, shape (3,), in [m].
+            orientation: Tool orientation.
+            near: Configuration to start from, shape (n_axes,), in [rad].
+
+        Returns:
+            Joint angles within the joint ranges, shape (n_axes,), in [rad].
+
+        Raises:
+            InputError: The pose cannot be reached to 1e-6 m and 1e-6 rad from there.
+        """
+        low, high = self.robot.joint_range.T
+
+        def residual(q: np.ndarray) -> np.ndarray:
+            at, turned = self.tool_pose(q)
+            return np.concatenate([at - point, (orientation * turned.inv()).as_rotvec()])
+
+        def jacobian(q: np.ndarray) -> np.ndarray:
+            self.tool_pose(q)
+            mujoco.mj_comPos(self.model, self._data)
+            linear = np.zeros((3, self.model.nv))
+            angular = np.zeros((3, self.model.nv))
+            mujoco.mj_jacSite(self.model, self._data, linear, angular, self._tool)
+            return np.vstack([linear, -angular])
+
+        start = np.clip(near, low + 1e-9, high - 1e-9)
+        tight = 1e-15
+        solution = least_squares(
+            residual, start, jac=jacobian, bounds=(low, high), xtol=tight, ftol=tight, gtol=tight
+        )
+        if np.abs(solution.fun).max() > 1e-6:
+            where = ", ".join(f"{v:.3f}" for v in point)
+            raise InputError(
+                f"robot {self.robot.name}: tool pose ({where}) m cannot be reached "
+                f"(nearest is {np.abs(solution.fun[:3]).max() * 1000:.1f} mm away)"
+            )
+        return solution.x
+
+
+def nominal_friction(robot: Robot, speed: np.ndarray) -> np.ndarray:
+    """Friction torque that the controller reckons with: Coulomb, asymmetry and viscous.
+
+    Args:
+        robot: The healthy robot.
+        speed: Motor speed, shape (samples, n_axes), in [rad/s].
+
+    Returns:
+        Torque that overcomes friction, shape (samples, n_axes), in [N m]. The step at zero speed is
+        smoothed over the Stribeck velocity: tanh(speed / stribeck_velocity).
+    """
+    friction = robot.ids("actuator", "friction")
+    bias = robot.model.actuator_biasprm[friction]
+    width = bias[:, STRIBECK_VELOCITY]  # 0 only where there is no dry friction
+    share = np.tanh(speed / np.where(width > 0, width, 1.0))
+    sliding = bias[:, COULOMB] * share - bias[:, OFFSET] * np.abs(share)
+    return sliding + robot.model.actuator_damping[friction] * speed
+
+
+def motor_torque(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """Motor torque that a motion needs: rigid arm, rotor inertia and nominal friction.
+
+    Args:
+        arm: The rigid arm.
+        q: Joint angle, shape (samples, n_axes), in [rad].
+        qd: Joint velocity, same shape, in [rad/s].
+        qdd: Joint acceleration, same shape, in [rad/s^2].
+
+    Returns:
+        Torque at the motors, shape (samples, n_axes), in [N m].
+    """
+    robot = arm.robot
+    inertia = robot.model.dof_M0[list(robot.motors)]
+    load = arm.inverse_dynamics(q, qd, qdd) / robot.gear_ratio
+    rotor = inertia * robot.gear_ratio * qdd
+    return load + rotor + nominal_friction(robot, qd * robot.gear_ratio)

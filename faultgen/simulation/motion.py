@@ -1,0 +1,331 @@
+"""Motions: what the joints do in one cycle of a task.
+
+`plan` turns a task into a motion: inverse kinematics, a path a move, and jerk-limited timing
+(Ruckig) that keeps motor speed, joint acceleration and motor torque within the limits.
+
+    motion = plan(load_task("irb6700", "spot_weld"), load_robot("irb6700"))
+    q, qd, qdd = motion(times)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from ruckig import InputParameter, Result, Ruckig, Trajectory
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from faultgen.errors import InputError
+from faultgen.monitoring.reductions import SPEED_WINDOW
+from faultgen.robot import Robot
+from faultgen.simulation.arm import Arm, motor_torque
+from faultgen.tasks import Move, Pose, Task
+
+_TICK = 0.02  # a cycle lasts a whole number of these [s], so that samples fall alike in each
+_TORQUE_SHARE = 0.85  # of the motor torque limit that plans use; the rest is for the servo
+_JERK_TIME = 0.1  # time from zero to full acceleration [s]; assumed
+_GRID = 0.004  # at which a planned motion is checked against the limits [s]
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """A stretch of a motion: path q(s), timing s(t), from `start` on for `duration` seconds."""
+
+    start: float
+    duration: float
+    path: Callable[[np.ndarray, int], np.ndarray]
+    timing: Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One cycle of a task: joint angles as a function of time, periodic."""
+
+    robot: Robot
+    task: Task
+    period: float
+    """Duration of a cycle [s]."""
+    pieces: tuple[_Piece, ...]
+
+    def __call__(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Joint angle [rad], velocity [rad/s] and acceleration [rad/s^2] at given times.
+
+        Args:
+            times: Shape (samples,), in [s]; taken modulo the period.
+
+        Returns:
+            Three arrays of shape (samples, n_axes).
+        """
+        times = np.mod(np.asarray(times, float), self.period)
+        starts = np.array([piece.start for piece in self.pieces])
+        which = np.searchsorted(starts, times, side="right") - 1
+        out = np.empty((3, len(times), self.robot.n_axes))
+        for index, piece in enumerate(self.pieces):
+            chosen = which == index
+            if not chosen.any():
+                continue
+            s, sd, sdd = piece.timing(times[chosen] - piece.start)
+            slope, curvature = piece.path(s, 1), piece.path(s, 2)
+            out[0, chosen] = piece.path(s, 0)
+            out[1, chosen] = slope * sd[:, None]
+            out[2, chosen] = curvature * sd[:, None] ** 2 + slope * sdd[:, None]
+        return out[0], out[1], out[2]
+
+    @cached_property
+    def window_share(self) -> np.ndarray:
+        """Share of the cycle that each motor spends in `SPEED_WINDOW`, shape (n_axes,)."""
+        times = np.arange(0, self.period, _GRID)
+        speed = np.abs(self(times)[1] * self.robot.gear_ratio)
+        low, high = SPEED_WINDOW
+        return ((speed >= low) & (speed <= high)).mean(axis=0)
+
+
+def plan(task: Task, robot: Robot) -> Motion:
+    """Plan the motion of a task.
+
+    Args:
+        task: The task.
+        robot: The robot that does it.
+
+    Returns:
+        The motion, within 85 % of the motor torque limits and all of the others.
+
+    Raises:
+        InputError: A pose cannot be reached, or no slower timing brings the torque within limits.
+    """
+    arm = Arm(robot)
+    pieces: list[_Piece] = []
+    clock = 0.0
+    start = here = _configuration(task.start, arm, task, np.zeros(robot.n_axes), "start")
+    for number, move in enumerate(task.move, start=1):
+        there = _configuration(move, arm, task, here, f"move {number}")
+        if number == len(task.move):
+            if np.abs(there - start).max() > np.radians(0.2):
+                raise InputError(f"task {task.name}: the last move must end at the start pose")
+            there = start
+        if np.abs(there - here).max() > 1e-9 or move.via:
+            path, length = _path(move, arm, here, there, task, number)
+            timing, duration = _time(move, path, length, arm, task, number)
+            pieces.append(_Piece(clock, duration, path, timing))
+            clock += duration
+        here = there
+        rest = move.dwell
+        if number == len(task.move):
+            rest = np.ceil((clock + move.dwell) / _TICK - 1e-9) * _TICK - clock
+        if rest > 0:
+            pieces.append(_Piece(clock, rest, _hold(here), _still))
+            clock += rest
+    return Motion(robot, task, float(round(clock / _TICK) * _TICK), tuple(pieces))
+
+
+def _configuration(pose: Pose, arm: Arm, task: Task, before: np.ndarray, where: str) -> np.ndarray:
+    """Joint angles of a pose."""
+    robot = arm.robot
+    for name in ("joints", "near"):
+        value = getattr(pose, name)
+        if value is not None and len(value) != robot.n_axes:
+            raise InputError(f"task {task.name}, {where}: '{name}' needs {robot.n_axes} angles")
+    if pose.joints is not None:
+        angles = np.radians(pose.joints)
+    else:
+        if pose.position is None or pose.rpy is None:
+            raise InputError(
+                f"task {task.name}, {where}: give 'position' and 'rpy', or else 'joints'"
+            )
+        near = before if pose.near is None else np.radians(pose.near)
+        turned = Rotation.from_euler("xyz", pose.rpy, degrees=True)
+        try:
+            angles = arm.inverse_kinematics(np.array(pose.position), turned, near)
+        except InputError as error:
+            raise InputError(f"task {task.name}, {where}: {error}") from None
+    low, high = robot.joint_range.T
+    outside = np.flatnonzero((angles < low - 1e-9) | (angles > high + 1e-9))
+    if len(outside):
+        axis = outside[0]
+        raise InputError(
+            f"task {task.name}, {where}: axis {axis + 1} at {np.degrees(angles[axis]):.1f} deg is "
+            f"outside {np.degrees(low[axis]):.1f} to {np.degrees(high[axis]):.1f}"
+        )
+    return angles
+
+
+def _path(
+    move: Move, arm: Arm, here: np.ndarray, there: np.ndarray, task: Task, number: int
+) -> tuple[Callable[[np.ndarray, int], np.ndarray], float]:
+    """Path q(s), s from 0 to 1, with derivatives; and the length of the tool's way [m]."""
+    if move.path == "joint":
+        change = there - here
+
+        def straight(s: np.ndarray, order: int) -> np.ndarray:
+            if order == 0:
+                return here + s[:, None] * change
+            return np.broadcast_to(change if order == 1 else 0 * change, (len(s), len(change)))
+
+        return straight, 0.0
+    if move.path == "line" and move.via:
+        raise InputError(f"task {task.name}, move {number}: a line has no 'via'; use a spline")
+    first, turned_first = arm.tool_pose(here)
+    last, turned_last = arm.tool_pose(there)
+    points, turns = [first], [turned_first]
+    for pose in move.via:
+        if pose.position is None or pose.rpy is None:
+            raise InputError(f"task {task.name}, move {number}: 'via' needs 'position' and 'rpy'")
+        points.append(np.array(pose.position))
+        turns.append(Rotation.from_euler("xyz", pose.rpy, degrees=True))
+    points.append(last)
+    turns.append(turned_last)
+    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    knots = np.concatenate([[0], np.cumsum(chords)])
+    closed = len(points) > 2 and np.allclose(first, last, atol=1e-9)
+    points[-1] = points[0] if closed else points[-1]
+    curve = CubicSpline(knots, np.array(points), bc_type="periodic" if closed else "natural")
+    turn = RotationSpline(knots, Rotation.concatenate(turns))
+    fine = np.linspace(0, knots[-1], 4001)
+    way = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(curve(fine), axis=0), axis=1))])
+    count = max(12, int(way[-1] / 0.01))
+    s = np.linspace(0, 1, count + 1)
+    angles = [here]
+    for value in s[1:]:
+        knot = np.interp(value * way[-1], way, fine)
+        try:
+            angles.append(arm.inverse_kinematics(curve(knot), turn(knot), angles[-1]))
+        except InputError as error:
+            raise InputError(f"task {task.name}, move {number}: {error}") from None
+    if np.abs(angles[-1] - there).max() > 1e-3:
+        raise InputError(
+            f"task {task.name}, move {number}: the path ends in another configuration than the "
+            "pose asked for; change 'near' or use path = \"joint\""
+        )
+    angles[-1] = there
+    spline = CubicSpline(s, np.array(angles))
+    return (lambda at, order: spline(at, order)), float(way[-1])
+
+
+def _time(
+    move: Move,
+    path: Callable[[np.ndarray, int], np.ndarray],
+    length: float,
+    arm: Arm,
+    task: Task,
+    number: int,
+) -> tuple[Callable[[np.ndarray], np.ndarray], float]:
+    """Jerk-limited timing s(t) of a path within all limits, and its duration [s]."""
+    robot = arm.robot
+    joint_speed = robot.motor_velocity_limit / np.abs(robot.gear_ratio)
+    s = np.linspace(0, 1, 201)
+    slope = np.abs(path(s, 1)).max(axis=0) + 1e-12
+    speed = move.speed * np.min(joint_speed / slope)
+    if move.tool_speed is not None and length > 0:
+        speed = min(speed, move.tool_speed / length)
+    acceleration = move.speed * np.min(robot.joint_acceleration_limit / slope)
+    scale, least = 1.0, move.duration
+    for _ in range(60):
+        timing, duration = _profile(speed, scale * acceleration, least)
+        times = np.linspace(0, duration, max(50, int(duration / _GRID)))
+        at, rate, change = timing(times)
+        slopes = path(at, 1)
+        qd = slopes * rate[:, None]
+        qdd = path(at, 2) * rate[:, None] ** 2 + slopes * change[:, None]
+        torque = motor_torque(arm, path(at, 0), qd, qdd)
+        excess = np.max(np.abs(torque) / (_TORQUE_SHARE * robot.motor_torque_limit))
+        excess_speed = np.max(np.abs(qd) / joint_speed)
+        excess_acceleration = np.max(np.abs(qdd) / robot.joint_acceleration_limit)
+        if excess <= 1 and excess_speed <= 1 + 1e-6 and excess_acceleration <= 1 + 1e-6:
+            return timing, duration
+        # acceleration that the path's curvature takes at this speed, however gentle the ramps
+        bend = np.max(np.abs(path(at, 2)) * rate[:, None] ** 2 / robot.joint_acceleration_limit)
+        if excess_speed > 1:
+            speed *= min(0.98, 1 / excess_speed)
+        if bend > 1:
+            speed *= min(0.98, bend**-0.5)
+            continue
+        scale *= 0.93
+        if excess > 1 and scale < 0.3:
+            speed *= 0.93
+    axis = int(np.argmax(np.max(np.abs(torque) / robot.motor_torque_limit, axis=0))) + 1
+    raise InputError(
+        f"task {task.name}, move {number}: axis {axis} needs more than "
+        f"{100 * _TORQUE_SHARE:.0f} % of its motor torque, however slow"
+    )
+
+
+def _profile(
+    speed: float, acceleration: float, least: float | None
+) -> tuple[Callable[[np.ndarray], np.ndarray], float]:
+    """Rest-to-rest s(t) from 0 to 1 by Ruckig; `least` [s] stretches it."""
+    parameters = InputParameter(1)
+    parameters.target_position = [1.0]
+    parameters.max_velocity = [speed]
+    parameters.max_acceleration = [acceleration]
+    parameters.max_jerk = [acceleration / _JERK_TIME]
+    if least is not None:
+        parameters.minimum_duration = least
+    trajectory = Trajectory(1)
+    if Ruckig(1).calculate(parameters, trajectory) not in (Result.Working, Result.Finished):
+        raise InputError("no timing found for a move: its limits are too far apart")
+
+    def timing(times: np.ndarray) -> np.ndarray:
+        values = np.array([trajectory.at_time(float(t)) for t in times])
+        return values.reshape(len(times), 3).T
+
+    return timing, float(trajectory.duration)
+
+
+def _hold(angles: np.ndarray) -> Callable[[np.ndarray, int], np.ndarray]:
+    def path(s: np.ndarray, order: int) -> np.ndarray:
+        return np.broadcast_to(angles if order == 0 else 0 * angles, (len(s), len(angles)))
+
+    return path
+
+
+def _still(times: np.ndarray) -> np.ndarray:
+    return np.zeros((3, len(times)))
+
+
+def shifted(motion: Motion, robot: Robot, shift: np.ndarray, speed: float) -> Motion:
+    """The same motion about other joint angles, at a speed override.
+
+    Args:
+        motion: The motion.
+        robot: Its robot, perhaps with another payload.
+        shift: Added to all joint angles, shape (n_axes,), in [rad].
+        speed: Override, above 0 and up to 1: all velocities are multiplied by it.
+
+    Raises:
+        InputError: A joint angle or a motor torque would be out of its range.
+    """
+
+    def moved(piece: _Piece) -> _Piece:
+        path, timing = piece.path, piece.timing
+
+        def elsewhere(s: np.ndarray, order: int) -> np.ndarray:
+            return path(s, order) + shift if order == 0 else path(s, order)
+
+        def slower(times: np.ndarray) -> np.ndarray:
+            s, rate, change = timing(times * speed)
+            return np.array([s, rate * speed, change * speed**2])
+
+        return _Piece(piece.start / speed, piece.duration / speed, elsewhere, slower)
+
+    pieces = [moved(piece) for piece in motion.pieces]
+    end = pieces[-1].start + pieces[-1].duration
+    period = float(np.ceil(end / _TICK - 1e-9) * _TICK)
+    if period > end + 1e-9:
+        rest = pieces[-1].path(pieces[-1].timing(np.array([pieces[-1].duration]))[0], 0)[0]
+        pieces.append(_Piece(end, period - end, _hold(rest), _still))
+    new = Motion(robot, motion.task, round(period / _TICK) * _TICK, tuple(pieces))
+    q, qd, qdd = new(np.arange(0, new.period, _GRID))
+    low, high = robot.joint_range.T
+    outside = (q < low - 1e-9) | (q > high + 1e-9)
+    if outside.any():
+        axis = int(np.flatnonzero(outside.any(axis=0))[0]) + 1
+        raise InputError(f"task {motion.task.name}: shifted, axis {axis} leaves its range")
+    torque = np.abs(motor_torque(Arm(robot), q, qd, qdd)).max(axis=0)
+    over = torque > _TORQUE_SHARE * robot.motor_torque_limit * (1 + 1e-6)
+    if over.any():
+        axis = int(np.flatnonzero(over)[0]) + 1
+        raise InputError(f"task {motion.task.name}: shifted, axis {axis} needs too much torque")
+    return new

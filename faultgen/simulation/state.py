@@ -1,0 +1,59 @@
+"""The state of a robot in one cycle: gearbox temperature, payload and what is worn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+
+from faultgen.effects import Applied, set_temperature
+from faultgen.robot import Robot
+from faultgen.simulation.plant import Machine, assemble
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What a cycle is simulated at."""
+
+    temperature: float
+    """Of all gearboxes [deg C]."""
+    payload_factor: float = 1.0
+    """Mass of the payload over its nominal mass."""
+    effect: str = ""
+    """Name of the effect; empty where nothing is worn."""
+    wear: tuple[tuple[int, float], ...] = ()
+    """Worn axes, from 1, and the severity of each."""
+    parameters: tuple[tuple[str, int | float | str], ...] = ()
+    """Of the effect, where they are not its defaults."""
+    beside: tuple[Applied, ...] = ()
+    """Other effects."""
+
+
+def machine_at(robot: Robot, healthy: mujoco.MjSpec, condition: Condition) -> Machine:
+    """Assemble the robot as it is at a condition.
+
+    Args:
+        robot: The healthy robot.
+        healthy: Its spec, `robot.spec()`; not edited.
+        condition: The condition.
+
+    Returns:
+        The machine; its model is that of the healthy robot, bit for bit, at its reference
+        temperature, nominal payload and severity 0.
+
+    Raises:
+        InputError: No such effect, or it does not act on a worn axis.
+    """
+    spec = healthy.copy()
+    reference = robot.friction_temperature
+    if condition.temperature != reference:
+        for axis in range(1, robot.n_axes + 1):
+            set_temperature(spec, axis, condition.temperature, reference)
+    payload = spec.body("payload")
+    if payload is not None and condition.payload_factor != 1:
+        payload.mass *= condition.payload_factor
+        payload.inertia *= condition.payload_factor
+    own = dict(condition.parameters)
+    effects = [Applied(condition.effect, axis, severity, own) for axis, severity in condition.wear]
+    effects += condition.beside
+    return assemble(robot, effects, temperature=condition.temperature, spec=spec)

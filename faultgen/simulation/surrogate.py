@@ -1,0 +1,311 @@
+"""Cycles at any temperature, payload and wear, interpolated between simulated ones.
+
+A study needs many thousand cycles that differ by little. Every condition on a grid is simulated
+once, and a cycle in between is put together, sample by sample:
+
+    y(T, m, s) = base(T) + load(m, T) + sum_axes wear_axis(s_axis, T)
+
+`base` is the polynomial through its nodes in temperature; `load` and `wear` are differences from
+it, polynomials in temperature and, through zero, in the payload or severity. What is left out (wear
+x payload, wear of one axis x wear of another) is second order. `benchmarks/surrogate_error.py`
+measures the error against direct simulation; docs/surrogate.md has it beside the noise.
+
+    surrogate = build_surrogate("irb6700", "spot_weld")
+    cycles = surrogate.cycles(temperature=[36.0], payload_factor=[1.01], severity=severity)
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from joblib import delayed
+from tqdm import tqdm
+
+from faultgen.effects.temperature import TEMPERATURE_RANGE
+from faultgen.errors import InputError
+from faultgen.provenance import provenance
+from faultgen.robot import load_robot
+from faultgen.simulation.nominal import nominal
+from faultgen.simulation.state import Condition, machine_at
+from faultgen.simulation.stepping import simulate
+from faultgen.system.arrays import read_arrays, write_arrays
+from faultgen.system.parallel import in_parallel
+
+CHANNELS = ("motor_position", "motor_velocity", "motor_torque")
+"""What is interpolated."""
+
+_SPREAD = 20.0  # temperatures up to so far from the reference, five standard deviations [K]
+_BASE_NODES = 9
+_EVERY = 2  # every so many-th node in temperature has nodes in payload and wear too
+_LOAD = (-0.03, 0.03)
+_WEAR = (0.1, 0.2)
+
+
+@dataclass(frozen=True, eq=False)
+class Surrogate:
+    """Simulated cycles at the nodes of the grid, and how to put others together."""
+
+    robot_path: str
+    """Name of the robot, or path of its MJCF file."""
+    task_path: str
+    """Name of the task, or path of its file."""
+    effect: str
+    """Name of the effect whose severity is interpolated."""
+    sample_period: float
+    """Time between samples [s]."""
+    temperatures: np.ndarray
+    """Nodes of `base`, ascending [deg C]."""
+    nodes: np.ndarray
+    """Simulated cycles; shape (nodes, channels, samples, n_axes), in [rad], [rad/s], [N m]."""
+    gear_ratio: np.ndarray
+    """Shape (n_axes,)."""
+    encoder_counts: np.ndarray
+    """Counts a motor turn, shape (n_axes,)."""
+    mean_torque: np.ndarray
+    """Mean |torque| of each axis that the nominal cycle asks for, shape (n_axes,), in [N m]."""
+
+    @property
+    def n_axes(self) -> int:
+        """Number of axes."""
+        return len(self.gear_ratio)
+
+    def weights(
+        self, temperature: np.ndarray, payload_factor: np.ndarray, severity: np.ndarray
+    ) -> np.ndarray:
+        """Share of each node in each cycle.
+
+        Args:
+            temperature: Shape (cycles,), in [deg C].
+            payload_factor: Shape (cycles,).
+            severity: Shape (cycles, n_axes).
+
+        Returns:
+            Shape (cycles, nodes).
+
+        Raises:
+            ValueError: A condition is outside the grid.
+        """
+        temperature = np.clip(temperature, *TEMPERATURE_RANGE)
+        if temperature.min() < self.temperatures[0] or temperature.max() > self.temperatures[-1]:
+            raise ValueError(
+                f"temperature must be within {self.temperatures[0]:g} and "
+                f"{self.temperatures[-1]:g} deg C, got {temperature.min():g} to "
+                f"{temperature.max():g}"
+            )
+        if severity.min() < 0 or severity.max() > _WEAR[-1] * (1 + 1e-9):
+            raise ValueError(f"severity must be within 0 and {_WEAR[-1]}, got {severity.max()}")
+        base = lagrange(self.temperatures, temperature)
+        coarse = self.temperatures[::_EVERY]
+        slope = lagrange(coarse, temperature)
+        load = lagrange((0.0, *_LOAD), payload_factor - 1)[:, 1:]
+        by_load = slope[:, :, None] * load[:, None, :]
+        wear = np.stack([lagrange((0.0, *_WEAR), s)[:, 1:] for s in severity.T], axis=1)
+        by_wear = slope[:, :, None, None] * wear[:, None]
+        # differences from the base at the same temperature
+        base[:, ::_EVERY] -= by_load.sum(axis=2) + by_wear.sum(axis=(2, 3))
+        cycles = len(base)
+        return np.hstack([base, by_load.reshape(cycles, -1), by_wear.reshape(cycles, -1)])
+
+    def cycles(
+        self, temperature: np.ndarray, payload_factor: np.ndarray, severity: np.ndarray
+    ) -> np.ndarray:
+        """Cycles free of noise.
+
+        Args:
+            temperature: Shape (cycles,), in [deg C].
+            payload_factor: Shape (cycles,).
+            severity: Shape (cycles, n_axes).
+
+        Returns:
+            Shape (cycles, channels, samples, n_axes), channels as in `CHANNELS`.
+
+        Raises:
+            ValueError: A condition is outside the grid.
+        """
+        weights = self.weights(temperature, payload_factor, severity)
+        used = np.flatnonzero(np.any(weights != 0, axis=0))
+        flat = self.nodes.reshape(len(self.nodes), -1)
+        if len(used) < len(flat):
+            flat = flat[used]
+        return (weights[:, used] @ flat).reshape(len(weights), *self.nodes.shape[1:])
+
+    def at(self, conditions: Sequence[Condition]) -> np.ndarray:
+        """Cycles at conditions, see `cycles`."""
+        severity = np.zeros((len(conditions), self.n_axes))
+        for row, condition in zip(severity, conditions, strict=True):
+            for axis, value in condition.wear:
+                row[axis - 1] = value
+        temperature = np.array([condition.temperature for condition in conditions])
+        payload = np.array([condition.payload_factor for condition in conditions])
+        return self.cycles(temperature, payload, severity)
+
+    def save(self, path: Path) -> None:
+        """Write the surrogate to an HDF5 file, whole or not at all."""
+        arrays = {k: v for k, v in vars(self).items() if isinstance(v, np.ndarray)}
+        plain = {k: v for k, v in vars(self).items() if k not in arrays}
+        write_arrays(path, arrays, plain)
+
+    @classmethod
+    def load(cls, path: Path) -> Surrogate:
+        """Read a surrogate.
+
+        Raises:
+            InputError: The file cannot be read, or is damaged.
+        """
+        try:
+            arrays, plain = read_arrays(path)
+            values: dict[str, Any] = {**arrays, **plain}
+            return cls(**values)
+        except (InputError, TypeError) as error:
+            raise InputError(f"{error}; not a surrogate: delete {path}") from None
+
+
+def lagrange(nodes: Iterable[float], x: Iterable[float]) -> np.ndarray:
+    """Value of each Lagrange polynomial of the nodes at x, shape (len(x), nodes)."""
+    at = np.asarray(list(nodes), float)
+    x = np.asarray(x, float)
+    value = np.ones((len(x), len(at)))
+    for k in range(len(at)):
+        for j in range(len(at)):
+            if j != k:
+                value[:, k] *= (x - at[j]) / (at[k] - at[j])
+    return value
+
+
+def _conditions(temperatures: np.ndarray, n_axes: int, effect: str) -> list[Condition]:
+    """Conditions of all nodes, in the order of `Surrogate.weights`."""
+    coarse = temperatures[::_EVERY].tolist()
+    conditions = [Condition(t) for t in temperatures.tolist()]
+    conditions += [Condition(t, 1 + load) for t in coarse for load in _LOAD]
+    conditions += [
+        Condition(t, 1.0, effect, ((axis, severity),))
+        for t in coarse
+        for axis in range(1, n_axes + 1)
+        for severity in _WEAR
+    ]
+    return conditions
+
+
+def simulate_at(
+    robot: str,
+    task: str,
+    sample_period: float,
+    condition: Condition,
+    controller: str | None = None,
+) -> np.ndarray:
+    """One cycle, simulated at a condition that held before it too.
+
+    Args:
+        robot: Name of the robot, or path of an MJCF file.
+        task: Name of the task, or path of a task file.
+        sample_period: Time between samples [s].
+        condition: The condition.
+        controller: Robot for which motion and feed-forward are planned; default: the robot itself.
+
+    Returns:
+        Shape (channels, samples, n_axes).
+    """
+    control = nominal(controller or robot, task, sample_period).control
+    simulated = load_robot(robot)
+    machine = machine_at(simulated, simulated.spec(), condition)
+    cycle = next(simulate(simulated, control, [machine], sample_period=sample_period))
+    return np.stack([getattr(cycle, name) for name in CHANNELS])
+
+
+def build_surrogate(
+    robot: str,
+    task: str,
+    *,
+    effect: str = "friction_wear",
+    sample_period: float = 0.004,
+    controller: str | None = None,
+    workers: int = 1,
+    progress: bool = True,
+) -> Surrogate:
+    """Simulate all nodes of a robot and task.
+
+    Args:
+        robot: Name of the robot, or path of an MJCF file.
+        task: Name of the task, or path of a task file.
+        effect: Effect whose severity is interpolated, from 0 to 0.2; it must act on every axis and
+            count in fractions of nominal.
+        sample_period: Time between samples [s].
+        controller: Robot for which motion and feed-forward are planned; default: the robot itself.
+        workers: Processes; no effect on the result.
+        progress: Show a progress bar on stderr.
+
+    Returns:
+        The surrogate, for temperatures within 20 K of the robot's reference.
+
+    Raises:
+        InputError: No such robot, task or effect.
+        SimulationFailed: A node could not be simulated.
+    """
+    shared = nominal(controller or robot, task, sample_period)
+    simulated = load_robot(robot)
+    reference = simulated.friction_temperature
+    low = max(reference - _SPREAD, TEMPERATURE_RANGE[0])
+    high = min(reference + _SPREAD, TEMPERATURE_RANGE[1])
+    around = np.cos(np.pi * np.arange(_BASE_NODES) / (_BASE_NODES - 1))[::-1]  # Chebyshev-Lobatto
+    temperatures = (low + high) / 2 + (high - low) / 2 * around
+    conditions = _conditions(temperatures, simulated.n_axes, effect)
+    calls = [
+        delayed(simulate_at)(robot, task, sample_period, condition, controller)
+        for condition in conditions
+    ]
+    shown = tqdm(
+        in_parallel(calls, workers),
+        total=len(conditions),
+        unit="cycle",
+        desc=f"{simulated.name} {task}",
+        disable=None if progress else True,
+    )
+    return Surrogate(
+        robot_path=robot,
+        task_path=task,
+        effect=effect,
+        sample_period=sample_period,
+        temperatures=temperatures,
+        nodes=np.stack(list(shown)),
+        gear_ratio=simulated.gear_ratio,
+        encoder_counts=simulated.encoder_counts,
+        mean_torque=shared.mean_torque,
+    )
+
+
+def surrogate_file(
+    folder: Path, robot: str, task: str, *, sample_period: float = 0.004, workers: int = 1
+) -> Path:
+    """The file of a robot's and task's surrogate, simulated and written if it is not there.
+
+    Args:
+        folder: Where surrogates are kept.
+        robot: Name of the robot, or path of an MJCF file.
+        task: Name of the task, or path of a task file.
+        sample_period: Time between samples [s].
+        workers: Processes; no effect on the result.
+
+    Returns:
+        The file, for `Surrogate.load`; wear is by `friction_wear`.
+
+    Raises:
+        InputError: No such robot or task.
+        SimulationFailed: A node could not be simulated.
+    """
+    shared = nominal(robot, task, sample_period)
+    told = [
+        shared.robot.sha256,
+        hashlib.sha256(shared.control.tobytes()).hexdigest(),
+        repr(sample_period),
+        provenance("faultgen.simulation.surrogate").key,
+    ]
+    key = hashlib.sha256(" ".join(told).encode()).hexdigest()[:12]
+    path = folder / f"{shared.robot.name}_{Path(task).stem}_{key}.h5"
+    if not path.is_file():
+        build_surrogate(robot, task, sample_period=sample_period, workers=workers).save(path)
+    return path

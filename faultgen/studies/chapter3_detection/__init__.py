@@ -1,0 +1,1 @@
+"""The study of the thesis' chapter 3: detection."""

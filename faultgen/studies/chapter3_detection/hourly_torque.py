@@ -1,0 +1,103 @@
+"""Hourly torque samples of a robot on a one-minute task, as in thesis 3.4.
+
+Torque is sampled every ten seconds in the first ten minutes of an hour: ten cycles at six places.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from faultgen.evaluation.wear_model import Directions, wear_points, wear_slopes
+from faultgen.monitoring.sensors import Sensors, surroundings
+from faultgen.robot import STRIBECK_VELOCITY, load_robot
+from faultgen.simulation.surrogate import Surrogate
+
+SAMPLE_PERIOD = 10.0
+"""Time between samples [s]."""
+
+_CYCLES_SAMPLED = 10
+_CYCLES_AN_HOUR = 60
+_TURNING = 0.3  # share of the Stribeck velocity; a slower axis creeps
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """What is recorded of some hours."""
+
+    torque: np.ndarray
+    """Motor torque, shape (hours, samples, n_axes), in [N m]."""
+    temperature: np.ndarray
+    """Measured gearbox temperature, mean of each hour, shape (hours,), in [deg C]."""
+
+    @property
+    def places(self) -> np.ndarray:
+        """Mean torque of each hour at each place of the cycle, shape (hours, places * n_axes)."""
+        hours, samples, n_axes = self.torque.shape
+        by_cycle = self.torque.reshape(hours, _CYCLES_SAMPLED, samples // _CYCLES_SAMPLED, n_axes)
+        return by_cycle.mean(axis=1).reshape(hours, -1)
+
+
+@dataclass(frozen=True, eq=False)
+class HourlyMonitored:
+    """A robot and a one-minute task."""
+
+    surrogate: Surrogate
+    """Cycles free of noise, sampled every ten seconds."""
+    reference: float
+    """Gearbox temperature at which the model's friction holds [deg C]."""
+    directions: Directions
+    """Change of `Record.places` with the severity of each axis."""
+    turning: np.ndarray
+    """Axes that turn at some place; of the others friction cannot be told. Shape (n_axes,)."""
+
+    def record(self, sensors: Sensors, severity: np.ndarray, rng: np.random.Generator) -> Record:
+        """Record consecutive hours.
+
+        Args:
+            sensors: Noise and disturbance. Samples are ten seconds apart, so that the torque noise
+                of each is independent whatever its correlation time.
+            severity: In each hour, shape (hours, n_axes).
+            rng: Source of randomness.
+
+        Returns:
+            The record.
+        """
+        hours, n_axes = severity.shape
+        rng_surroundings, rng_noise = rng.spawn(2)
+        around = surroundings(sensors, hours * _CYCLES_AN_HOUR, self.reference, rng_surroundings)
+        first = np.arange(hours)[:, None] * _CYCLES_AN_HOUR
+        sampled = (first + np.arange(_CYCLES_SAMPLED)).ravel()
+        weights = self.surrogate.weights(
+            around.temperature[sampled],
+            around.payload_factor[sampled],
+            np.repeat(severity, _CYCLES_SAMPLED, axis=0),
+        )
+        nodes = self.surrogate.nodes[:, 2]
+        torque = (weights @ nodes.reshape(len(nodes), -1)).reshape(hours, -1, n_axes)
+        noise = rng_noise.standard_normal(torque.shape)
+        return Record(
+            torque=torque + sensors.torque_noise * self.surrogate.mean_torque * noise,
+            temperature=around.measured_temperature[sampled].reshape(hours, -1).mean(axis=1),
+        )
+
+
+@lru_cache(maxsize=4)
+def hourly_monitored(path: Path) -> HourlyMonitored:
+    """A robot and task from the file of its surrogate."""
+    surrogate = Surrogate.load(path)
+    robot = load_robot(surrogate.robot_path)
+    cycles = surrogate.at(wear_points(robot, surrogate.effect))
+    _, nominal, *_ = cycles
+    friction = robot.ids("actuator", "friction")
+    stribeck = robot.model.actuator_biasprm[friction, STRIBECK_VELOCITY]
+    places = np.stack([cycle[2].ravel() for cycle in cycles])
+    return HourlyMonitored(
+        surrogate=surrogate,
+        reference=robot.friction_temperature,
+        directions=wear_slopes(places[1:]),
+        turning=np.abs(nominal[1]).max(axis=0) > _TURNING * stribeck,
+    )

@@ -1,0 +1,207 @@
+"""Study `classifiers`, thesis chapter 5: does preprocessing help to foresee gearbox failures?
+
+Robots of a fleet, half of which fail on its last day; ten days of data that end 1, 3 or 5 days
+before. Every classifier is trained and tested by leaving out pairs of robots (procedure 1), and
+preprocessings are compared by procedure 2; a classifier of our own stands beside them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+import faultgen.studies.chapter5_classifiers.findings as findings
+from faultgen.analysis.classification import (
+    CLASSIFIERS,
+    PairResult,
+    leave_pair_out,
+    make_classifier,
+)
+from faultgen.analysis.preprocessing import COMBINATIONS, Combination, prepare
+from faultgen.errors import InputError
+from faultgen.fleet.data import Fleet
+from faultgen.studies.chapter5_classifiers.findings import (
+    FULL_CHAIN,
+    LONGER_WINDOWS,
+    WITHOUT_DIFFERENCES,
+)
+from faultgen.studies.classifiers_ahead import days_ahead, rows_before
+
+HORIZON = 3
+"""Days ahead of which tables and tests tell."""
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is compared."""
+
+    combinations: tuple[str, ...]
+    """At the horizon of the tables."""
+    others: tuple[str, ...]
+    """At the other horizons."""
+    classifiers: tuple[str, ...]
+    horizons: tuple[int, ...]
+    """Days ahead."""
+    robots: int | None
+    """Of each kind at most; all, if None."""
+    importance: tuple[str, ...]
+    """Classifiers whose measurements are shuffled."""
+
+
+FULL = Size(
+    combinations=(*COMBINATIONS, "+estM+diff+var3", LONGER_WINDOWS),
+    others=("control", "+estM+diff", WITHOUT_DIFFERENCES, FULL_CHAIN),
+    classifiers=CLASSIFIERS,
+    horizons=(1, 3, 5),
+    robots=None,
+    importance=("LR", "RF"),
+)
+QUICK = Size(
+    combinations=("control", "+diff", WITHOUT_DIFFERENCES, FULL_CHAIN),
+    others=(),
+    classifiers=("LR", "SVM"),
+    horizons=(1, 3, 5),
+    robots=6,
+    importance=("LR",),
+)
+
+
+def run_classifiers(
+    fleet: Fleet, *, size: Size = FULL, seed: int = 2026, workers: int = 1
+) -> dict[str, Any]:
+    """Run the study on a fleet.
+
+    Args:
+        fleet: At least three failing and three normal robots.
+        size: How much is compared.
+        seed: Root of all draws.
+        workers: Processes; no effect on the results, but on the time told.
+
+    Returns:
+        Results for JSON.
+
+    Raises:
+        InputError: The fleet is too small, or its records too short.
+    """
+    chosen = _chosen(fleet, size.robots)
+    found: dict[tuple[int, str, str], PairResult] = {}
+    for horizon in size.horizons:
+        names = size.combinations if horizon == HORIZON else size.others
+        for name in names:
+            rows = horizon_rows(chosen, name, horizon)
+            for classifier in size.classifiers:
+                make = partial(make_classifier, classifier, Combination.of(name))
+                label = f"{classifier} {name}, {horizon} d"
+                found[horizon, name, classifier] = leave_pair_out(
+                    rows, _failed(chosen), make, seed=seed, workers=workers, label=label
+                )
+    trained, untrained = days_ahead(chosen, size.horizons, seed=seed, workers=workers)
+    found |= {(horizon, name, "LR"): one for (horizon, name), one in trained.items()}
+    auc = {key: one.auc for key, one in found.items() if key[0] == HORIZON}
+    by_name = {key[1:]: one for key, one in auc.items()}
+    compared = {name: findings.compared(by_name, name) for name in size.classifiers}
+    return {
+        "seed": seed,
+        "fleet": {
+            "seed": fleet.seed,
+            "days": fleet.days,
+            "failed": int(_failed(chosen).sum()),
+            "normal": int((~_failed(chosen)).sum()),
+        },
+        "cells": [
+            {
+                "horizon": horizon,
+                "combination": name,
+                "classifier": classifier,
+                "mean": float(one.auc.mean()),
+                "deviation": float(one.auc.std(ddof=1)),
+                "seconds": one.seconds,
+                "auc": one.auc.tolist(),
+            }
+            for (horizon, name, classifier), one in found.items()
+        ],
+        "untrained": untrained,
+        "overall": [findings.overall(name, one) for name, one in compared.items()],
+        "over_control": [
+            row
+            for name, one in compared.items()
+            for row in findings.over_control(by_name, name, one)
+        ],
+        "pairs": findings.pairs(by_name, compared),
+        "headlines": findings.headlines(by_name, size.classifiers, seed),
+        "windows": findings.windows(by_name, size.classifiers),
+        "invariance": findings.invariance(chosen, by_name, size.classifiers),
+        "importance": _importance(chosen, size.importance, seed, workers),
+    }
+
+
+def horizon_rows(fleet: Fleet, name: str, horizon: int) -> list[np.ndarray]:
+    """Rows of each robot for one horizon: ten days that end so many days before the last.
+
+    Args:
+        fleet: Robots.
+        name: Preprocessing.
+        horizon: Days ahead, T - horizon being the last day used.
+
+    Raises:
+        InputError: A robot has no row in these days.
+    """
+    prepared = []
+    for robot in fleet.robots:
+        try:
+            prepared.append(prepare(robot, Combination.of(name)))
+        except ValueError as error:
+            raise InputError(f"{robot.name}: {error}") from None
+    return rows_before(fleet, prepared, horizon)
+
+
+def _chosen(fleet: Fleet, most: int | None) -> Fleet:
+    """The first robots of each kind."""
+    kept = [
+        one
+        for kind in (True, False)
+        for one in [robot for robot in fleet.robots if robot.failed == kind][:most]
+    ]
+    for kind, name in ((True, "failing"), (False, "normal")):
+        if sum(robot.failed == kind for robot in kept) < 3:
+            raise InputError(f"fleet: at least three {name} robots are needed")
+    if len({robot.torque_indicator.shape[1] for robot in kept}) > 1:
+        raise InputError("fleet: all robots must have the same number of axes")
+    return Fleet(tuple(kept), fleet.event_names, fleet.days, fleet.seed, fleet.attributes)
+
+
+def _failed(fleet: Fleet) -> np.ndarray:
+    return np.array([robot.failed for robot in fleet.robots])
+
+
+def _importance(
+    fleet: Fleet, classifiers: Sequence[str], seed: int, workers: int
+) -> list[dict[str, Any]]:
+    """AUC lost by shuffling a measurement of one axis, and of all axes."""
+    combination = Combination.of(FULL_CHAIN)
+    n_axes = fleet.robots[0].torque_indicator.shape[1]
+    groups = combination.columns(n_axes)
+    for name in combination.measurements:
+        groups[name, 0] = np.concatenate([groups[name, axis] for axis in range(1, n_axes + 1)])
+    rows = horizon_rows(fleet, FULL_CHAIN, HORIZON)
+    told = []
+    for classifier in classifiers:
+        make = partial(make_classifier, classifier, combination)
+        found = leave_pair_out(
+            rows,
+            _failed(fleet),
+            make,
+            seed=seed,
+            workers=workers,
+            groups=groups,
+            label=f"importance, {classifier}",
+        )
+        told += [
+            {"classifier": classifier, "measurement": name, "axis": axis, "lost": lost}
+            for (name, axis), lost in found.importance.items()
+        ]
+    return told

@@ -1,0 +1,344 @@
+"""Study `isolation`, thesis chapter 6: which axis is worn, by every method, under several noises.
+
+Both robots and three tasks; one axis or two wear by up to 20 %. Cycles are interpolated between
+simulated ones (`faultgen.simulation.surrogate`), so that every seed has its own temperatures,
+payloads and noise at the cost of an addition.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from joblib import delayed
+from threadpoolctl import threadpool_limits
+from tqdm import tqdm
+
+from faultgen.analysis import net_transfer_entropy
+from faultgen.analysis.isolation import Answer
+from faultgen.analysis.te_bins import CANDIDATES, choose_bins
+from faultgen.evaluation.isolate import LEVELS, METHODS
+from faultgen.evaluation.shares import share
+from faultgen.evaluation.wear_model import isolator_input
+from faultgen.monitoring.reductions import SPEED_WINDOW
+from faultgen.simulation.surrogate import surrogate_file
+from faultgen.studies.chapter6_isolation.series import (
+    HEALTHY,
+    NOISES,
+    PAIR,
+    REFERENCE,
+    WORN,
+    Block,
+    Series,
+    growth,
+    make_series,
+    monitored,
+)
+from faultgen.system.parallel import in_parallel
+
+ROBOTS = ("irb6700", "puma560")
+TASKS = ("pick_and_place", "spot_weld", "arc_weld")
+PAIR_LEVEL = 0.10
+CONTROLS = ("as measured", "cycles shuffled", "time reversed", "noise with a trend on one axis")
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is drawn for each robot, task and noise."""
+
+    reference: int
+    """Healthy runs to learn from, of 100 cycles."""
+    healthy: int
+    """Healthy runs to test on, at `realistic` noise; as many as `worn` at others."""
+    worn: int
+    """Runs of each worn axis, which are the seeds of the study."""
+    pairs: int
+    """Runs of each pair of worn axes, at `realistic` noise."""
+
+
+FULL = Size(reference=20, healthy=100, worn=20, pairs=7)
+QUICK = Size(reference=20, healthy=20, worn=3, pairs=1)
+
+
+def run_isolation(
+    out: Path, *, size: Size = FULL, seed: int = 2026, workers: int = 1
+) -> dict[str, Any]:
+    """Run the study.
+
+    Args:
+        out: Folder for simulated cycles and series, which are used again by the next call.
+        size: How much is drawn.
+        seed: Root of all draws.
+        workers: Processes; no effect on the results.
+
+    Returns:
+        Results for JSON: rows of counts by robot, task, noise, level and method.
+    """
+    files = {
+        (robot, task): surrogate_file(out / "cycles", robot, task, workers=workers)
+        for robot in ROBOTS
+        for task in TASKS
+    }
+    blocks = [
+        Block(
+            robot=robot,
+            task=task,
+            noise=noise,
+            seed=seed,
+            reference=size.reference,
+            healthy=size.healthy if noise == "realistic" else size.worn,
+            worn=size.worn,
+            pairs=size.pairs if noise == "realistic" else 0,
+        )
+        for noise in reversed(NOISES)  # the longest first
+        for robot, task in files
+    ]
+    calls = (
+        delayed(_judge)(block, files[block.robot, block.task], out / "series") for block in blocks
+    )
+    parts = list(
+        tqdm(
+            in_parallel(calls, workers),
+            total=len(blocks),
+            unit="block",
+            desc="isolating",
+            disable=None,
+        )
+    )
+    result: dict[str, Any] = {"seed": seed, "seeds": size.worn, "size": vars(size)}
+    for name in parts[0]:
+        result[name] = [row for part in parts for row in part[name]]
+    with threadpool_limits(1):
+        result["table_6_1"] = [
+            row for key, path in files.items() for row in _mean_torques(key, path)
+        ]
+    return result
+
+
+def _judge(block: Block, surrogate: Path, folder: Path) -> dict[str, list[dict[str, Any]]]:
+    """All counts of one block."""
+    with threadpool_limits(1):  # sums in another order would differ in their last digits
+        return _judge_block(block, surrogate, folder)
+
+
+def _judge_block(block: Block, surrogate: Path, folder: Path) -> dict[str, list[dict[str, Any]]]:
+    series = make_series(block, surrogate, folder)
+    place = {"robot": block.robot, "task": block.task, "noise": block.noise}
+    cuts = [(level, _cycles_to(level)) for level in LEVELS]
+    theirs = _series_methods(series, cuts)
+    ours = _our_methods(block, series, surrogate, cuts)
+    parts = {
+        **{name: theirs.get(name, []) + rows for name, rows in ours.items()},
+        "bins": _bins(series, cuts),
+        "controls": _controls(series, block),
+        "net_transfer_entropy": _heat_maps(series),
+    }
+    return {name: [place | row for row in rows] for name, rows in parts.items()}
+
+
+def _cycles_to(level: float) -> int:
+    """Number of cycles up to the first with that wear."""
+    return int(np.argmax(growth() >= level * (1 - 1e-9))) + 1
+
+
+def _truth(series: Series, role: int) -> list[tuple[int, int]]:
+    """(run, worn axis from 0) of runs with one worn axis or, with -1, none."""
+    runs = np.flatnonzero(series.role == role)
+    return [(int(r), int(series.worn[r].argmax()) if series.worn[r].any() else -1) for r in runs]
+
+
+def _isolation_row(
+    method: str, level: float, answers: list[tuple[int, int]], **more: Any
+) -> dict[str, Any]:
+    """Answers (axis named, worn axis) as a row."""
+    n_axes = max(axis for _, axis in answers) + 1
+    by_axis = [[int(a == axis) for a, axis in answers if axis == k] for k in range(n_axes)]
+    right = sum(sum(hits) for hits in by_axis)
+    return {
+        "method": method,
+        "level": level,
+        **share(right, len(answers)),
+        "none": sum(named < 0 for named, _ in answers) / len(answers),
+        "by_axis": [sum(hits) / len(hits) for hits in by_axis],
+        **more,
+    }
+
+
+def _series_methods(series: Series, cuts: list[tuple[float, int]]) -> dict[str, list[dict]]:
+    """The thesis' isolators, on the mean torque alone."""
+    torque = np.nan_to_num(series.mean_torque)
+    isolation = [
+        _isolation_row(
+            method, level, [(isolate(torque[r, :n]), axis) for r, axis in _truth(series, WORN)]
+        )
+        for method, isolate in METHODS.items()
+        for level, n in cuts
+    ]
+    healthy = [
+        {"method": method, **share(sum(isolate(torque[r]) >= 0 for r in runs), len(runs))}
+        for method, isolate in METHODS.items()
+        for runs in [np.flatnonzero(series.role == HEALTHY)]
+    ]
+    return {"isolation": isolation, "healthy": healthy}
+
+
+def _our_methods(
+    block: Block, series: Series, surrogate: Path, cuts: list[tuple[float, int]]
+) -> dict[str, list[dict]]:
+    """Our isolators: answers, false alarms, severity, two axes at once, what can be observed."""
+    varies = NOISES[block.noise].changes_motion
+    model = monitored(surrogate).model
+    rows: dict[str, list[dict]] = {
+        name: [] for name in ("isolation", "healthy", "severity", "pairs", "observable")
+    }
+    wear = growth()
+    for name, isolator in model.isolators(temperature_varies=varies).items():
+        given = [
+            isolator_input(name, series.seen(run), temperature_varies=varies)
+            for run in range(len(series.role))
+        ]
+        isolator.fit([given[run] for run in np.flatnonzero(series.role == REFERENCE)])
+        smallest = isolator.smallest(power=0.95)
+        rows["observable"].append(
+            {"method": name, "smallest": [x if np.isfinite(x) else None for x in smallest]}
+        )
+        healthy = np.flatnonzero(series.role == HEALTHY)
+        ends = [n for _, n in cuts] + [len(wear)]
+        alarms = [[bool(isolator.isolate(given[r][:n]).worn.any()) for n in ends] for r in healthy]
+        rows["healthy"].append(
+            {
+                "method": name,
+                **share(sum(a[-1] for a in alarms), len(healthy)),
+                "at_any_level": share(sum(map(sum, alarms)), len(healthy) * len(ends)),
+            }
+        )
+        for level, n in cuts:
+            truth = _truth(series, WORN)
+            answers = [isolator.isolate(given[r][:n]) for r, _ in truth]
+            alone = sum(
+                bool(a.worn[axis] and a.worn.sum() == 1)
+                for a, (_, axis) in zip(answers, truth, strict=True)
+            )
+            named = [(a.axis, axis) for a, (_, axis) in zip(answers, truth, strict=True)]
+            rows["isolation"].append(
+                _isolation_row(name, level, named, no_other=alone / len(answers))
+            )
+            rows["severity"].append(
+                {"method": name, "level": level, **_severity(answers, truth, wear[n - 1])}
+            )
+        n = _cycles_to(PAIR_LEVEL)
+        both = np.flatnonzero(series.role == PAIR)
+        if len(both):
+            sets = [isolator.isolate(given[r][:n]).worn for r in both]
+            exact = sum(np.array_equal(s, series.worn[r]) for s, r in zip(sets, both, strict=True))
+            found = sum(bool(s[series.worn[r]].all()) for s, r in zip(sets, both, strict=True))
+            rows["pairs"].append(
+                {"method": name, **share(exact, len(both)), "both_among": found / len(both)}
+            )
+    return rows
+
+
+def _severity(answers: list[Answer], truth: list[tuple[int, int]], wear: float) -> dict[str, Any]:
+    """Error of the severity of the worn axis, and how often its interval holds."""
+    errors = [a.severity[axis] - wear for a, (_, axis) in zip(answers, truth, strict=True)]
+    inside = [
+        a.interval[axis, 0] <= wear <= a.interval[axis, 1]
+        for a, (_, axis) in zip(answers, truth, strict=True)
+    ]
+    known = np.array([e for e in errors if np.isfinite(e)])
+    if not len(known):
+        return {"severity": wear, "count": 0, "rms_error": None, "bias": None, "covered": None}
+    return {
+        "severity": wear,
+        "count": len(known),
+        "rms_error": float(np.sqrt(np.mean(known**2))),
+        "bias": float(known.mean()),
+        "covered": float(np.mean(inside)),
+    }
+
+
+def _bins(series: Series, cuts: list[tuple[float, int]]) -> list[dict]:
+    """Accuracy of transfer entropy against the number of bins, and of a rule that chooses it."""
+    torque = np.nan_to_num(series.mean_torque)
+    truth = _truth(series, WORN)
+    reference = torque[series.role == REFERENCE]
+    rows = []
+    for level, n in cuts:
+        cut = torque[[r for r, _ in truth], :n]
+        worn = np.array([axis for _, axis in truth])
+        chosen = choose_bins(reference[:, :n])
+        for bins in CANDIDATES:
+            named = net_transfer_entropy(cut, bins).sum(axis=-1).argmax(axis=-1)
+            rows.append(
+                {
+                    "level": level,
+                    "cycles": n,
+                    "bins": bins,
+                    "chosen": bins == chosen,
+                    **share(int(np.sum(named == worn)), len(worn)),
+                }
+            )
+    return rows
+
+
+def _controls(series: Series, block: Block) -> list[dict]:
+    """What the thesis' isolators name when cause, or the order of cycles, is taken away."""
+    n = _cycles_to(0.10)
+    torque = np.nan_to_num(series.mean_torque)[:, :n]
+    rng = np.random.default_rng([block.seed, 99])
+    slope = np.linspace(0, 1, n)
+    rows = []
+    for control in CONTROLS:
+        cases = []
+        for run, axis in _truth(series, WORN):
+            x = torque[run]
+            if control == "cycles shuffled":
+                x = rng.permutation(x)
+            elif control == "time reversed":
+                x = x[::-1]
+            elif control == "noise with a trend on one axis":
+                x = rng.standard_normal(x.shape)
+                x[:, axis] += 4 * slope
+            cases.append((x, axis))
+        for method, isolate in METHODS.items():
+            right = sum(isolate(x) == axis for x, axis in cases)
+            rows.append({"control": control, "method": method, **share(right, len(cases))})
+    return rows
+
+
+def _heat_maps(series: Series) -> list[dict]:
+    """Net transfer entropy as in figure 6-4: healthy, and axis 1 worn by 10 and 20 %."""
+    torque = np.nan_to_num(series.mean_torque)
+    healthy = int(np.flatnonzero(series.role == HEALTHY)[0])
+    worn = next(r for r, axis in _truth(series, WORN) if axis == 0)
+    n = _cycles_to(0.10)
+    cases = [("healthy", torque[healthy]), ("10 %", torque[worn, :n]), ("20 %", torque[worn])]
+    return [{"case": name, "net": net_transfer_entropy(x, 10).tolist()} for name, x in cases]
+
+
+def _mean_torques(key: tuple[str, str], path: Path) -> list[dict]:
+    """Table 6.1: mean and standard deviation of |torque| in the speed window, without noise."""
+    robot, task = key
+    here = monitored(path)
+    rows = []
+    for axis in range(here.surrogate.n_axes + 1):
+        wear = np.zeros((1, here.surrogate.n_axes))
+        if axis:
+            wear[0, axis - 1] = growth()[-1]
+        _, velocity, torque = here.surrogate.cycles(np.array([here.reference]), np.ones(1), wear)[0]
+        speed = np.abs(velocity)
+        masked = np.ma.masked_where(
+            (speed < SPEED_WINDOW[0]) | (speed > SPEED_WINDOW[1]), np.abs(torque)
+        )
+        rows.append(
+            {
+                "robot": robot,
+                "task": task,
+                "worn": axis,
+                "mean": masked.mean(axis=0).filled(np.nan).tolist(),
+                "sd": masked.std(axis=0).filled(np.nan).tolist(),
+            }
+        )
+    return rows

@@ -1,0 +1,154 @@
+"""Whole studies, one a chapter of the thesis: from simulation to tables and figures."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from faultgen.errors import InputError
+from faultgen.fleet import Fleet, generate_fleet, open_fleet
+from faultgen.studies.figures import Figures, draw
+from faultgen.studies.fleets import study_fleet
+from faultgen.system.files import write_text
+
+STUDIES = {
+    "events": "chapter 2: event logs of a fleet before failures, PCA with T2 and Q",
+    "classifiers": "chapter 5: does preprocessing help to foresee gearbox failures, on a fleet",
+    "detection": "chapter 3: from which hour on wear is detected and located, PUMA 560",
+    "isolation": "chapter 6: which axis is worn, by transfer entropy, cross-correlation and ours",
+    "training-data": "chapter 4: which robot's data, and which signal, PCA learns from, on a fleet",
+}
+"""Name and content of every study."""
+
+REPORT_SEED = 2026
+"""Root seed of the figures in docs/. Methods were developed on others."""
+
+
+Parts = tuple[
+    Callable[..., dict[str, Any]],
+    Callable[[dict[str, Any]], list[dict[str, Any]]],
+    Callable[[dict[str, Any]], str],
+    Figures,
+]
+"""Run, goals, tables, figures."""
+
+
+def run_study(
+    name: str,
+    out: Path,
+    *,
+    quick: bool = False,
+    seed: int = REPORT_SEED,
+    workers: int = 1,
+    fleet: Path | None = None,
+) -> dict[str, Any]:
+    """Run a study and write ``results.json``, ``tables.md`` and ``figures/``.
+
+    Args:
+        name: Name of the study.
+        out: Folder for the results; what is there already is used again.
+        quick: Fewer seeds.
+        seed: Root of all draws.
+        workers: Processes; no effect on the results.
+        fleet: Folder of a fleet, for the studies that are of one; default: one of their own.
+
+    Returns:
+        The results.
+
+    Raises:
+        InputError: There is no such study, or a fleet is wrong or given in vain.
+    """
+    if name not in STUDIES:
+        raise InputError(f"unknown study '{name}': choose {', '.join(STUDIES)}")
+    if workers < 1:
+        raise InputError(f"workers: must be at least 1, not {workers}")
+    if seed < 0:
+        raise InputError(f"seed: must be at least 0, not {seed}")
+    plan = study_fleet(name, seed, quick)
+    if fleet is not None and plan is None:
+        raise InputError(f"study {name}: simulates its own data and takes no --fleet")
+    recorded = None if fleet is None else open_fleet(fleet)
+    started = time.monotonic()
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be used as a folder ({error.strerror})") from None
+    run, goals, tables, figures = _PARTS[name](quick)
+    of: Path | Fleet = out
+    if plan is not None:
+        of = recorded or generate_fleet(plan, out / "fleet", workers=workers, progress=True)
+    try:
+        found = run(of, seed=seed, workers=workers)
+    except InputError:
+        if not any(out.iterdir()):
+            out.rmdir()
+        raise
+    result = {
+        "study": name,
+        "faultgen_version": version("faultgen"),
+        "quick": quick,
+        "goals": goals(found),
+        **found,
+    }
+    write_text(out / "tables.md", tables(result))
+    draw(figures, result, out / "figures")
+    result["seconds"] = round(time.monotonic() - started, 1)
+    write_text(out / "results.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
+    return result
+
+
+def _detection(quick: bool) -> Parts:
+    import faultgen.studies.chapter3_detection.study as study
+    from faultgen.studies.chapter3_detection.figures import FIGURES
+    from faultgen.studies.chapter3_detection.tables import goals, tables
+
+    size = study.QUICK if quick else study.FULL
+    return partial(study.run_detection, size=size), goals, tables, FIGURES
+
+
+def _isolation(quick: bool) -> Parts:
+    import faultgen.studies.chapter6_isolation.study as study
+    from faultgen.studies.chapter6_isolation.figures import FIGURES
+    from faultgen.studies.chapter6_isolation.tables import goals, tables
+
+    size = study.QUICK if quick else study.FULL
+    return partial(study.run_isolation, size=size), goals, tables, FIGURES
+
+
+def _events(quick: bool) -> Parts:
+    import faultgen.studies.chapter2_events.study as study
+    from faultgen.studies.chapter2_events.figures import FIGURES
+    from faultgen.studies.chapter2_events.tables import goals, tables
+
+    return study.run_events, goals, tables, FIGURES
+
+
+def _classifiers(quick: bool) -> Parts:
+    import faultgen.studies.chapter5_classifiers.study as study
+    from faultgen.studies.chapter5_classifiers.figures import FIGURES
+    from faultgen.studies.chapter5_classifiers.tables import goals, tables
+
+    size = study.QUICK if quick else study.FULL
+    return partial(study.run_classifiers, size=size), goals, tables, FIGURES
+
+
+def _training(quick: bool) -> Parts:
+    from faultgen.studies.chapter4_training_data.figures import FIGURES
+    from faultgen.studies.chapter4_training_data.study import run_training
+    from faultgen.studies.chapter4_training_data.tables import goals, tables
+
+    return partial(run_training, quick=quick), goals, tables, FIGURES
+
+
+_PARTS = {
+    "classifiers": _classifiers,
+    "detection": _detection,
+    "events": _events,
+    "isolation": _isolation,
+    "training-data": _training,
+}

@@ -1,0 +1,1 @@
+"""Files, processes and reading of user's files: what every part needs of the operating system."""

@@ -1,0 +1,100 @@
+"""Files of arrays and attributes that carry a checksum of their content.
+
+write_arrays(Path("a.h5"), {"x": np.zeros(3)}, {"seed": 1})
+arrays, attributes = read_arrays(Path("a.h5"))
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from faultgen.errors import InputError, StorageFailed
+from faultgen.system.files import named_failures, new_hdf5, rename, temporary_name
+
+_CONTENT = "content_sha256"
+
+
+def write_arrays(
+    path: Path, arrays: Mapping[str, np.ndarray], attributes: Mapping[str, Any]
+) -> None:
+    """Write arrays and root attributes as HDF5, whole or not at all; the folder is made.
+
+    The attribute ``content_sha256`` sums up all of it, for `read_arrays`.
+
+    Args:
+        path: The file.
+        arrays: By name; names may contain groups, as in "truth/damage".
+        attributes: Numbers, texts or arrays by name.
+
+    Raises:
+        StorageFailed: The file cannot be written. What stood there before is unchanged.
+    """
+    temporary = temporary_name(path)
+    with named_failures(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    with new_hdf5(path) as (file, _):
+        for name, values in arrays.items():
+            file[name] = values
+        file.attrs.update(attributes)
+        file.attrs[_CONTENT] = _sum_up(arrays, attributes)
+    try:
+        read_arrays(temporary)
+        with named_failures(path):
+            rename(temporary, path)
+    except InputError as error:
+        raise StorageFailed(f"{path}: does not read back as it was written ({error})") from None
+    finally:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def read_arrays(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Read what `write_arrays` wrote, and check that nothing in it has changed.
+
+    Returns:
+        Arrays by name, and root attributes by name; scalars of numpy become numbers of Python.
+
+    Raises:
+        InputError: The file cannot be read, is damaged, or was written by something else.
+    """
+    arrays: dict[str, np.ndarray] = {}
+
+    def note(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset):
+            arrays[name] = item[()]
+
+    try:
+        with h5py.File(path, "r") as file:
+            file.visititems(note)
+            attributes = {name: plain_value(value) for name, value in file.attrs.items()}
+    except (OSError, ValueError, RuntimeError) as error:
+        line = " ".join(str(error).split())
+        raise InputError(f"{path}: damaged or not an HDF5 file ({line})") from None
+    wanted = attributes.pop(_CONTENT, None)
+    if wanted != _sum_up(arrays, attributes):
+        raise InputError(f"{path}: damaged (its content differs from its checksum)")
+    return arrays, attributes
+
+
+def plain_value(value: Any) -> Any:
+    """An attribute as Python has it: scalars of numpy become numbers."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _sum_up(arrays: Mapping[str, np.ndarray], attributes: Mapping[str, Any]) -> str:
+    total = hashlib.sha256()
+    for name in sorted(arrays):
+        values = np.asarray(arrays[name])
+        total.update(f"{name} {values.dtype.str} {values.shape} ".encode())
+        total.update(np.ascontiguousarray(values).data)
+    for name in sorted(attributes):
+        value = np.asarray(plain_value(attributes[name]))
+        total.update(f"{name} {value.tolist()!r} ".encode())
+    return total.hexdigest()
