@@ -19,13 +19,13 @@ import tokenize
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
-from importlib.metadata import version
+from importlib.metadata import entry_points, version
 from importlib.util import find_spec, resolve_name
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("faultgen",)
-"""Packages whose modules count."""
+PLUGINS = "faultgen.effects"
+"""Entry points of packages that add effects; their code counts too."""
 
 
 @dataclass(frozen=True)
@@ -65,21 +65,26 @@ def provenance(module: str) -> Provenance:
         module: Name of the module that produces the result, such as "faultgen.dataset.run".
     """
     total = hashlib.sha256()
-    for name, path in sorted(source_files(module).items()):
+    added = [point.module for point in entry_points(group=PLUGINS)]
+    for name, path in sorted(source_files(module, *added).items()):
         total.update(f"{name}\n{code_of(path.read_text(encoding='utf-8'))}\n".encode())
     return Provenance(version("faultgen"), version("mujoco"), total.hexdigest())
 
 
-def source_files(module: str) -> dict[str, Path]:
-    """Source files of a module and of all modules of this package that it imports, by name.
+def source_files(*modules: str) -> dict[str, Path]:
+    """Source files of modules and of all modules of the same packages that they import, by name.
 
-    Imports for type checking only do not count, nor do the re-exports of the package itself.
+    Imports for type checking only do not count, nor do the re-exports of faultgen itself.
+
+    Args:
+        modules: Names of modules, of this package or of packages that add effects.
     """
+    packages = {"faultgen", *(module.partition(".")[0] for module in modules)}
     found: dict[str, Path] = {}
-    waiting = [module]
+    waiting = list(modules)
     while waiting:
         name = waiting.pop()
-        if name in found or name in PACKAGES:
+        if not name or name in found or name == "faultgen":
             continue
         path = _file_of(name)
         if path is None:
@@ -88,7 +93,7 @@ def source_files(module: str) -> dict[str, Path]:
         package = name if path.name == "__init__.py" else name.rpartition(".")[0]
         waiting.append(name.rpartition(".")[0])
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        waiting += [one for one in _imports(tree, package) if one.partition(".")[0] in PACKAGES]
+        waiting += [one for one in _imports(tree, package) if one.partition(".")[0] in packages]
     return found
 
 

@@ -1,9 +1,17 @@
 """The list of effects. A fault is an effect whose severity follows a wear schedule.
 
 get_effect("friction_wear").apply(spec, axis=3, severity=0.1)
+
+Installed packages can add effects. Such a package declares an entry point of the group
+``faultgen.effects``, which names an `Effect` or a list of them:
+
+    [project.entry-points."faultgen.effects"]
+    rust = "my_package.rust:EFFECTS"
 """
 
 from __future__ import annotations
+
+from importlib.metadata import entry_points
 
 from faultgen.effects import (
     coupling,
@@ -24,8 +32,11 @@ from faultgen.effects import (
 from faultgen.effects.base import HEALTHY, Effect
 from faultgen.errors import InputError
 
-EFFECTS: dict[str, Effect] = {
-    effect.name: effect
+GROUP = "faultgen.effects"
+"""Entry points of packages that add effects."""
+
+_OWN = tuple(
+    effect
     for family in (
         friction,
         load,
@@ -43,7 +54,33 @@ EFFECTS: dict[str, Effect] = {
         sensing,
     )
     for effect in family.EFFECTS
-}
+)
+
+
+def _catalogue() -> dict[str, Effect]:
+    """Effects of this package and of installed packages, by name.
+
+    Raises:
+        InputError: An entry point cannot be loaded, is no effect, or takes a name that exists.
+    """
+    found = {effect.name: effect for effect in _OWN}
+    for point in entry_points(group=GROUP):
+        try:
+            loaded = point.load()
+        except Exception as error:  # whatever the code of another package raises
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            raise InputError(f"entry point {point.value}: cannot be loaded ({reason})") from None
+        effects = [loaded] if isinstance(loaded, Effect) else list(loaded)
+        for effect in effects:
+            if not isinstance(effect, Effect):
+                raise InputError(f"entry point {point.value}: must be an Effect or a list of them")
+            if effect.name in found:
+                raise InputError(f"entry point {point.value}: an effect '{effect.name}' exists")
+            found[effect.name] = effect
+    return found
+
+
+EFFECTS = _catalogue()
 """Every effect by its name."""
 
 
