@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from linear import linear
 
-from faultgen.discovery import investigate, model
+from faultgen.discovery import investigate
+from faultgen.discovery import model_edit as model
 from faultgen.discovery import next_experiment as motions
 from faultgen.discovery.certainty import LEVEL, certainty
 from faultgen.discovery.fit import fit

@@ -8,9 +8,10 @@ from conftest import TWO_AXES
 from faultgen.effects import Applied, get_effect
 from faultgen.mjcf.gearbox import Gearbox
 from faultgen.robot import load_robot
+from faultgen.simulation.arm import nominal_friction
 from faultgen.simulation.motion import plan
 from faultgen.simulation.plant import assemble
-from faultgen.simulation.servo import control_signal, nominal_friction
+from faultgen.simulation.servo import control_signal
 from faultgen.tasks import load_task
 
 
