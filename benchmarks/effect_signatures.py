@@ -63,7 +63,8 @@ INTRODUCTION = """\
 
 **What does each effect change in a robot, and how does it show in the recorded signals?**
 The catalogue has {count} effects. Each is a change of the robot or of its sensors \
-with a severity s. The table states the equation, the element of the model that carries it, and its source. \
+with a severity s. The table states the equation, the element of the model \
+that carries it, and its source. \
 Below the table, each effect has a picture.
 
 - "Severity, range" states the unit of s and its allowed values. Severity 0 is the healthy robot. \
