@@ -52,6 +52,32 @@ SHOWN = {
     "velocity": "logged speed [rad/s]",
 }
 """What is drawn, with units."""
+CAPTIONS = {
+    "gap": "the change of the motor torque that the effect makes (faulty minus healthy)",
+    "against": "the additional motor torque against the motion that the effect causes",
+    "velocity": "the logged speed of both robots",
+}
+"""What the right half of a picture shows, in words."""
+INTRODUCTION = """\
+# The effects
+
+**What does each effect change in a robot, and how does it show in the recorded signals?**
+The catalogue has {count} effects. Each is a change of the robot or of its sensors \
+with a severity s. The table states the equation, the element of the model \
+that carries it, and its source. \
+Below the table, each effect has a picture.
+
+- "Severity, range" states the unit of s and its allowed values. Severity 0 is the healthy robot. \
+Datasets use values from 0 on; discovery also uses negative ones.
+- The symbols of the equations are explained in [physics](physics.md). \
+"{{i}}" in the name of an element stands for the number of the axis.
+- Chapters and equations of the thesis are cited in the [README](../README.md).
+
+Each picture compares an IRB 6700 that has the effect with a healthy one in the same motion. \
+The severity is large enough to be seen. \
+The left half shows the logged motor torque of both robots. The right half \
+shows what distinguishes the effect from others; the text above the picture \
+says what to look for. The page is written by `benchmarks/effect_signatures.py`."""
 
 
 def motion_of(robot: Robot, name: str) -> Motion:
@@ -150,14 +176,7 @@ def draw(effect: Effect, case: Case, robot: Robot, motion: Motion, path: Path) -
 def page() -> str:
     """docs/effects.md, from the catalogue and `CASES`."""
     lines = [
-        "# The effects",
-        "",
-        f"All {len(EFFECTS)} effects of the catalogue, made by `benchmarks/effect_signatures.py`. "
-        "Severity s is 0 in the healthy robot;",
-        "symbols as in [physics.md](physics.md). Each picture is of the IRB 6700 beside the "
-        "healthy robot in the same motion, at",
-        "a severity that can be seen: on the left the logged motor torque, on the right what "
-        "shows the effect.",
+        *INTRODUCTION.format(count=len(EFFECTS)).splitlines(),
         "",
         "| effect | severity, range | equation | element | source |",
         "| --- | --- | --- | --- | --- |",
@@ -175,8 +194,10 @@ def page() -> str:
         given = ", ".join(f"`{key}` = {value}" for key, value in effect.parameters.items())
         text = f"{effect.description[0].upper()}{effect.description[1:]}."
         lines += ["", f"## {name}", "", text, f"Shows as: {effect.signature}."]
-        lines += [f"Parameters: {given}."] if given else []
-        lines += ["", f"![{name}](figures/effects/{name}.png)"]
+        lines += [f"Parameters and their defaults: {given}."] if given else []
+        case = CASES[name]
+        caption = f"Right half: {CAPTIONS[case.gap]}, plotted against {QUANTITIES[case.over]}."
+        lines += ["", f"![{name}](figures/effects/{name}.png)", "", f"*{caption}*"]
     return "\n".join(lines) + "\n"
 
 

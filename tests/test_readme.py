@@ -23,7 +23,7 @@ def test_the_python_examples_of_the_readme_run(tmp_path):
         )
         assert done.returncode == 0, done.stderr
         printed.append(done.stdout)
-    isolated, generated = printed
+    generated, isolated = printed
     assert isolated.startswith("[False  True]") and isolated.endswith("[False False]\n")
     assert generated.startswith("1 [")
 
