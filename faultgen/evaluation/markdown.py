@@ -23,6 +23,12 @@ def goals_table(goals: Sequence[dict[str, Any]]) -> str:
     )
 
 
+def goals_answer(goals: Sequence[dict[str, Any]]) -> str:
+    """One sentence: how many goals of a study are reached."""
+    reached = sum(bool(goal["reached"]) for goal in goals)
+    return f"In short: this run reaches {reached} of the {len(goals)} goals in the first table."
+
+
 def percent(row: dict[str, Any]) -> str:
     """A share with its interval, in percent."""
     return f"{100 * row['share']:.1f} [{100 * row['low']:.1f}, {100 * row['high']:.1f}]"

@@ -44,7 +44,8 @@ DETECTORS = {
     "Q": "Q above its limit on 3 of 7 days",
     "Q, held out": "Q above a limit from training days that were not fitted, on 3 of 7 days",
     "Q, charted": "EWMA of log Q, set up on 28 days that were not fitted",
-    "supervision, charted": "EWMA of the root of supervisions of the worst axis, the same",
+    "supervision, charted": "EWMA of the square root of the supervisions of the worst axis, "
+    "set up on 28 days that were not fitted",
 }
 """What gives a warning: the thesis' statistics, and two charts of ours."""
 

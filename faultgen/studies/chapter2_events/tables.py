@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from faultgen.evaluation.markdown import goals_table, percent, table
+from faultgen.evaluation.markdown import goals_answer, goals_table, percent, table
 from faultgen.studies.chapter2_events.study import BEFORE, DETECTORS
 
 Rows = list[dict[str, Any]]
@@ -53,9 +53,15 @@ def tables(result: dict[str, Any]) -> str:
     """The page of the study."""
     parts = [
         "# Event logs before failures",
-        f"{result['robots']} robots, {sum(result['failed'])} of which fail after "
-        f"{result['days']} days; PCA of 5 components of the first 28 days, which explain "
-        f"{100 * result['variance_of_five']:.0f} % of the variance (thesis 85 %).",
+        "This page answers the question: does the event log of a robot change before a gearbox "
+        f"fails? {goals_answer(result['goals'])}",
+        f"The fleet has {result['robots']} robots, {sum(result['failed'])} of which fail after "
+        f"{result['days']} days. A PCA (principal component analysis) with 5 components is fitted "
+        "to the first 28 days of each robot. The components explain "
+        f"{100 * result['variance_of_five']:.0f} % of the variance (thesis 85 %). T² measures how "
+        "far a day lies from the mean along the components. Q is its squared distance from the "
+        "space of the components. An EWMA (exponentially weighted moving average) smooths a "
+        "statistic over time. Numbers in square brackets are 95 % confidence intervals.",
         goals_table(result["goals"]),
         "## Warnings",
         table(
@@ -78,10 +84,13 @@ def tables(result: dict[str, Any]) -> str:
                 for one in [result["warnings"][name]]
             ],
         ),
-        "A robot is warned of where the alarm is on for at least half of the last 32 days; days of "
-        "warning count from the start of the alarm that lasts to the end, breaks of a week aside. "
-        "What healthy robots do says how much of it is chance.",
+        "A robot counts as warned of if the alarm is on for at least half of its last 32 days. The "
+        "days of warning count from the start of the alarm that lasts to the end; breaks of up to "
+        "a week do not end an alarm. The columns on healthy robots show how many warnings come by "
+        "chance.",
         "## Days above the limit",
+        "Share of days on which a statistic is above its limit, in the last 32 days of the record "
+        "and before them.",
         table(
             [
                 "",
@@ -96,6 +105,9 @@ def tables(result: dict[str, Any]) -> str:
             ],
         ),
         "## Rise in the last 32 days",
+        "The AUC (area under the receiver operating characteristic curve) is the chance that the "
+        "statistic rises more in a failing robot than in a healthy one. It is 0.5 if the statistic "
+        "carries no information. The p-value is that of the Mann-Whitney test.",
         table(
             ["", "AUC, failing against healthy", "p (Mann-Whitney)"],
             [

@@ -19,12 +19,12 @@ WEAR_CUSUM = "wear of each axis, CUSUM"
 WEAR = "wear of each axis, z of 6 h"
 
 DETECTORS = {
-    KL_Q: "thesis 3.4: histograms of an hour against the healthy ones, PCA, Q",
-    KL_BOTH: "the same, larger of T² and Q over their limits",
-    KL_EWMA: "the same Q: an EWMA chart of its cube root",
-    TORQUE_PCA: "mean torque at each place of the cycle and the temperature, PCA, T² and Q",
-    WEAR_CUSUM: "severity of each axis by our isolator, hour by hour, the largest CUSUM",
-    WEAR: "severity of each axis by our isolator over six hours, the largest z",
+    KL_Q: "thesis section 3.4: KL divergence of hourly histograms from healthy ones, PCA, Q",
+    KL_BOTH: "the same, but the larger of T² and Q, each divided by its limit",
+    KL_EWMA: "an exponentially weighted moving average of the cube root of the same Q",
+    TORQUE_PCA: "PCA of the mean torque at each place and the temperature, T² and Q",
+    WEAR_CUSUM: "largest cumulative sum (CUSUM) of the hourly severities of the axes",
+    WEAR: "largest z (severity over its standard error) of the axes, over six hours",
 }
 """Name and idea of every detector."""
 

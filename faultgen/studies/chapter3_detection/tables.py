@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from faultgen.evaluation.markdown import goals_table, percent, table
+from faultgen.evaluation.markdown import goals_answer, goals_table, percent, table
 from faultgen.evaluation.shares import share
 from faultgen.studies.chapter3_detection.detectors import DETECTORS, WEAR
 from faultgen.studies.chapter3_detection.study import IN_A_ROW, NOISES, OPERATING, TASKS, WEARS
@@ -90,18 +90,30 @@ def tables(result: dict[str, Any]) -> str:
     ]
     parts = [
         f"# Study detection, seed {result['seed']}, {result['seeds']} seeds",
-        "PUMA 560, 120 healthy hours, then 120 hours of wear by eq. 3.7. Hours count from the "
-        "start of wear. Not observable, since the axis turns at none of the six places at which "
-        f"its torque is sampled: {', '.join(still) or 'none'}; such runs are in the tables by cell "
-        "and in no total.",
+        "This page answers the question: how many hours after its start is wear detected, and is "
+        f"the right axis named? {goals_answer(goals(result))}",
+        "The robot is a PUMA 560. It works for 120 healthy hours, then for 120 hours in which one "
+        "axis wears as in thesis eq. 3.7. Hours count from the start of wear. T1 to T3 are the "
+        "three tasks. Numbers in square brackets are 95 % confidence intervals.",
+        "Wear cannot be observed if the axis turns at none of the six places of the cycle at which "
+        f"its torque is sampled. This concerns: {', '.join(still) or 'none'}. The tables by axis "
+        "show such runs; no total includes them.",
         "## Goals",
         goals_table(goals(result)),
         "## Table 3.5: the thesis' procedure",
-        f"KL, PCA, Q above its 95 % limit in {IN_A_ROW} consecutive hours (assumed), lags. "
-        "Runs detected / also located with negative lags as worded / by the letter of eq. 3.5, of "
-        f"{result['seeds']}; (median hours to detection). Beside: thesis.",
+        "The thesis' procedure computes the Kullback-Leibler (KL) divergence between the torque "
+        "histogram of each hour and the healthy one. It fits a principal component analysis (PCA) "
+        "to the divergences. Q is the squared distance of an hour from the space of the "
+        "components. Wear is detected if Q is above its 95 % limit in "
+        f"{IN_A_ROW} consecutive hours; this rule is assumed. The axis is then located by the lags "
+        "of the cross-correlations.",
+        "Each cell gives three numbers of runs, of "
+        f"{result['seeds']}: detected / also located with negative lags, as the thesis words the "
+        "rule / also located with the sign of the lags in eq. 3.5. The median hours to detection "
+        "follow in brackets. After the semicolon comes the thesis' result: ✓ with its hours, or × "
+        "if it did not detect the wear.",
         *(_table_3_5(result, noise) for noise in NOISES),
-        "Healthy months under that procedure:",
+        "The same procedure applied to healthy months:",
         table(
             ["task", "noise", "hours above the limit %", "alarms a month"],
             [
@@ -115,17 +127,24 @@ def tables(result: dict[str, Any]) -> str:
             ],
         ),
         f"## The same data, best detector ('{WEAR}'), {OPERATING:g} false alarms a month",
-        f"Runs detected / also located of {result['seeds']} (median hours to detection).",
+        f"Each cell gives the runs, of {result['seeds']}, in which wear is detected / also "
+        "located, and the median hours to detection in brackets.",
         *(_best_table(result, noise) for noise in NOISES),
         "## Detectors at equal false alarms (observable conditions, both wears)",
+        "The thresholds are set on healthy months for the given number of false alarms a month. "
+        "The column 'measured' gives the number on other healthy months.",
         _detector_table(result),
         "Detectors:\n\n" + "\n".join(f"- {name}: {idea}" for name, idea in DETECTORS.items()),
-        "## Table 3.3: lags [h] of axis 1 worn by 10 %, task 1, thesis' noise (ours / thesis)",
+        "## Table 3.3: lags between the axes",
+        "Lags in hours for axis 1 worn by 10 % in task 1, at the thesis' noise (ours / thesis).",
         _lags_table(result["example"]["lags"]),
-        "## Table 3.6: largest |joint torque| of the worn axis in the hour of detection, or the "
-        "last [N m] (ours, mean over seeds, thesis' noise / thesis)",
+        "## Table 3.6: largest torque of the worn axis",
+        "Largest |joint torque| in [N m] in the hour of detection, or in the last hour if nothing "
+        "is detected (ours, mean over seeds at the thesis' noise / thesis).",
         _torque_table(result, "largest_torque", _THESIS_3_6),
-        "## Table 3.7: coefficient of variation of |torque| in that hour (ours / thesis)",
+        "## Table 3.7: variation of the torque of the worn axis",
+        "Coefficient of variation (standard deviation over mean) of |torque| in the same hour "
+        "(ours / thesis).",
         _torque_table(result, "variation", _THESIS_3_7),
     ]
     return "\n\n".join(parts) + "\n"

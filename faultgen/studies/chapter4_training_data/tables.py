@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from faultgen.evaluation.markdown import goals_table, stars, table
+from faultgen.evaluation.markdown import goals_answer, goals_table, stars, table
 from faultgen.studies.chapter4_training_data.signals import SIGNALS, TEST, TRAIN
 from faultgen.studies.chapter4_training_data.thesis import (
     ANOVA,
@@ -52,28 +52,44 @@ def tables(result: dict[str, Any]) -> str:
     columns = ", ".join(f"{name} {result['columns'][name]}" for name in SIGNALS)
     parts = [
         f"# Study training-data, fleet of seed {result['fleet']['seed']}",
-        f"{TRAIN} days of training, {TEST} of test, five left out before the last. Columns: "
-        f"{columns}. Sets: "
+        "This page answers the question: should PCA learn from the same robot or from others, and "
+        f"from which signal, to recognise a failing robot? {goals_answer(goals(result))}",
+        "PCA (principal component analysis) finds the directions, called components, in which the "
+        "training days vary most. Q is the squared distance of a day from the space of these "
+        "components. OTO (one to one): the model is tested on the set that it learned from. OTM "
+        "(one to many): it is tested on sets of other robots. 'Difference' means the absolute "
+        "differences from day to day, 'combined' both these and the raw measurements. 'a / b' "
+        "means ours / thesis. Stars mark p < 0.05, 0.01, 0.001 and 0.0001.",
+        f"Each set has {TRAIN} days of training and {TEST} days of test. The last five days are "
+        f"left out. Number of columns: {columns}. Sets: "
         + "; ".join(
             f"{one['robot']} from day {one['first_day']} ({'fails' if one['failed'] else 'normal'})"
             for one in result["sets"]
         )
-        + ". Ours / thesis.",
+        + ".",
         "## Goals",
         goals_table(goals(result)),
         "## Table 4.1: cases, and figures 4-4 to 4-6: mean (standard error)",
-        "The limit of Q is the 95 % quantile of training days held out in turn: "
-        f"{100 * result['healthy_above']['limit']:.0f} % of the days of normal robots are above "
-        "that of their own model, "
-        f"{100 * result['healthy_above']['gaussian_limit']:.0f} % above Jackson and Mudholkar's.",
+        "The coefficient of variation is the standard deviation divided by the mean. The lead time "
+        "is the number of test days after the first day above the limit.",
+        "The limit of Q is the 95 % quantile of training days that are held out of the fit in "
+        "turn. With a normal robot's own model, "
+        f"{100 * result['healthy_above']['limit']:.0f} % of its days are above this limit, and "
+        f"{100 * result['healthy_above']['gaussian_limit']:.0f} % are above the limit of Jackson "
+        "and Mudholkar.",
         _groups(result),
         *(
             part
             for name, number in _ANOVA_TABLES.items()
-            for part in (f"## Table {number}: ANOVA of {NAMES[name]}", _anova(result, name))
+            for part in (
+                f"## Table {number}: analysis of variance (ANOVA) of {NAMES[name]}",
+                _anova(result, name),
+            )
         ),
-        "## GLMs: models of table 4.5",
-        "Gamma for the first, Poisson for the others, logarithmic link.",
+        "## Generalised linear models (GLMs) of table 4.5",
+        "The coefficient of variation has a gamma distribution, the two numbers of days have a "
+        "Poisson distribution. The link is logarithmic. The deviance measures what a model leaves "
+        "unexplained.",
         *(
             part
             for name in _MODEL_TABLES
@@ -84,11 +100,14 @@ def tables(result: dict[str, Any]) -> str:
                 _terms(result, name),
             )
         ),
-        "## Fewer days of test: failing against normal robots, Tukey's test over all 12 groups",
+        "## Fewer days of test",
+        "Each cell gives the mean of failing robots, the mean of normal robots, and the p-value of "
+        "Tukey's test over all 12 groups.",
         _cuts(result),
-        "## The same, 15 days, one to many without tests of a robot by its own data",
-        "Of the 36 normal cases one to many that table 4.1 counts, 12 are of one robot, at another "
-        "time or the same; failing ones never are. These are left out here.",
+        "## The same with 15 days, without tests of a robot by its own data",
+        "Table 4.1 counts 36 normal cases of one to many. In 12 of them, the model is tested on "
+        "the robot from which it learned, at another time or the same. Failing robots have no such "
+        "cases. These 12 cases are left out here.",
         table(
             ["descriptor", "signal", "failing : normal, p"],
             [

@@ -9,7 +9,7 @@ import numpy as np
 from faultgen.analysis.classification import CLASSIFIERS
 from faultgen.analysis.preprocessing import COMBINATIONS
 from faultgen.analysis.statistics import SIGNIFICANT
-from faultgen.evaluation.markdown import goals_table, table
+from faultgen.evaluation.markdown import goals_answer, goals_table, table
 from faultgen.studies.chapter5_classifiers.findings import FULL_CHAIN
 from faultgen.studies.chapter5_classifiers.study import HORIZON
 from faultgen.studies.chapter5_classifiers.thesis import (
@@ -78,21 +78,32 @@ def tables(result: dict[str, Any]) -> str:
     fleet = result["fleet"]
     parts = [
         f"# Study classifiers, seed {result['seed']}",
-        f"Fleet of seed {fleet['seed']}: {fleet['failed']} failing and {fleet['normal']} normal "
-        f"robots, {fleet['days']} days. AUC by leaving out each failing robot with each normal one "
-        f"(procedure 1), over {DAYS} days that end {HORIZON} days before the last unless told "
-        "otherwise. Ours / thesis.",
+        "This page answers the question: does preprocessing help classifiers to foresee gearbox "
+        f"failures? {goals_answer(goals(result))}",
+        f"The fleet of seed {fleet['seed']} has {fleet['failed']} failing and {fleet['normal']} "
+        f"normal robots and {fleet['days']} days. The AUC (area under the receiver operating "
+        "characteristic curve) is the chance that a row of a failing robot gets a higher score "
+        "than a row of a normal one. It is measured by leaving out each failing robot with each "
+        f"normal one (procedure 1). Unless a table states otherwise, it is over {DAYS} days that "
+        f"end {HORIZON} days before the last day. 'a / b' means ours / thesis.",
+        "LR is logistic regression, SVM a support vector machine, RF a random forest, and ES a "
+        "stack of the three. The steps of preprocessing are estimated torque and speed (estM), "
+        "absolute differences from day to day (diff), windows of three days (var3) and principal "
+        "components (pca). Control has no step.",
         "## Goals",
         goals_table(goals(result)),
         "## Table 5.2: mean AUC (standard deviation over pairs)",
         _table_5_2(result),
         "## Days ahead: mean AUC",
-        "A column without a classifier is a single measure, not trained, over the same pairs. The "
-        "last two need no method: RMS torque of the week before over that of the first week, and "
-        "deviation of the daily RMS torque in the last 14 days over its mean, each of the worst "
-        "axis.",
+        "A row without a classifier is a single measure without training, over the same pairs. The "
+        "last two rows need no method. One is the root-mean-square (RMS) torque of the last week "
+        "over that of the first week. The other is the standard deviation of the daily RMS torque "
+        "in the last 14 days over its mean. Both are of the worst axis.",
         _horizons(result),
         "## Procedure 2 over all combinations",
+        "Levene's test first tests whether the variances are equal. If they are, an analysis of "
+        "variance (ANOVA) and Tukey's test follow. If they are not, Welch's test and the test of "
+        "Games and Howell follow.",
         table(
             ["classifier", "p of Levene", "test", "F", "p"],
             [
@@ -100,23 +111,27 @@ def tables(result: dict[str, Any]) -> str:
                 for r in result["overall"]
             ],
         ),
-        "## Table A.1: execution time over control's (ours / thesis)",
+        "## Table A.1: execution time",
+        "The time is divided by that of control (ours / thesis).",
         _table_a_1(result),
-        "## Table A.2: p of equal variances (ours / thesis); * where the step lowers it, p < 0.05",
+        "## Table A.2: p-values of equal variances (ours / thesis)",
+        "A star marks where the step lowers the variance (p < 0.05).",
         _pair_table(result, "variance_p"),
-        "## Table A.3: p of equal means (ours / thesis); * where the step raises it, p < 0.05",
-        "Post hoc over the combinations of table 5.2; 1 where the ANOVA finds no difference.",
+        "## Table A.3: p-values of equal means (ours / thesis)",
+        "A star marks where the step raises the mean (p < 0.05). The post hoc tests are over all "
+        "combinations of table 5.2. The value is 1 if the ANOVA finds no difference at all.",
         _pair_table(result, "mean_p"),
         "## Hypotheses",
-        "Pairs (of those in table A.3) whose mean rises or falls and whose variance falls, each "
-        "with p < 0.05; change of the mean AUC in the thesis' own pair, with an interval over "
-        "robots, 95 %: the tests above take pairs for independent, though they share robots.",
+        "The table counts the pairs of combinations of table A.3 whose mean rises or falls, and "
+        "whose variance falls, each with p < 0.05. The column on the hypothesis' own pair gives "
+        "the change of the mean AUC with a 95 % interval over robots. The tests above treat pairs "
+        "of robots as independent although they share robots; this interval does not.",
         _hypotheses(result),
         *_windows(result),
         "## Task: mean AUC of a robot against its mean speed or torque",
-        "Speed and torque over the largest of each axis in the fleet, mean over axes. Thesis, LR "
-        f"without differences: slope {INVARIANCE['slope']}, r² {INVARIANCE['r2']}, "
-        f"p {INVARIANCE['p']}.",
+        "The speed and torque of each axis are divided by the largest value in the fleet and "
+        "averaged over the axes. For LR without differences, the thesis has "
+        f"slope {INVARIANCE['slope']}, r² {INVARIANCE['r2']}, p {INVARIANCE['p']}.",
         table(
             ["", "combination", "classifier", "slope", "r²", "p"],
             [
@@ -131,7 +146,8 @@ def tables(result: dict[str, Any]) -> str:
                 for r in result["invariance"]
             ],
         ),
-        f"## Importance: AUC lost by shuffling a measurement of {FULL_CHAIN}",
+        "## Importance of the measurements",
+        f"AUC that is lost if a measurement is shuffled, with {FULL_CHAIN}.",
         *(_importance(result, name) for name in _unique(result["importance"], "classifier")),
     ]
     return "\n\n".join(parts) + "\n"

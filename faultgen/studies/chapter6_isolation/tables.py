@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from faultgen.evaluation.isolate import LEVELS, METHODS
-from faultgen.evaluation.markdown import goals_table, percent, table
+from faultgen.evaluation.markdown import goals_answer, goals_table, percent, table
 from faultgen.evaluation.outcomes import THESIS
 from faultgen.evaluation.shares import share
 from faultgen.evaluation.wear_model import FRICTION, ISOLATORS
@@ -118,8 +118,17 @@ def tables(result: dict[str, Any]) -> str:
     isolation = result["isolation"]
     parts = [
         f"# Study isolation, seed {result['seed']}, {result['seeds']} seeds",
-        "Shares in percent with 95 % Wilson intervals. Noise levels: a tenth of the thesis', the "
-        "thesis', and `realistic`. Unless said otherwise wear is 20 % after 100 cycles, eq. 6.6.",
+        "This page answers the question: is the worn axis named, and its severity estimated? "
+        f"{goals_answer(goals(result))}",
+        "Shares are in percent, with 95 % Wilson intervals in brackets. The noise levels are a "
+        "tenth of the thesis' torque noise, the thesis' noise, and `realistic`. Unless a table "
+        "states otherwise, the wear grows to 20 % after 100 cycles, as in thesis eq. 6.6.",
+        "TE names the axis with the largest net transfer entropy, in quantile bins. CC names the "
+        "axis with negative lags of the cross-correlation, as the thesis words its rule. 'CC, "
+        "eq. 3.5' uses the sign of the lags in that equation. The last three methods are ours. "
+        "'Own torque' uses the mean torque of each axis alone, 'all torques' those of all axes and "
+        "the temperature, and 'friction residual' the friction terms in the torque of all axes and "
+        "the temperature.",
         f"## Goals (`realistic` noise, method '{FRICTION}', unless said otherwise)",
         goals_table(goals(result)),
         "## Axis isolated, all robots, tasks and axes",
@@ -154,7 +163,9 @@ def tables(result: dict[str, Any]) -> str:
         ),
         "## Table 6.2 beside the thesis (percent right; IRB 6700: ours / thesis)",
         *(_table_6_2(isolation, noise) for noise in ("thesis", "realistic")),
-        "## Severity of the worn axis (percentage points; share of 95 % intervals that hold it)",
+        "## Severity of the worn axis",
+        "The root-mean-square (RMS) error and the bias are in percentage points. The last column "
+        "is the share of 95 % intervals that contain the true severity.",
         _severity_table(result["severity"]),
         "## Two axes worn by 10 %",
         table(
@@ -164,8 +175,9 @@ def tables(result: dict[str, Any]) -> str:
                 for r in result["pairs"]
             ],
         ),
-        "## Smallest wear that is found in 95 of 100 cases, told from healthy cycles alone "
-        "(percent, axis 1 to 6; mean over the last 12 cycles)",
+        "## Smallest wear that can be found",
+        "The smallest wear in percent, for axes 1 to 6, that is expected to be found in 95 of 100 "
+        "cases. It is computed from healthy cycles alone, for means over the last 12 cycles.",
         table(
             ["robot", "task", "noise", "method", "smallest wear"],
             [
@@ -173,12 +185,19 @@ def tables(result: dict[str, Any]) -> str:
                 for r in result["observable"]
             ],
         ),
-        "## Table 6.1: mean ± standard deviation of |torque| at 50 to 120 rad/s, cycle 100, 20 % "
-        "wear, no noise [N m] (ours; thesis below)",
+        "## Table 6.1: torque of each axis",
+        "Mean ± standard deviation of |torque| in [N m] at motor speeds of 50 to 120 rad/s, in "
+        "cycle 100 with 20 % wear and without noise. The thesis' row is below ours.",
         _table_6_1(result["table_6_1"]),
-        "## Bins of transfer entropy: fixed, chosen on healthy series, best in hindsight",
+        "## Number of bins of transfer entropy",
+        "Right axis named in percent, with a fixed number of bins (5, 10, 20), with the number "
+        "that a rule chooses on healthy series, and with the number that is best in hindsight. The "
+        "column 'which' lists the numbers that the rule chooses. The column 'cycles' gives the "
+        "number of cycles in which the wear grows to this level.",
         _bins_table(result["bins"]),
-        "## Controls: worn axis named at 10 % wear when cause or order are taken away",
+        "## Controls: what is left when causes or order are removed",
+        "Worn axis named at 10 % wear, in percent. A method that detects causes must fail on "
+        "every control but the first, 'as measured'.",
         table(
             ["noise", "control", *METHODS],
             [
