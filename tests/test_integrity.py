@@ -152,7 +152,7 @@ def test_ids_of_runs_never_lead_out_of_the_folder(dataset):
     runs = Manifest.read(dataset).runs
     escaped = {"../../secret": next(iter(runs.values()))}
     Manifest(escaped, "0" * 64).write(dataset)
-    with pytest.raises(InputError, match="'../../secret' is no id of a run"):
+    with pytest.raises(InputError, match="'../../secret' is not the id of a run"):
         open_dataset(dataset)
 
 
