@@ -14,7 +14,7 @@ __all__ = ["InputError", "SimulationFailed", "discover", "generate", "load_robot
 
 
 def __getattr__(name: str) -> Any:
-    """Import names that need MuJoCo when they are first used; reading a dataset does not need it."""
+    """Import names that need MuJoCo on first use, because reading a dataset does not need it."""
     if name == "generate":
         from faultgen.dataset.sweep import generate
 

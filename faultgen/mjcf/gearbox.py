@@ -1,7 +1,7 @@
 """Torque of gearboxes, computed from their twist.
 
-The law is eq. 6.2a of the thesis, extended by a dead band (backlash) and by polynomial stiffness and
-damping.
+The law is eq. 6.2a of the thesis, extended by a dead band (backlash) and by polynomial terms of
+stiffness and damping.
 """
 
 from __future__ import annotations

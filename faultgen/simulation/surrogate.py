@@ -38,7 +38,7 @@ from faultgen.system.arrays import read_arrays, write_arrays
 from faultgen.system.parallel import in_parallel
 
 CHANNELS = ("motor_position", "motor_velocity", "motor_torque")
-"""What is interpolated."""
+"""Names of the channels that are interpolated."""
 
 _SPREAD = 20.0  # temperatures up to so far from the reference, five standard deviations [K]
 _BASE_NODES = 9
@@ -49,7 +49,7 @@ _WEAR = (0.1, 0.2)
 
 @dataclass(frozen=True, eq=False)
 class Surrogate:
-    """Simulated cycles at the nodes of the grid, and how to put others together."""
+    """Simulated cycles at the nodes of a grid, and the interpolation between them."""
 
     robot_path: str
     """Name of the robot, or path of its MJCF file."""
