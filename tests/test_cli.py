@@ -149,7 +149,10 @@ BAD = {
         {"effect": "backlash,friction_wear", "severity": 0.01},
         r"severity: effects of different units .*--severity backlash=0.0003,friction_wear=0.2",
     ),
-    "0.2 rad of play": ({"effect": "backlash", "severity": 0.2}, r"severity: backlash must be at most"),
+    "0.2 rad of play": (
+        {"effect": "backlash", "severity": 0.2},
+        r"severity: backlash must be at most",
+    ),
     "a nameless severity": ({"severity": "0.1,delay=0.01"}, r"severity '.*': give numbers such as"),
     "a huge seed": ({"seed": 18446744073709551616}, r"seed: must be at most 9223372036854775807"),
     "an unknown option": ({"colour": "red"}, r"No such option: --colour"),

@@ -202,7 +202,7 @@ def info(folder: Folder, as_json: Json = False) -> None:
         print(
             "the dataset is complete and intact"
             if whole
-            else "the dataset is not complete and intact; run the generate command again"
+            else "the dataset is not in order; run the generate command again to complete it"
         )
     if not whole:
         raise typer.Exit(1)

@@ -246,7 +246,7 @@ def calibrate(
     known: Annotated[
         list[str] | None,
         typer.Option(
-            help="Name of a parameter that is known well and therefore not widened, such as "
+            help="Name of a parameter that is known well and keeps its usual uncertainty, such as "
             "inertia. Repeat the option for several parameters."
         ),
     ] = None,
@@ -257,9 +257,9 @@ def calibrate(
 
     The parameters of friction, offsets, rotors, torque constants and links may differ more from
     the model than usual. How much more is chosen with parts of the recording that were not used
-    for the fit. A recording cannot separate the torque constants from the masses of the links, so
-    name one of them with --known. The model that the command writes can be given to
-    'faultgen discover'.
+    for the fit. A recording can hardly separate the torque constants from the masses of the links,
+    so name one of them with --known. The model that the command writes can be given to 'faultgen
+    discover'.
     """
     from faultgen.discovery.calibrate import calibrate as run_calibrate
     from faultgen.discovery.workflow import usable

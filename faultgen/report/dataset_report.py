@@ -32,9 +32,9 @@ from faultgen.system.files import write_text
 _LINES = 4  # worn runs drawn for an axis
 _WEAR_CAPTION = (
     "Mean |motor torque| of each cycle, as stored, one panel for each axis: the healthy robot and "
-    f"up to {_LINES} runs in which that axis wears. Only samples at motor speeds of 50 to 120 "
-    "rad/s count, or those in the speed window that the dataset gives. A line that rises above the "
-    "healthy one shows wear. A panel is empty if the axis never turns so fast."
+    f"up to {_LINES} runs in which that axis wears. Only samples within the speed window of the "
+    "dataset count, by default motor speeds of 50 to 120 rad/s. A line that leaves the healthy one "
+    "shows wear. A panel is empty if no sample is within the window."
 )
 _ISOLATION_CAPTION = (
     "Left and middle: net transfer entropy between the axes over all cycles of a healthy and of a "
