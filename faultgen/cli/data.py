@@ -139,9 +139,10 @@ def generate(
 
 @app.command()
 def info(folder: Folder, as_json: Json = False) -> None:
-    """Report what a dataset holds, and whether it is complete and intact.
+    """List the runs of a dataset, and check all of its files.
 
-    The exit status is 1 if runs are missing or damaged, or were made by different versions.
+    The command reports whether the dataset is complete and intact. The exit status is 1 if runs are
+    missing or damaged, or were made by different versions of faultgen.
     """
     from faultgen.dataset.reader import open_dataset
 
@@ -210,9 +211,10 @@ def info(folder: Folder, as_json: Json = False) -> None:
 
 @app.command()
 def report(folder: Folder, as_json: Json = False) -> None:
-    """Write report.html, one self-contained page with figures and the isolators' results.
+    """Write a report of a dataset as an HTML page.
 
-    The page is written into the dataset's folder.
+    The page contains figures and the isolators' results. It is written to report.html in the
+    dataset's folder, and needs no other files.
     """
     from faultgen.report import write_report
 
@@ -222,9 +224,10 @@ def report(folder: Folder, as_json: Json = False) -> None:
 
 @app.command()
 def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = False) -> None:
-    """Show the main use from end to end: generate a small dataset, isolate the faults, report.
+    """Show the main use from end to end on a small dataset.
 
-    The demonstration takes about one minute of processor time on a 2-core AMD EPYC server. It is
+    The demonstration generates a dataset, names the worn axis of each run with every isolator, and
+    writes a report. It takes about one minute of processor time on a 2-core AMD EPYC server. It is
     faster where both cores are free, and can take several minutes on a busy machine.
     """
     from faultgen.dataset.experiment import make_experiment

@@ -21,13 +21,13 @@ def fleet(
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
-    """Make a fleet: the monitoring records of robots that work for weeks, some of which fail.
+    """Simulate robots that work for weeks, some of which fail.
 
-    Each robot has its own payload, programs, shifts, hall temperature and deviations from its
-    model. In a robot that fails, friction, backlash and torque ripple of one gearbox grow until
-    the failure. If the command was interrupted, run it again to resume. Every entry of the plan
-    has a default. docs/fleet.md lists the entries, and explains what is simulated and what is
-    interpolated.
+    The command writes what the monitoring system of such a fleet would store. Each robot has its
+    own payload, programs, shifts, hall temperature and deviations from its model. In a robot that
+    fails, friction, backlash and torque ripple of one gearbox grow until the failure. If the
+    command was interrupted, run it again to resume. Every entry of the plan has a default.
+    docs/fleet.md lists the entries, and explains what is simulated and what is interpolated.
     """
     from faultgen.fleet import FleetPlan, generate_fleet, load_fleet
 

@@ -29,12 +29,13 @@ def detect(
     seeds: Seeds = 20,
     as_json: Json = False,
 ) -> None:
-    """Measure how reliably each detector recognises wear, for each task and severity.
+    """Measure how reliably each detector recognises wear.
 
-    Detectors learn from healthy cycles. If the dataset was generated without noise, these are the
-    cycles of its healthy run with other draws of the noise. If it was generated with noise, they
-    are healthy runs with other seeds; generate such a dataset with --repetitions. The table gives
-    shares with 95 % Wilson intervals. The result is also written to detection.json in the folder.
+    The table has a row for each task and severity. Detectors learn from healthy cycles. If the
+    dataset was generated without noise, these are the cycles of its healthy run with other draws of
+    the noise. If it was generated with noise, they are healthy runs with other seeds; generate such
+    a dataset with --repetitions. The table gives shares with 95 % Wilson intervals. The result is
+    also written to detection.json in the folder.
     """
     from faultgen.dataset.reader import open_dataset
     from faultgen.evaluation.detect import detect as run_detect
@@ -52,14 +53,14 @@ def isolate(
     seeds: Seeds = 20,
     as_json: Json = False,
 ) -> None:
-    """Measure how often each isolator names the worn axis, as in table 6.2 of the thesis.
+    """Measure how often each isolator names the worn axis.
 
-    Some isolators learn from healthy cycles. If the dataset was generated without noise, these are
-    the cycles of its healthy run with other draws of the noise. If it was generated with noise,
-    they are healthy runs with other seeds; generate such a dataset with --repetitions. The table
-    gives the share of correct answers with 95 % Wilson intervals. Its rows 'healthy' give the
-    share of healthy runs in which an isolator wrongly names an axis. The result is also written
-    to isolation.json in the folder.
+    The table has the form of table 6.2 of the thesis. Some isolators learn from healthy cycles. If
+    the dataset was generated without noise, these are the cycles of its healthy run with other
+    draws of the noise. If it was generated with noise, they are healthy runs with other seeds;
+    generate such a dataset with --repetitions. The table gives the share of correct answers with 95
+    % Wilson intervals. Its rows 'healthy' give the share of healthy runs in which an isolator
+    wrongly names an axis. The result is also written to isolation.json in the folder.
     """
     from faultgen.dataset.reader import open_dataset
     from faultgen.evaluation.isolate import isolate as run_isolate
@@ -98,7 +99,7 @@ def study(
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
-    """Run a whole study: compare all methods on simulated data, and write tables and figures.
+    """Run a study that compares all methods on simulated data.
 
     The studies detection and isolation simulate the cycles that they need. The studies events,
     training-data and classifiers examine a fleet; they make one if --fleet does not name one.
@@ -179,16 +180,17 @@ def discover(
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
-    """Find the physical effect that a measured robot has and its model lacks.
+    """Find the effect that a robot has and its model lacks.
 
-    With --healthy, the recording from before the change is subtracted, so that even small changes
-    are visible. Without it, the model is first calibrated on the recording, and an effect is
-    reported only if it is larger than the usual errors of a model.
+    The command compares a recording of the robot with its simulation. With --healthy, the recording
+    from before the change is subtracted, so that even small changes are visible. Without it, the
+    model is first calibrated on the recording, and an effect is reported only if it is larger than
+    the usual errors of a model.
 
     The verdict is one of: no missing effect, named, ambiguous, unknown effect. If it is ambiguous,
     the command proposes the motion that would decide between the candidates. It writes
-    discovery.json, model.xml (the robot with the effects added), report.html and, if the verdict
-    is ambiguous, next_experiment.toml.
+    discovery.json, model.xml (the robot with the effects added), report.html and, if the verdict is
+    ambiguous, next_experiment.toml.
     """
     from faultgen.report.discover import discover as run_discover
 

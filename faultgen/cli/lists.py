@@ -9,7 +9,7 @@ from faultgen.cli.app import Json, app, print_json, print_table
 
 @app.command()
 def robots(as_json: Json = False) -> None:
-    """List the robots that come with faultgen, with the limits of each axis."""
+    """List the robots with the limits of each axis."""
     from faultgen.robot import load_robot, robot_names
 
     rows = []
@@ -31,10 +31,10 @@ def robots(as_json: Json = False) -> None:
 
 @app.command()
 def tasks(as_json: Json = False) -> None:
-    """List the tasks of each robot, with the cycle time and the share of time in the speed window.
+    """List the tasks of each robot with their cycle times.
 
-    Motors are in the speed window while they turn at 50 to 120 rad/s. Only these samples count in
-    the mean torque that monitoring stores.
+    The window share is the share of time in which a motor turns at 50 to 120 rad/s. Only samples
+    from this time count in the mean torque that monitoring stores.
     """
     from faultgen.robot import load_robot, robot_names
     from faultgen.simulation.motion import plan
@@ -61,7 +61,7 @@ def tasks(as_json: Json = False) -> None:
 
 @app.command()
 def effects(as_json: Json = False) -> None:
-    """List the effects, with the unit and range of the severity and the parameters of each."""
+    """List the effects with their units, ranges and parameters."""
     from faultgen.effects import EFFECTS
 
     rows: list[dict[str, Any]] = [
