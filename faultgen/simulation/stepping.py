@@ -267,7 +267,7 @@ class _Stepper:
             into = {name: values[:, part] for name, values in out.items()}
             batch.rollout(part.stop - at, control[:, part], record=RECORD, out=into)
             if batch.warning[0, _BAD_IDS, 1].any():
-                break  # told by `run`
+                break  # reported by `run`
         return out, damping
 
     def cycle(self, control: np.ndarray, number: int) -> Cycle:
