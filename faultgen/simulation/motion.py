@@ -138,7 +138,7 @@ def _configuration(pose: Pose, arm: Arm, task: Task, before: np.ndarray, where: 
     else:
         if pose.position is None or pose.rpy is None:
             raise InputError(
-                f"task {task.name}, {where}: give either 'position' and 'rpy', or 'joints'"
+                f"task {task.name}, {where}: give 'position' and 'rpy', or give 'joints'"
             )
         near = before if pose.near is None else np.radians(pose.near)
         turned = Rotation.from_euler("xyz", pose.rpy, degrees=True)
