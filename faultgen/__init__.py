@@ -1,4 +1,4 @@
-"""Labelled condition-monitoring data from industrial robots that wear in MuJoCo.
+"""Generate labelled condition-monitoring data of industrial robots that wear in MuJoCo.
 
 import faultgen
 faultgen.generate("experiment.toml", "out")
@@ -14,7 +14,7 @@ __all__ = ["InputError", "SimulationFailed", "discover", "generate", "load_robot
 
 
 def __getattr__(name: str) -> Any:
-    """Load what needs MuJoCo on first use: a dataset can be read without it."""
+    """Import names that need MuJoCo on first use, because reading a dataset does not need it."""
     if name == "generate":
         from faultgen.dataset.sweep import generate
 

@@ -2,11 +2,14 @@
 
 
 class InputError(ValueError):
-    """What the user gave is wrong. The message is one line: what, where, what would be right."""
+    """The user's input is wrong.
+
+    The message is one line. It states what is wrong, where it is, and what would be right.
+    """
 
 
 class SimulationFailed(RuntimeError):
-    """A simulation diverged or was stopped by MuJoCo; the message says when and why."""
+    """A simulation diverged, or was stopped by MuJoCo. The message states when and why."""
 
 
 class StorageFailed(OSError):

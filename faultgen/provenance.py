@@ -1,10 +1,10 @@
-"""Which code made a result.
+"""Provenance: which code made a result.
 
 A stored result may be used again only if the same code would produce it. The key of that code is
-made of the version of this package, the version of MuJoCo, and a hash of every source file that
-the result depends on: a module and all modules of this package that it imports, directly or not.
-Comments, docstrings and blank lines do not count. Runs of datasets, interpolated cycles and all
-caches use this one key.
+computed from the version of this package, the version of MuJoCo, and a hash of every source file
+that the result depends on. These files are a module and all modules of this package that it
+imports, directly or indirectly, and those of packages that add effects. Their comments, docstrings
+and blank lines do not count. Runs of datasets, interpolated cycles and all caches use this one key.
 
     provenance("faultgen.dataset.run").key        # 16 hexadecimal digits
     str(provenance("faultgen.dataset.run"))       # faultgen 0.1.0, MuJoCo 4.0.0, code 5b0c9c2e
@@ -25,12 +25,12 @@ from pathlib import Path
 from typing import Any
 
 PLUGINS = "faultgen.effects"
-"""Entry points of packages that add effects; their code counts too."""
+"""Group of the entry points of packages that add effects. Their code is included in the hash."""
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """What made a result."""
+    """The versions and the code that made a result."""
 
     faultgen_version: str
     """Version of this package."""
@@ -41,12 +41,16 @@ class Provenance:
 
     @classmethod
     def of(cls, attributes: Mapping[str, Any]) -> Provenance:
-        """What made a stored result, from its attributes; "unknown" where they do not say."""
+        """Read the provenance of a stored result from its attributes.
+
+        Args:
+            attributes: Attributes of the result by name. A missing one becomes "unknown".
+        """
         return cls(*(str(attributes.get(field.name, "unknown")) for field in fields(cls)))
 
     @property
     def key(self) -> str:
-        """The three in one, 16 hexadecimal digits."""
+        """A hash of the three fields, 16 hexadecimal digits."""
         text = f"{self.faultgen_version} {self.mujoco_version} {self.code_sha256}"
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -59,7 +63,7 @@ class Provenance:
 
 @lru_cache
 def provenance(module: str) -> Provenance:
-    """What a result of a module is made by.
+    """Return the provenance of the results of a module.
 
     Args:
         module: Name of the module that produces the result, such as "faultgen.dataset.run".
@@ -72,12 +76,15 @@ def provenance(module: str) -> Provenance:
 
 
 def source_files(*modules: str) -> dict[str, Path]:
-    """Source files of modules and of all modules of the same packages that they import, by name.
+    """Find the source files of modules and of all modules of the same packages that they import.
 
-    Imports for type checking only do not count, nor do the re-exports of faultgen itself.
+    Imports that serve only type checking are ignored, as are the re-exports of faultgen itself.
 
     Args:
         modules: Names of modules, of this package or of packages that add effects.
+
+    Returns:
+        Paths of the source files by name of the module.
     """
     packages = {"faultgen", *(module.partition(".")[0] for module in modules)}
     found: dict[str, Path] = {}
@@ -98,7 +105,7 @@ def source_files(*modules: str) -> dict[str, Path]:
 
 
 def _file_of(module: str) -> Path | None:
-    """The source file of a module; None if there is no such module (but a name in one)."""
+    """The source file of a module; None if the name is not that of a module."""
     try:
         spec = find_spec(module)
     except ModuleNotFoundError:
@@ -107,7 +114,7 @@ def _file_of(module: str) -> Path | None:
 
 
 def _imports(node: ast.AST, package: str) -> Iterator[str]:
-    """Names that a module imports; each may be a module or something in one."""
+    """Names that a module imports. Each may be a module, or a name within a module."""
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.dump(child.test):
             continue
@@ -122,7 +129,7 @@ def _imports(node: ast.AST, package: str) -> Iterator[str]:
 
 
 def code_of(text: str) -> str:
-    """Source text without comments, docstrings, blank lines and spaces at the end of lines."""
+    """Remove comments, docstrings, blank lines and spaces at the end of lines from source text."""
     lines = [line.rstrip() for line in text.splitlines()]
     for token in tokenize.generate_tokens(io.StringIO("\n".join(lines) + "\n").readline):
         if token.type == tokenize.COMMENT:

@@ -1,8 +1,9 @@
-"""A robot is one MJCF file; this module reads from it what the rest needs to know.
+"""Robots. A robot is one MJCF file; this module reads from it what the other modules need.
 
-By name in the file: arm joints ``joint1``..., rotor joints ``motor1``..., gearboxes ``gearbox1``...
-(fixed tendons of length q_motor / n - q_joint), servo drives ``drive1``... and friction
-``friction1``... (passive dcmotors). Limits that MJCF has no attribute for are ``numeric`` elements.
+The elements of the file are found by their names. Arm joints are ``joint1``, ``joint2``, ...; rotor
+joints are ``motor1``, ...; gearboxes are ``gearbox1``, ... (fixed tendons of length
+q_motor / n - q_joint); servo drives are ``drive1``, ...; and friction elements are ``friction1``,
+... (passive dcmotors). Limits for which MJCF has no attribute are ``numeric`` elements.
 
     robot = load_robot("puma560")
     robot.n_axes, robot.gear_ratio, robot.model.opt.timestep
@@ -35,14 +36,18 @@ from faultgen.mjcf.edit import resolve_inertias
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot model and the numbers that were read from it. Axis arrays have shape (n_axes,)."""
+    """A robot model and the numbers that were read from it.
+
+    Arrays have shape (n_axes,) unless stated otherwise.
+    """
 
     name: str
-    """Name in datasets: the folder's name for a robot of ours, else the file's stem."""
+    """Name in datasets: for a robot that comes with faultgen its own name, else the name of the
+    file without its ending."""
     xml: str
     """The MJCF text."""
     assets: Mapping[str, bytes] = field(default_factory=dict, repr=False)
-    """Content of the files that the text names (meshes, ...), by name."""
+    """Content of the files that the text refers to, such as meshes, by name."""
     n_axes: int = field(init=False)
     """Number of axes."""
     joints: tuple[int, ...] = field(init=False)
@@ -50,25 +55,28 @@ class Robot:
     motors: tuple[int, ...] = field(init=False)
     """Degree-of-freedom index of each rotor."""
     gear_ratio: np.ndarray = field(init=False)
-    """Rotor turns per joint turn, signed; per metre where the joint slides."""
+    """Rotor turns per joint turn, with sign; [rad/m] where the joint slides."""
     slides: np.ndarray = field(init=False)
     """Whether the arm joint slides instead of turning."""
     payload_mass: float = field(init=False)
     """Mass of the body ``payload`` [kg]; nan if there is none."""
     joint_range: np.ndarray = field(init=False)
-    """Shape (n_axes, 2), in [rad]; infinite where a joint has no limits."""
+    """Lower and upper joint angle, shape (n_axes, 2), in [rad]; infinite where there is no
+    limit."""
     motor_velocity_limit: np.ndarray = field(init=False)
-    """In [rad/s]."""
+    """Largest motor speed [rad/s]."""
     motor_torque_limit: np.ndarray = field(init=False)
-    """In [N m]."""
+    """Largest motor torque [N m]."""
     joint_acceleration_limit: np.ndarray = field(init=False)
-    """Largest acceleration that motions are planned with, joint side, in [rad/s^2]."""
+    """Largest joint acceleration in planned motions [rad/s^2]."""
     encoder_counts: np.ndarray = field(init=False)
-    """Encoder counts a motor turn; 0 means no quantisation."""
+    """Encoder counts per motor turn; 0 means no quantisation."""
     set_points: np.ndarray = field(init=False)
-    """Share of the set points that the controller commands: position, velocity, feed-forward."""
+    """Factors of what the controller commands, shape (3,): position, velocity and feed-forward
+    torque. A factor of 1 means that it is commanded in full."""
     torque_gain: np.ndarray = field(init=False)
-    """Torque that the motors give, over the logged one; 1 unless a calibration found another."""
+    """Torque of the motors divided by the logged torque; 1 unless a calibration found another
+    value."""
     friction_temperature: float = field(init=False)
     """Temperature at which the friction parameters hold, in [deg C]."""
 
@@ -119,7 +127,7 @@ class Robot:
 
     @cached_property
     def model(self) -> mujoco.MjModel:
-        """The healthy robot, compiled. Not to be edited."""
+        """The compiled model of the healthy robot. It must not be changed."""
         with mujoco_warnings() as warned:
             try:
                 model = self.spec().compile()
@@ -134,31 +142,47 @@ class Robot:
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of the MJCF text and of the files that it names."""
+        """Hash of the MJCF text and of the files that it refers to."""
         digest = hashlib.sha256(self.xml.encode())
         for name, content in sorted(self.assets.items()):
             digest.update(f"{name} {len(content)}\n".encode() + content)
         return digest.hexdigest()
 
     def edited(self, spec: mujoco.MjSpec) -> Robot:
-        """A robot of the same name and files, with another model."""
+        """Return a robot with the same name and files and with another model.
+
+        Args:
+            spec: The other model, compiled.
+        """
         return Robot(self.name, spec.to_xml(), self.assets)
 
     def ids(self, kind: str, name: str, model: mujoco.MjModel | None = None) -> np.ndarray:
-        """Ids of the elements ``name1`` ... ``name{n_axes}``, in the robot or an edit of it.
+        """Find the ids of the elements ``name1`` ... ``name{n_axes}``.
 
         Args:
             kind: 'actuator', 'tendon' or 'joint'.
-            name: Name without the number of the axis.
-            model: Where the ids hold; default: the healthy robot.
+            name: Name of the elements without the number of the axis.
+            model: Model in which the ids are valid. Default: that of the healthy robot.
+
+        Returns:
+            Ids, shape (n_axes,).
+
+        Raises:
+            InputError: The model lacks one of the elements.
         """
         where = self.model if model is None else model
         return np.array([_id(self.name, where, kind, f"{name}{i + 1}") for i in range(self.n_axes)])
 
     def addresses(self, model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
-        """Where the rotors and the arm's joints are in qpos and qvel of an edit of the robot.
+        """Find the indices of the rotors and of the arm joints in qpos and qvel of a model.
 
-        `motors` and `joints` are those of the healthy one.
+        The fields `motors` and `joints` hold the indices in the model of the healthy robot.
+
+        Args:
+            model: A model compiled from an edit of the robot.
+
+        Returns:
+            Indices of the rotors and of the arm joints, each of shape (n_axes,).
         """
         motors, joints = (
             model.jnt_dofadr[self.ids("joint", name, model)] for name in ("motor", "joint")
@@ -206,7 +230,8 @@ def load_robot(name_or_path: str | Path) -> Robot:
     """Load a robot by its name or from an MJCF file.
 
     Args:
-        name_or_path: One of `robot_names`, or the path of an MJCF file with the names above.
+        name_or_path: One of `robot_names`, or the path of an MJCF file whose elements have the
+            names that the top of this module lists.
 
     Returns:
         The robot.
@@ -221,7 +246,9 @@ def load_robot(name_or_path: str | Path) -> Robot:
     path = Path(name_or_path)
     if not os.path.exists(path):
         known = ", ".join(robot_names())
-        raise InputError(f"unknown robot '{name}': choose {known}, or give the path of an MJCF")
+        raise InputError(
+            f"unknown robot '{name}': choose {known}, or give the path of an MJCF file"
+        )
     xml, assets = read_mjcf(path)
     check_memory(path.stem, xml, assets)
     return Robot(path.stem, xml, assets)

@@ -1,7 +1,7 @@
-"""Tasks: what a robot does in one cycle, as TOML files say it.
+"""Tasks: what a robot does in one cycle, as described in a TOML file.
 
-A task is a start pose and moves, each to a tool pose in the base frame; the last one ends at the
-start. `faultgen.simulation.motion` makes a motion of it.
+A task is a start pose and a list of moves. Each move leads to a pose of the tool in the base frame,
+and the last one ends at the start pose. `faultgen.simulation.motion` turns a task into a motion.
 
     task = load_task("irb6700", "spot_weld")
 """
@@ -32,30 +32,32 @@ class Pose(BaseModel):
     rpy: Vector | None = None
     """Tool roll, pitch, yaw about the base axes x, y, z [deg]."""
     near: list[float] | None = None
-    """Configuration from which inverse kinematics starts [deg]; default: the pose before."""
+    """Joint angles from which inverse kinematics starts [deg]. Default: those of the previous
+    pose."""
     joints: list[float] | None = None
-    """Joint angles [deg] in place of a tool pose."""
+    """Joint angles [deg], which replace the pose of the tool."""
 
 
 class Move(Pose):
-    """A move to a pose, then a pause."""
+    """A move to a pose, followed by a pause."""
 
     path: Literal["joint", "line", "spline"] = "joint"
-    """Straight in the joints, straight in space, or a smooth curve in space through `via`."""
+    """"joint" is a straight line in joint angles, "line" is a straight line of the tool, and
+    "spline" is a smooth curve of the tool through the poses `via`."""
     via: list[Pose] = []
-    """Tool poses that a spline passes on its way."""
+    """Poses of the tool that a spline passes through."""
     speed: Annotated[float, Field(gt=0, le=1)] = 1.0
     """Fraction of the speed, acceleration and jerk limits."""
     tool_speed: Annotated[float, Field(gt=0)] | None = None
     """Upper limit of the tool's speed on a line or spline [m/s]."""
     duration: Annotated[float, Field(gt=0)] | None = None
-    """Least duration [s]."""
+    """Shortest duration of the move [s]."""
     dwell: Annotated[float, Field(ge=0)] = 0.0
     """Pause after the move [s]."""
 
 
 class Task(BaseModel):
-    """A task as its file gives it."""
+    """The content of a task file."""
 
     model_config = ConfigDict(extra="forbid")
 

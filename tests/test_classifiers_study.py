@@ -157,7 +157,7 @@ def test_files_of_the_study(result, monkeypatch, tmp_path):
     assert text == tables(stored)
     assert f"{stored['cells'][0]['mean']:.2f}" in text and "0.47 (0.34)" in text
     assert len(list((tmp_path / "figures").glob("*.png"))) == 4
-    with pytest.raises(InputError, match="no fleet here"):
+    with pytest.raises(InputError, match="is not a fleet"):
         monkeypatch.undo()
         run_study("classifiers", tmp_path, fleet=tmp_path)
     with pytest.raises(InputError, match="takes no --fleet"):

@@ -67,7 +67,7 @@ def test_generate_again_keeps_what_is_there(tiny_robot_path, tiny_task_path, dat
     """The same command resumes: it makes nothing twice."""
     again = faultgen(*flags(tiny_robot_path, tiny_task_path, dataset, severity=0.2))
     assert again.returncode == 0
-    assert "3 runs, 0 made now, 3 there before, 0 failed" in again.stdout
+    assert "3 runs, 0 made now, 3 already present, 0 failed" in again.stdout
 
 
 def test_severities_and_pairing_by_flags(tiny_robot_path, tiny_task_path, tmp_path):
@@ -147,9 +147,12 @@ BAD = {
     "an unknown schedule": ({"schedule": "sudden"}, r"unknown schedule 'sudden'"),
     "two units": (
         {"effect": "backlash,friction_wear", "severity": 0.01},
-        r"severity: one list cannot serve .*--severity backlash=0.0003,friction_wear=0.2",
+        r"severity: effects of different units .*--severity backlash=0.0003,friction_wear=0.2",
     ),
-    "0.2 rad of play": ({"effect": "backlash", "severity": 0.2}, r"severity: backlash takes up to"),
+    "0.2 rad of play": (
+        {"effect": "backlash", "severity": 0.2},
+        r"severity: backlash must be at most",
+    ),
     "a nameless severity": ({"severity": "0.1,delay=0.01"}, r"severity '.*': give numbers such as"),
     "a huge seed": ({"seed": 18446744073709551616}, r"seed: must be at most 9223372036854775807"),
     "an unknown option": ({"colour": "red"}, r"No such option: --colour"),
@@ -181,14 +184,14 @@ def test_bad_files_and_folders_get_one_line(tmp_path):
         (["generate", tmp_path / "no.toml", "-o", out], "no.toml: cannot be read"),
         (["generate", good, "-o", blocked], "blocked: cannot be written"),
         (["generate", good, "--cycles", "3", "-o", out], "file or flags, not both: --cycles"),
-        (["generate", "--robot", "puma560", "-o", out], "no --task"),
+        (["generate", "--robot", "puma560", "-o", out], "--task is missing"),
         (["generate", good, "--workers", "0", "-o", out], "workers: must be at least 1, not 0"),
         (["generate", good, "--workers", "99999", "-o", out], "workers: must be at most 1024"),
         (["generate", "/dev/zero", "-o", out], "/dev/zero: cannot be read (not a regular file)"),
         (["generate", good, "--paired", "-o", out], "file or flags, not both: --paired"),
-        (["info", tmp_path], "no dataset there"),
-        (["isolate", tmp_path / "nowhere"], "no dataset there"),
-        (["report", tmp_path], "no dataset there"),
+        (["info", tmp_path], "is not a dataset"),
+        (["isolate", tmp_path / "nowhere"], "is not a dataset"),
+        (["report", tmp_path], "is not a dataset"),
         (["fly"], "No such command 'fly'"),
         (["info"], "Missing argument 'folder'"),
     ):
@@ -223,5 +226,5 @@ def test_ctrl_c_stops_cleanly(tmp_path):
     os.killpg(process.pid, signal.SIGINT)
     _, said = process.communicate(timeout=HANG)
     assert process.returncode == 130
-    assert said.endswith("faultgen: stopped; run the same command again to go on\n")
+    assert said.endswith("faultgen: interrupted; run the same command again to continue\n")
     assert not list(tmp_path.glob("out/runs/*.h5"))

@@ -79,7 +79,10 @@ def test_toml_says_it_all():
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [
-        ({"parameters": {"backlash": {}}}, "'backlash' is no effect of this experiment"),
+        (
+            {"parameters": {"backlash": {}}},
+            "'backlash' is not among the effects of this experiment",
+        ),
         ({"parameters": {"torque_ripple": {"waves": 2}}}, "no parameter 'waves'"),
         ({"beside": [{"effect": "rust", "severity": 1.0}]}, "rust"),
         ({"beside": [{"effect": "friction_wear", "severity": 99.0}]}, "0 to 10"),

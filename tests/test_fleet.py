@@ -309,12 +309,12 @@ def test_one_seed_is_one_fleet(fleet, tmp_path):
     ("text", "told"),
     [
         ("robots = 0", "robots"),
-        ("failing = 30", "failing: at most the 26 robots, not 30"),
+        ("failing = 30", "failing: must be at most the number of robots, which is 26, not 30"),
         ('models = ["kuka"]', "models: unknown 'kuka'"),
         ("[damage]\nlife = [3, 2]", "damage.life"),
         ("[damage]\nrust = 2", "damage.rust"),
         ('[programs]\ntasks = ["paint"]', "irb6700 has no 'paint'"),
-        ("[production]\nshifts = [1, 4]", "production.shifts: at most 3"),
+        ("[production]\nshifts = [1, 4]", "production.shifts: a day has at most 3 shifts"),
         ("robots = ", "not valid TOML"),
     ],
 )

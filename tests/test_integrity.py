@@ -152,7 +152,7 @@ def test_ids_of_runs_never_lead_out_of_the_folder(dataset):
     runs = Manifest.read(dataset).runs
     escaped = {"../../secret": next(iter(runs.values()))}
     Manifest(escaped, "0" * 64).write(dataset)
-    with pytest.raises(InputError, match="'../../secret' is no id of a run"):
+    with pytest.raises(InputError, match="'../../secret' is not the id of a run"):
         open_dataset(dataset)
 
 
@@ -187,11 +187,11 @@ def test_a_write_that_the_disk_forgets_is_noticed(tmp_path, monkeypatch):
     (tmp_path / f"{'0' * 16}.h5").unlink()
     (tmp_path / f"{'0' * 16}.h5.sha256").unlink()
     monkeypatch.setattr(files.os, "fsync", forget)
-    with pytest.raises(StorageFailed, match="does not read back as it was written"):
+    with pytest.raises(StorageFailed, match="differs from what was written"):
         write()
-    with pytest.raises(StorageFailed, match="does not read back as it was written"):
+    with pytest.raises(StorageFailed, match="differs from what was written"):
         write_arrays(tmp_path / "a.h5", {"x": np.arange(500.0)}, {})
-    with pytest.raises(StorageFailed, match="does not read back as it was written"):
+    with pytest.raises(StorageFailed, match="differs from what was written"):
         write_text(tmp_path / "a.txt", "text " * 1000)
     assert not list(tmp_path.iterdir())
 

@@ -116,20 +116,20 @@ def test_without_severities_each_effect_has_its_default(small):
 @pytest.mark.parametrize(
     ("entries", "message"),
     [
-        ({"effect": "backlash", "severity": 0.2}, "backlash takes up to 0.05 .rad"),
+        ({"effect": "backlash", "severity": 0.2}, "backlash must be at most 0.05 .rad"),
         (
             {"effect": ["backlash", "friction_wear"], "severity": 0.01},
-            "one list cannot serve effects of different units .*severity = {backlash = 0.0003, "
+            "effects of different units .*severities of their own.*severity = {backlash = 0.0003, "
             "friction_wear = 0.2}.*--severity backlash=0.0003,friction_wear=0.2",
         ),
         (
             {"effect": ["backlash", "delay"], "schedule": [0.01, 0.02]},
-            "schedule: one list cannot serve",
+            "schedule: effects of different units .*severities of their own",
         ),
-        ({"effect": "backlash", "severity": {"delay": 0.01}}, "'delay' is no effect of this"),
+        ({"effect": "backlash", "severity": {"delay": 0.01}}, "'delay' is not among the effects"),
         (
             {"effect": ["backlash", "delay"], "severity": {"delay": 0.01}},
-            "severity: gives none for backlash",
+            "severity: no value is given for the effect backlash",
         ),
         ({"severity": {"friction_wear": -1.0}}, "severity: input should be greater"),
         ({"effect": "torque_offset", "severity": 2.5}, "motor's torque limit of 2 N m, not 2.5"),
@@ -185,9 +185,15 @@ def test_unpaired_runs_of_several_tasks_share_no_seed(small, tmp_path, tiny_task
     [
         ({"seed": 18446744073709551616}, "seed: must be at most 9223372036854775807"),
         ({"seed": 2**63 - 1, "repetitions": 2}, "seed: must be at most 9223372036854775806"),
-        ({"thin": 10**30}, "thin: must be below the [0-9]+ samples of a cycle"),
+        (
+            {"thin": 10**30},
+            "thin: must be smaller than the number of samples in a cycle, which is [0-9]+",
+        ),
         ({"repetitions": 10**12}, "repetitions: input should be less than or equal to"),
-        ({"repetitions": 99_999}, "experiment: has 299997 runs, but at most 100000"),
+        (
+            {"repetitions": 99_999},
+            "experiment: has 299997 runs, but a dataset can have at most 100000",
+        ),
     ],
 )
 def test_huge_numbers_are_refused_in_one_line(small, tmp_path, entries, message):

@@ -376,7 +376,7 @@ def test_files_of_others_are_not_overwritten(small, tmp_path):
     """A folder with an experiment.toml that is not of a dataset is refused."""
     mine = tmp_path / "experiment.toml"
     mine.write_text("# mine\n")
-    with pytest.raises(InputError, match="holds an experiment.toml of its own"):
+    with pytest.raises(InputError, match="holds the experiment.toml of another dataset"):
         generate(small(), tmp_path, progress=False)
     assert mine.read_text() == "# mine\n"
 
@@ -413,18 +413,21 @@ def test_experiments_survive_being_written_out(small, made):
     [
         ({"axis": 7}, "axis 7: robot tiny has axes 1 to 2"),
         ({"axis": 0}, "axis 0: robot tiny has axes 1 to 2"),
-        ({"axis": [[1, 1]]}, "the same axis twice"),
+        ({"axis": [[1, 1]]}, "the same axis is given twice"),
         ({"severity": -5}, "severity: input should be greater than or equal to 0, not -5"),
         ({"severity": "much"}, "severity: input should be a valid number"),
-        ({"severity": 20.0}, "severity: friction_wear takes up to 10 .* not 20"),
-        ({"severity": 1.0, "effect": "gear_stiffness"}, "gear_stiffness takes up to 0.95"),
+        ({"severity": 20.0}, "severity: friction_wear must be at most 10 .* not 20"),
+        ({"severity": 1.0, "effect": "gear_stiffness"}, "gear_stiffness must be at most 0.95"),
         ({"axis": True}, "axis: input should be a valid integer, not True"),
         ({"axis": [[]]}, "axis: list should have at least 1 item"),
         ({"schedule": [0.1, -0.2]}, "schedule: input should be greater than or equal to 0"),
-        ({"schedule": [0.1], "severity": 0.2, "cycles": 1}, "severity: an array as schedule has"),
+        (
+            {"schedule": [0.1], "severity": 0.2, "cycles": 1},
+            "severity: leave it out, because the schedule is an array",
+        ),
         ({"sample_period": float("inf")}, "sample_period: input should be a finite number"),
         ({"sample_period": 100.0}, "sample_period: must be well below the cycle"),
-        ({"signals": ["signals/motor_torque"] * 2}, "signals: the same name twice"),
+        ({"signals": ["signals/motor_torque"] * 2}, "signals: the same name is given twice"),
         ({"cycles": 0}, "cycles: input should be greater than or equal to 1, not 0"),
         ({"effect": "rust"}, "unknown effect 'rust': choose healthy, friction_wear"),
         ({"schedule": "sudden"}, "unknown schedule 'sudden'"),

@@ -1,7 +1,7 @@
 """The command line. Results go to stdout, progress and messages to stderr.
 
-Exit status: 0 done, 1 failed while running, 2 bad input (one line), 130 interrupted,
-143 terminated.
+The exit status is 0 when the command is done, 1 when it failed while running, 2 when the input is
+wrong (with one line that says why), 130 when it was interrupted and 143 when it was terminated.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ def main() -> None:
     except InputError as error:
         _fail(str(error), 2)
     except KeyboardInterrupt:
-        _fail("stopped; run the same command again to go on", _INTERRUPTED)
+        _fail("interrupted; run the same command again to continue", _INTERRUPTED)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
     except StorageFailed as error:
-        _fail(f"{error}; see to the disk, then run the same command again to go on", 1)
+        _fail(f"{error}; check the disk, then run the same command again to continue", 1)
     except (SimulationFailed, OSError) as error:
         _fail(" ".join(str(error).split()), 1)
     except Exception as error:

@@ -11,8 +11,9 @@ import typer
 
 app = typer.Typer(
     name="faultgen",
-    help="Labelled condition-monitoring data from industrial robots that wear in MuJoCo.",
-    epilog="Start with: faultgen demo -o demo-out",
+    help="Generate labelled condition-monitoring data of industrial robots that wear, simulated "
+    "in MuJoCo, and find the physical effects that a robot has and its model lacks.",
+    epilog="To begin, run: faultgen demo -o demo-out",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
@@ -41,23 +42,31 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on 
 Out = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")]
 Workers = Annotated[
     int | None,
-    typer.Option(help="Processes that simulate; default: one a core. No effect on data."),
+    typer.Option(
+        help="Number of processes that work at the same time. The results do not depend on it. "
+        "Default: one process for each processor core."
+    ),
 ]
 Sensors = Annotated[
     str | None,
-    typer.Option(help="Noise to draw anew; default: thesis, or the noise the data has."),
+    typer.Option(
+        help="Sensor preset whose noise is added to the simulated cycles: none, thesis or "
+        "realistic. Default: thesis, or, if the dataset was generated with noise, that noise."
+    ),
 ]
-Seeds = Annotated[int, typer.Option(help="Draws of the noise for each run.")]
-Folder = Annotated[Path, typer.Argument(help="Folder of a dataset, as generate writes it.")]
+Seeds = Annotated[int, typer.Option(help="How often the noise is drawn anew for each run.")]
+Folder = Annotated[
+    Path, typer.Argument(help="Folder of a dataset that 'faultgen generate' has written.")
+]
 
 
 def print_json(value: Any) -> None:
-    """The result for machines, on stdout."""
+    """Print a result as JSON on stdout, for other programs."""
     print(json.dumps(value, indent=1, default=lambda v: v.tolist()))
 
 
 def print_table(rows: list[dict[str, Any]]) -> None:
-    """Columns for people; the last one is as long as it likes."""
+    """Print rows as an aligned table, with the keys of the first row as its header."""
     if not rows:
         return
     names = list(rows[0])
@@ -68,7 +77,7 @@ def print_table(rows: list[dict[str, Any]]) -> None:
 
 
 def worker_count(given: int | None) -> int:
-    """Processes that were asked for, or one a core."""
+    """The number of processes that the user asked for, or else the number of processor cores."""
     from joblib import cpu_count
 
     from faultgen.system.parallel import check_workers

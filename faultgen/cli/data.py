@@ -15,60 +15,79 @@ from faultgen.errors import InputError, SimulationFailed
 @app.command()
 def generate(
     experiment: Annotated[
-        Path | None, typer.Argument(help="Experiment file (TOML); or else give the flags.")
+        Path | None,
+        typer.Argument(help="Experiment file (TOML). Without one, give --robot and --task."),
     ] = None,
     out: Out = Path("dataset"),
     robot: Annotated[
-        str | None, typer.Option(help="Robot, or the path of an MJCF; several: a,b.")
+        str | None,
+        typer.Option(help="Name of a robot, or the path of an MJCF file. For several, write a,b."),
     ] = None,
     task: Annotated[
-        str | None, typer.Option(help="Task, or the path of a task file; several: a,b.")
+        str | None,
+        typer.Option(help="Name of a task, or the path of a task file. For several, write a,b."),
     ] = None,
     axis: Annotated[
         str | None,
         typer.Option(
-            help="Axes that wear, one run each: 1,2,3; at once: 2+3; default: all that the effect "
-            "can act on."
+            help="Axes that wear. 1,2,3 makes one run for each axis; 2+3 makes one run in which "
+            "both axes wear at once. Default: every axis that the effect can act on."
         ),
     ] = None,
-    effect: Annotated[str | None, typer.Option(help="Effect; several: a,b. See: effects.")] = None,
+    effect: Annotated[
+        str | None,
+        typer.Option(
+            help="Name of an effect. For several, write a,b. 'faultgen effects' lists them."
+        ),
+    ] = None,
     severity: Annotated[
         str | None,
         typer.Option(
-            help="Final severity in the unit of the effect, such as 0.1 for 10 %; several: "
-            "0.1,0.2; for each effect: backlash=0.001,encoder_offset=0.02."
+            help="Severity in the last cycle, in the unit of the effect: 0.1 means 10 % where the "
+            "unit is a fraction. 0.1,0.2 makes a run for each value. Effects of different units "
+            "need values of their own: backlash=0.001,encoder_offset=0.02."
         ),
     ] = None,
     schedule: Annotated[
         str | None,
-        typer.Option(help="exponential (thesis 6.6), sigmoid (3.7), linear, step or constant."),
+        typer.Option(
+            help="How the severity grows from cycle to cycle: exponential (thesis, eq. 6.6), "
+            "sigmoid (thesis, eq. 3.7), linear, step or constant."
+        ),
     ] = None,
-    cycles: Annotated[int | None, typer.Option(help="Cycles a run.")] = None,
-    sensors: Annotated[str | None, typer.Option(help="none, thesis or realistic.")] = None,
+    cycles: Annotated[int | None, typer.Option(help="Number of cycles in each run.")] = None,
+    sensors: Annotated[
+        str | None,
+        typer.Option(help="Preset of sensor noise and disturbances: none, thesis or realistic."),
+    ] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the first repetition.")] = None,
     repetitions: Annotated[
-        int | None, typer.Option(help="Repeat everything with so many seeds.")
+        int | None,
+        typer.Option(help="Number of times that all runs are made, each time with another seed."),
     ] = None,
     paired: Annotated[
         bool | None,
         typer.Option(
             "--paired/--unpaired",
-            help="Whether faulty and healthy runs of a repetition share their noise; "
-            "default: unpaired, as a dataset to learn from needs it.",
+            help="Whether the faulty and healthy runs of a repetition share the same noise. "
+            "Default: unpaired, so that a method that learns from the data cannot recognise runs "
+            "by their noise.",
         ),
     ] = None,
     regenerate: Annotated[
-        bool, typer.Option(help="Make runs again that another version of faultgen has made.")
+        bool,
+        typer.Option(help="Replace the runs that another version of faultgen has made."),
     ] = False,
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
-    """Generate a labelled dataset; run the same command again to resume.
+    """Generate a labelled dataset. If it was interrupted, run the same command again to resume.
 
-    Every combination of robot, task, effect, axis and severity is a run, and the healthy robot is
-    one more. Without flags of their own, the axes are all on which the effect can act, the effect
-    is friction_wear, the severity 0.2 (for effects with a unit: see the command effects), the
-    schedule exponential, 100 cycles, no noise.
+    The dataset has one run for every combination of robot, task, effect, axis and severity, and
+    one more run of the healthy robot for each robot and task. Defaults: the effect is
+    friction_wear, it acts on every axis that it can act on, the final severity is 0.2 (effects
+    with a unit have a default of their own, see 'faultgen effects'), the schedule is exponential,
+    and a run has 100 cycles without noise.
 
     \b
     faultgen generate --robot irb6700 --task spot_weld --axis 3 --cycles 50 -o out
@@ -92,21 +111,25 @@ def generate(
     }
     given = {name: value for name, value in flags.items() if value is not None}
     if experiment is not None and given:
-        raise InputError(f"give an experiment file or flags, not both: --{next(iter(given))}")
+        raise InputError(
+            f"give an experiment file or flags, not both: --{next(iter(given))} was given as well"
+        )
     if experiment is not None:
         chosen = load_experiment(experiment)
     else:
         for name in ("robot", "task"):
             if name not in given:
-                raise InputError(f"give an experiment file, or --robot and --task: no --{name}")
+                raise InputError(
+                    f"give an experiment file, or --robot and --task: --{name} is missing"
+                )
         chosen = make_experiment(given)
     summary = run_generate(chosen, out, workers=worker_count(workers), regenerate=regenerate)
     if as_json:
         print_json(asdict(summary))
     else:
         print(
-            f"{out}: {summary.planned} runs, {summary.done} made now, {summary.kept} there before, "
-            f"{len(summary.failed)} failed"
+            f"{out}: {summary.planned} runs, {summary.done} made now, "
+            f"{summary.kept} already present, {len(summary.failed)} failed"
         )
         for run_id, reason in summary.failed.items():
             print(f"failed: {run_id}: {reason}")
@@ -116,7 +139,11 @@ def generate(
 
 @app.command()
 def info(folder: Folder, as_json: Json = False) -> None:
-    """Tell what a dataset holds, and whether it is complete and intact."""
+    """List the runs of a dataset, and check all of its files.
+
+    The command reports whether the dataset is complete and intact. The exit status is 1 if runs are
+    missing or damaged, or were made by different versions of faultgen.
+    """
     from faultgen.dataset.reader import open_dataset
 
     dataset = open_dataset(folder)
@@ -169,15 +196,26 @@ def info(folder: Folder, as_json: Json = False) -> None:
         if len(versions) > 1:
             for version, ids in versions.items():
                 print(f"made by {version}: {', '.join(ids)}")
-            print("its runs were made by different versions: make the others again, --regenerate")
-        print("complete and intact" if whole else "not whole: run the generate command again")
+            print(
+                "the runs were made by different versions; run the generate command again with "
+                "--regenerate to make all of them with this version"
+            )
+        print(
+            "the dataset is complete and intact"
+            if whole
+            else "the dataset is not in order; run the generate command again to complete it"
+        )
     if not whole:
         raise typer.Exit(1)
 
 
 @app.command()
 def report(folder: Folder, as_json: Json = False) -> None:
-    """Write report.html, self-contained: figures of a dataset and what isolators answer."""
+    """Write a report of a dataset as an HTML page.
+
+    The page contains figures and the isolators' results. It is written to report.html in the
+    dataset's folder, and needs no other files.
+    """
     from faultgen.report import write_report
 
     path = write_report(folder)
@@ -186,10 +224,11 @@ def report(folder: Folder, as_json: Json = False) -> None:
 
 @app.command()
 def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = False) -> None:
-    """The main job from end to end: a small wear sweep, its dataset, isolators and a report.
+    """Show the main use from end to end on a small dataset.
 
-    Takes about a minute of processor time on a 2-core AMD EPYC server. With both cores free that is
-    less on the clock; on a busy machine it can be several minutes.
+    The demonstration generates a dataset, names the worn axis of each run with every isolator, and
+    writes a report. It takes about one minute of processor time on a 2-core AMD EPYC server. It is
+    faster where both cores are free, and can take several minutes on a busy machine.
     """
     from faultgen.dataset.experiment import make_experiment
     from faultgen.dataset.reader import open_dataset
@@ -230,12 +269,12 @@ def _axes(text: str | None) -> list[list[int]] | None:
         return [[int(axis) for axis in part.split("+")] for part in text.split(",")]
     except ValueError:
         raise InputError(
-            f"axis '{text}': give numbers such as 1,2,3, or 2+3 for two at once"
+            f"axis '{text}': give numbers such as 1,2,3, or 2+3 for two axes that wear at once"
         ) from None
 
 
 def _severities(text: str | None) -> list[float] | dict[str, list[float]] | None:
-    """0.1,0.2 as a list; backlash=0.001,0.002,delay=0.01 as a list for each effect."""
+    """Parse "0.1,0.2" to a list, and "backlash=0.001,0.002,delay=0.01" to a list by effect."""
     if text is None:
         return None
     found: dict[str, list[float]] = {}
@@ -249,7 +288,7 @@ def _severities(text: str | None) -> list[float] | dict[str, list[float]] | None
         found = {}
     if not found or ("" in found and len(found) > 1):
         raise InputError(
-            f"severity '{text}': give numbers such as 0.1,0.2, or those of each effect such as "
+            f"severity '{text}': give numbers such as 0.1,0.2, or numbers for each effect such as "
             "backlash=0.001,encoder_offset=0.02"
         )
     return found[""] if "" in found else found

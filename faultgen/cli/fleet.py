@@ -14,17 +14,20 @@ from faultgen.cli.app import Json, Out, Workers, app, print_json, print_table, w
 @app.command()
 def fleet(
     plan: Annotated[
-        Path | None, typer.Argument(help="Plan of the fleet (TOML); default: 26 robots, 60 days.")
+        Path | None,
+        typer.Argument(help="Plan of the fleet (TOML). Default: 26 robots, recorded for 60 days."),
     ] = None,
     out: Out = Path("fleet"),
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
-    """Make a fleet: robots that work for weeks, of which some fail, as their monitoring sees them.
+    """Simulate robots that work for weeks, some of which fail.
 
-    Each robot has its own payload, programs, shifts, hall and scatter; gearboxes of failing ones
-    wear out by a law of friction, backlash and ripple. Run again to resume. Every entry of the plan
-    has a default; docs/fleet.md tells them, and what is simulated and what interpolated.
+    The command writes what the monitoring system of such a fleet would store. Each robot has its
+    own payload, programs, shifts, hall temperature and deviations from its model. In a robot that
+    fails, friction, backlash and torque ripple of one gearbox grow until the failure. If the
+    command was interrupted, run it again to resume. Every entry of the plan has a default.
+    docs/fleet.md lists the entries, and explains what is simulated and what is interpolated.
     """
     from faultgen.fleet import FleetPlan, generate_fleet, load_fleet
 

@@ -29,11 +29,13 @@ def detect(
     seeds: Seeds = 20,
     as_json: Json = False,
 ) -> None:
-    """Tell by every detector whether anything is worn, by task and wear.
+    """Measure how reliably each detector recognises wear.
 
-    Detectors learn from healthy cycles: of the dataset's healthy run with other noise, or, where
-    the noise is stored, of healthy runs of other seeds (generate with repetitions). Shares have
-    95 % Wilson intervals. The result is also written to detection.json in the folder.
+    The table has a row for each task and severity. Detectors learn from healthy cycles. If the
+    dataset was generated without noise, these are the cycles of its healthy run with other draws of
+    the noise. If it was generated with noise, they are healthy runs with other seeds; generate such
+    a dataset with --repetitions. The table gives shares with 95 % Wilson intervals. The result is
+    also written to detection.json in the folder.
     """
     from faultgen.dataset.reader import open_dataset
     from faultgen.evaluation.detect import detect as run_detect
@@ -51,12 +53,14 @@ def isolate(
     seeds: Seeds = 20,
     as_json: Json = False,
 ) -> None:
-    """Name the worn axis of every run by each isolator, in the form of thesis table 6.2.
+    """Measure how often each isolator names the worn axis.
 
-    Ours learn from healthy cycles: of the dataset's healthy run with other noise, or, where the
-    noise is stored, of healthy runs of other seeds (generate with repetitions). Shares of right
-    answers have 95 % Wilson intervals; rows 'healthy' tell how often an axis is named though none
-    is worn. The result is also written to isolation.json in the folder.
+    The table has the form of table 6.2 of the thesis. Some isolators learn from healthy cycles. If
+    the dataset was generated without noise, these are the cycles of its healthy run with other
+    draws of the noise. If it was generated with noise, they are healthy runs with other seeds;
+    generate such a dataset with --repetitions. The table gives the share of correct answers with 95
+    % Wilson intervals. Its rows 'healthy' give the share of healthy runs in which an isolator
+    wrongly names an axis. The result is also written to isolation.json in the folder.
     """
     from faultgen.dataset.reader import open_dataset
     from faultgen.evaluation.isolate import isolate as run_isolate
@@ -70,25 +74,38 @@ def isolate(
 @app.command()
 def study(
     name: Annotated[
-        str, typer.Argument(help="events, detection, training-data, classifiers or isolation.")
+        str,
+        typer.Argument(
+            help="Name of the study: events, detection, training-data, classifiers or isolation."
+        ),
     ],
     out: Out = Path("study-out"),
     fleet: Annotated[
         Path | None,
-        typer.Option(help="Folder of a fleet to study, for events, classifiers and training-data."),
+        typer.Option(
+            help="Folder of an existing fleet, for the studies events, classifiers and "
+            "training-data. Default: the study makes a fleet."
+        ),
     ] = None,
-    quick: Annotated[bool, typer.Option(help="Fewer seeds or robots, for a first look.")] = False,
-    seed: Annotated[int, typer.Option(help="Root of all draws; docs/ reports the default.")] = 2026,
+    quick: Annotated[
+        bool, typer.Option(help="Use fewer seeds or robots, for a first look at the results.")
+    ] = False,
+    seed: Annotated[
+        int,
+        typer.Option(
+            help="Seed of all random numbers. The results in docs/ are those of the default seed."
+        ),
+    ] = 2026,
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
-    """Run a whole study: judge every method, write tables and figures.
+    """Run a study that compares all methods on simulated data.
 
-    Detection and isolation simulate what they need. Events, training-data and classifiers are of a
-    fleet, which is made where none is given.
+    The studies detection and isolation simulate the cycles that they need. The studies events,
+    training-data and classifiers examine a fleet; they make one if --fleet does not name one.
 
-    The folder gets results.json, tables.md and figures/. Simulated cycles stay there, and are used
-    again by the next call.
+    The study writes results.json, tables.md and figures/ into the folder. Simulated cycles are
+    kept there too, and the next call uses them again.
     """
     from faultgen.studies.runner import run_study
 
@@ -105,41 +122,75 @@ def study(
 
 @app.command()
 def discover(
-    measured: Annotated[Path, typer.Argument(help="Recording of the robot (HDF5 or CSV).")],
-    robot: Annotated[str, typer.Option(help="Robot, or the path of an MJCF.")],
+    measured: Annotated[
+        Path, typer.Argument(help="Recording of the robot (HDF5 or CSV); see docs/measured.md.")
+    ],
+    robot: Annotated[str, typer.Option(help="Name of the robot, or the path of its MJCF file.")],
     healthy: Annotated[
-        Path | None, typer.Option(help="Recording of the same motions before the change.")
+        Path | None,
+        typer.Option(
+            help="Recording of the same motions from before the change. It makes small changes "
+            "visible."
+        ),
     ] = None,
     validate: Annotated[
-        Path | None, typer.Option(help="Recording of other motions, for scoring only.")
+        Path | None,
+        typer.Option(
+            help="Recording of other motions of the same robot. It is used only to score the "
+            "result, not to find it."
+        ),
     ] = None,
     out: Out = Path("discovery-out"),
     cache: Annotated[
         Path | None,
-        typer.Option(help="Folder that keeps sensitivities for other recordings of one program."),
+        typer.Option(
+            help="Folder that keeps simulated sensitivities, so that later calls with recordings "
+            "of the same program are faster."
+        ),
     ] = None,
     include: Annotated[
-        list[str] | None, typer.Option(help="Effect that is a candidate on request only.")
+        list[str] | None,
+        typer.Option(
+            help="Name of an effect that is considered only on request. Repeat the option for "
+            "several effects."
+        ),
     ] = None,
     width: Annotated[
-        float, typer.Option(help="Tolerance of the model's own numbers over the usual one.")
+        float,
+        typer.Option(
+            help="How uncertain the model's parameters are, as a multiple of the default. "
+            "Choose more than 1 for a model that is only roughly known."
+        ),
     ] = 1.0,
     steady: Annotated[
-        bool, typer.Option(help="Count errors that last in full: for filtered recordings.")
+        bool,
+        typer.Option(
+            help="Give long-lasting errors full weight instead of treating part of them as "
+            "drifting noise. Use it for recordings that were filtered."
+        ),
     ] = False,
     low_pass: Annotated[
-        float | None, typer.Option(help="Filter of recordings without a reference [Hz].")
+        float | None,
+        typer.Option(
+            help="Cut-off frequency [Hz] of a low-pass filter for recordings without a reference "
+            "position, in which the simulation follows the measured position. "
+            "Default: no filter."
+        ),
     ] = None,
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
-    """Name the effect that a measured robot has and its model, or its healthy twin, lacks.
+    """Find the effect that a robot has and its model lacks.
 
-    With --healthy, two recordings of the same motions are subtracted, and small changes show.
-    Without, the model is calibrated on the recording, and an effect has to be larger than what
-    models are usually wrong by. The answer is: no missing effect, named, ambiguous (with the
-    motion that would decide it), or unknown effect. The folder gets discovery.json, model.xml
-    (the robot with the effects in it), report.html and, if ambiguous, next_experiment.toml.
+    The command compares a recording of the robot with its simulation. With --healthy, the recording
+    from before the change is subtracted, so that even small changes are visible. Without it, the
+    model is first calibrated on the recording, and an effect is reported only if it is larger than
+    the usual errors of a model.
+
+    The verdict is one of: no missing effect, named, ambiguous, unknown effect. If it is ambiguous,
+    the command proposes the motion that would decide between the candidates. It writes
+    discovery.json, model.xml (the robot with the effects added), report.html and, if the verdict is
+    ambiguous, next_experiment.toml.
     """
     from faultgen.report.discover import discover as run_discover
 
@@ -170,9 +221,12 @@ def discover(
             f"confidence {one['confidence']:.2f}"
         )
     for one in result["alternatives"]:
-        print(f"not excluded: {one['effect']} on axis {one['axis']} ({one['confidence']:.2f})")
+        print(
+            f"also possible: {one['effect']} on axis {one['axis']}; "
+            f"confidence {one['confidence']:.2f}"
+        )
     if result["next_experiment"]:
-        print(f"to tell them apart, run {out / 'next_experiment.toml'}")
+        print(f"to distinguish these effects, run the task {out / 'next_experiment.toml'}")
     if result["unexplained"]:
         print(result["unexplained"])
     gap = result["gap"]
@@ -184,20 +238,30 @@ def discover(
 
 @app.command()
 def calibrate(
-    measured: Annotated[Path, typer.Argument(help="Recording of the robot (HDF5 or CSV).")],
-    robot: Annotated[str, typer.Option(help="Robot, or the path of an MJCF.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="MJCF to write.")] = Path("model.xml"),
+    measured: Annotated[
+        Path, typer.Argument(help="Recording of the robot (HDF5 or CSV); see docs/measured.md.")
+    ],
+    robot: Annotated[str, typer.Option(help="Name of the robot, or the path of its MJCF file.")],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="MJCF file to write: the calibrated model.")
+    ] = Path("model.xml"),
     known: Annotated[
-        list[str] | None, typer.Option(help="Number that is known well: inertia, say.")
+        list[str] | None,
+        typer.Option(
+            help="Name of a parameter that is known well and keeps its usual uncertainty, such as "
+            "inertia. Repeat the option for several parameters."
+        ),
     ] = None,
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
-    """Fit the numbers of a model that is only roughly known to a recording.
+    """Fit the parameters of a roughly known model to a recording.
 
-    Friction, offsets, rotors, torque constants and links get wider tolerances; how wide is told by
-    blocks of the recording that were not fitted. Of torque constants and links (inertia) one should
-    be --known. The model that is written can be given to discover.
+    The parameters of friction, offsets, rotors, torque constants and links may differ more from
+    the model than usual. How much more is chosen with parts of the recording that were not used
+    for the fit. A recording can hardly separate the torque constants from the masses of the links,
+    so name one of them with --known. The model that the command writes can be given to 'faultgen
+    discover'.
     """
     from faultgen.discovery.calibrate import calibrate as run_calibrate
     from faultgen.discovery.workflow import usable
@@ -218,6 +282,6 @@ def calibrate(
     if as_json:
         print_json(result)
         return
-    print(f"tolerances times {found.width:g}")
+    print(f"assumed uncertainty of the parameters: {found.width:g} times the default")
     for name, values in found.values.items():
         print(f"{name}: " + ", ".join(f"axis {k} {v:+.3g}" for k, v in values.items()))

@@ -9,7 +9,7 @@ from faultgen.cli.app import Json, app, print_json, print_table
 
 @app.command()
 def robots(as_json: Json = False) -> None:
-    """List the robots, with their limits by axis."""
+    """List the robots with the limits of each axis."""
     from faultgen.robot import load_robot, robot_names
 
     rows = []
@@ -31,7 +31,11 @@ def robots(as_json: Json = False) -> None:
 
 @app.command()
 def tasks(as_json: Json = False) -> None:
-    """List the tasks of each robot, with cycle time and time in the speed window."""
+    """List the tasks of each robot with their cycle times.
+
+    The window share is the share of time in which a motor turns at 50 to 120 rad/s. Only samples
+    from this time count in the mean torque that monitoring stores.
+    """
     from faultgen.robot import load_robot, robot_names
     from faultgen.simulation.motion import plan
     from faultgen.tasks import load_task, task_names
@@ -57,7 +61,7 @@ def tasks(as_json: Json = False) -> None:
 
 @app.command()
 def effects(as_json: Json = False) -> None:
-    """List the effects: what each does, its unit, range, parameters and what carries it."""
+    """List the effects with their units, ranges and parameters."""
     from faultgen.effects import EFFECTS
 
     rows: list[dict[str, Any]] = [

@@ -1,4 +1,4 @@
-"""Labelled datasets: what they consist of, how they are made, and how they are read."""
+"""Labelled datasets: the experiment that defines one, the runs it consists of, and its reader."""
 
 from faultgen.dataset.reader import Dataset, StoredRun, open_dataset
 

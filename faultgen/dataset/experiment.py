@@ -1,6 +1,7 @@
 """An experiment: which runs a dataset consists of.
 
-An experiment is a TOML file; every entry that is swept takes one value or a list.
+An experiment is a TOML file. An entry such as robot, task, effect, axis or severity holds one value
+or a list of values, and the dataset has a run for every combination of these values.
 
     experiment = load_experiment("experiment.toml")
     runs = plan_runs(experiment)
@@ -57,7 +58,8 @@ SIGNALS = (
     "truth/joint_position",
     "truth/joint_velocity",
 )
-"""Sampled signals that a run file can hold; `signals` as measured, `truth` as simulated."""
+"""Sampled signals that a run file can hold. Those in `signals` include the noise of the sensors;
+those in `truth` are free of it."""
 
 
 def _listed(value: Any) -> Any:
@@ -65,7 +67,7 @@ def _listed(value: Any) -> Any:
 
 
 def _places(value: Any) -> Any:
-    """Names as they are, and paths in full, so that they hold in every folder."""
+    """Leave names as they are, and make paths absolute, so that they are valid in every folder."""
     return [
         str(Path(item).resolve()) if isinstance(item, str) and Path(item).is_file() else item
         for item in _listed(value)
@@ -73,19 +75,19 @@ def _places(value: Any) -> Any:
 
 
 def _axes(value: Any) -> Any:
-    """[1, [2, 3]] to [[1], [2, 3]]."""
+    """Turn [1, [2, 3]] into [[1], [2, 3]]."""
     return [_listed(item) for item in _listed(value)]
 
 
 def _severities(value: Any) -> Any:
-    """0.1 to [0.1], also within a table by effect."""
+    """Turn 0.1 into [0.1], also within a table of severities by effect."""
     if isinstance(value, dict):
         return {name: _listed(one) for name, one in value.items()}
     return _listed(value)
 
 
 def _windows(value: Any) -> Any:
-    """[low, high] to [[low, high]]."""
+    """Turn [low, high] into [[low, high]]."""
     single = isinstance(value, list) and not any(isinstance(one, list) for one in value)
     return [value] if single else value
 
@@ -104,7 +106,7 @@ Window = Annotated[
 ]
 
 MOST_RUNS = 100_000
-"""Runs that a dataset may have."""
+"""Largest number of runs that a dataset may have."""
 
 LARGEST_SEED = 2**63 - 1
 """Largest seed that run files can store."""
@@ -113,79 +115,86 @@ Numbers = dict[str, int | float | str]
 
 
 class Beside(BaseModel):
-    """Another effect that grows beside that of a run, by the same schedule."""
+    """A further effect in every faulty run. It grows by the same schedule as the main effect."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
     effect: str
-    """Name from the catalogue."""
+    """Name of the effect in the catalogue."""
     severity: float
-    """When the effect of the run has its final severity."""
+    """Severity of this effect when the main effect of the run has its final severity."""
     axis: int | None = None
-    """From 1; default: the axes of the run."""
+    """Axis on which it acts, from 1. Default: the axes on which the main effect acts."""
     parameters: Numbers = {}
-    """Of this effect."""
+    """Parameters of this effect that differ from their defaults."""
 
 
 class Experiment(BaseModel):
-    """What a dataset is made of: every combination of robot, task, effect, axis and severity."""
+    """The runs of a dataset: every combination of robot, task, effect, axis and severity."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
     robot: Places
     """Names of robots, or paths of MJCF files."""
     task: Places
-    """Names of tasks, or paths of task files; each must exist for each robot."""
+    """Names of tasks, or paths of task files. Each task must exist for each robot."""
     effect: Names = ["friction_wear"]
-    """Names from the catalogue; 'healthy' is the robot without a fault."""
+    """Names of effects in the catalogue. 'healthy' stands for the robot without a fault."""
     axis: Annotated[list[Axes], BeforeValidator(_axes), Field(min_length=1)] | None = None
-    """Axes that wear, one run each, from 1; a list within the list wears at once. Default: every
-    axis of the robot on which the effect can act."""
+    """Axes that wear, from 1. There is one run for each entry; an entry that is itself a list names
+    axes that wear at the same time. Default: every axis of the robot on which the effect can
+    act."""
     severity: Annotated[
         Annotated[Severities, Tag("list")] | Annotated[dict[str, Severities], Tag("table")],
         Discriminator(_kind),
         BeforeValidator(_severities),
     ] = [DEFAULT_FRACTION]
-    """Final severities: of all effects, or a table with those of each effect. Default: 0.2 for an
-    effect in fractions of nominal, else the effect's own default."""
+    """Final severities, in the unit of the effect: one list for all effects, or a table with a list
+    for each effect. Default: 0.2 for an effect whose severity is a fraction of the nominal value,
+    else the effect's own default."""
     schedule: str | list[Severity] = "exponential"
     """Name of a wear schedule, or the severity of each cycle."""
     cycles: Annotated[int, Field(ge=1, le=1_000_000)] = 100
-    """Cycles a run."""
+    """Number of cycles in each run."""
     parameters: dict[str, Numbers] = {}
-    """Further numbers of effects, by name of the effect, as [parameters.torque_ripple]."""
+    """Parameters of effects that differ from their defaults, by name of the effect; in TOML a table
+    such as [parameters.torque_ripple]."""
     beside: list[Beside] = []
-    """Effects that every faulty run has too, as [[beside]]."""
+    """Further effects that every faulty run has; in TOML one table [[beside]] for each."""
     healthy: bool = True
-    """Also run the healthy robot, once for each robot, task and seed."""
+    """Whether there is also a run of the healthy robot for each robot, task and seed."""
     sensors: str = "none"
-    """Preset of noise and disturbance."""
+    """Preset of sensor noise and disturbances."""
     seed: Annotated[int, Field(ge=0)] = 0
-    """Seed of the first repetition; the next ones count up."""
+    """Seed of the first repetition. Each further repetition uses the next number."""
     repetitions: Annotated[int, Field(ge=1, le=MOST_RUNS)] = 1
-    """How often everything is repeated with another seed."""
+    """Number of times that all runs are made, each time with another seed."""
     paired: bool = False
-    """Give every run of a repetition the same seed, so that a faulty run and its healthy twin
-    share noise, temperature and payload, and differ by the fault alone. Default: every run has a
-    seed of its own, as a dataset to learn from needs it."""
+    """Give every run of a repetition the same seed. A faulty run and its healthy twin then share
+    noise, temperature and payload, and differ only by the fault. Default: every run has a seed of
+    its own, so that a method that learns from the data cannot recognise runs by their noise."""
     sample_period: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.004
     """Time between samples [s]."""
     signals: Literal["all", "none"] | list[str] = "all"
     """Which sampled signals are kept in the files."""
     thin: Annotated[int, Field(ge=1)] = 1
-    """Keep every so many-th sample in the files; reductions use all."""
+    """Keep only every n-th sample in the files, n being this number. The reductions always use all
+    samples."""
     speed_window: Annotated[list[Window], BeforeValidator(_windows), Field(min_length=1)] | None = (
         None
     )
-    """Motor speeds whose samples `mean_abs_torque` uses [rad/s]: [low, high] for all axes, or one
-    pair for each axis. Default: 50 to 120, or, where the task never turns an axis so fast, a part
-    of the speeds that it does reach."""
+    """Range of motor speeds [rad/s]; `mean_abs_torque` uses the samples within it. Give [low, high]
+    for all axes, or one pair for each axis. Default: 50 to 120. For an axis that never turns so
+    fast in the task, the default is 0.5 to 1.2 times the highest speed that it reaches."""
 
     @model_validator(mode="after")
     def _check(self) -> Experiment:
         if not isinstance(self.schedule, str):
             if "severity" in self.model_fields_set:
-                raise InputError("severity: an array as schedule has the severities; leave it out")
+                raise InputError(
+                    "severity: leave it out, because the schedule is an array and already gives "
+                    "the severities"
+                )
             self.severity = self.schedule[-1:] or [0.0]
         effects = {name: get_effect(name) for name in self.faults}
         if isinstance(self.schedule, str) and "severity" not in self.model_fields_set:
@@ -195,8 +204,8 @@ class Experiment(BaseModel):
         for name in self.faults:
             if "temperature" in get_effect(name).parameters and not warms:
                 raise InputError(
-                    f"effect: {name} needs a temperature that changes, which sensors "
-                    f"'{self.sensors}' do not have; choose realistic"
+                    f"effect: {name} needs a temperature that changes, but it does not change with "
+                    f"sensors '{self.sensors}'; choose sensors 'realistic'"
                 )
         self._check_parameters()
         severities(self.schedule, 0.0, self.cycles)
@@ -204,7 +213,7 @@ class Experiment(BaseModel):
             if name not in SIGNALS:
                 raise InputError(f"signals: unknown '{name}': choose {', '.join(SIGNALS)}")
         if len(set(self.kept_signals)) < len(self.kept_signals):
-            raise InputError("signals: the same name twice")
+            raise InputError("signals: the same name is given twice")
         for low, high in self.speed_window or []:
             if not low < high:
                 raise InputError(f"speed_window: must be [low, high], not [{low:g}, {high:g}]")
@@ -217,31 +226,33 @@ class Experiment(BaseModel):
     def _check_parameters(self) -> None:
         for name, values in self.parameters.items():
             if name not in self.effect:
-                raise InputError(f"parameters: '{name}' is no effect of this experiment")
+                raise InputError(
+                    f"parameters: '{name}' is not among the effects of this experiment"
+                )
             get_effect(name).complete(values)
         for one in self.beside:
             effect = get_effect(one.effect)
             effect.complete(one.parameters)
             if not 0 <= one.severity <= effect.largest:
                 raise InputError(
-                    f"beside: {one.effect} takes 0 to {effect.largest:g} ({effect.unit}), "
-                    f"not {one.severity:g}"
+                    f"beside: the severity of {one.effect} must be from 0 to {effect.largest:g} "
+                    f"({effect.unit}), not {one.severity:g}"
                 )
 
     @property
     def faults(self) -> list[str]:
-        """Names of the effects that are faults."""
+        """Names of all effects of the experiment except 'healthy'."""
         return [name for name in self.effect if name != HEALTHY]
 
     def severities_of(self, effect: str) -> list[float]:
-        """Final severities of an effect."""
+        """Final severities of an effect, in its unit."""
         if isinstance(self.severity, dict):
             return self.severity[effect]
         return self.severity
 
     @property
     def kept_signals(self) -> tuple[str, ...]:
-        """Names of the signals kept."""
+        """Names of the sampled signals that the run files keep."""
         if self.signals == "all":
             return SIGNALS
         return () if self.signals == "none" else tuple(self.signals)
@@ -252,7 +263,10 @@ _OPTIONAL = ("parameters", "beside", "speed_window")  # not in the id of a run w
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """The parameters of one run; with the model and the task they decide every byte of its file."""
+    """The parameters of one run.
+
+    Together with the model and the task, they determine every byte of the run's file.
+    """
 
     robot: str
     task: str
@@ -267,18 +281,21 @@ class Run:
     signals: tuple[str, ...]
     thin: int
     parameters: tuple[tuple[str, int | float | str], ...] = ()
-    """Of the effect, where they are not its defaults."""
+    """Parameters of the effect that differ from their defaults."""
     beside: tuple[tuple[str, int, float, tuple[tuple[str, int | float | str], ...]], ...] = ()
-    """Effect, axis, final severity and parameters of those that grow beside it."""
+    """Effect, axis, final severity and parameters of each further effect in the run."""
     speed_window: tuple[tuple[float, float], ...] = ()
-    """Low and high motor speed of each axis [rad/s]; empty: the default of robot and task."""
+    """Low and high motor speed of each axis [rad/s]; empty for the task's default."""
     model_sha256: str
     task_sha256: str
     schema_version: int = SCHEMA_VERSION
 
     @property
     def id(self) -> str:
-        """Hash of the parameters, 16 hex digits; where robot and task are stored does not count."""
+        """Hash of the parameters, 16 hexadecimal digits.
+
+        It does not depend on the folders in which the files of the robot and the task are stored.
+        """
         told = {k: v for k, v in asdict(self).items() if v or k not in _OPTIONAL}
         told |= {"robot": Path(self.robot).stem, "task": Path(self.task).stem}
         text = json.dumps(told, sort_keys=True)
@@ -286,7 +303,7 @@ class Run:
 
     @property
     def faults(self) -> list[Applied]:
-        """Every fault of the run with its final severity: that of the run, and those beside it."""
+        """Every fault of the run with its final severity: the main effect and the further ones."""
         own = [
             Applied(self.effect, axis, self.severity, dict(self.parameters)) for axis in self.axes
         ]
@@ -294,7 +311,7 @@ class Run:
 
     @property
     def label(self) -> str:
-        """The run in a few words."""
+        """A short description of the run for messages."""
         fault = HEALTHY
         if self.axes:
             axes = "+".join(map(str, self.axes))
@@ -306,8 +323,14 @@ class Run:
 def load_experiment(path: str | Path) -> Experiment:
     """Read an experiment file.
 
+    Args:
+        path: The TOML file.
+
+    Returns:
+        The experiment.
+
     Raises:
-        InputError: The file cannot be read, or says something wrong.
+        InputError: The file cannot be read, or one of its entries is unknown, missing or wrong.
     """
     try:
         content = tomllib.loads(read_text(path, "experiment file"))
@@ -317,11 +340,14 @@ def load_experiment(path: str | Path) -> Experiment:
 
 
 def make_experiment(content: dict[str, Any], *, where: str = "") -> Experiment:
-    """Validate the content of an experiment.
+    """Make an experiment from its entries, and check them.
 
     Args:
-        content: Entries by name.
-        where: Start of the error message.
+        content: Values of the entries by name, as in an experiment file.
+        where: Text that error messages begin with, such as the name of the file.
+
+    Returns:
+        The experiment.
 
     Raises:
         InputError: An entry is unknown, missing or wrong.
@@ -343,7 +369,11 @@ def make_experiment(content: dict[str, Any], *, where: str = "") -> Experiment:
 
 
 def to_toml(experiment: Experiment) -> str:
-    """The experiment as TOML, every entry written out but those that depend on the robot."""
+    """Write an experiment as TOML text.
+
+    Every entry is written out, also where it has its default value. Only the defaults that depend
+    on the robot, such as the axes, are left out.
+    """
     entries = experiment.model_dump(exclude_none=True)
     if not isinstance(experiment.schedule, str):
         del entries["severity"]  # the array has it
@@ -363,7 +393,13 @@ def _inline(value: Any) -> str:
 
 
 def plan_runs(experiment: Experiment) -> list[Run]:
-    """All runs of an experiment, without repetition, in a fixed order.
+    """List all runs of an experiment in a fixed order, each of them once.
+
+    Args:
+        experiment: The experiment.
+
+    Returns:
+        The runs.
 
     Raises:
         InputError: A robot, task or axis does not exist, an effect cannot act on it, a severity is
@@ -379,7 +415,9 @@ def plan_runs(experiment: Experiment) -> list[Run]:
         window = window_of(experiment, robot)
         count = len(faults) * experiment.repetitions * len(experiment.task)
         if count > MOST_RUNS:
-            raise InputError(f"experiment: has {count} runs, but at most {MOST_RUNS} are possible")
+            raise InputError(
+                f"experiment: has {count} runs, but a dataset can have at most {MOST_RUNS}"
+            )
         for task_name in experiment.task:
             task = load_task(robot.name, task_name)
             digest = hashlib.sha256(task.model_dump_json().encode()).hexdigest()
@@ -414,6 +452,6 @@ def plan_runs(experiment: Experiment) -> list[Run]:
 
 
 def _own_seed(*parts: Any) -> int:
-    """A seed that no other run has: 53 bits, which every reader of JSON keeps exactly."""
+    """A seed for one run alone. It has 53 bits, which every reader of JSON keeps exactly."""
     digest = hashlib.sha256(json.dumps(parts).encode()).digest()
     return int.from_bytes(digest[:8], "little") >> 11

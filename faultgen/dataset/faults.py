@@ -1,4 +1,4 @@
-"""The faults of an experiment: which effects, on which axes, how severe, and what is refused."""
+"""The faults of an experiment: effects, axes and severities, and the checks that they pass."""
 
 from __future__ import annotations
 
@@ -19,7 +19,15 @@ Fault: TypeAlias = tuple[str, tuple[int, ...], float]
 
 
 def default_severity(effects: Mapping[str, Effect]) -> list[float] | dict[str, list[float]]:
-    """Severities of an experiment that gives none: those of all effects, or of each."""
+    """Return the severities of an experiment that gives none.
+
+    Args:
+        effects: The effects of the experiment, by name.
+
+    Returns:
+        One list for all effects if the severity of every effect is a fraction of its nominal value;
+        else a list for each effect, by name.
+    """
     if all(effect.units == "1" for effect in effects.values()):
         return [DEFAULT_FRACTION]
     return {name: [effect.default] for name, effect in effects.items()}
@@ -34,35 +42,36 @@ def check_severity(
 
     Args:
         effects: The effects of an experiment, by name.
-        severity: Final severities: of all effects, or of each.
+        severity: Final severities: one list for all effects, or a list for each effect.
         schedule: Name of the schedule, or the severity of each cycle.
 
     Raises:
-        InputError: One list serves effects of different units, an effect has no severity, or a
-            severity is too large.
+        InputError: One list is given for effects of different units, an effect has no severity, or
+            a severity is too large.
     """
     if isinstance(severity, dict):
         for name in severity:
             if name not in effects:
-                raise InputError(f"severity: '{name}' is no effect of this experiment")
+                raise InputError(f"severity: '{name}' is not among the effects of this experiment")
         for name in effects:
             if name not in severity:
-                raise InputError(f"severity: gives none for {name}")
+                raise InputError(f"severity: no value is given for the effect {name}")
     elif len({effect.units for effect in effects.values()}) > 1:
         given = "severity" if isinstance(schedule, str) else "schedule"
         units = ", ".join(f"{name} is in {_unit(one)}" for name, one in effects.items())
         entry = ", ".join(f"{name} = {one.default:g}" for name, one in effects.items())
         flag = ",".join(f"{name}={one.default:g}" for name, one in effects.items())
         raise InputError(
-            f"{given}: one list cannot serve effects of different units ({units}); write, for "
-            f"example, severity = {{{entry}}}, or on the command line --severity {flag}"
+            f"{given}: effects of different units ({units}) need severities of their own; write, "
+            f"for example, severity = {{{entry}}}, or on the command line --severity {flag}"
         )
     for name, effect in effects.items():
         own = severity[name] if isinstance(severity, dict) else severity
         largest = max(own if isinstance(schedule, str) else schedule, default=0.0)
         if largest > effect.largest:
             raise InputError(
-                f"severity: {name} takes up to {effect.largest:g} ({effect.unit}), not {largest:g}"
+                f"severity: {name} must be at most {effect.largest:g} ({effect.unit}), "
+                f"not {largest:g}"
             )
 
 
@@ -71,7 +80,20 @@ def _unit(effect: Effect) -> str:
 
 
 def list_faults(experiment: Experiment, robot: Robot) -> list[Fault]:
-    """(effect, axes, severity) of every run; severity 0 is the healthy robot."""
+    """List the fault of every run of an experiment on one robot.
+
+    Args:
+        experiment: The experiment.
+        robot: The robot.
+
+    Returns:
+        Effect, axes and final severity of each run. A run of severity 0 is that of the healthy
+        robot, and occurs once.
+
+    Raises:
+        InputError: The robot does not have an axis, an effect cannot act on an axis or on the
+            robot, a severity is too large, or the severities of one run have no common unit.
+    """
     healthy: Fault = (HEALTHY, (), 0.0)
     found: dict[Fault, None] = {healthy: None} if experiment.healthy else {}
     for axes in experiment.axis or []:
@@ -100,7 +122,7 @@ def list_faults(experiment: Experiment, robot: Robot) -> list[Fault]:
 
 
 def _check_faults(faults: list[Applied], robot: Robot) -> None:
-    """Refuse faults of one run that cannot be, are too large, or have no common unit."""
+    """Refuse faults of one run that are impossible, too large, or have no common unit."""
     units: dict[str, str] = {}
     for one in faults:
         effect = get_effect(one.effect)
@@ -109,15 +131,24 @@ def _check_faults(faults: list[Applied], robot: Robot) -> None:
         unit = effect.units_on(robot, one.axis)
         if units.setdefault(one.effect, unit) != unit:
             raise InputError(
-                f"axis: {one.effect} is in {units[one.effect]} on some axes of robot {robot.name} "
-                f"and in {unit} on axis {one.axis}; these need runs of their own"
+                f"axis: the severity of {one.effect} is in {units[one.effect]} on some axes of "
+                f"robot {robot.name} and in {unit} on axis {one.axis}; put these axes into "
+                "separate runs"
             )
 
 
 def beside_of(
     experiment: Experiment, axes: tuple[int, ...]
 ) -> tuple[tuple[str, int, float, tuple[tuple[str, int | float | str], ...]], ...]:
-    """What grows beside the effect of a run; nothing in a healthy one."""
+    """List the further effects of one run of an experiment.
+
+    Args:
+        experiment: The experiment.
+        axes: Axes on which the main effect of the run acts; empty for a healthy run.
+
+    Returns:
+        Effect, axis, final severity and parameters of each further effect; empty for a healthy run.
+    """
     return tuple(
         (one.effect, axis, one.severity, tuple(sorted(one.parameters.items())))
         for one in experiment.beside
@@ -130,14 +161,25 @@ def _check_axes(axes: list[int], robot: Robot) -> None:
         if not 1 <= axis <= robot.n_axes:
             raise InputError(
                 f"axis {axis}: robot {robot.name} has axes 1 to {robot.n_axes} "
-                f"(for the healthy robot alone: effect {HEALTHY})"
+                f"(to run only the healthy robot, give the effect '{HEALTHY}')"
             )
     if len(set(axes)) != len(axes):
-        raise InputError(f"axis {axes}: the same axis twice")
+        raise InputError(f"axis {axes}: the same axis is given twice")
 
 
 def window_of(experiment: Experiment, robot: Robot) -> tuple[tuple[float, float], ...]:
-    """Speed window of each axis; empty for the default."""
+    """Return the speed window that an experiment gives for each axis of a robot.
+
+    Args:
+        experiment: The experiment.
+        robot: The robot.
+
+    Returns:
+        Low and high motor speed of each axis [rad/s]; empty if the experiment gives none.
+
+    Raises:
+        InputError: The number of pairs is neither one nor the number of axes.
+    """
     given = experiment.speed_window or []
     if len(given) not in (0, 1, robot.n_axes):
         raise InputError(

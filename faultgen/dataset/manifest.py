@@ -1,7 +1,7 @@
 """The list of runs that a dataset should hold: the file ``runs.json``.
 
 The list carries its own checksum and that of ``experiment.toml``, so that a change of either file
-is noticed. Both can be written anew from the experiment.
+is noticed. Both files can be restored from the experiment.
 """
 
 from __future__ import annotations
@@ -35,8 +35,11 @@ class Manifest:
     def write(self, folder: Path) -> None:
         """Write the list into the folder of a dataset.
 
+        Args:
+            folder: The folder.
+
         Raises:
-            StorageFailed: It cannot be written.
+            StorageFailed: The file cannot be written.
         """
         content = {"experiment_sha256": self.experiment_sha256, "runs": self.runs}
         text = json.dumps({"sha256": _sha256(content), **content}, indent=1)
@@ -46,8 +49,14 @@ class Manifest:
     def read(cls, folder: Path) -> Manifest:
         """Read the list of a dataset.
 
+        Args:
+            folder: The folder of the dataset.
+
+        Returns:
+            The list.
+
         Raises:
-            InputError: The list is missing, damaged, or not what `write` has written.
+            InputError: The list is missing, damaged, or was not written by `write`.
         """
         path = folder / FILE
         try:
@@ -56,13 +65,13 @@ class Manifest:
                 raise ValueError("it differs from its checksum")
             for run_id, parameters in content["runs"].items():
                 if not _RUN_ID.fullmatch(run_id):
-                    raise ValueError(f"'{run_id}' is no id of a run")
+                    raise ValueError(f"'{run_id}' is not the id of a run")
                 if missing := [name for name in _NEEDED if name not in parameters]:
                     raise ValueError(f"run {run_id} has no {missing[0]}")
             return cls(content["runs"], content["experiment_sha256"])
         except FileNotFoundError:
             raise InputError(
-                f"{folder}: no dataset there (no {FILE}); make one: faultgen generate"
+                f"{folder}: is not a dataset (it has no {FILE}); make one with 'faultgen generate'"
             ) from None
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror})") from None
@@ -73,9 +82,7 @@ class Manifest:
 
 
 def _damaged(path: Path, reason: str) -> InputError:
-    return InputError(
-        f"{path}: damaged ({reason}); run the generate command again to write it anew"
-    )
+    return InputError(f"{path}: damaged ({reason}); run the generate command again to restore it")
 
 
 def _sha256(content: Any) -> str:

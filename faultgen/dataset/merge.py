@@ -16,17 +16,22 @@ from faultgen.system.files import damage, new_hdf5, open_verified, publish, temp
 
 
 def merge(dataset: Dataset) -> Path:
-    """Merge all runs into ``dataset.h5`` and verify the merger against the run files.
+    """Merge all runs into ``dataset.h5`` and compare the merged file with the run files.
 
     The file has a group ``runs/<id>`` with the content and attributes of each run file, and the
-    root attributes ``complete`` and ``n_runs``. Where it already holds these very runs it stays.
+    root attributes ``complete`` and ``n_runs``. A file that already holds exactly these runs is not
+    written again.
+
+    Args:
+        dataset: The dataset.
 
     Returns:
-        Path of the file.
+        Path of the merged file.
 
     Raises:
         InputError: A run file is damaged.
-        StorageFailed: The merged file cannot be written, or does not read back as the run files.
+        StorageFailed: The merged file cannot be written, or differs from the run files when it is
+            read back.
     """
     path = dataset.path / "dataset.h5"
     sums = {run.id: verify(run.path) for run in dataset.runs}
@@ -57,7 +62,7 @@ _SCALE_ATTRIBUTES = ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST")
 
 
 def _copy_run(file: h5py.File, group: h5py.Group) -> None:
-    """Copy a run file into a group, compressed as it is, and attach the scales anew."""
+    """Copy a run file into a group without unpacking it, and attach the dimension scales again."""
     group.attrs.update(file.attrs)
     names = _array_names(file)
     for name in names:
@@ -91,7 +96,7 @@ def _verify(dataset: Dataset, merged_path: Path) -> None:
     """Compare the merged file with the run files, which agree with their own checksums.
 
     Raises:
-        StorageFailed: Something was not merged intact.
+        StorageFailed: An array or attribute differs from the run file.
     """
     with h5py.File(merged_path, "r") as merged:
         for run in dataset.runs:
@@ -102,8 +107,8 @@ def _verify(dataset: Dataset, merged_path: Path) -> None:
                 wrong += [name for name in ["/", *names] if not _same_attributes(file, group, name)]
                 if wrong:
                     raise StorageFailed(
-                        f"{merged_path.parent / 'dataset.h5'}: '{wrong[0]}' of run {run.id} does "
-                        "not read back as it was written"
+                        f"{merged_path.parent / 'dataset.h5'}: '{wrong[0]}' of run {run.id} "
+                        "differs from what was written"
                     )
 
 
@@ -117,7 +122,7 @@ def _same_attributes(file: h5py.File, group: h5py.Group, name: str) -> bool:
 
 
 def _same(one: h5py.Dataset, other: h5py.Dataset) -> bool:
-    """Equality of two arrays, stored chunk by stored chunk, without unpacking them."""
+    """Whether two arrays are equal; their stored chunks are compared without unpacking them."""
     if one.shape != other.shape or one.dtype != other.dtype:
         return False
     if one.chunks is None:

@@ -1,4 +1,4 @@
-"""What is checked of the runs of a dataset before anything is simulated or written."""
+"""Checks of the runs of a dataset before anything is simulated or written."""
 
 from __future__ import annotations
 
@@ -15,24 +15,26 @@ from faultgen.simulation.plant import assemble
 
 
 def check_runs(runs: Sequence[Run]) -> list[str]:
-    """Plan the motions of runs and put their faults into the robot, before anything is simulated.
+    """Check runs by planning their motions and putting their faults into the robot.
 
     Args:
         runs: All runs of a dataset.
 
     Returns:
-        For each robot and task at most one line: which axes never turn within the speed window.
+        Lines for the user, at most one for each robot and task. A line names the axes that never
+        turn within the speed window, and states what is done about them.
 
     Raises:
-        InputError: A task cannot be done, a fault cannot be put into the robot, or no more than
-            one sample of a cycle would be kept.
+        InputError: The robot cannot do a task, a fault cannot be put into the robot, or no more
+            than one sample of a cycle would be kept.
     """
     notes = []
     for run in {(r.robot, r.task, r.sample_period): r for r in runs}.values():
         shared = nominal(run.robot, run.task, run.sample_period)
         if run.thin > 1 and run.thin >= shared.samples:
             raise InputError(
-                f"thin: must be below the {shared.samples} samples of a cycle, not {run.thin}"
+                f"thin: must be smaller than the number of samples in a cycle, which is "
+                f"{shared.samples}, not {run.thin}"
             )
         note = _window_note(shared, run)
         if note:
@@ -49,7 +51,7 @@ def check_runs(runs: Sequence[Run]) -> list[str]:
 
 
 def _window_note(shared: Nominal, run: Run) -> str:
-    """Which axes never turn within the speed window, and what is done about them."""
+    """State which axes never turn within the speed window, and what is done about them."""
     low, high = shared.speed_window(run.speed_window).T
     inside = ((shared.speed >= low) & (shared.speed <= high)).any(axis=0)
     thesis = (low == SPEED_WINDOW[0]) & (high == SPEED_WINDOW[1])

@@ -1,8 +1,9 @@
-"""Datasets on disk: run files, their merger, and how to read them.
+"""Reading datasets: their list of runs, their run files and the file of all runs.
 
 A dataset is a folder: ``experiment.toml``, ``runs.json`` (the runs it should hold),
 ``runs/<id>.h5`` with a checksum beside each, and ``dataset.h5`` with all runs merged. A file that
-exists is whole, and it is compared with its checksum before it is read. Reading needs no simulator.
+exists is complete, and it is compared with its checksum before it is read. Reading a dataset does
+not need the simulator.
 
     dataset = open_dataset("out")
     for run in dataset.runs:
@@ -49,11 +50,16 @@ class StoredRun:
         return self.attributes[name]
 
     def read(self, name: str, select: Any = ()) -> np.ndarray:
-        """Read an array, such as 'monitoring/mean_abs_torque', whole or in part.
+        """Read an array of the run, or a part of it.
 
         Args:
-            name: Path of the array in the file.
-            select: What to take of it, as h5py takes it.
+            name: Path of the array in the file, such as 'monitoring/mean_abs_torque'.
+            select: Index of the part to read, as for an h5py dataset; by default all of it is read.
+
+        Returns:
+            The array or its part. The shape is that in the file, most often (cycles, n_axes) or
+            (cycles, samples, n_axes), and the unit is in the attribute ``units`` of the array in
+            the file.
 
         Raises:
             InputError: There is no such array in this run.
@@ -90,18 +96,18 @@ class Dataset:
 
     @cached_property
     def runs(self) -> list[StoredRun]:
-        """The runs that are there, in planned order."""
+        """The runs whose files exist, in the order of the plan."""
         every = [StoredRun(i, self.path / "runs" / f"{i}.h5") for i in self.planned]
         return [run for run in every if run.path.is_file()]
 
     @property
     def missing(self) -> list[str]:
-        """Ids of planned runs that are not there."""
+        """Ids of the planned runs whose files do not exist."""
         return [i for i in self.planned if not (self.path / "runs" / f"{i}.h5").is_file()]
 
     @property
     def failed(self) -> dict[str, str]:
-        """Why runs failed, by id."""
+        """The reasons why runs failed, by id."""
         reasons = {}
         for i in self.missing:
             note = self.path / "runs" / f"{i}.failed.json"
@@ -110,7 +116,7 @@ class Dataset:
         return reasons
 
     def versions(self) -> dict[Provenance, list[str]]:
-        """Ids of the intact runs that are there, by the versions and code that made them."""
+        """Ids of the intact runs, grouped by the versions and code that made them."""
         found: dict[Provenance, list[str]] = {}
         for run in self.runs:
             with suppress(InputError):  # a damaged file is reported by `damaged`
@@ -118,10 +124,10 @@ class Dataset:
         return found
 
     def damaged(self) -> dict[str, str]:
-        """What is wrong with files that are there, by name; reads everything.
+        """Find damaged files. All files of the dataset are read completely.
 
         Returns:
-            File name relative to the folder, and the reason. Empty if all is well.
+            Reasons by file name, relative to the folder; empty if no file is damaged.
         """
         files = [run.path for run in self.runs]
         merged = self.path / "dataset.h5"
@@ -157,8 +163,11 @@ def open_dataset(folder: str | Path) -> Dataset:
     Args:
         folder: Folder that `faultgen generate` wrote.
 
+    Returns:
+        The dataset.
+
     Raises:
-        InputError: The folder is no dataset, or its list of runs is damaged.
+        InputError: The folder is not a dataset, or its list of runs is damaged.
     """
     dataset = Dataset(Path(folder))
     _ = dataset.manifest

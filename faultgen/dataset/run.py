@@ -1,4 +1,4 @@
-"""Making one run: simulate its cycles, measure and reduce them, write its file."""
+"""Making one run: its cycles are simulated, measured and reduced, and its file is written."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ def make_run(
     """Simulate one run and write its file.
 
     Args:
-        run: What to simulate.
+        run: The run.
         folder: The folder ``runs`` of the dataset.
-        on_cycle: Called after each cycle.
+        on_cycle: Function without arguments that is called after each cycle, or None.
 
     Returns:
-        The run, and None or the reason for which it failed.
+        The run, and either None or the reason why it failed.
 
     Raises:
         StorageFailed: The file could not be written; other runs would fail in the same way.
@@ -82,7 +82,7 @@ def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], object] |
 
 
 def _machines(run: Run, robot: Robot, around: Surroundings) -> Iterator[Machine]:
-    """The robot as it is in each cycle; assembled anew only where something changed."""
+    """Yield the robot as it is in each cycle. It is assembled anew only where something changed."""
     healthy = robot.spec()
     before: Condition | None = None
     machine = Machine(robot.model)

@@ -1,4 +1,4 @@
-"""What a run file holds: its attributes, labels and arrays."""
+"""The content of a run file: its attributes, labels and arrays."""
 
 from __future__ import annotations
 
@@ -23,19 +23,35 @@ from faultgen.simulation.nominal import Nominal
 
 
 def run_provenance() -> Provenance:
-    """What makes runs: the versions and the code that their bytes depend on."""
+    """The versions and the hash of the code that the bytes of a run file depend on."""
     return provenance("faultgen.dataset.run")
 
 
 def growth_of(run: Run) -> np.ndarray:
-    """Severity in each cycle, shape (cycles,), in the unit of the run's effect."""
+    """Severity of the main effect of a run in each cycle.
+
+    Args:
+        run: The run.
+
+    Returns:
+        Shape (cycles,), in the unit of the effect; zeros for a healthy run.
+    """
     if not run.axes:
         return np.zeros(run.cycles)
     return severities(run.schedule, run.severity, run.cycles)
 
 
 def shares_of(run: Run) -> np.ndarray:
-    """Severity in each cycle over the final one, which the effects beside follow."""
+    """Severity of the main effect in each cycle as a share of its final severity.
+
+    The further effects of the run grow in the same proportion.
+
+    Args:
+        run: The run.
+
+    Returns:
+        Shape (cycles,), without unit; 1 where the final severity is reached.
+    """
     growth = growth_of(run)
     return growth / run.severity if run.severity else growth
 
@@ -64,7 +80,15 @@ def _labels(run: Run, robot: Robot) -> dict[str, tuple[np.ndarray, str]]:
 
 
 def run_attributes(run: Run, nominal: Nominal) -> dict[str, Any]:
-    """Root attributes of a run's file, by name."""
+    """Return the root attributes of a run's file.
+
+    Args:
+        run: The run.
+        nominal: The nominal cycle of the run's robot and task.
+
+    Returns:
+        Values of the attributes by name.
+    """
     robot = nominal.robot
     schedule = run.schedule if isinstance(run.schedule, str) else list(run.schedule)
     return {
@@ -106,7 +130,14 @@ def run_attributes(run: Run, nominal: Nominal) -> dict[str, Any]:
 
 
 def create_arrays(writer: RunWriter, run: Run, nominal: Nominal, around: Surroundings) -> None:
-    """Create the arrays of a run's file, and write those that are known before it is simulated."""
+    """Create the arrays of a run's file, and write those that are known before the simulation.
+
+    Args:
+        writer: The file that is being written.
+        run: The run.
+        nominal: The nominal cycle of the run's robot and task.
+        around: Temperature and payload in each cycle of the run.
+    """
     robot = nominal.robot
     kept = -(-nominal.samples // run.thin)
     n_axes = robot.n_axes

@@ -1,7 +1,8 @@
-"""Writing run files and files of arrays; all of it is checked before a file gets its name.
+"""Writing run files, each of which is checked before it gets its final name.
 
-Every array that is written is also summed up (SHA-256). Before the file gets its final name, it is
-opened again, and its arrays and attributes are compared with what should have been written.
+A checksum (SHA-256) of every array is computed while it is written. Before the file gets its final
+name, it is opened again, and its arrays and attributes are compared with what should have been
+written.
 """
 
 from __future__ import annotations
@@ -56,19 +57,19 @@ DESCRIPTIONS = {
 
 
 class RunWriter:
-    """Writes one run file, a cycle at a time.
+    """Writes one run file, one cycle at a time.
 
-    It is a context manager. The file gets its name when the context ends without an error, and
-    nothing is left of it otherwise.
+    It is a context manager. The file gets its final name when the context ends without an error.
+    Otherwise the file is removed.
     """
 
     def __init__(self, folder: Path, run_id: str, attributes: dict[str, Any], model: str) -> None:
-        """Choose what the file is called and what it says of the run.
+        """Prepare the file. It is created when the context begins.
 
         Args:
-            folder: The folder ``runs``.
-            run_id: Name of the file, without ending.
-            attributes: Root attributes.
+            folder: The folder ``runs`` of the dataset.
+            run_id: Name of the file, without its ending.
+            attributes: Root attributes by name.
             model: MJCF text of the healthy robot.
         """
         self.path = folder / f"{run_id}.h5"
@@ -102,7 +103,12 @@ class RunWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Compare the file with what should be in it and give it its name; or remove it.
+        """Compare the file with what was written, and give it its final name or remove it.
+
+        Args:
+            kind: Type of the error that ended the context, or None.
+            error: That error, or None.
+            trace: Its traceback, or None.
 
         Raises:
             StorageFailed: The disk refused a write, or does not hold what was written.
@@ -119,23 +125,44 @@ class RunWriter:
         publish(self._temporary, self.path)
 
     def scale(self, name: str, values: np.ndarray) -> None:
-        """Add a dimension scale, at the root: netCDF looks for it in the groups above an array."""
+        """Add a dimension scale.
+
+        It is stored at the root of the file, because netCDF looks for the scales of an array in the
+        groups above that array.
+
+        Args:
+            name: Name of the scale.
+            values: Its values, shape (size of the dimension,), in the unit of `DESCRIPTIONS`.
+        """
         values = np.asarray(values)
         self._new(name, (), data=values, chunks=values.shape, fletcher32=True)
         self._sums[name].update(np.ascontiguousarray(values).data)
         self._arrays[name].make_scale(name)
 
     def create(self, name: str, shape: tuple[int, ...], dtype: str, dims: tuple[str, ...]) -> None:
-        """Create a compressed array, one chunk a cycle."""
+        """Create a compressed array, which `put` fills cycle by cycle.
+
+        Args:
+            name: Path of the array in the file.
+            shape: Its shape, beginning with the number of cycles. Each cycle is one chunk.
+            dtype: Type of its numbers, such as "f4".
+            dims: Names of the dimension scales, one for each dimension.
+        """
         chunks = (1, *shape[1:])
         self._new(name, dims, shape=shape, dtype=dtype, chunks=chunks, **_COMPRESSION)
         self._cycles[name] = 0
 
     def put(self, name: str, index: int, values: np.ndarray) -> None:
-        """Write one cycle of an array. Cycles are written in their order.
+        """Write one cycle of an array. The cycles must be written in their order.
+
+        Args:
+            name: Path of the array in the file.
+            index: Number of the cycle, from 0.
+            values: Its values, of the array's shape without the dimension of the cycles.
 
         Raises:
             StorageFailed: The disk refused this write or an earlier one.
+            ValueError: The cycle is not the next one.
         """
         if index != self._cycles[name]:
             raise ValueError(f"{name}: cycle {index} cannot follow {self._cycles[name]} cycles")
@@ -149,13 +176,13 @@ class RunWriter:
     def add(
         self, name: str, values: np.ndarray, dims: tuple[str, ...], units: str | None = None
     ) -> None:
-        """Write a whole small array.
+        """Write a small array at once.
 
         Args:
-            name: Its path in the file.
-            values: What it holds.
-            dims: Names of its scales.
-            units: SI unit, if it is not that of `DESCRIPTIONS`.
+            name: Path of the array in the file.
+            values: Its values, with one dimension for each name in `dims`.
+            dims: Names of the dimension scales, one for each dimension.
+            units: SI unit of the values, if it differs from that in `DESCRIPTIONS`.
         """
         values = np.asarray(values)
         self._new(name, dims, data=values, fletcher32=True)
@@ -164,7 +191,12 @@ class RunWriter:
             self.describe(name, units=units)
 
     def describe(self, name: str, **attributes: Any) -> None:
-        """Give an array more attributes, or other ones."""
+        """Add attributes to an array, or replace some.
+
+        Args:
+            name: Path of the array in the file.
+            **attributes: Values of the attributes by name.
+        """
         self._attributes[name].update(attributes)
         self._arrays[name].attrs.update(attributes)
 
@@ -181,10 +213,10 @@ class RunWriter:
         self._sums[name] = hashlib.sha256()
 
     def _compare(self) -> None:
-        """Read the file back.
+        """Read the file back and compare it with what was written.
 
         Raises:
-            StorageFailed: It does not hold what was written.
+            StorageFailed: The file does not hold what was written.
         """
         try:
             with h5py.File(self._temporary, "r") as file:
@@ -192,7 +224,7 @@ class RunWriter:
         except (OSError, KeyError, ValueError, RuntimeError) as error:
             wrong = " ".join(str(error).split())
         if wrong:
-            raise StorageFailed(f"{self.path}: does not read back as it was written ({wrong})")
+            raise StorageFailed(f"{self.path}: differs from what was written ({wrong})")
 
     def _difference(self, file: h5py.File) -> str:
         if file["model"][()].decode() != self._model:

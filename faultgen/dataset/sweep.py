@@ -1,4 +1,4 @@
-"""Generating a dataset: every run of an experiment, in parallel, resumable.
+"""Generating a dataset: all runs of an experiment are made in parallel, and can be resumed.
 
 summary = generate(experiment, "out", workers=2)
 summary.done, summary.failed
@@ -34,18 +34,18 @@ from faultgen.system.parallel import check_workers, in_parallel
 
 @dataclass
 class Summary:
-    """What a sweep did."""
+    """What `generate` did."""
 
     folder: str
     """Folder of the dataset."""
     planned: int = 0
-    """Runs that the experiment has."""
+    """Number of runs in the experiment."""
     done: int = 0
-    """Runs made now."""
+    """Number of runs that were made now."""
     kept: int = 0
-    """Runs that were there before."""
+    """Number of runs that existed before and were kept."""
     failed: dict[str, str] = field(default_factory=dict)
-    """Reason by run id."""
+    """Reasons why runs failed, by run id."""
 
 
 def generate(
@@ -56,26 +56,26 @@ def generate(
     regenerate: bool = False,
     progress: bool = True,
 ) -> Summary:
-    """Make a dataset, or finish one that was begun.
+    """Generate a dataset, or finish one that was interrupted.
 
-    Runs that are there stay, unless they are damaged. The same experiment gives the same files,
-    bit for bit, for any number of workers.
+    Existing runs are kept unless they are damaged. The same experiment gives the same files, bit
+    for bit, for any number of workers.
 
     Args:
         experiment: The experiment, or the path of its file.
-        out: Folder for the dataset; made if it is not there.
-        workers: Processes that simulate.
-        regenerate: Make runs again that another version of the code has made.
-        progress: Show a progress bar on stderr.
+        out: Folder for the dataset. It is created if it does not exist.
+        workers: Number of processes that simulate.
+        regenerate: Whether to replace runs that another version of the code has made.
+        progress: Whether to show a progress bar on stderr.
 
     Returns:
-        What was done; failed runs are in it, they do not stop the sweep.
+        What was done. A run that fails is listed there, and does not stop the other runs.
 
     Raises:
         InputError: The experiment is wrong, the folder cannot be written or holds another dataset,
             or some of its runs were made by another version of the code.
-        StorageFailed: A file could not be written. The same call goes on with the sweep.
-        SimulationFailed: A worker process was killed. The same call goes on with the sweep.
+        StorageFailed: A file could not be written. The same call continues the generation.
+        SimulationFailed: A worker process was killed. The same call continues the generation.
     """
     if not isinstance(experiment, Experiment):
         experiment = load_experiment(experiment)
@@ -107,7 +107,7 @@ def generate(
 def _make_all(
     runs: list[Run], folder: Path, workers: int, progress: bool
 ) -> Iterator[tuple[Run, str | None]]:
-    """Make runs in parallel; yield each with None, or the reason for which it failed."""
+    """Make runs in parallel. Yield each run with None, or with the reason why it failed."""
     bar = tqdm(
         total=sum(run.cycles for run in runs),
         unit="cycle",
@@ -129,10 +129,10 @@ def _make_all(
 
 
 def _outdated(dataset: Dataset, again: set[str], regenerate: bool) -> set[str]:
-    """Ids of whole runs that another version of the code has made.
+    """Ids of the intact runs that another version of the code has made.
 
     Raises:
-        InputError: There are some, and they are not to be made again.
+        InputError: There are such runs, and `regenerate` is false.
     """
     now = run_provenance()
     others = {
@@ -142,14 +142,14 @@ def _outdated(dataset: Dataset, again: set[str], regenerate: bool) -> set[str]:
         run_id, made_by = next(iter(others.items()))
         raise InputError(
             f"{dataset.path}: {len(others)} of {len(dataset.planned)} runs, such as {run_id}, were "
-            f"made by {made_by}, and this is {now}; finish the dataset with that version, or make "
+            f"made by {made_by}, but this is {now}; finish the dataset with that version, or make "
             "these runs again with --regenerate"
         )
     return set(others)
 
 
 def _prepare(folder: Path, experiment: Experiment, runs: list[Run]) -> Dataset:
-    """Make the folder, or check that it holds this very experiment; repair its lists."""
+    """Create the folder, or check that it holds this same experiment; restore its lists."""
     text = to_toml(experiment)
     planned = {run.id: asdict(run) for run in runs}
     manifest = Manifest(planned, hashlib.sha256(text.encode()).hexdigest())
@@ -161,7 +161,9 @@ def _prepare(folder: Path, experiment: Experiment, runs: list[Run]) -> Dataset:
         if there - planned.keys():
             raise InputError(f"{folder}: holds runs of another dataset; give another folder")
         if not there and _differs(written, text):
-            raise InputError(f"{folder}: holds an {EXPERIMENT} of its own; give another folder")
+            raise InputError(
+                f"{folder}: holds the {EXPERIMENT} of another dataset; give another folder"
+            )
     elif old.runs.keys() != planned.keys():
         raise InputError(
             f"{folder}: holds another dataset (see its {EXPERIMENT}); give another folder"
@@ -176,7 +178,7 @@ def _prepare(folder: Path, experiment: Experiment, runs: list[Run]) -> Dataset:
 
 
 def _manifest_of(folder: Path) -> Manifest | None:
-    """The list of runs in a folder; None if there is none that can be used."""
+    """The list of runs in a folder; None if it is missing or damaged."""
     try:
         return Manifest.read(folder)
     except InputError:
@@ -184,12 +186,12 @@ def _manifest_of(folder: Path) -> Manifest | None:
 
 
 def _differs(path: Path, text: str) -> bool:
-    """Whether a file is there and holds another text."""
+    """Whether a file exists and holds a different text."""
     return path.is_file() and path.read_bytes() != text.encode()
 
 
 def _clear_temporary(files: list[Path]) -> None:
-    """Remove unfinished files, once the processes that write them have ended."""
+    """Remove unfinished files after the processes that write them have ended."""
     for _ in range(50):
         if not any(_is_running(writer_of(file)) for file in files):
             break
@@ -215,7 +217,7 @@ def _locked(folder: Path) -> Iterator[None]:
     """Hold the folder for this process alone.
 
     Raises:
-        InputError: It cannot be written, or another process holds it.
+        InputError: The folder cannot be written, or another process holds it.
     """
     lock = FileLock(folder / ".lock", timeout=0)
     try:

@@ -1,6 +1,7 @@
 """Wear schedules: how severity grows from cycle to cycle.
 
-Cycle k = 1 ... n; severity is 0 before the first cycle and reaches its final value in the last.
+The cycles are numbered k = 1 ... n. The severity is 0 before the first cycle, and reaches its final
+value in the last cycle.
 """
 
 from __future__ import annotations
@@ -18,29 +19,29 @@ SCHEDULES = {
     "step": "0 in the first half of the cycles, final from then on",
     "constant": "final in every cycle",
 }
-"""Name and shape of every schedule; an array of severities, one a cycle, is a schedule too."""
+"""Formula of every schedule by name; an array with the severity of each cycle is one, too."""
 
 # Thesis eq. 3.7 has two constants and one condition; where growth levels off is assumed.
 _PLATEAU = 0.99
 
 
 def severities(schedule: str | Sequence[float], final: float, cycles: int) -> np.ndarray:
-    """Severity in each cycle.
+    """Compute the severity in each cycle.
 
-    Eq. 6.6 as the thesis has it (c = 1.785e-9) ends at 19.5 % in cycle 100; here c is solved for
-    the final severity. Eq. 3.7 starts from r0 + c1 / 2; its growth, (c1 / 2) tanh((c2 k)^4 / 2), is
-    scaled to the final severity.
+    With the constant of the thesis (c = 1.785e-9), eq. 6.6 ends at 19.5 % in cycle 100. Here c is
+    chosen so that the curve ends at the final severity. Eq. 3.7 starts from r0 + c1 / 2. Its
+    growth, (c1 / 2) tanh((c2 k)^4 / 2), is scaled so that it ends at the final severity.
 
     Args:
         schedule: A name of `SCHEDULES`, or the severity of each cycle.
-        final: Severity in the last cycle; not used with an array.
+        final: Severity in the last cycle, in any unit. It is not used if `schedule` is an array.
         cycles: Number of cycles.
 
     Returns:
-        Shape (cycles,).
+        Shape (cycles,), in the unit of `final`.
 
     Raises:
-        InputError: No such schedule, or an array of another length.
+        InputError: There is no such schedule, or the array has another length.
     """
     if not isinstance(schedule, str):
         values = np.asarray(schedule, float)

@@ -1,4 +1,4 @@
-"""Fleets: robots that work for weeks, what their monitoring stores, and the hidden truth.
+"""Fleets: robots that work for weeks, what their monitoring stores, and the true state behind it.
 
 fleet = generate_fleet(load_fleet("fleet.toml"), "out")
 fleet = open_fleet("out")

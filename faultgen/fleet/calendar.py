@@ -1,4 +1,7 @@
-"""When a robot runs, what it runs, and what happens to it: rows of five minutes, and days."""
+"""The calendar of a robot: when it runs, what it runs, and what happens to it.
+
+Times are divided into rows of five minutes, and into days.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from faultgen.fleet.plan import FleetPlan
 from faultgen.fleet.robot_instance import WORKED, Unit
 
 ROWS = 288
-"""Rows a day."""
+"""Number of rows in a day."""
 
 STEP = 24.0 / ROWS
 """Time between rows [h]."""
@@ -27,32 +30,37 @@ _DUTY_SPREAD = 0.08  # of a day's duty: assumed
 
 @dataclass(frozen=True, eq=False)
 class Calendar:
-    """What befalls one robot."""
+    """What happens to one robot over the days of the record."""
 
     duty: np.ndarray
-    """Share of each row in which it runs, shape (days * ROWS,)."""
+    """Share of each row in which the robot runs, shape (days * ROWS,)."""
     ambient: np.ndarray
-    """Temperature of the hall, same shape, in [deg C]."""
+    """Temperature of the hall in each row, shape (days * ROWS,), in [deg C]."""
     mix: np.ndarray
-    """Share of each program of the time in which it runs, shape (days, programs)."""
+    """Share of the running time of each day that each program takes, shape (days, programs)."""
     payload: np.ndarray
-    """Mass over what the controller is told, less 1, shape (days,)."""
+    """Relative difference of the payload's mass from the mass that the controller assumes, shape
+    (days,)."""
     friction: np.ndarray
-    """Of each axis over what it is in this robot, less 1, shape (days, n_axes)."""
+    """Relative difference of the friction of each axis from the usual friction of this robot, shape
+    (days, n_axes)."""
     services: np.ndarray
-    """Days that begin with a service."""
+    """Numbers of the days that begin with a service, shape (services,)."""
     changes: np.ndarray
-    """Days that begin with another mix."""
+    """Numbers of the days from which the programs have other shares, shape (changes,)."""
 
 
 def draw_calendar(plan: FleetPlan, unit: Unit, n_axes: int, rng: np.random.Generator) -> Calendar:
-    """Draw what befalls a robot.
+    """Draw the calendar of a robot.
 
     Args:
-        plan: The fleet.
+        plan: The plan of the fleet.
         unit: The robot.
-        n_axes: Its axes.
-        rng: Source of randomness.
+        n_axes: Number of its axes.
+        rng: Random number generator.
+
+    Returns:
+        The calendar.
     """
     days = plan.days
     rng_duty, rng_hall, rng_mix, rng_parts, rng_friction = rng.spawn(5)
@@ -70,7 +78,7 @@ def draw_calendar(plan: FleetPlan, unit: Unit, n_axes: int, rng: np.random.Gener
 
 
 def _occasions(days: int, mean: float, rng: np.random.Generator) -> np.ndarray:
-    """Days of a Poisson process."""
+    """Days on which something happens that happens every `mean` days on average."""
     if mean == 0:
         return np.zeros(0, int)
     return np.flatnonzero(rng.random(days) < 1 / mean)
@@ -110,7 +118,7 @@ def _mix(
 def _friction(
     plan: FleetPlan, days: int, n_axes: int, services: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
-    """Day to day, and with the age of the lubricant."""
+    """Relative change of friction from day to day and with the age of the lubricant."""
     scatter = plan.scatter
     spread = scatter.lubricant * _walk(days, n_axes, _LUBRICANT_MEMORY, rng)
     if scatter.service == 0:
@@ -125,7 +133,7 @@ def _friction(
 
 
 def _walk(days: int, columns: int, memory: float, rng: np.random.Generator) -> np.ndarray:
-    """Autoregression of first order with variance 1, shape (days, columns)."""
+    """Draw first-order autoregressive series with variance 1, shape (days, columns)."""
     out = np.empty((days, columns))
     now = rng.standard_normal(columns)
     for day in range(days):

@@ -1,15 +1,16 @@
-"""Cycles of one program, simulated at few conditions and put together for all others.
+"""Cycles of one program, simulated at a few conditions and interpolated for all others.
 
-Torque of axis i, sample by sample, with its own gearbox temperature T_i, payload 1 + p, friction
-1 + s_i and damage d of the gearbox that fails:
+The torque of axis i is computed sample by sample from its gearbox temperature T_i, the payload
+1 + p, the friction 1 + s_i and the damage d of the gearbox that fails:
 
     y_i = base_i(T_i) + p load_i + s_i friction_i + g_i wear_i(d, T_failing)
 
-with g = 1 + s at the axis that fails, whose wear is a share of its friction, else 1. `base`
-is the polynomial through four temperatures, `load` and `friction` are slopes, `wear` a polynomial
-through zero and three damages, linear between two temperatures. Friction of one axis hardly reaches
-the torque of another, since all follow their set points; what is left out is second order.
-`tests/test_fleet.py` holds it against direct simulation.
+Here g = 1 + s at the axis that fails, because its wear is proportional to its friction; at all
+other axes g = 1. `base` is the polynomial through four temperatures, `load` and `friction` are
+slopes, and `wear` is a polynomial in the damage through zero and three values, linear between two
+temperatures. The friction of one axis has almost no influence on the torque of another, because all
+axes follow their set points. The sum ignores interactions; they are of second order.
+`tests/test_fleet.py` compares it with direct simulation.
 """
 
 from __future__ import annotations
@@ -34,10 +35,10 @@ from faultgen.simulation.surrogate import lagrange
 from faultgen.tasks import load_task
 
 TEMPERATURES = np.array([30.0, 41.0, 61.0, 80.0])
-"""At which cycles are simulated [deg C]."""
+"""Gearbox temperatures at which cycles are simulated [deg C]."""
 
 DAMAGES = (0.4, 1.0, 2.0)
-"""The same of damage."""
+"""Damages at which cycles are simulated; 1 is the damage at failure."""
 
 SAMPLE_PERIOD = 0.02
 """Time between samples [s]."""
@@ -55,20 +56,21 @@ class Cycles:
     velocity: np.ndarray
     """Motor velocity, same shape, in [rad/s]."""
     base: np.ndarray
-    """Torque and position error at each temperature, shape (nodes, 2, samples, n_axes), in [N m]
-    and [rad], motor side."""
+    """Motor torque [N m] and position error of the motor [rad] at each temperature, shape
+    (nodes, 2, samples, n_axes)."""
     load: np.ndarray
-    """Their change by a payload that is heavier by its mass, shape (2, samples, n_axes)."""
+    """Change of both if the payload's mass is doubled, shape (2, samples, n_axes)."""
     friction: np.ndarray
-    """The same by friction that is more by its nominal value."""
+    """Change of both if the friction is doubled, shape (2, samples, n_axes)."""
     wear: np.ndarray
-    """The same by damage, shape (2 temperatures, damages, 2, samples, n_axes)."""
+    """Change of both by damage, shape (2 temperatures, damages, 2, samples, n_axes)."""
     loss: np.ndarray
-    """Mean power of friction at each temperature, shape (nodes, n_axes), in [W]."""
+    """Mean friction power at each temperature, shape (nodes, n_axes), in [W]."""
     wear_loss: np.ndarray
-    """What damage adds to it at the axis that fails, shape (2 temperatures, damages), in [W]."""
+    """Friction power that damage adds at the axis that fails, shape (2 temperatures, damages), in
+    [W]."""
     axis: int
-    """Axis of the gearbox that fails, from 1; 0 where none does."""
+    """Axis of the gearbox that fails or ages, from 1; 0 if there is none."""
 
     @property
     def period(self) -> float:
@@ -78,16 +80,20 @@ class Cycles:
     def at(
         self, temperature: np.ndarray, payload: float, friction: np.ndarray, damage: float
     ) -> np.ndarray:
-        """Torque and position error of a cycle.
+        """Compute motor torque and position error of a cycle.
 
         Args:
-            temperature: Of each gearbox, shape (n_axes,), in [deg C]; held within `TEMPERATURES`.
-            payload: Mass over what the controller is told, less 1.
-            friction: Of each axis over what it is in this robot, less 1, shape (n_axes,).
-            damage: Of the gearbox that fails; held below the last of `DAMAGES`.
+            temperature: Temperature of each gearbox, shape (n_axes,), in [deg C]. Values outside
+                the range of `TEMPERATURES` are clipped.
+            payload: Relative difference of the payload's mass from the mass that the controller
+                assumes.
+            friction: Relative difference of the friction of each axis from the usual friction of
+                this robot, shape (n_axes,).
+            damage: Damage of the gearbox that fails. Larger values than the last of `DAMAGES` are
+                clipped.
 
         Returns:
-            Shape (2, samples, n_axes).
+            Motor torque [N m] and position error of the motor [rad], shape (2, samples, n_axes).
         """
         warm = np.clip(temperature, TEMPERATURES[0], TEMPERATURES[-1])
         out = np.einsum("an,ncsa->csa", lagrange(TEMPERATURES, warm), self.base, optimize=False)
@@ -103,10 +109,10 @@ class Cycles:
         return out
 
     def losses(self, damage: np.ndarray) -> np.ndarray:
-        """Mean power of friction at each temperature.
+        """Compute the mean friction power at each temperature.
 
         Args:
-            damage: Of the gearbox that fails on each day, shape (days,).
+            damage: Damage of the gearbox that fails on each day, shape (days,).
 
         Returns:
             Shape (days, nodes, n_axes), in [W].
@@ -120,7 +126,14 @@ class Cycles:
 
 
 def by_damage(damage: ArrayLike) -> np.ndarray:
-    """Weights of the simulated damages at others, shape (number, damages)."""
+    """Compute the weights with which simulated damages are combined to others.
+
+    Args:
+        damage: The other damages, shape (number,).
+
+    Returns:
+        Weights of `DAMAGES`, shape (number, damages), without unit.
+    """
     return lagrange((0.0, *DAMAGES), np.clip(damage, 0.0, DAMAGES[-1]))[:, 1:]
 
 
@@ -130,11 +143,19 @@ def _planned(robot: str, task: str) -> Motion:
 
 
 def program_motion(robot: Robot, program: Program) -> Motion:
-    """The motion of a program: less far from its task where the robot could not do it.
+    """Plan the motion of a program.
+
+    If the robot cannot do the shifted motion, the shift is reduced until it can.
 
     Args:
         robot: The model with its payload.
         program: The program.
+
+    Returns:
+        The motion.
+
+    Raises:
+        InputError: The robot cannot even do the motion without a shift.
     """
     motion = _planned(robot.name, program.task)
     for share in (1.0, 0.7, 0.4, 0.2, 0.0):
@@ -147,7 +168,14 @@ def program_motion(robot: Robot, program: Program) -> Motion:
 
 
 def simulate_program(unit: Unit, program: Program) -> Cycles:
-    """Simulate all conditions of a program.
+    """Simulate a program of a robot at all conditions that interpolation needs.
+
+    Args:
+        unit: The robot.
+        program: The program.
+
+    Returns:
+        The simulated cycles.
 
     Raises:
         SimulationFailed: A condition diverged.
@@ -195,5 +223,5 @@ def simulate_program(unit: Unit, program: Program) -> Cycles:
 
 
 def _power(cycle: Cycle) -> np.ndarray:
-    """Mean power of friction, shape (n_axes,), in [W]."""
+    """Mean friction power, shape (n_axes,), in [W]."""
     return np.abs(cycle.friction_torque * cycle.motor_velocity).mean(axis=0)

@@ -1,22 +1,25 @@
-"""Gearbox run to failure: friction, backlash and ripple grow together to a threshold.
+"""Life of a gearbox: friction, backlash and torque ripple grow together until it fails.
 
-Damage D is 0 in a sound gearbox and 1 at failure. It grows by
+Damage D is 0 in a healthy gearbox and 1 at failure. It grows by
 
     D(t) = (exp(c u) - 1) / (exp(c) - 1),   u = 1 - (t_failure - t) / life,   0 before u = 0
 
-slow at first and steep towards the end, as wear does that feeds on its own debris (shape as the
-thesis' schedules, eq. 6.6; life and c random: assumed). At damage D the gearbox has
+It grows slowly at first and steeply towards the end, as wear does that is accelerated by its own
+debris. The shape is that of the schedule of the thesis (eq. 6.6); life and c are drawn at random
+from assumed ranges. At damage D the gearbox has
 
     friction  (1 + f D) times nominal,   backlash b D,   torque ripple r D
 
-with f, b, r drawn for each gearbox (assumed). What shows of the damage from day to day is
-D exp(k x - k^2 / 2), x an autoregression of one day: debris and lubricant film are never twice the
-same, and the worse the gearbox, the more it matters (k assumed).
+where f, b and r are drawn for each gearbox from assumed ranges. The damage that is visible on a day
+is D exp(k x - k^2 / 2), where x is an autoregressive series with a memory of about one day. It
+varies because debris and lubricant film are never the same on two days, and it varies more the
+worse the gearbox is (k is assumed).
 
-One gearbox of each robot that does not fail ages by the same law, but slowly: its life is 40 000
-hours of operation, which is the expected life of gearboxes in the product manuals of ABB's large
-robots (IRB 6640, 6710, 6720). How much of that life is over when the record ends is drawn for each
-robot, evenly up to 80 % (assumed: gearboxes of any age, exchanged before the end of their life).
+In each robot that does not fail, one gearbox ages slowly by the same law. Its life is 40 000 hours
+of operation, the expected life of gearboxes in the product manuals of ABB's large robots (IRB 6640,
+6710, 6720). The share of that life that is over when the record ends is drawn for each robot,
+uniformly up to 80 %. This assumes that gearboxes have any age and are replaced before the end of
+their life.
 """
 
 from __future__ import annotations
@@ -30,7 +33,7 @@ from faultgen.effects import Applied
 from faultgen.robot import Robot
 
 RIPPLE_ORDER = 2.0
-"""Waves of the ripple a motor turn, as of the wave generator of a strain wave gear."""
+"""Periods of the torque ripple per motor turn, as from the wave generator of a strain wave gear."""
 
 _MEMORY = 0.5  # correlation of what shows on one day and the next
 
@@ -40,39 +43,57 @@ class GearboxLife:
     """The life of one gearbox."""
 
     axis: int
-    """From 1."""
+    """Axis of the gearbox, from 1."""
     failure: float
-    """When it fails [d]; after the record for a robot that does not fail in it."""
+    """Time of the failure [d]; later than the end of the record if the robot does not fail."""
     life: float
-    """From the first damage to failure [d]."""
+    """Time from the first damage to the failure [d]."""
     shape: float
-    """c of the law."""
+    """Constant c of the law of growth."""
     friction: float
-    """Gain at failure, over nominal."""
+    """Increase of friction at failure as a fraction of its nominal value: f."""
     backlash: float
-    """At failure, joint side [rad]."""
+    """Backlash at failure, measured at the joint [rad]: b."""
     ripple: float
-    """At failure, motor side [N m]."""
+    """Torque ripple at failure, measured at the motor [N m]: r."""
     unsteadiness: float
-    """k of the law."""
+    """How much the visible damage varies from day to day: k."""
 
     def damage(self, time: np.ndarray) -> np.ndarray:
-        """Damage at given times [d]; 1 at failure."""
+        """Compute the damage at given times.
+
+        Args:
+            time: Times, any shape, in [d].
+
+        Returns:
+            Damage, same shape, without unit; 1 at failure.
+        """
         u = np.clip(1 - (self.failure - np.asarray(time, float)) / self.life, 0.0, None)
         return np.expm1(self.shape * u) / np.expm1(self.shape)
 
     def ageing(self, end: float, days: float, age: float) -> GearboxLife:
-        """The same gearbox where it lives longer and does not fail yet.
+        """Return the same gearbox with a longer life, so that it does not fail in the record.
 
         Args:
-            end: When the record ends [d].
-            days: Life of the gearbox [d].
-            age: Share of that life that is over when the record ends, below 1.
+            end: End of the record [d].
+            days: New life of the gearbox [d].
+            age: Share of that life that is over at the end of the record, below 1.
+
+        Returns:
+            The gearbox.
         """
         return replace(self, failure=end + (1 - age) * days, life=days)
 
     def shown(self, days: int, rng: np.random.Generator) -> np.ndarray:
-        """Factor by which damage shows on each day, mean 1; shape (days,)."""
+        """Draw the factors between the visible and the true damage on each day.
+
+        Args:
+            days: Number of days.
+            rng: Random number generator.
+
+        Returns:
+            Factors, shape (days,), without unit; their mean is 1.
+        """
         x = np.empty(days)
         before = rng.standard_normal()
         for day in range(days):
@@ -81,7 +102,11 @@ class GearboxLife:
         return np.exp(self.unsteadiness * x - self.unsteadiness**2 / 2)
 
     def effects(self, damage: float) -> list[Applied]:
-        """The gearbox at some damage."""
+        """List the effects of the gearbox at some damage.
+
+        Args:
+            damage: The damage; 1 at failure.
+        """
         return [
             Applied("friction_wear", self.axis, self.friction * damage),
             Applied("backlash", self.axis, self.backlash * damage),
@@ -96,14 +121,18 @@ def draw_life(
     unsteadiness: float,
     rng: np.random.Generator,
 ) -> GearboxLife:
-    """Draw the gearbox that fails, and how.
+    """Draw which gearbox fails, and how.
 
     Args:
         robot: The model.
-        failure: When it fails [d].
-        ranges: Of life, shape, friction, backlash and ripple; the last over the largest torque.
-        unsteadiness: k of the law.
-        rng: Source of randomness.
+        failure: Time of the failure [d].
+        ranges: Lower and upper limits of life [d], shape, friction, backlash [rad] and ripple, by
+            name. The ripple is a fraction of the largest motor torque.
+        unsteadiness: How much the visible damage varies from day to day.
+        rng: Random number generator.
+
+    Returns:
+        The life of the gearbox.
     """
     axis = int(rng.integers(1, robot.n_axes + 1))
     drawn = {name: float(rng.uniform(*ranges[name])) for name in sorted(ranges)}

@@ -1,4 +1,4 @@
-"""What a fleet's monitoring has stored, and the files that hold it."""
+"""The data that a fleet's monitoring has stored, and how to read its files."""
 
 from __future__ import annotations
 
@@ -23,65 +23,72 @@ STORED = (
     "temperature",
     "events",
 )
-"""Arrays of a robot's file that a monitoring system has; the others are in the group ``truth``."""
+"""Arrays of a robot's file that a monitoring system would store. All other arrays are in the group
+``truth``."""
 
 
 @dataclass(frozen=True, eq=False)
 class FleetRobot:
-    """One robot of a fleet, as its monitoring sees it."""
+    """The record of one robot of a fleet, as its monitoring stores it."""
 
     name: str
-    """In the fleet."""
+    """Name of the robot in the fleet."""
     robot: str
-    """Model, as of `faultgen.load_robot`."""
+    """Name of its model, for `faultgen.load_robot`."""
     failed: bool
     """Whether it fails at the end of the last day."""
     axis: int
-    """Axis of the gearbox that fails, from 1; 0 where none does."""
+    """Axis of the gearbox that fails, from 1; 0 if none fails."""
     day: np.ndarray
     """Time of each sample since the start of the record [d], shape (samples,)."""
     production: np.ndarray
-    """Share of the time since the sample before in which the robot ran, shape (samples,)."""
+    """Share of the time since the previous sample in which the robot ran, shape (samples,)."""
     torque_histogram: np.ndarray
     """Share of production time by motor torque, shape (samples, n_axes, 12)."""
     speed_histogram: np.ndarray
-    """The same by motor speed."""
+    """Share of production time by motor speed, shape (samples, n_axes, 12)."""
     angle_histogram: np.ndarray
-    """The same by joint angle."""
+    """Share of production time by joint angle, shape (samples, n_axes, 12)."""
     torque_indicator: np.ndarray
-    """Torque weighted by speed with the exponent 10/3, over production, times the share of
-    production to the power 0.3 [N m]; shape (samples, n_axes)."""
+    """Mean motor torque in production time, weighted by speed with the exponent 10/3, multiplied by
+    the share of production to the power of 0.3 [N m]; shape (samples, n_axes)."""
     speed_indicator: np.ndarray
     """Mean |motor speed| over all time [rad/s], shape (samples, n_axes)."""
     temperature: np.ndarray
-    """Of the controller's cabinet [deg C], shape (samples,)."""
+    """Temperature of the controller's cabinet [deg C], shape (samples,)."""
     events: np.ndarray
-    """Number of each event on each day, shape (days, events)."""
+    """Number of events of each kind on each day, shape (days, events)."""
     truth: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """What no monitoring knows: see docs/fleet.md."""
+    """Arrays that a monitoring system cannot know, by name; docs/fleet.md lists them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
-    """Robots, and what their records have in common."""
+    """The robots of a fleet, and what their records have in common."""
 
     robots: tuple[FleetRobot, ...]
-    """By name."""
+    """The robots, sorted by name."""
     event_names: tuple[str, ...]
-    """Of the columns of `FleetRobot.events`."""
+    """Names of the columns of `FleetRobot.events`."""
     days: int
-    """Recorded; a robot that fails does so at the end of the last."""
+    """Number of recorded days. A robot that fails does so at the end of the last day."""
     seed: int
-    """Root of all draws."""
+    """Seed of all random numbers."""
     attributes: Mapping[str, Any] = field(default_factory=dict)
-    """Of the files: versions, hash of the plan."""
+    """Further attributes of the files, such as the versions and the hash of the plan."""
 
 
 def read_robot(path: Path) -> tuple[FleetRobot, dict[str, Any]]:
-    """Read the file of one robot, and its attributes.
+    """Read the file of one robot.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The robot, and the attributes of the file that all robots of the fleet share.
 
     Raises:
-        InputError: It is no such file, or damaged.
+        InputError: The file is not the record of a robot, or is damaged.
     """
     arrays, told = read_arrays(path)
     try:
@@ -90,31 +97,40 @@ def read_robot(path: Path) -> tuple[FleetRobot, dict[str, Any]]:
         own: dict[str, Any] = {name: told.pop(name) for name in ("name", "robot", "failed", "axis")}
         return FleetRobot(**own, **stored, truth=truth), told
     except (KeyError, TypeError) as error:
-        raise InputError(f"{path}: not the record of a robot (no {error})") from None
+        raise InputError(f"{path}: is not the record of a robot (it has no {error})") from None
 
 
 def open_fleet(folder: str | Path) -> Fleet:
     """Read a fleet.
 
     Args:
-        folder: Where `generate_fleet` wrote it.
+        folder: Folder that `generate_fleet` wrote.
+
+    Returns:
+        The fleet.
 
     Raises:
-        InputError: There is no fleet, one that is not complete, or a damaged file.
+        InputError: The folder has no fleet, robots are missing, robots have different plans, or a
+            file is damaged.
     """
     folder = Path(folder)
     paths = sorted((folder / "robots").glob("robot*.h5"))
     if not paths:
-        raise InputError(f"{folder}: no fleet here; make one with 'faultgen fleet FLEET.toml -o'")
+        raise InputError(
+            f"{folder}: is not a fleet; make one with 'faultgen fleet FLEET.toml -o {folder}'"
+        )
     read = [read_robot(path) for path in paths]
     told = read[0][1]
     if len(read) != told["robots"]:
         raise InputError(
-            f"{folder}: {len(read)} of {told['robots']} robots are there; "
-            "run 'faultgen fleet' again"
+            f"{folder}: only {len(read)} of {told['robots']} robots are there; "
+            "run 'faultgen fleet' again to make the others"
         )
     if len({one["plan_sha256"] for _, one in read}) > 1:
-        raise InputError(f"{folder}: its robots are of different plans; make the fleet anew")
+        raise InputError(
+            f"{folder}: its robots were made from different plans; make the fleet again in a new "
+            "folder"
+        )
     names = tuple(str(told.pop("event_names")).split())
     return Fleet(
         robots=tuple(robot for robot, _ in read),

@@ -1,18 +1,20 @@
-"""Event logs: 67 kinds of events, by rules on what is simulated, and at random.
+"""Event logs: kinds of events that follow from the simulation by rules, and random ones.
 
-Six kinds belong to each axis: on every cycle (every hour for temperatures) noise is added to what
-the rule looks at, and the rule fires where that is beyond its limit, so that a day's number is
-Poisson with
+Some kinds (`AXIS_EVENTS`) belong to each axis. A rule compares a simulated value plus noise with a
+limit on every cycle, or every hour for temperatures. The event occurs where the limit is exceeded.
+The number of events on a day has a Poisson distribution with the mean
 
     m (1 - exp(-cycles P(value + noise > limit) / m)) + background
 
-where m is what operators put up with in a day before they help themselves (assumed).
+where m is the largest number of events on a day that operators accept before they take action
+(assumed).
 
-Limits are set for each robot from its first days, as a service engineer would (margins and noise
-assumed). The other 31 belong to the cell: they occur in bursts of their own (negative binomial by
-way of a day's mood of four groups: operators, mains and network, parts and tools, safety), or
-follow from others, as a stop follows a supervision. Rates are drawn for each robot; a third of the
-kinds hardly ever occur (assumed: no log of such a fleet is public).
+The limits are set for each robot from its first days, as a service engineer would do; their margins
+and the noise are assumed. The other kinds belong to the robot's cell. They occur in bursts: the
+rate of each of four groups (operators, mains and network, parts and tools, safety) varies from day
+to day. Some events also follow from others; for example, a program stops after a motion
+supervision. The rates are drawn for each robot, and one third of the kinds hardly ever occur. All
+this is assumed, because no log of such a fleet is public.
 """
 
 from __future__ import annotations
@@ -34,7 +36,7 @@ AXIS_EVENTS = (
     "gearbox_temperature",
     "motor_temperature",
 )
-"""Kinds that there are of each axis."""
+"""Kinds of events that each axis has."""
 
 _GROUPS = {
     "operators": (
@@ -79,7 +81,7 @@ _FOLLOWS = {
     "emergency_stop": (("program_started", 0.9),),
     "power_failure": (("restart", 0.9), ("network_lost", 0.5)),
 }
-"""What follows from an event of a kind, and how likely."""
+"""Events that follow from an event of a kind, each with its probability."""
 
 _RATE = 0.4  # median background of a kind of the cell [1/d]
 _RATE_SPREAD = 1.2  # of its logarithm
@@ -96,24 +98,29 @@ _HOT_CABINET = 38.0  # hall temperature at which the cabinet warns [deg C]
 
 @dataclass(frozen=True, eq=False)
 class Strain:
-    """What the rules look at on one day. Arrays have shape (n_axes,)."""
+    """The values of one day that the rules compare with limits. Arrays have shape (n_axes,)."""
 
     torque: np.ndarray
-    """Largest motor torque over the usual largest."""
+    """Largest motor torque divided by the usual largest one."""
     deviation: np.ndarray
-    """Largest difference of the torque from the usual one, over the usual largest."""
+    """Largest difference of the torque from the usual torque, divided by the usual largest one."""
     position_error: np.ndarray
-    """Largest position error, motor side [rad]."""
+    """Largest position error of the motors [rad]."""
     temperature: np.ndarray
-    """Highest of each gearbox [deg C]."""
+    """Highest temperature of each gearbox [deg C]."""
     hall: float
     """Highest temperature of the hall [deg C]."""
     cycles: float
-    """Done on that day."""
+    """Number of cycles on that day."""
 
 
 def event_names(n_axes: int = 6) -> tuple[str, ...]:
-    """Names of all kinds, as ``motion_supervision_3`` for those of an axis."""
+    """Return the names of all kinds of events.
+
+    Args:
+        n_axes: Number of axes. The kinds of an axis end in its number, as in
+            ``motion_supervision_3``.
+    """
     own = [f"{kind}_{axis}" for kind in AXIS_EVENTS for axis in range(1, n_axes + 1)]
     return (*own, *(name for group in _GROUPS.values() for name in group))
 
@@ -121,16 +128,16 @@ def event_names(n_axes: int = 6) -> tuple[str, ...]:
 def count_events(
     robot: Robot, strains: Sequence[Strain], calendar: Calendar, rng: np.random.Generator
 ) -> np.ndarray:
-    """Daily counts of a robot's events.
+    """Draw the number of events of a robot on each day.
 
     Args:
-        robot: The robot.
-        strains: Of each day.
-        calendar: What befalls the robot.
-        rng: Source of randomness.
+        robot: The model of the robot.
+        strains: The values of each day that the rules compare with limits.
+        calendar: The calendar of the robot.
+        rng: Random number generator.
 
     Returns:
-        Shape (days, events), in the order of `event_names`.
+        Counts, shape (days, events), with the events in the order of `event_names`.
     """
     names = event_names(robot.n_axes)
     column = {name: k for k, name in enumerate(names)}

@@ -1,4 +1,4 @@
-"""Making a fleet: robots in parallel, each in a file of its own, so that a run can be resumed."""
+"""Making a fleet. Each robot has a file of its own, so that an interrupted call can be resumed."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from faultgen.system.parallel import in_parallel
 def generate_fleet(
     plan: FleetPlan, out: str | Path, *, workers: int = 1, progress: bool = False
 ) -> Fleet:
-    """Make a fleet, or what is missing of it.
+    """Make a fleet, or the robots that are missing in it.
 
     Args:
-        plan: The fleet.
-        out: Folder; robots of the same plan that it holds are kept.
-        workers: Processes; no effect on the result.
-        progress: Show a bar on stderr.
+        plan: The plan of the fleet.
+        out: Folder for the fleet. Existing robots of the same plan are kept.
+        workers: Number of processes. The result does not depend on it.
+        progress: Whether to show a progress bar on stderr.
 
     Returns:
         The fleet.
 
     Raises:
-        InputError: The folder holds another fleet, robots that another version of the code has
-            made, or cannot be written.
+        InputError: The folder cannot be written, or it holds another fleet or robots that another
+            version of the code has made.
         StorageFailed: A file could not be written.
-        SimulationFailed: A robot could not be simulated; the others are there.
+        SimulationFailed: A robot could not be simulated. The files of the others are kept.
     """
     out = Path(out)
     if workers < 1:
@@ -50,7 +50,7 @@ def generate_fleet(
     told = out / "fleet.json"
     text = plan.model_dump_json(indent=1) + "\n"
     if told.is_file() and told.read_bytes() != text.encode():
-        raise InputError(f"{out}: holds a fleet of another plan; give another folder")
+        raise InputError(f"{out}: holds a fleet with another plan; give another folder")
     write_text(told, text)
     left = [k for k in range(plan.robots) if not _is_done(_path(out, k), plan)]
     done = in_parallel(
@@ -82,7 +82,7 @@ def _is_done(path: Path, plan: FleetPlan) -> bool:
     made_by = Provenance.of(attributes)
     if made_by != _made_by():
         raise InputError(
-            f"{path}: was made by {made_by}, and this is {_made_by()}; finish the fleet with that "
+            f"{path}: was made by {made_by}, but this is {_made_by()}; finish the fleet with that "
             "version, or give another folder"
         )
     return bool(attributes["plan_sha256"] == plan.sha256)
@@ -93,7 +93,7 @@ def _made_by() -> Provenance:
 
 
 def _make(plan: FleetPlan, number: int, path: Path) -> str | None:
-    """Simulate a robot and write its file; the reason where that failed."""
+    """Simulate a robot and write its file. Return None, or the reason why that failed."""
     try:
         with threadpool_limits(1):  # sums in another order would differ in their last digits
             one = record_robot(plan, number)

@@ -1,6 +1,6 @@
-"""What a fleet is: a TOML file, every entry with a default.
+"""The plan of a fleet, which is a TOML file. Every entry has a default.
 
-A range is a list of two numbers, from which each robot draws its own.
+A range is a list of two numbers. The value of each robot is drawn from between them.
 """
 
 from __future__ import annotations
@@ -38,83 +38,84 @@ class _Section(BaseModel):
 
 
 class Production(_Section):
-    """When robots run, and how warm it is around them."""
+    """When robots run, and how warm the hall is."""
 
     shifts: Counts = (1, 3)
-    """Of 8 h a day; at most 3."""
+    """Number of shifts of 8 h on each day; at most 3."""
     duty: Shares = (0.5, 0.95)
     """Share of a shift in which programs run."""
     weekend: Shares = (0.2, 1.0)
-    """Duty at the weekend over that of other days."""
+    """Duty at the weekend divided by that of other days."""
     ambient: Annotated[tuple[float, float], AfterValidator(_ordered)] = (18.0, 30.0)
     """Mean temperature of the hall [deg C]."""
     samples_a_day: Counts = (1, 4)
-    """Records that the monitoring stores."""
+    """Number of samples that the monitoring stores on each day."""
 
 
 class Programs(_Section):
     """What robots do."""
 
     tasks: Annotated[list[str], Field(min_length=1)] = ["arc_weld", "pick_and_place", "spot_weld"]
-    """That programs are drawn from; every model must have each."""
+    """Tasks from which programs are drawn. Every model must have each of them."""
     number: Counts = (1, 3)
-    """Programs of a robot; each is a task of its model at another place."""
+    """Number of programs of a robot. Each is a task of its model, moved to another place."""
     shift: Size = 8.0
-    """Spread of the joint angles by which a program is elsewhere than its task [deg]."""
+    """Standard deviation of the angles by which a program shifts the joints of its task [deg]."""
     speed: Shares = (0.5, 1.0)
-    """Speed override."""
+    """Speed override; 1 is full speed."""
     payload: Range = (0.6, 1.0)
-    """Mass over the nominal one."""
+    """Mass of the payload divided by its nominal mass."""
     parts: Size = 0.05
-    """Spread of the payload from day to day, over its mass."""
+    """Standard deviation of the payload's mass from day to day, as a fraction of the mass."""
     mix: Size = 60.0
-    """How constant the shares of the programs are from day to day (Dirichlet)."""
+    """How constant the shares of the programs are from day to day; concentration of the Dirichlet
+    distribution from which they are drawn."""
     change: Size = 90.0
-    """Mean time between changes of the mix [d]; 0: none."""
+    """Mean time after which the shares of the programs change lastingly [d]; 0 means never."""
 
 
 class Scatter(_Section):
-    """How robots of a model differ; standard deviations over the nominal values."""
+    """How robots of one model differ: standard deviations as fractions of the nominal values."""
 
     coulomb: Size = 0.15
     viscous: Size = 0.2
     rotor_inertia: Size = 0.03
     lubricant: Size = 0.03
-    """Friction from day to day, of each axis by itself."""
+    """Standard deviation of the friction from day to day, independent for each axis."""
     ageing: Size = 0.1
-    """Friction that a lubricant gains between two services."""
+    """Increase of friction by the ageing of the lubricant between two services."""
     service: Size = 200.0
-    """Mean time between services, which bring new lubricant [d]; 0: none."""
+    """Mean time between services, in which the lubricant is replaced [d]; 0 means no services."""
 
 
 class Damage(_Section):
     """How a gearbox fails; see docs/fleet.md."""
 
     life: Range = (120.0, 600.0)
-    """From the first damage to failure [d]."""
+    """Time from the first damage to the failure [d]."""
     shape: Range = (2.0, 5.0)
-    """How late damage grows: exponent of the law."""
+    """Exponent of the law of growth; the larger it is, the later the damage grows."""
     friction: Range = (0.6, 1.6)
-    """Friction that is gained at failure, over the nominal one."""
+    """Increase of friction at failure as a fraction of the nominal friction."""
     backlash: Range = (0.001, 0.004)
-    """Play at failure, joint side [rad]."""
+    """Backlash at failure, measured at the joint [rad]."""
     ripple: Range = (0.01, 0.04)
-    """Torque ripple at failure, over the largest motor torque."""
+    """Torque ripple at failure as a fraction of the largest motor torque."""
     unsteadiness: Size = 0.5
-    """Spread of the damage that shows from day to day, over the damage."""
+    """Standard deviation of the visible damage from day to day as a fraction of the damage."""
 
 
 class Ageing(_Section):
     """How one gearbox of each robot that does not fail ages; see docs/fleet.md."""
 
     hours: Size = 40_000.0
-    """Operation that such a gearbox lasts [h]; 0: healthy robots do not age."""
+    """Life of such a gearbox in hours of operation [h]; 0 means that healthy robots do not age."""
     age: Shares = (0.0, 0.8)
     """Share of that life that is over when the record ends."""
 
 
 class FleetPlan(_Section):
-    """A fleet."""
+    """The plan of a fleet: number of robots, days and models, and a section for each topic."""
 
     seed: Annotated[int, Field(ge=0)] = 0
     robots: Annotated[int, Field(ge=1, le=999)] = 26
@@ -122,7 +123,8 @@ class FleetPlan(_Section):
     days: Annotated[int, Field(ge=2, le=2000)] = 60
     models: Annotated[list[str], Field(min_length=1)] = ["irb6700", "puma560"]
     torque_noise: Size = 0.01
-    """White, over the mean |torque| of each axis."""
+    """Standard deviation of the white torque noise as a fraction of the mean |torque| of the
+    axis."""
     production: Production = Production()
     programs: Programs = Programs()
     scatter: Scatter = Scatter()
@@ -132,7 +134,10 @@ class FleetPlan(_Section):
     @model_validator(mode="after")
     def _check(self) -> FleetPlan:
         if self.failing > self.robots:
-            raise InputError(f"failing: at most the {self.robots} robots, not {self.failing}")
+            raise InputError(
+                f"failing: must be at most the number of robots, which is {self.robots}, "
+                f"not {self.failing}"
+            )
         unknown = [name for name in self.models if name not in robot_names()]
         if unknown:
             raise InputError(f"models: unknown '{unknown[0]}': choose {', '.join(robot_names())}")
@@ -144,16 +149,16 @@ class FleetPlan(_Section):
                         f"programs.tasks: {model} has no '{task}': choose {', '.join(known)}"
                     )
         if self.programs.speed[0] < 0.1:
-            raise InputError("programs.speed: an override must be at least 0.1")
+            raise InputError("programs.speed: a speed override must be at least 0.1")
         if self.production.shifts[1] > 3:
-            raise InputError("production.shifts: at most 3 of 8 h a day")
+            raise InputError("production.shifts: a day has at most 3 shifts of 8 h")
         if self.production.duty[0] <= 0:
             raise InputError("production.duty: must be above 0")
         return self
 
     @property
     def sha256(self) -> str:
-        """Hash of all that it says."""
+        """Hash of all entries of the plan."""
         text = json.dumps(self.model_dump(mode="json"), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -161,8 +166,14 @@ class FleetPlan(_Section):
 def load_fleet(path: str | Path) -> FleetPlan:
     """Read the plan of a fleet.
 
+    Args:
+        path: The TOML file.
+
+    Returns:
+        The plan.
+
     Raises:
-        InputError: It cannot be read, or an entry is wrong.
+        InputError: The file cannot be read, or one of its entries is wrong.
     """
     path = Path(path)
     try:
@@ -173,10 +184,17 @@ def load_fleet(path: str | Path) -> FleetPlan:
 
 
 def parse_fleet(text: str, name: str) -> FleetPlan:
-    """The plan that a TOML text tells.
+    """Make the plan of a fleet from TOML text.
+
+    Args:
+        text: The TOML text.
+        name: Name of the file, for error messages.
+
+    Returns:
+        The plan.
 
     Raises:
-        InputError: It is not TOML, or an entry is wrong.
+        InputError: The text is not valid TOML, or one of its entries is wrong.
     """
     try:
         return FleetPlan(**tomllib.loads(text))

@@ -1,4 +1,4 @@
-"""What the monitoring of one robot stores, sample by sample."""
+"""The record of one robot: what its monitoring stores, sample by sample."""
 
 from __future__ import annotations
 
@@ -27,8 +27,11 @@ def simulate_robot(plan: FleetPlan, number: int) -> list[Cycles]:
     """Simulate the programs of a robot.
 
     Args:
-        plan: The fleet.
-        number: Of the robot, from 0.
+        plan: The plan of the fleet.
+        number: Number of the robot, from 0.
+
+    Returns:
+        The simulated cycles of each of its programs.
 
     Raises:
         SimulationFailed: A program could not be simulated.
@@ -40,13 +43,17 @@ def simulate_robot(plan: FleetPlan, number: int) -> list[Cycles]:
 def record_robot(
     plan: FleetPlan, number: int, cycles: Sequence[Cycles] | None = None
 ) -> FleetRobot:
-    """Put together what is stored of a robot.
+    """Compute the record of a robot.
 
     Args:
-        plan: The fleet.
-        number: Of the robot, from 0.
-        cycles: Of its programs, as `simulate_robot` gives them; default: they are simulated. Those
-            of another plan will do that has the same robots and differs in what befalls them only.
+        plan: The plan of the fleet.
+        number: Number of the robot, from 0.
+        cycles: Simulated cycles of its programs, from `simulate_robot`. By default they are
+            simulated. Cycles of another plan can be used if both plans have the same robots and
+            differ only in what happens to these robots.
+
+    Returns:
+        The record.
 
     Raises:
         SimulationFailed: A program could not be simulated.
@@ -120,7 +127,7 @@ _TRUTH = (
 
 @dataclass(frozen=True, eq=False)
 class _Reduced:
-    """Reductions of one sample. Arrays have shape (n_axes,), or (n_axes, 12)."""
+    """Reductions of one sample. Histograms have shape (n_axes, 12), other arrays (n_axes,)."""
 
     torque_histogram: np.ndarray
     speed_histogram: np.ndarray
@@ -132,7 +139,15 @@ class _Reduced:
     position_error: np.ndarray
 
     def stored(self, production: float) -> dict[str, np.ndarray]:
-        """As the monitoring keeps them."""
+        """Return the reductions that the monitoring stores.
+
+        Args:
+            production: Share of the time in which the robot ran.
+
+        Returns:
+            Histograms, shape (n_axes, 12), without unit, and indicators of torque [N m] and speed
+            [rad/s], shape (n_axes,), by name.
+        """
         return {
             "torque_histogram": self.torque_histogram,
             "speed_histogram": self.speed_histogram,
@@ -143,7 +158,7 @@ class _Reduced:
 
 
 class _Watched:
-    """A robot whose cycles are put together and reduced."""
+    """A robot whose cycles are interpolated and reduced."""
 
     def __init__(
         self, robot: Robot, cycles: Sequence[Cycles], noise: float, rng: np.random.Generator
@@ -167,13 +182,14 @@ class _Watched:
     def reduce(
         self, temperature: np.ndarray, calendar: Calendar, day: int, damage: float
     ) -> _Reduced:
-        """Reductions over production time.
+        """Compute the reductions over the production time of one sample.
 
         Args:
-            temperature: Of each gearbox at moments of that time, shape (moments, n_axes).
-            calendar: What befalls the robot.
-            day: From 0.
-            damage: As it shows on that day.
+            temperature: Temperature of each gearbox at some moments of that time, shape
+                (moments, n_axes), in [deg C].
+            calendar: The calendar of the robot.
+            day: Number of the day, from 0.
+            damage: Visible damage on that day.
         """
         n = self.robot.n_axes
         by_torque = np.zeros((n, len(self.fixed[0][0][0])))
@@ -215,13 +231,13 @@ def _windows(unit: Unit, day: int) -> Iterator[slice]:
 
 
 def _moments(duty: np.ndarray) -> np.ndarray:
-    """Rows at which cycles are looked at."""
+    """Rows of the calendar at which cycles are computed."""
     done = np.cumsum(duty)
     return np.searchsorted(done, np.array(_MOMENTS) * done[-1])
 
 
 def _damage(unit: Unit, days: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Damage at the middle of each day, and as it shows."""
+    """True and visible damage at the middle of each day, each of shape (days,)."""
     if unit.life is None:
         return np.zeros(days), np.zeros(days)
     damage = unit.life.damage(np.arange(days) + 0.5)
@@ -231,7 +247,7 @@ def _damage(unit: Unit, days: int, rng: np.random.Generator) -> tuple[np.ndarray
 def _temperatures(
     unit: Unit, calendar: Calendar, cycles: Sequence[Cycles], shown: np.ndarray
 ) -> np.ndarray:
-    """Of each gearbox at each row, shape (days * ROWS, n_axes)."""
+    """Temperature of each gearbox at each row, shape (days * ROWS, n_axes), in [deg C]."""
     by_day = np.einsum("dp,pdna->dna", calendar.mix, [one.losses(shown) for one in cycles])
     usual = np.mean([one.loss for one in cycles], axis=(0, 1))
     resistance = RISE * unit.cooling / usual.clip(1e-9)
@@ -248,7 +264,7 @@ def _temperatures(
 def _strain(
     watched: _Watched, seen: Sequence[_Reduced], calendar: Calendar, warm: np.ndarray, day: int
 ) -> Strain:
-    """What the rules of the event log look at."""
+    """The values of a day that the rules of the event log compare with limits."""
     rows = slice(day * ROWS, (day + 1) * ROWS)
     nothing = np.zeros(watched.robot.n_axes)
     period = sum(
@@ -269,6 +285,6 @@ def _strain(
 
 
 def _at_failure(unit: Unit) -> np.ndarray:
-    """Friction over nominal, backlash [rad] and ripple [N m] at failure."""
+    """Relative increase of friction, backlash [rad] and torque ripple [N m] at failure."""
     life = unit.life
     return np.zeros(3) if life is None else np.array([life.friction, life.backlash, life.ripple])

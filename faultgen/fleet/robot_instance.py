@@ -1,4 +1,7 @@
-"""What makes each robot of a fleet itself: drawn once, from the seed and its number."""
+"""The properties in which the robots of a fleet differ.
+
+They are drawn once for each robot, from the seed of the fleet and the number of the robot.
+"""
 
 from __future__ import annotations
 
@@ -12,19 +15,19 @@ from faultgen.fleet.plan import FleetPlan
 from faultgen.robot import Robot, load_robot
 
 WORKED = 7.5
-"""Of a shift, less its break [h]."""
+"""Duration of a shift without its break [h]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """A task at another place and speed."""
+    """A task that is moved to another place and done at another speed."""
 
     task: str
     """Name of the task."""
     shift: np.ndarray
-    """Added to all joint angles, shape (n_axes,), in [rad]."""
+    """Angles that are added to the joint angles, shape (n_axes,), in [rad]."""
     speed: float
-    """Override."""
+    """Speed override, above 0 and up to 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,39 +35,39 @@ class Unit:
     """One robot of a fleet."""
 
     model: str
-    """Name of the robot."""
+    """Name of its model."""
     payload: float
-    """Mass over nominal; the controller is told."""
+    """Mass of the payload divided by its nominal mass. The controller knows it."""
     programs: tuple[Program, ...]
-    """What it runs."""
+    """Programs that it runs."""
     shifts: int
-    """Of 8 h a day."""
+    """Number of shifts of 8 h on each day."""
     duty: float
     """Share of a shift in which programs run."""
     weekend: float
-    """Duty at the weekend over that of other days."""
+    """Duty at the weekend divided by that of other days."""
     first_weekday: int
-    """Of the record's first day; 5 and 6 are the weekend."""
+    """Weekday of the first day of the record, from 0; 5 and 6 are the weekend."""
     ambient: float
     """Mean temperature of the hall [deg C]."""
     samples_a_day: int
-    """Records stored."""
+    """Number of samples that the monitoring stores on each day."""
     deviations: tuple[Applied, ...]
-    """How this robot differs from its model; the controller is not told."""
+    """Deviations of this robot from its model. The controller does not know them."""
     cooling: np.ndarray
-    """Thermal resistance of each axis over that of its model, shape (n_axes,)."""
+    """Thermal resistance of each axis divided by that of its model, shape (n_axes,)."""
     fails: bool
     """Whether a gearbox fails at the end of the record."""
     life: GearboxLife | None
-    """Of the gearbox that fails, or that ages where none fails."""
+    """Life of the gearbox that fails or, in a robot that does not fail, of the one that ages."""
 
     @property
     def hours_a_day(self) -> float:
-        """Mean time in which it runs [h/d]."""
+        """Mean running time of the robot [h/d]."""
         return self.shifts * WORKED * self.duty * (5 + 2 * self.weekend) / 7
 
     def robot(self) -> Robot:
-        """The model with the payload that the controller is told."""
+        """Return the model with the payload that the controller assumes."""
         nominal = load_robot(self.model)
         spec = nominal.spec()
         spec.body("payload").mass *= self.payload
@@ -76,8 +79,11 @@ def draw_unit(plan: FleetPlan, number: int) -> Unit:
     """Draw a robot of a fleet.
 
     Args:
-        plan: The fleet.
-        number: Of the robot, from 0.
+        plan: The plan of the fleet.
+        number: Number of the robot, from 0.
+
+    Returns:
+        The robot.
     """
     chosen = np.random.default_rng([plan.seed, 0]).permutation(plan.robots)[: plan.failing]
     rng = np.random.default_rng([plan.seed, 1, number])

@@ -1,10 +1,12 @@
-"""Temperature of gearboxes: heated by friction, cooled by the hall.
+"""Temperature of gearboxes, which friction heats and the air of the hall cools.
+
+Each axis is one thermal mass:
 
     C dT/dt = duty P(T) - (T - T_ambient) / R
 
-one thermal mass an axis. P is the friction loss of the programs that run, which falls as the oil
-gets warm. R is such that the axis gets `RISE` warmer than the hall where its robot runs all the
-time, and R C = `TIME_CONSTANT`; both are assumed: figures of makers are not public.
+P is the friction loss of the programs that run. It falls while the oil gets warm. R is chosen so
+that the axis gets warmer than the hall by `RISE` if its robot runs all the time, and
+R C = `TIME_CONSTANT`. Both numbers are assumed, because the manufacturers' values are not public.
 """
 
 from __future__ import annotations
@@ -12,10 +14,10 @@ from __future__ import annotations
 import numpy as np
 
 RISE = 25.0
-"""Temperature rise of an axis that runs all the time, mean of robots [K]."""
+"""Temperature rise of an axis that runs all the time, mean over robots [K]."""
 
 TIME_CONSTANT = 1.5
-"""Of a gearbox [h]."""
+"""Thermal time constant of a gearbox [h]."""
 
 
 def temperatures(
@@ -26,19 +28,21 @@ def temperatures(
     resistance: np.ndarray,
     step: float,
 ) -> np.ndarray:
-    """Temperatures of the gearboxes of one robot.
+    """Compute the temperatures of the gearboxes of one robot.
+
+    Each step is solved exactly for the friction loss at its start.
 
     Args:
         ambient: Temperature of the hall, shape (times,), in [deg C].
         duty: Share of time in which the robot runs, shape (times,).
-        loss: Friction loss of what runs then at each node, shape (times, nodes, n_axes), in [W].
+        loss: Friction loss of the running programs at each node, shape (times, nodes, n_axes), in
+            [W].
         nodes: Temperatures at which the loss is given, ascending, shape (nodes,), in [deg C].
         resistance: Thermal resistance, shape (n_axes,), in [K/W].
         step: Time between rows [h].
 
     Returns:
-        Shape (times, n_axes), in [deg C]; the exact solution of each step with the loss of its
-        start.
+        Temperatures, shape (times, n_axes), in [deg C].
     """
     keep = np.exp(-step / TIME_CONSTANT)
     now = np.full(loss.shape[2], ambient[0])

@@ -1,1 +1,1 @@
-"""What a robot's MJCF file must hold, and how it is compiled safely."""
+"""MJCF files of robots: the checks that they must pass, and how they are compiled safely."""

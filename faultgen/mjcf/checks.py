@@ -1,6 +1,6 @@
-"""What a model lacks to be a robot: elements, and numbers that make sense.
+"""Checks that a model is a complete robot: its elements, and whether its numbers make sense.
 
-All findings are reported at once, so that a file can be completed in one go.
+All findings are reported at once, so that a user can correct a file in one step.
 """
 
 from __future__ import annotations
@@ -34,14 +34,28 @@ _BOUNDED = ("joint", "encoder_counts", "torque_gain", "gearbox", "friction")  # 
 
 
 def count_axes(model: mujoco.MjModel) -> int:
-    """The largest number in a joint's name ``joint1``, ``joint2``, ..., at most all joints."""
+    """Return the number of axes: the largest i of a joint named ``joint{i}``.
+
+    The result is at most the number of joints in the model.
+
+    Args:
+        model: The compiled model.
+    """
     names = (model.joint(k).name for k in range(model.njnt))
     numbers = [int(n[5:]) for n in names if re.fullmatch(r"joint[1-9]\d{0,5}", n)]
     return min(max(numbers, default=0), model.njnt)
 
 
 def missing_elements(model: mujoco.MjModel, n_axes: int) -> list[str]:
-    """Kinds of elements that a robot needs and the model lacks, each with all names."""
+    """List the elements that a robot needs and the model lacks.
+
+    Args:
+        model: The compiled model.
+        n_axes: Number of axes.
+
+    Returns:
+        One finding for each kind of element, with the names that are missing.
+    """
     found = []
     kinds: dict[str, tuple[mujoco.mjtObj, tuple[str, ...]]] = {
         "joint": (mujoco.mjtObj.mjOBJ_JOINT, ("joint", "motor")),
@@ -59,7 +73,14 @@ def missing_elements(model: mujoco.MjModel, n_axes: int) -> list[str]:
 
 
 def wrong_elements(robot: Robot) -> list[str]:
-    """Elements that are there but are not what their names say."""
+    """List the elements that have the name of a robot's element but are of another type.
+
+    Args:
+        robot: The robot.
+
+    Returns:
+        One finding for each element.
+    """
     model = robot.model
     found = []
     joints = {name: robot.ids("joint", name) for name in ("joint", "motor")}
@@ -81,7 +102,14 @@ def wrong_elements(robot: Robot) -> list[str]:
 
 
 def wrong_numbers(robot: Robot) -> list[str]:
-    """Numbers that no robot can have, each with where it is and what would be right."""
+    """List the numbers that no robot can have.
+
+    Args:
+        robot: The robot.
+
+    Returns:
+        Findings, each with the place of the number and what would be right.
+    """
     model = robot.model
     found = []
     step = model.opt.timestep

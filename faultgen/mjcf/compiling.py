@@ -1,7 +1,7 @@
-"""Reading an MJCF file: its text with everything that it includes, and its assets.
+"""Reading an MJCF file: its text with all files that it includes, and its assets.
 
-Files that the model names are found relative to the MJCF file, as MuJoCo finds them. They are kept
-in memory, so that every copy of the model, in this process or another, is made of the same bytes.
+The paths of these files are relative to the MJCF file, as in MuJoCo. Their content is kept in
+memory, so that every copy of the model, in any process, is made from the same bytes.
 
     xml, assets = read_mjcf(Path("robot.xml"))
     mujoco.MjSpec.from_string(xml, assets=assets)
@@ -26,10 +26,10 @@ from faultgen.errors import InputError
 from faultgen.system.reading import read_bytes, read_text
 
 MOST_MEMORY = 2 * 2**30
-"""Memory that compiling a model may take [bytes]."""
+"""Largest memory that compiling a model may use [bytes]."""
 
 MOST_COPIES = 10_000
-"""Copies that the `replicate` elements of a model may make of a body."""
+"""Largest number of copies that the `replicate` elements of a model may make of a body."""
 
 _MOST_SECONDS = 120  # of processor time, for compiling
 _LARGEST_ASSET = 512 * 2**20  # [bytes]
@@ -64,12 +64,13 @@ def read_mjcf(path: Path) -> tuple[str, dict[str, bytes]]:
         path: The file.
 
     Returns:
-        Its text, with included files put in their places, and the content of the files that it
-        needs, by the name that MuJoCo asks for. A file that is not there is left out, so that
-        MuJoCo reports it.
+        Its text, in which the content of included files replaces the `include` elements, and the
+        content of its assets by the name that MuJoCo asks for. An asset that does not exist is left
+        out, so that MuJoCo reports it.
 
     Raises:
-        InputError: A file cannot be read, is too large, or the model would take too much memory.
+        InputError: A file cannot be read or is too large, a file includes itself, elements are
+            nested too deeply, another model is attached, or `replicate` makes too many copies.
     """
     where = f"robot file {path}"
     xml = read_text(path, "robot file")
@@ -100,13 +101,18 @@ def read_mjcf(path: Path) -> tuple[str, dict[str, bytes]]:
 
 
 def check_memory(name: str, xml: str, assets: Mapping[str, bytes]) -> None:
-    """Refuse a model that would take too much memory or time to compile.
+    """Refuse a model that needs too much memory or time to compile.
 
-    Models with elements that can be large are first compiled in another process, whose memory is
-    limited where the system can do that.
+    A model with elements that can be large is first compiled in another process. The memory of that
+    process is limited if the operating system supports this.
+
+    Args:
+        name: Name of the robot, for the message.
+        xml: Text of the model.
+        assets: Content of its assets by name.
 
     Raises:
-        InputError: The model takes too much.
+        InputError: The model needs too much memory or time.
     """
     if _SIZED.search(xml) and not _fits(xml, tuple(sorted(assets.items()))):
         raise InputError(
@@ -133,7 +139,11 @@ def _fits(xml: str, assets: tuple[tuple[str, bytes], ...]) -> bool:
 
 @contextmanager
 def mujoco_warnings() -> Iterator[list[str]]:
-    """Keep MuJoCo's warnings from stderr and from a log file; gives the list that they go to."""
+    """Collect MuJoCo's warnings in a list instead of writing them to stderr and a log file.
+
+    Yields:
+        The list, to which the warnings are added.
+    """
     caught: list[str] = []
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(caught.append)
@@ -146,7 +156,7 @@ def mujoco_warnings() -> Iterator[list[str]]:
 def _include(
     element: ElementTree.Element, folder: Path, above: tuple[Path, ...], where: str
 ) -> None:
-    """Put the content of included files in the places of the `include` elements."""
+    """Replace the `include` elements by the content of the files that they include."""
     for index in reversed(range(len(element))):
         child = element[index]
         if child.tag != "include":
@@ -164,7 +174,7 @@ def _include(
 
 
 def _copies(element: ElementTree.Element, outside: int) -> int:
-    """The largest number of copies that `replicate` makes of anything in an element."""
+    """The largest number of copies that `replicate` makes of any element within an element."""
     if element.tag == "replicate":
         count = element.get("count", "1").strip()
         outside *= max(1, int(count)) if count.isdecimal() else 1

@@ -1,4 +1,4 @@
-"""Where the parameters of a dcmotor are in MuJoCo's parameter arrays."""
+"""Indices of the parameters of a dcmotor in MuJoCo's parameter arrays."""
 
 # in mjModel.actuator_biasprm
 OFFSET, COULOMB, STICTION, STRIBECK_VELOCITY = 0, 3, 4, 5

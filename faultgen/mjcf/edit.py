@@ -1,8 +1,8 @@
-"""MJCF as it is edited and written: plain inertias, and text that keeps every digit.
+"""Editing and writing MJCF: inertias in one form, and text that keeps every digit.
 
-MJCF gives the inertia of a body in several ways: diagonal, full, with the orientation of its frame
-as angles, or from the shapes of the body. An edit needs one of them. MuJoCo writes numbers with six
-digits, which makes another model, and one that it may not read again.
+MJCF can state the inertia of a body in several forms: diagonal, full, with the orientation of its
+frame as angles, or computed from the shapes of the body. Edits need one form. MuJoCo writes numbers
+with six digits, so that the written model differs from the original and may even be unreadable.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ import numpy as np
 from faultgen.system.files import write_text
 
 _DIGITS = 17
-"""Decimal digits from which every double is read back exactly."""
+"""Number of decimal digits with which every double is read back exactly."""
 
 
 def resolve_inertias(spec: mujoco.MjSpec) -> None:
     """Give every body that moves a mass, a centre of mass and a diagonal inertia, in place.
 
-    Bodies that have them already stay as they are. The values of the others are those that MuJoCo
-    computes when it compiles the model.
+    Bodies that already have them are not changed. The others get the values that MuJoCo computes
+    when it compiles the model.
 
     Args:
-        spec: The model.
+        spec: The model, which is changed in place.
 
     Raises:
         ValueError: MuJoCo cannot compile the model.
@@ -68,24 +68,24 @@ def _is_plain(body: mujoco.MjsBody) -> bool:
 
 
 def mjcf_text(spec: mujoco.MjSpec) -> str:
-    """The text of a compiled model, with all digits.
+    """Return the MJCF text of a model, with all digits.
 
     Args:
-        spec: The model, compiled.
+        spec: The compiled model.
     """
     with _all_digits():
         return spec.to_xml()
 
 
 def write_model(path: Path, xml: str, assets: Mapping[str, bytes]) -> None:
-    """Write a model, and beside it the files that it names.
+    """Write a model and the files that it refers to into one folder.
 
-    Files that the model names outside its folder are not written.
+    Files whose paths lead out of the folder of the model are not written.
 
     Args:
-        path: Where to.
+        path: The MJCF file to write.
         xml: Text of the model.
-        assets: Content of its files by name, relative to the model.
+        assets: Content of the files by path, relative to the model.
     """
     for name, content in assets.items():
         file = Path(os.path.normpath(name))
@@ -100,7 +100,7 @@ def write_model(path: Path, xml: str, assets: Mapping[str, bytes]) -> None:
 
 @contextmanager
 def _all_digits() -> Iterator[None]:
-    """Let MuJoCo write all digits; where a version of it cannot, it writes its usual six."""
+    """Let MuJoCo write all digits. A version of MuJoCo that cannot do this writes six digits."""
     library = _library()
     try:
         read, write = (
@@ -118,7 +118,7 @@ def _all_digits() -> Iterator[None]:
 
 
 def _library() -> ctypes.CDLL | None:
-    """MuJoCo's own library, which is loaded already."""
+    """MuJoCo's shared library, which is already loaded."""
     folder = Path(mujoco.__file__).parent
     for pattern in ("libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll"):
         for file in sorted(folder.glob(pattern)):

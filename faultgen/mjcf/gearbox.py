@@ -1,4 +1,8 @@
-"""Torque of gearboxes from their twist: thesis eq. 6.2a with dead band and polynomials."""
+"""Torque of gearboxes, computed from their twist.
+
+The law is eq. 6.2a of the thesis, extended by a dead band (backlash) and by polynomial terms of
+stiffness and damping.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +11,11 @@ import numpy as np
 
 
 class Gearbox:
-    """The law of some gearboxes of a model, read once.
+    """The torque law of some gearboxes of a model.
 
     Args:
-        model: The robot as simulated.
-        gearbox: Tendon ids, shape (gearboxes,).
+        model: The compiled model of the robot.
+        gearbox: Ids of the gearboxes' tendons, shape (gearboxes,).
     """
 
     def __init__(self, model: mujoco.MjModel, gearbox: np.ndarray) -> None:
@@ -24,14 +28,14 @@ class Gearbox:
         self._damper = _powers(model.tendon_dampingpoly[gearbox], 1)
 
     def torque(self, twist: np.ndarray, twist_rate: np.ndarray) -> np.ndarray:
-        """Torque on the joints.
+        """Compute the torque of the gearboxes on the joints.
 
         Args:
             twist: q_motor / n - q_joint, shape (samples, gearboxes), in [rad].
-            twist_rate: Its rate, same shape, in [rad/s].
+            twist_rate: Rate of change of the twist, same shape, in [rad/s].
 
         Returns:
-            Torque, same shape, in [N m].
+            Torque, shape (samples, gearboxes), in [N m].
         """
         stretch = twist if self._band is None else twist - np.clip(twist, *self._band)
         torque = self.stiffness * stretch
@@ -44,5 +48,5 @@ class Gearbox:
 
 
 def _powers(polynomial: np.ndarray, first: int) -> list[tuple[int, np.ndarray]]:
-    """Power and coefficients of the terms that are there."""
+    """Power and coefficients of the terms that are not zero."""
     return [(k, c) for k, c in enumerate(polynomial.T, start=first) if np.any(c)]

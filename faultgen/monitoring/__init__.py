@@ -1,1 +1,1 @@
-"""What a monitoring system sees of a cycle, and what it keeps."""
+"""Sensors and reductions: what a monitoring system measures in a cycle, and what it stores."""

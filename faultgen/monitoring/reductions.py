@@ -1,6 +1,7 @@
-"""Reductions that a remote monitoring system keeps of a cycle.
+"""Reductions: the few numbers of each cycle that a remote monitoring system stores.
 
-All take what was measured, motor side, shape (samples, n_axes), and give one row an axis.
+All functions take measured motor signals of shape (samples, n_axes), and return one row for each
+axis.
 """
 
 from __future__ import annotations
@@ -11,22 +12,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 SPEED_WINDOW = (50.0, 120.0)
-"""Motor speeds in which thesis 6.3.2 samples the torque [rad/s]."""
+"""Range of motor speeds within which the thesis (section 6.3.2) uses the torque [rad/s]."""
 
 _PART = (0.5, 1.2)  # of the top speed, where that window is empty: as 50 and 120 are of 100 rad/s
 _MARGIN = 1.02  # between planned speeds and those of a simulation, at the ends of the window
 _STILL = 0.1  # top speed of an axis that does not move [rad/s]
 
 BINS = 12
-"""Bins of every histogram, thesis 3.4 and 5.3.1."""
+"""Number of bins of every histogram, as in sections 3.4 and 5.3.1 of the thesis."""
 
 LIFE_EXPONENT = 10 / 3
-"""Of the torque in the rating life of reducers."""
+"""Exponent of the torque in the formula for the rating life of speed reducers."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Largest design values, which span the histograms. Arrays have shape (n_axes,)."""
+    """Largest design values, which set the ranges of the histograms. Shape (n_axes,) each."""
 
     torque: np.ndarray
     """Motor torque [N m]."""
@@ -39,17 +40,17 @@ class Limits:
 
 
 def default_window(speed: np.ndarray) -> np.ndarray:
-    """Speed window of each axis for a motion.
+    """Choose the speed window of each axis for a motion.
 
-    It is that of the thesis if the motion has samples in it. For an axis that never turns at such
-    speeds it is 0.5 to 1.2 of the axis' top speed, and for an axis that does not move it is that
-    of the thesis.
+    It is the window of the thesis if the axis reaches these speeds in the motion. For an axis that
+    does not, it is 0.5 to 1.2 times the highest speed of the axis. For an axis that does not move,
+    it is again the window of the thesis.
 
     Args:
         speed: Planned motor speed or velocity, shape (samples, n_axes), in [rad/s].
 
     Returns:
-        Low and high, shape (n_axes, 2), in [rad/s].
+        Low and high motor speed, shape (n_axes, 2), in [rad/s].
     """
     speed = np.abs(speed)
     low, high = SPEED_WINDOW
@@ -62,7 +63,7 @@ def default_window(speed: np.ndarray) -> np.ndarray:
 def mean_abs_torque(
     velocity: np.ndarray, torque: np.ndarray, window: ArrayLike = SPEED_WINDOW
 ) -> np.ndarray:
-    """Mean |torque| of the samples whose motor speed is within a window (thesis 6.3.2).
+    """Average |torque| over the samples whose motor speed is within a window (thesis, 6.3.2).
 
     Args:
         velocity: Motor velocity, shape (samples, n_axes), in [rad/s].
@@ -70,7 +71,7 @@ def mean_abs_torque(
         window: Low and high motor speed, both included, shape (2,) or (n_axes, 2), in [rad/s].
 
     Returns:
-        Shape (n_axes,), in [N m]; nan where no sample is within the window.
+        Mean |torque|, shape (n_axes,), in [N m]; nan for an axis without samples in the window.
     """
     speed = np.abs(velocity)
     low, high = np.asarray(window).T
@@ -87,22 +88,24 @@ def monitor(
     limits: Limits,
     window: ArrayLike = SPEED_WINDOW,
 ) -> dict[str, np.ndarray]:
-    """All reductions of one cycle.
+    """Compute all reductions of one cycle.
 
-    Histograms are the share of time in 12 equal parts of the design range; what lies beyond goes
-    to the end bins. The indicators are those of reducer rating life, since the thesis does not
-    give its own: mean |speed|, and the mean torque weighted by speed with the exponent 10/3.
+    A histogram gives the share of time in 12 equal parts of the design range; values outside the
+    range count in the first or last part. The thesis does not define its torque and speed
+    indicators. Here they are the quantities from which the rating life of speed reducers is
+    computed: the mean |speed|, and the mean torque weighted by speed with the exponent 10/3.
 
     Args:
         position: Motor position, shape (samples, n_axes), in [rad].
         velocity: Motor velocity, same shape, in [rad/s].
         torque: Motor torque, same shape, in [N m].
-        limits: Design values.
+        limits: Design values of the robot, which set the ranges of the histograms.
         window: Speed window of `mean_abs_torque`, shape (2,) or (n_axes, 2), in [rad/s].
 
     Returns:
-        By name: mean_abs_torque, torque_indicator [N m], speed_indicator [rad/s], shape (n_axes,);
-        torque_histogram, speed_histogram, angle_histogram, shape (n_axes, 12).
+        Arrays by name. mean_abs_torque [N m], torque_indicator [N m] and speed_indicator [rad/s]
+        have shape (n_axes,); torque_histogram, speed_histogram and angle_histogram have shape
+        (n_axes, 12) and no unit.
 
     Source: rating life of RV reducers (exponent 10/3), as in their makers' selection guides.
     """
@@ -121,15 +124,17 @@ def monitor(
 
 
 def histogram(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Share of samples in each of 12 equal bins; what lies beyond goes to the end bins.
+    """Compute the share of samples in each of 12 equal bins.
+
+    Values outside the range count in the first or last bin.
 
     Args:
         values: Shape (samples, n_axes), in any unit.
-        low: Lowest edge of each axis, shape (n_axes,).
-        high: Highest edge of each axis, shape (n_axes,).
+        low: Lower end of the range of each axis, shape (n_axes,), in the unit of `values`.
+        high: Upper end of the range of each axis, shape (n_axes,), in the unit of `values`.
 
     Returns:
-        Shape (n_axes, 12).
+        Shares, shape (n_axes, 12), without unit.
     """
     which = np.floor((values - low) / (high - low) * BINS).astype(int).clip(0, BINS - 1)
     n_axes = values.shape[1]

@@ -1,7 +1,8 @@
-"""What the monitoring sees of a simulated cycle, and what disturbs the robot from cycle to cycle.
+"""Sensors, and what disturbs a robot from cycle to cycle.
 
-Two kinds of randomness: `Surroundings` (temperature, payload) change the motion itself and need a
-simulation of their own; `measure` adds noise to a simulated cycle and may be drawn anew at will.
+There are two kinds of randomness. `Surroundings` (temperature and payload) change the motion
+itself, so that every draw needs its own simulation. `measure` adds noise to a simulated cycle, so
+that noise can be drawn again without another simulation.
 """
 
 from __future__ import annotations
@@ -16,32 +17,32 @@ from faultgen.errors import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class Sensors:
-    """Noise and disturbance. Zero switches each off."""
+    """Noise and disturbances. Each of them is switched off by the value 0."""
 
     description: str
-    """In one line."""
+    """Description in one line."""
     torque_noise: float = 0.0
     """Standard deviation of the torque noise, as a fraction of the mean |torque| of the axis."""
     torque_correlation: float = 0.0
-    """Time in which the torque noise forgets [s]; 0 is white."""
+    """Correlation time of the torque noise [s]; 0 means white noise."""
     position_noise: float = 0.0
     """Standard deviation of the measured joint angle, joint side [rad]."""
     velocity_noise: float = 0.0
     """Standard deviation of the measured joint velocity, joint side [rad/s]."""
     quantised: bool = False
-    """Motor position in encoder counts, motor velocity as their difference."""
+    """Whether motor position is rounded to encoder counts, and velocity is their difference."""
     temperature_wander: float = 0.0
     """Standard deviation of the gearbox temperature from cycle to cycle [K]."""
     temperature_memory: float = 30.0
-    """Cycles in which the temperature forgets."""
+    """Correlation time of the temperature [cycles]."""
     temperature_error: float = 0.0
     """Standard deviation of the temperature sensor's error [K]."""
     payload_scatter: float = 0.0
-    """Standard deviation of the payload's mass from cycle to cycle, as a fraction."""
+    """Standard deviation of the payload's mass from cycle to cycle, as a fraction of the mass."""
 
     @property
     def changes_motion(self) -> bool:
-        """Whether another seed needs another simulation."""
+        """Whether another seed changes the motion, so that it needs another simulation."""
         return self.temperature_wander > 0 or self.payload_scatter > 0
 
 
@@ -65,11 +66,17 @@ SENSORS = {
         payload_scatter=0.01,
     ),
 }
-"""The presets. Figures of `realistic` but for the payload's 1 % are assumed."""
+"""The presets by name. The numbers of `realistic` are assumed, except for the payload's 1 %."""
 
 
 def get_sensors(name: str) -> Sensors:
-    """Look a preset up.
+    """Return a preset of sensors.
+
+    Args:
+        name: A name of `SENSORS`.
+
+    Returns:
+        The preset.
 
     Raises:
         InputError: There is no preset of that name.
@@ -81,14 +88,14 @@ def get_sensors(name: str) -> Sensors:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What changes from cycle to cycle beside wear. Arrays have shape (cycles,)."""
+    """What changes from cycle to cycle, apart from wear. Arrays have shape (cycles,)."""
 
     temperature: np.ndarray
     """True gearbox temperature, the same in all gearboxes [deg C]."""
     measured_temperature: np.ndarray
-    """What the sensor says [deg C]."""
+    """Temperature that the sensor shows [deg C]."""
     payload_factor: np.ndarray
-    """Mass of the payload over its nominal mass."""
+    """Mass of the payload divided by its nominal mass."""
 
 
 def surroundings(
@@ -96,16 +103,17 @@ def surroundings(
 ) -> Surroundings:
     """Draw temperature and payload for every cycle.
 
-    The temperature is a first-order autoregression about the reference.
+    The temperature is a first-order autoregressive process around the reference. The number of
+    random draws is the same for every preset.
 
     Args:
         sensors: The preset.
         cycles: Number of cycles.
         reference: Mean temperature [deg C].
-        rng: Source of randomness.
+        rng: Random number generator.
 
     Returns:
-        The surroundings; the same draws are taken whatever the preset.
+        The surroundings in each cycle.
     """
     kicks, errors, loads = rng.standard_normal((3, cycles))
     memory = np.exp(-1 / sensors.temperature_memory)
@@ -126,17 +134,17 @@ def torque_noise(
     sample_period: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Noise on the logged torque of one cycle.
+    """Draw the noise of the logged torque of one cycle.
 
     Args:
         sensors: The preset.
-        shape: (samples, n_axes).
+        shape: Number of samples and of axes.
         mean_torque: Mean |torque| of each axis in the nominal cycle, shape (n_axes,), in [N m].
         sample_period: Time between samples [s].
-        rng: Source of randomness.
+        rng: Random number generator.
 
     Returns:
-        Shape (samples, n_axes), in [N m].
+        Noise, shape (samples, n_axes), in [N m].
     """
     noise = rng.standard_normal(shape)
     if sensors.torque_correlation > 0:
@@ -148,14 +156,14 @@ def torque_noise(
 
 @dataclass(frozen=True)
 class Measured:
-    """What the controller logs in one cycle. Arrays have shape (samples, n_axes), motor side."""
+    """What the controller logs in one cycle. Every array has shape (samples, n_axes)."""
 
     motor_position: np.ndarray
-    """[rad]."""
+    """Angle of the rotors [rad]."""
     motor_velocity: np.ndarray
-    """[rad/s]."""
+    """Velocity of the rotors [rad/s]."""
     motor_torque: np.ndarray
-    """[N m]."""
+    """Torque of the drives [N m]."""
 
 
 def measure(
@@ -177,14 +185,14 @@ def measure(
         position: Motor position, shape (samples, n_axes), in [rad].
         velocity: Motor velocity, same shape, in [rad/s].
         torque: Motor torque, same shape, in [N m].
-        gear_ratio: Shape (n_axes,).
-        encoder_counts: Counts a motor turn, shape (n_axes,); 0 is not quantised.
+        gear_ratio: Rotor turns per joint turn, shape (n_axes,).
+        encoder_counts: Encoder counts per motor turn, shape (n_axes,); 0 means no quantisation.
         mean_torque: Mean |torque| of each axis in the nominal cycle, shape (n_axes,), in [N m].
         sample_period: Time between samples [s].
-        rng: Source of randomness.
+        rng: Random number generator.
 
     Returns:
-        The measured cycle; the arrays given, where the preset adds nothing.
+        The measured cycle. Arrays to which the preset adds nothing are the arrays that were given.
     """
     ratio = np.abs(gear_ratio)
     if sensors.torque_noise > 0:

@@ -1,4 +1,4 @@
-"""The report of a dataset: what is in it, how wear shows, what isolators answer."""
+"""The report of a dataset: its content, how wear changes the torque, and the isolators' results."""
 
 from __future__ import annotations
 
@@ -31,13 +31,15 @@ from faultgen.system.files import write_text
 
 _LINES = 4  # worn runs drawn for an axis
 _WEAR_CAPTION = (
-    "Mean |motor torque| of each cycle at motor speeds of 50 to 120 rad/s, as stored: the healthy "
-    f"robot and up to {_LINES} runs in which that axis wears. Empty where the axis never turns so "
-    "fast."
+    "Mean |motor torque| of each cycle, as stored, one panel for each axis: the healthy robot and "
+    f"up to {_LINES} runs in which that axis wears. Only samples within the speed window of the "
+    "dataset count, by default motor speeds of 50 to 120 rad/s. A line that leaves the healthy one "
+    "shows wear. A panel is empty if no sample is within the window."
 )
 _ISOLATION_CAPTION = (
-    "Left: net transfer entropy between the axes over all cycles, one draw of noise; on a healthy "
-    "robot, too, some axis has the largest row. Right: share of runs of which the worn axis is "
+    "Left and middle: net transfer entropy between the axes over all cycles of a healthy and of a "
+    "worn run, for one draw of the noise. The axis with the largest row is named as worn; note "
+    "that a healthy robot, too, has such an axis. Right: share of runs in which the worn axis is "
     "named, with 95 % intervals, for one effect."
 )
 
@@ -46,8 +48,8 @@ def write_report(folder: str | Path, result: Isolation | None = None) -> Path:
     """Write ``report.html`` into a dataset's folder.
 
     Args:
-        folder: The dataset.
-        result: What the isolators answered; by default they are run.
+        folder: Folder of the dataset.
+        result: Results of the isolators. By default the isolators are run.
 
     Returns:
         Path of the page.
@@ -63,7 +65,9 @@ def write_report(folder: str | Path, result: Isolation | None = None) -> Path:
     parts.append("<h2>Which axis is worn?</h2>" + _markdown_table(table(result)))
     toml = dataset.path / "experiment.toml"
     if toml.is_file():
-        parts.append(f"<h2>What made it</h2><pre>{html.escape(toml.read_text())}</pre>")
+        parts.append(
+            f"<h2>Experiment that made this dataset</h2><pre>{html.escape(toml.read_text())}</pre>"
+        )
     path = dataset.path / "report.html"
     write_text(path, page(f"faultgen: {dataset.path.name}", "\n".join(parts)))
     return path
@@ -111,7 +115,7 @@ def _name(run: StoredRun) -> str:
 
 
 def _isolation_figure(runs: list[StoredRun], result: Isolation, robot: str, task: str) -> Figure:
-    """Net transfer entropy of a healthy and a worn run, and accuracy over wear."""
+    """Net transfer entropy of a healthy and of a worn run, and accuracy by severity."""
     healthy = next((run for run in runs if run["axis"] == 0), None)
     worn = next((run for run in runs if run["axis"] > 0), None)
     with style():
@@ -144,7 +148,7 @@ def _isolation_figure(runs: list[StoredRun], result: Isolation, robot: str, task
 
 
 def _markdown_table(text: str) -> str:
-    """Lines of Markdown, one of which blocks is a table, as HTML."""
+    """Turn lines of Markdown that contain a table into HTML."""
     out: list[str] = []
     rows = [line for line in text.splitlines() if line.startswith("|")]
     for number, line in enumerate(row for row in rows if not row.startswith("| ---")):

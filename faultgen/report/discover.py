@@ -1,4 +1,4 @@
-"""Discovery with all of its files: the result, the model, the next experiment and the report.
+"""Discovery from files to files: the result, the model, the next experiment and the report.
 
 result = discover("measured.h5", "puma560", healthy="healthy.h5", out="out")
 result["verdict"], result["effects"]
@@ -28,32 +28,36 @@ def discover(
     low_pass: float | None = None,
     cache: str | Path | None = None,
 ) -> dict[str, Any]:
-    """Find the effect that a measured robot has and its model, or its healthy twin, lacks.
+    """Find the physical effect that a measured robot has and its model lacks.
 
     Args:
-        measured: Recording of the robot, see docs/measured.md.
-        robot: Name of the robot, or path of its MJCF.
-        healthy: Recording of the same motions before the change; None: the model is calibrated on
-            the recording itself, and an effect has to be larger than the tolerances of the model.
-        validate: Recording of other motions with the effect, for scoring only.
-        out: Folder for ``discovery.json``, ``model.xml`` and ``report.html``; None: none written.
-        workers: Processes; no effect on the result.
-        exclude: Effects that are not considered.
-        include: Effects beyond the usual ones that are, of `terms.OPTIONAL`.
-        width: Tolerance of the model's own numbers (`terms.NUMBERS`) over the usual one: above 1
-            for a model that is only roughly known. `calibrate` finds it.
-        steady: Whether errors that last count in full, see `problem.plain`; else a part of them is
-            taken for noise that drifts. For recordings that were filtered.
-        low_pass: Cut-off [Hz] of a filter on recordings without a reference, whose measured
-            position is followed, see `low_passed`; None: as they are.
-        cache: Folder that keeps sensitivities for other recordings of the same program.
+        measured: Recording of the robot; docs/measured.md describes the format.
+        robot: Name of the robot, or path of its MJCF file.
+        healthy: Recording of the same motions from before the change. Without it, the model is
+            first calibrated on the recording itself, and an effect is reported only if it is larger
+            than the usual errors of a model.
+        validate: Recording of other motions with the effect. It is used only to score the result.
+        out: Folder for ``discovery.json``, ``model.xml``, ``report.html`` and, if there is one, the
+            next experiment. With None, no files are written.
+        workers: Number of processes. The result does not depend on it.
+        exclude: Names of effects that are not considered.
+        include: Names of effects that are considered only on request, of `candidates.OPTIONAL`.
+        width: How uncertain the model's parameters (`candidates.NUMBERS`) are, as a multiple of the
+            default. It is above 1 for a model that is only roughly known. `calibrate` finds it.
+        steady: Whether long-lasting errors get full weight. Otherwise part of them is treated as
+            drifting noise. Use it for recordings that were filtered; see `regression.plain`.
+        low_pass: Cut-off frequency [Hz] of a low-pass filter for recordings without a reference
+            position, in which the simulation follows the measured position. With None, they are
+            not filtered.
+        cache: Folder that keeps simulated sensitivities, so that later calls with recordings of the
+            same program are faster.
 
     Returns:
         The content of ``discovery.json``.
 
     Raises:
-        InputError: A recording or an option cannot be used, or the two recordings are not of the
-            same motions.
+        InputError: A recording or an option cannot be used, or `measured` and `healthy` are not
+            recordings of the same motions.
         SimulationFailed: The model diverges on the recorded motion.
     """
     result, found = discover_from_files(

@@ -1,4 +1,4 @@
-"""The files of a discovery: result, model, next experiment and the page that tells it."""
+"""The files of a discovery: its result, the model, the next experiment and the report page."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def write_discovery(folder: Path, result: dict[str, Any], found: Discovery) -> N
     """Write ``discovery.json``, ``model.xml``, ``report.html``, and the next experiment if any.
 
     Args:
-        folder: Where to; made if it is not there.
+        folder: Folder for the files. It is created if it does not exist.
         result: Content of ``discovery.json``.
-        found: What it was made from.
+        found: The discovery from which the result was made.
     """
     folder.mkdir(parents=True, exist_ok=True)
     # what was found comes first, so that nothing that fails afterwards loses it
@@ -44,9 +44,9 @@ def write_discovery(folder: Path, result: dict[str, Any], found: Discovery) -> N
 def _report(result: dict[str, Any], found: Discovery) -> str:
     problem, told = found.problem, found.answer
     of = (
-        "Torque measured less that of the healthy twin"
+        "Measured torque minus that of the healthy recording"
         if problem.twin
-        else ("Torque measured less that of the model as it was given")
+        else ("Measured torque minus that of the model as it was given")
     )
     parts = [
         f"<h1>Verdict: {html.escape(result['verdict'])}</h1>",
@@ -54,25 +54,35 @@ def _report(result: dict[str, Any], found: Discovery) -> str:
         _effects_table(result["effects"], "Effects, in the order added"),
         _effects_table(
             result["alternatives"],
-            "Not excluded by the data"
+            "Other effects that the data do not exclude"
             if result["effects"]
-            else "What explains it best, but leaves too much",
+            else "Effects that explain the gap best, but leave too much of it unexplained",
         ),
         _beside_the_model(found),
         _experiment(result["next_experiment"]),
         _gap_tables(result),
-        image(_steps(result), "Gap on motions used neither for fitting nor for choosing."),
-        image(_overlay(found), f"{of}, and what calibration and effects explain of it."),
+        image(
+            _steps(result),
+            "The gap before and after calibration and after each added effect, on motions that "
+            "were used neither to fit nor to choose the effects. A good result ends near the line "
+            "of the noise.",
+        ),
+        image(
+            _overlay(found),
+            f"{of} (grey), and the part of it that calibration and effects explain (coloured). "
+            "Where the two agree, nothing is missing.",
+        ),
         image(
             _maps(found),
-            "Gap by joint angle and motor speed before (left) and after (right), in standard "
-            "deviations of the noise; each axis in its own row.",
+            "The gap by joint angle and motor speed before (left) and after (right) the effects "
+            "were added, in standard deviations of the noise, with one row for each axis. A "
+            "pattern that remains on the right has not been explained.",
         ),
         _where_table(result["where"]),
         _calibration(result["calibration"]),
         *(f"<p>{html.escape(text)}</p>" for text in result["warnings"]),
-        f"<p>p of the gap after calibration by noise alone: {told.p_value:.2g}. "
-        f"{result['seconds']:g} s.</p>",
+        "<p>Probability that noise alone causes the gap that is left after calibration: "
+        f"p = {told.p_value:.2g}. The discovery took {result['seconds']:g} s.</p>",
     ]
     return page("faultgen discover", "\n".join(part for part in parts if part))
 
@@ -112,8 +122,8 @@ def _beside_the_model(found: Discovery) -> str:
     if not names:
         return ""
     return (
-        f"<p>No element of MuJoCo carries {', '.join(names)}: model.xml has the rest, and "
-        "<code>faultgen.simulation.plant.assemble</code> adds it.</p>"
+        f"<p>MJCF cannot express {', '.join(names)}. model.xml therefore holds all other changes; "
+        "<code>faultgen.simulation.plant.assemble</code> adds these.</p>"
     )
 
 
@@ -123,9 +133,9 @@ def _experiment(experiment: dict[str, Any] | None) -> str:
     pair = " and ".join(f"{one['effect']} of axis {one['axis']}" for one in experiment["separates"])
     return (
         f"<h2>Next experiment</h2><p>Task <b>{html.escape(experiment['task'])}</b> "
-        f"(next_experiment.toml) puts {html.escape(pair)} {experiment['distance']:.0f} standard "
-        f"deviations of the noise apart, if all else in the model is right; here, with all else "
-        f"uncertain, it is {experiment['now']:.1f}.</p>"
+        f"(next_experiment.toml) separates {html.escape(pair)} by {experiment['distance']:.0f} "
+        "standard deviations of the noise, if everything else in the model is right. The present "
+        f"recording, with everything else uncertain, separates them by {experiment['now']:.1f}.</p>"
     )
 
 
@@ -166,7 +176,8 @@ def _where_table(rows: list[dict[str, Any]]) -> str:
     ]
     return (
         "<h2>Where the gap is, after calibration</h2>"
-        f"<table>{''.join(lines)}</table><p>Regimes overlap; false discoveries held to 5 %.</p>"
+        f"<table>{''.join(lines)}</table><p>A sample can belong to several regimes. At most 5 % of "
+        "the rows are expected to be false discoveries.</p>"
     )
 
 
@@ -179,8 +190,9 @@ def _calibration(values: dict[str, dict[str, float]]) -> str:
         for axis, value in axes.items()
     )
     return (
-        "<h2>Calibration: numbers off by more than half their tolerance</h2>"
-        f"<table><tr><th>effect</th><th>axis</th><th>by</th></tr>{rows}</table>"
+        "<h2>Calibration: parameters that differ from the model by more than half of their assumed "
+        "uncertainty</h2>"
+        f"<table><tr><th>parameter</th><th>axis</th><th>difference</th></tr>{rows}</table>"
     )
 
 
@@ -237,7 +249,7 @@ def _overlay(found: Discovery) -> Figure:
 
 
 def _maps(found: Discovery) -> Figure:
-    """Mean whitened-scale error over joint angle and motor speed, before and after."""
+    """Mean error over joint angle and motor speed, before and after, in units of the noise."""
     problem, told = found.problem, found.answer
     motion = problem.motion
     n_axes = problem.gap.shape[1]

@@ -23,21 +23,27 @@ th {{ background: #f2f2f2 }} img {{ max-width: 100% }} pre {{ background: #f6f6f
 
 
 def page(title: str, body: str) -> str:
-    """A page with its style.
+    """Make a complete HTML page with its style.
 
     Args:
-        title: Plain text.
-        body: HTML.
+        title: Title of the page, in plain text.
+        body: Content of the page, in HTML.
+
+    Returns:
+        The HTML of the page.
     """
     return _PAGE.format(title=html.escape(title), body=body)
 
 
 def image(figure: Figure, caption: str) -> str:
-    """A figure as HTML, within the page; the figure is closed.
+    """Turn a figure into HTML that contains the image itself, and close the figure.
 
     Args:
-        figure: What to draw.
-        caption: Plain text.
+        figure: The figure.
+        caption: Its caption, in plain text.
+
+    Returns:
+        The HTML of the figure.
     """
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")

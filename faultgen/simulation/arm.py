@@ -36,8 +36,8 @@ def _rigid(
 class Arm:
     """Forward and inverse kinematics, and inverse dynamics, of a robot's rigid arm.
 
-    Positions, velocities and torques are joint side, shape (samples, n_axes), in [rad], [rad/s],
-    [N m]; tool poses are of the site ``tool`` in the base frame.
+    Positions, velocities and torques are those of the joints, shape (samples, n_axes), in [rad],
+    [rad/s] and [N m]. A tool pose is the pose of the site ``tool`` in the base frame.
     """
 
     def __init__(self, robot: Robot, *, payload: bool = True) -> None:
@@ -45,7 +45,7 @@ class Arm:
 
         Args:
             robot: The robot.
-            payload: Keep the body ``payload``; False takes it off the flange.
+            payload: Whether the body ``payload`` is on the flange.
         """
         self.robot = robot
         self.model = _rigid(robot.xml, tuple(sorted(robot.assets.items())), robot.n_axes, payload)
@@ -55,7 +55,7 @@ class Arm:
     def inverse_dynamics(
         self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
     ) -> np.ndarray:
-        """Joint torque of a motion, by recursive Newton-Euler (``mj_inverse``).
+        """Compute the joint torque of a motion, by recursive Newton-Euler (``mj_inverse``).
 
         Args:
             position: Shape (samples, n_axes), in [rad].
@@ -63,7 +63,7 @@ class Arm:
             acceleration: Shape (samples, n_axes), in [rad/s^2].
 
         Returns:
-            Torque, shape (samples, n_axes), in [N m]; rotor inertia and friction not included.
+            Torque, shape (samples, n_axes), in [N m], without rotor inertia and friction.
         """
         model, data = self.model, self._data
         torque = np.empty_like(position)
@@ -76,7 +76,14 @@ class Arm:
         return torque
 
     def inertia(self, position: np.ndarray) -> np.ndarray:
-        """Inertia matrix at one pose, shape (n_axes, n_axes), in [kg m^2]."""
+        """Compute the inertia matrix at one pose.
+
+        Args:
+            position: Joint angles, shape (n_axes,), in [rad].
+
+        Returns:
+            Shape (n_axes, n_axes), in [kg m^2].
+        """
         self._data.qpos[:] = position
         mujoco.mj_forward(self.model, self._data)
         matrix = np.zeros((self.model.nv, self.model.nv))
@@ -84,7 +91,14 @@ class Arm:
         return matrix
 
     def tool_pose(self, position: np.ndarray) -> tuple[np.ndarray, Rotation]:
-        """Tool position [m] and orientation at one pose of the joints, shape (n_axes,)."""
+        """Compute the pose of the tool.
+
+        Args:
+            position: Joint angles, shape (n_axes,), in [rad].
+
+        Returns:
+            Position of the tool, shape (3,), in [m], and its orientation, both in the base frame.
+        """
         self._data.qpos[:] = position
         mujoco.mj_kinematics(self.model, self._data)
         point = self._data.site_xpos[self._tool].copy()
@@ -93,18 +107,18 @@ class Arm:
     def inverse_kinematics(
         self, point: np.ndarray, orientation: Rotation, near: np.ndarray
     ) -> np.ndarray:
-        """Joint angles that bring the tool to a pose, starting from a configuration nearby.
+        """Find joint angles that bring the tool to a pose.
 
         Args:
-            point: Tool position, shape (3,), in [m].
-            orientation: Tool orientation.
-            near: Configuration to start from, shape (n_axes,), in [rad].
+            point: Position of the tool, shape (3,), in [m].
+            orientation: Orientation of the tool.
+            near: Joint angles from which the search starts, shape (n_axes,), in [rad].
 
         Returns:
             Joint angles within the joint ranges, shape (n_axes,), in [rad].
 
         Raises:
-            InputError: The pose cannot be reached to 1e-6 m and 1e-6 rad from there.
+            InputError: From `near`, the pose cannot be reached to within 1e-6 m and 1e-6 rad.
         """
         low, high = self.robot.joint_range.T
 
@@ -129,21 +143,22 @@ class Arm:
             where = ", ".join(f"{v:.3f}" for v in point)
             raise InputError(
                 f"robot {self.robot.name}: tool pose ({where}) m cannot be reached "
-                f"(nearest is {np.abs(solution.fun[:3]).max() * 1000:.1f} mm away)"
+                f"(the nearest pose that was found is {np.abs(solution.fun[:3]).max() * 1000:.1f} "
+                "mm away)"
             )
         return solution.x
 
 
 def nominal_friction(robot: Robot, speed: np.ndarray) -> np.ndarray:
-    """Friction torque that the controller reckons with: Coulomb, asymmetry and viscous.
+    """Compute the friction torque that the controller compensates: Coulomb, asymmetry and viscous.
 
     Args:
         robot: The healthy robot.
         speed: Motor speed, shape (samples, n_axes), in [rad/s].
 
     Returns:
-        Torque that overcomes friction, shape (samples, n_axes), in [N m]. The step at zero speed is
-        smoothed over the Stribeck velocity: tanh(speed / stribeck_velocity).
+        Torque that overcomes friction, shape (samples, n_axes), in [N m]. Its step at zero speed is
+        smoothed to tanh(speed / stribeck_velocity).
     """
     friction = robot.ids("actuator", "friction")
     bias = robot.model.actuator_biasprm[friction]
@@ -154,7 +169,7 @@ def nominal_friction(robot: Robot, speed: np.ndarray) -> np.ndarray:
 
 
 def motor_torque(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-    """Motor torque that a motion needs: rigid arm, rotor inertia and nominal friction.
+    """Compute the motor torque that a motion needs: rigid arm, rotor inertia, nominal friction.
 
     Args:
         arm: The rigid arm.

@@ -1,4 +1,4 @@
-"""The channels of a simulation, from what MuJoCo records."""
+"""The channels of a simulated cycle (positions, velocities, torques), from MuJoCo's records."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from faultgen.robot import BRISTLE_STIFFNESS, Robot
 from faultgen.simulation.cycle import Cycle
 
 RECORD = ("actuator_length", "actuator_velocity", "actuator_force", "ten_length", "ten_velocity")
-"""What is recorded: derived fields, which all describe the state before the step."""
+"""Names of the recorded fields of MuJoCo. All of them describe the state before the step."""
 
 
 class Channels:
-    """Where the channels of a robot are in the fields of one of its models.
+    """The places of a robot's channels in the recorded fields of one of its models.
 
     Args:
         robot: The healthy robot.
-        model: The robot as simulated.
+        model: The model that is simulated, which may have faults.
     """
 
     def __init__(self, robot: Robot, model: mujoco.MjModel) -> None:
@@ -32,11 +32,14 @@ class Channels:
         self.extra = _further_friction(robot, model)
 
     def cycle(self, kept: dict[str, np.ndarray], damping: np.ndarray) -> Cycle:
-        """Put the channels together.
+        """Compute the channels of a cycle from its recorded fields.
 
         Args:
-            kept: Recorded fields, shape (samples, ...).
-            damping: Viscous friction of each axis [N m s/rad], shape (samples, n_axes).
+            kept: Recorded fields by name, each of shape (samples, elements), in SI units.
+            damping: Viscous friction of each axis, shape (samples, n_axes), in [N m s/rad].
+
+        Returns:
+            The cycle.
         """
         model = self.model
         position = kept["actuator_length"][:, self.drive]
@@ -63,7 +66,7 @@ class Channels:
 
 
 def _further_friction(robot: Robot, model: mujoco.MjModel) -> list[tuple[int, np.ndarray]]:
-    """Outputs of friction elements that effects added, and their lever on each rotor."""
+    """Outputs of the friction elements that effects added, and their lever arms on the rotors."""
     own = set(robot.ids("actuator", "friction", model).tolist())
     lugre = model.actuator_dynprm[:, BRISTLE_STIFFNESS] * (
         model.actuator_dyntype == mujoco.mjtDyn.mjDYN_DCMOTOR

@@ -1,4 +1,4 @@
-"""What a simulated cycle holds."""
+"""The channels of one simulated cycle."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Cycle:
-    """What happened in one cycle, free of noise. Arrays have shape (samples, n_axes), SI units."""
+    """What happened in one cycle, without noise. Every array has shape (samples, n_axes)."""
 
     motor_position: np.ndarray
-    """[rad], motor side."""
+    """Angle of the rotors [rad]."""
     motor_velocity: np.ndarray
-    """[rad/s], motor side."""
+    """Velocity of the rotors [rad/s]."""
     motor_torque: np.ndarray
-    """Torque of the drive, which a controller logs [N m]."""
+    """Torque of the drives, which a controller logs [N m]."""
     friction_torque: np.ndarray
-    """Friction on the rotor, against the motion [N m]."""
+    """Friction torque on the rotors, against the motion [N m]."""
     gear_torque: np.ndarray
-    """Torque of the gearbox on the joint, arm side [N m]."""
+    """Torque of the gearboxes on the joints [N m]."""
     joint_position: np.ndarray
-    """[rad], arm side."""
+    """Angle of the joints [rad]."""
     joint_velocity: np.ndarray
-    """[rad/s], arm side."""
+    """Velocity of the joints [rad/s]."""

@@ -1,7 +1,8 @@
-"""Motions: what the joints do in one cycle of a task.
+"""Motions: the joint angles over one cycle of a task.
 
-`plan` turns a task into a motion: inverse kinematics, a path a move, and jerk-limited timing
-(Ruckig) that keeps motor speed, joint acceleration and motor torque within the limits.
+`plan` turns a task into a motion. It finds joint angles for all poses by inverse kinematics, lays a
+path through each move, and gives each path a jerk-limited timing (Ruckig) that keeps motor speed,
+joint acceleration and motor torque within the limits of the robot.
 
     motion = plan(load_task("irb6700", "spot_weld"), load_robot("irb6700"))
     q, qd, qdd = motion(times)
@@ -32,7 +33,10 @@ _GRID = 0.004  # at which a planned motion is checked against the limits [s]
 
 @dataclass(frozen=True)
 class _Piece:
-    """A stretch of a motion: path q(s), timing s(t), from `start` on for `duration` seconds."""
+    """A part of a motion that begins at `start` and lasts for `duration` [s].
+
+    Its path is q(s) and its timing is s(t).
+    """
 
     start: float
     duration: float
@@ -42,7 +46,7 @@ class _Piece:
 
 @dataclass(frozen=True)
 class Motion:
-    """One cycle of a task: joint angles as a function of time, periodic."""
+    """One cycle of a task: joint angles as a periodic function of time."""
 
     robot: Robot
     task: Task
@@ -51,13 +55,14 @@ class Motion:
     pieces: tuple[_Piece, ...]
 
     def __call__(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Joint angle [rad], velocity [rad/s] and acceleration [rad/s^2] at given times.
+        """Compute the motion of the joints at given times.
 
         Args:
-            times: Shape (samples,), in [s]; taken modulo the period.
+            times: Shape (samples,), in [s]. Times outside the cycle are taken modulo its period.
 
         Returns:
-            Three arrays of shape (samples, n_axes).
+            Joint angle [rad], velocity [rad/s] and acceleration [rad/s^2], each of shape
+            (samples, n_axes).
         """
         times = np.mod(np.asarray(times, float), self.period)
         starts = np.array([piece.start for piece in self.pieces])
@@ -94,7 +99,7 @@ def plan(task: Task, robot: Robot) -> Motion:
         The motion, within 85 % of the motor torque limits and all of the others.
 
     Raises:
-        InputError: A pose cannot be reached, or no slower timing brings the torque within limits.
+        InputError: A pose cannot be reached, or a move needs too much torque at any speed.
     """
     arm = Arm(robot)
     pieces: list[_Piece] = []
@@ -133,7 +138,7 @@ def _configuration(pose: Pose, arm: Arm, task: Task, before: np.ndarray, where: 
     else:
         if pose.position is None or pose.rpy is None:
             raise InputError(
-                f"task {task.name}, {where}: give 'position' and 'rpy', or else 'joints'"
+                f"task {task.name}, {where}: give 'position' and 'rpy', or give 'joints'"
             )
         near = before if pose.near is None else np.radians(pose.near)
         turned = Rotation.from_euler("xyz", pose.rpy, degrees=True)
@@ -147,7 +152,7 @@ def _configuration(pose: Pose, arm: Arm, task: Task, before: np.ndarray, where: 
         axis = outside[0]
         raise InputError(
             f"task {task.name}, {where}: axis {axis + 1} at {np.degrees(angles[axis]):.1f} deg is "
-            f"outside {np.degrees(low[axis]):.1f} to {np.degrees(high[axis]):.1f}"
+            f"outside its range of {np.degrees(low[axis]):.1f} to {np.degrees(high[axis]):.1f} deg"
         )
     return angles
 
@@ -155,7 +160,7 @@ def _configuration(pose: Pose, arm: Arm, task: Task, before: np.ndarray, where: 
 def _path(
     move: Move, arm: Arm, here: np.ndarray, there: np.ndarray, task: Task, number: int
 ) -> tuple[Callable[[np.ndarray, int], np.ndarray], float]:
-    """Path q(s), s from 0 to 1, with derivatives; and the length of the tool's way [m]."""
+    """Path q(s) with its derivatives, s from 0 to 1, and the length of the tool's path [m]."""
     if move.path == "joint":
         change = there - here
 
@@ -196,8 +201,8 @@ def _path(
             raise InputError(f"task {task.name}, move {number}: {error}") from None
     if np.abs(angles[-1] - there).max() > 1e-3:
         raise InputError(
-            f"task {task.name}, move {number}: the path ends in another configuration than the "
-            "pose asked for; change 'near' or use path = \"joint\""
+            f"task {task.name}, move {number}: the path ends at other joint angles than those of "
+            "the pose; change 'near' or use path = \"joint\""
         )
     angles[-1] = there
     spline = CubicSpline(s, np.array(angles))
@@ -248,14 +253,14 @@ def _time(
     axis = int(np.argmax(np.max(np.abs(torque) / robot.motor_torque_limit, axis=0))) + 1
     raise InputError(
         f"task {task.name}, move {number}: axis {axis} needs more than "
-        f"{100 * _TORQUE_SHARE:.0f} % of its motor torque, however slow"
+        f"{100 * _TORQUE_SHARE:.0f} % of its motor torque at any speed"
     )
 
 
 def _profile(
     speed: float, acceleration: float, least: float | None
 ) -> tuple[Callable[[np.ndarray], np.ndarray], float]:
-    """Rest-to-rest s(t) from 0 to 1 by Ruckig; `least` [s] stretches it."""
+    """Timing s(t) from 0 to 1, at rest at both ends, by Ruckig; it lasts at least `least` [s]."""
     parameters = InputParameter(1)
     parameters.target_position = [1.0]
     parameters.max_velocity = [speed]
@@ -265,7 +270,9 @@ def _profile(
         parameters.minimum_duration = least
     trajectory = Trajectory(1)
     if Ruckig(1).calculate(parameters, trajectory) not in (Result.Working, Result.Finished):
-        raise InputError("no timing found for a move: its limits are too far apart")
+        raise InputError(
+            "no timing was found for a move, because the limits of the robot are too far apart"
+        )
 
     def timing(times: np.ndarray) -> np.ndarray:
         values = np.array([trajectory.at_time(float(t)) for t in times])
@@ -286,16 +293,19 @@ def _still(times: np.ndarray) -> np.ndarray:
 
 
 def shifted(motion: Motion, robot: Robot, shift: np.ndarray, speed: float) -> Motion:
-    """The same motion about other joint angles, at a speed override.
+    """Shift a motion to other joint angles and change its speed.
 
     Args:
         motion: The motion.
-        robot: Its robot, perhaps with another payload.
-        shift: Added to all joint angles, shape (n_axes,), in [rad].
-        speed: Override, above 0 and up to 1: all velocities are multiplied by it.
+        robot: Its robot, which may have another payload.
+        shift: Angles that are added to the joint angles, shape (n_axes,), in [rad].
+        speed: Speed override, above 0 and up to 1. All velocities are multiplied by it.
+
+    Returns:
+        The new motion.
 
     Raises:
-        InputError: A joint angle or a motor torque would be out of its range.
+        InputError: A joint angle or a motor torque would exceed its limits.
     """
 
     def moved(piece: _Piece) -> _Piece:
@@ -322,10 +332,14 @@ def shifted(motion: Motion, robot: Robot, shift: np.ndarray, speed: float) -> Mo
     outside = (q < low - 1e-9) | (q > high + 1e-9)
     if outside.any():
         axis = int(np.flatnonzero(outside.any(axis=0))[0]) + 1
-        raise InputError(f"task {motion.task.name}: shifted, axis {axis} leaves its range")
+        raise InputError(
+            f"task {motion.task.name}: axis {axis} leaves its range when the motion is shifted"
+        )
     torque = np.abs(motor_torque(Arm(robot), q, qd, qdd)).max(axis=0)
     over = torque > _TORQUE_SHARE * robot.motor_torque_limit * (1 + 1e-6)
     if over.any():
         axis = int(np.flatnonzero(over)[0]) + 1
-        raise InputError(f"task {motion.task.name}: shifted, axis {axis} needs too much torque")
+        raise InputError(
+            f"task {motion.task.name}: axis {axis} needs too much torque when the motion is shifted"
+        )
     return new

@@ -1,4 +1,4 @@
-"""What all runs of a robot and task share: the motion, its control, and what monitoring needs.
+"""What all runs of a robot and task share: the control signal and what monitoring needs.
 
 shared = nominal("puma560", "spot_weld", 0.004)
 shared.control.shape, shared.samples
@@ -28,35 +28,48 @@ class Nominal:
     """What all runs of a robot and task share."""
 
     robot: Robot
+    """The healthy robot."""
     control: np.ndarray
+    """Control signal of one cycle, shape (steps, n_controls), from `control_signal`."""
     mean_torque: np.ndarray
-    """Mean |torque| of the motors, shape (n_axes,), in [N m]."""
+    """Mean |torque| of the motors in the planned motion, shape (n_axes,), in [N m]."""
     samples: int
-    """In a cycle."""
+    """Number of samples in a cycle."""
     speed: np.ndarray
     """Planned |motor speed| of each sample, shape (samples, n_axes), in [rad/s]."""
     limits: Limits
-    """Design values that the histograms span."""
+    """Design values of the robot, which set the ranges of the histograms."""
 
     def speed_window(self, chosen: Sequence[Sequence[float]] | None) -> np.ndarray:
-        """Speed window of `mean_abs_torque`.
+        """Return the speed window of `mean_abs_torque`.
 
         Args:
-            chosen: Low and high motor speed of each axis [rad/s]; None or empty: from the motion.
+            chosen: Low and high motor speed of each axis [rad/s]. If it is None or empty, the
+                default for the planned motion is used.
 
         Returns:
-            Shape (n_axes, 2), in [rad/s].
+            Low and high motor speed, shape (n_axes, 2), in [rad/s].
         """
         return np.array(chosen) if chosen else default_window(self.speed)
 
 
 @lru_cache(maxsize=4)
 def nominal(robot_name: str, task_name: str, sample_period: float) -> Nominal:
-    """Plan a task and its control; kept for the runs that follow in this process.
+    """Plan a task and compute its control signal.
+
+    The results of the last calls are kept in memory for the following runs of this process.
+
+    Args:
+        robot_name: Name of the robot, or path of an MJCF file.
+        task_name: Name of the task, or path of a task file.
+        sample_period: Time between samples [s].
+
+    Returns:
+        What the runs of this robot and task share.
 
     Raises:
-        InputError: The task cannot be done by the robot, takes too many steps, or is shorter than a
-            sample.
+        InputError: The robot cannot do the task, or a cycle has too many steps or fewer than two
+            samples.
     """
     robot = load_robot(robot_name)
     motion = plan(load_task(robot.name, task_name), robot)
@@ -87,7 +100,7 @@ def nominal(robot_name: str, task_name: str, sample_period: float) -> Nominal:
 
 
 def _limits(robot: Robot, angle: np.ndarray, speed: np.ndarray, torque: np.ndarray) -> Limits:
-    """Design values; where the robot gives none, somewhat more than the task needs."""
+    """Design values of the robot; where it gives none, 1.2 times what the task needs."""
 
     def given(limit: np.ndarray, top: np.ndarray) -> np.ndarray:
         return np.where(np.isfinite(limit), limit, np.where(top > 0, _BEYOND * top, 1.0))

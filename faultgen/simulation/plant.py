@@ -1,4 +1,4 @@
-"""A robot with effects, ready to be simulated: the one way in for datasets and for discovery.
+"""A robot with effects, ready to be simulated. Datasets and discovery both use `assemble`.
 
 machine = assemble(robot, [Applied("torque_ripple", 2, 0.05, {"order": 6})])
 (cycle,) = simulate(robot, control, [machine], sample_period=0.004)
@@ -25,23 +25,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Machine:
-    """A model, and what its effects do beside it."""
+    """A model, and what its effects do outside the model."""
 
     model: mujoco.MjModel
-    """With all effects that the model can carry."""
+    """The compiled model, with all effects that MJCF can express."""
     effects: tuple[tuple[Effect, Place], ...] = ()
-    """Those in it, severity 0 left out."""
+    """All effects of the machine, without those of severity 0."""
     updates: tuple[Update, ...] = ()
-    """What is called between steps, in this order; mostly none."""
+    """Functions that are called between steps, in this order. Most machines have none."""
     interval: float = 0.0
-    """Time between two calls [s]."""
+    """Time between two calls of the updates [s]."""
 
     def command(self, control: np.ndarray, repeats: bool) -> np.ndarray:
-        """The control signal as it reaches the drives.
+        """Apply the effects that change the control signal on its way to the drives.
 
         Args:
-            control: As the controller of the healthy robot means it, shape (steps, n_controls).
-            repeats: Whether its end is followed by its start.
+            control: Control signal that the controller of the healthy robot sends, shape
+                (steps, n_controls).
+            repeats: Whether the signal starts again after its end.
+
+        Returns:
+            The control signal that reaches the drives, of the same shape and units.
         """
         for effect, place in self.effects:
             if effect.command is not None:
@@ -49,7 +53,14 @@ class Machine:
         return control
 
     def log(self, cycle: Cycle) -> Cycle:
-        """The channels as the controller logs them."""
+        """Apply the effects that change what the controller logs.
+
+        Args:
+            cycle: The cycle as it was simulated.
+
+        Returns:
+            The cycle as the controller logs it.
+        """
         logged = cycle
         for effect, place in self.effects:
             if effect.log is not None:
@@ -57,12 +68,15 @@ class Machine:
         return logged
 
     def sense(self, measured: Measured, sample_period: float, rng: np.random.Generator) -> Measured:
-        """The channels as faulty sensors show them.
+        """Apply the effects that are faults of sensors.
 
         Args:
             measured: One cycle as healthy sensors show it.
             sample_period: Time between samples [s].
-            rng: Source of randomness.
+            rng: Random number generator.
+
+        Returns:
+            The cycle as the faulty sensors show it.
         """
         for effect, place in self.effects:
             if effect.sense is not None:
@@ -81,17 +95,20 @@ def assemble(
 
     Args:
         robot: The healthy robot.
-        effects: Any number, also several of a kind or on one axis; in this order.
-        temperature: Gearbox temperature [deg C], or (times [s], values), for the effects that ask
-            for it; None for that of the robot's friction parameters.
-        spec: The robot to begin with, of the same elements as `robot.spec()`; copied. Default:
-            `robot.spec()`.
+        effects: The effects, in the order in which they act. The same effect may occur several
+            times, and several effects may act on one axis.
+        temperature: Gearbox temperature [deg C], or (times [s], temperatures [deg C]), for the
+            effects that depend on it. None stands for the temperature at which the robot's
+            friction parameters hold.
+        spec: Model to which the effects are added, with the same elements as `robot.spec()`. It is
+            copied, not changed. Default: `robot.spec()`.
 
     Returns:
-        The machine; that of the healthy robot, bit for bit, where every severity is 0.
+        The machine. If every severity is 0, it is the healthy robot, bit for bit.
 
     Raises:
-        InputError: No such effect, axis or parameter, or the effect does not act on that axis.
+        InputError: There is no such effect, axis or parameter, or an effect does not act on its
+            axis.
     """
     chosen = []
     for one in effects:
@@ -123,10 +140,15 @@ def assemble(
 
 
 def check_axis(effect: Effect, axis: int, robot: Robot) -> None:
-    """Refuse an axis that the robot does not have or the effect does not act on.
+    """Refuse an axis that the robot does not have, or that the effect does not act on.
+
+    Args:
+        effect: The effect.
+        axis: Number of the axis, from 1.
+        robot: The robot.
 
     Raises:
-        InputError: With the axes to choose from.
+        InputError: The axis is refused. The message lists the possible axes.
     """
     if not 1 <= axis <= robot.n_axes:
         raise InputError(f"axis {axis}: robot {robot.name} has axes 1 to {robot.n_axes}")

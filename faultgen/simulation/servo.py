@@ -1,8 +1,8 @@
-"""The servo's side of a simulation: what the controller commands, computed before stepping.
+"""The control signal of a cycle: what the controller commands, computed before the simulation.
 
 The position and velocity loops run inside MuJoCo (``drive{i}``: torque =
-kp (pos - q) + kd (vel - w) + ff, then saturation). Set points and feed-forward come from the
-nominal robot: a worn robot is driven as if it were healthy, as a real controller would.
+kp (pos - q) + kd (vel - w) + ff, then saturation). Set points and feed-forward torques are computed
+for the nominal robot. A worn robot is thus controlled as if it were healthy, as in reality.
 """
 
 from __future__ import annotations
@@ -14,18 +14,19 @@ from faultgen.simulation.motion import Motion
 
 
 def control_signal(motion: Motion, timestep: float) -> np.ndarray:
-    """Control of one cycle, for every step.
+    """Compute the control signal of one cycle for every simulation step.
 
-    MuJoCo's semi-implicit step makes its velocity at step k that of half a step before t_k; the
-    velocity set point is taken at that time, so that the set points and the state belong together.
+    With MuJoCo's semi-implicit integration, the velocity at step k is the velocity half a step
+    before t_k. The velocity set point is therefore computed for that earlier time, so that the set
+    point and the simulated velocity belong to the same time.
 
     Args:
         motion: The motion.
         timestep: Step of the simulation [s].
 
     Returns:
-        Shape (steps, n_controls): position [rad], velocity [rad/s], feed-forward torque [N m], by
-        drive, motor side.
+        Shape (steps, n_controls). Each drive has three consecutive columns: motor position [rad],
+        motor velocity [rad/s] and feed-forward motor torque [N m].
     """
     robot = motion.robot
     times = np.arange(round(motion.period / timestep)) * timestep

@@ -1,4 +1,4 @@
-"""The state of a robot in one cycle: gearbox temperature, payload and what is worn."""
+"""The state of a robot in one cycle: gearbox temperature, payload and wear."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from faultgen.simulation.plant import Machine, assemble
 
 @dataclass(frozen=True)
 class Condition:
-    """What a cycle is simulated at."""
+    """Temperature, payload and effects with which a cycle is simulated."""
 
     temperature: float
-    """Of all gearboxes [deg C]."""
+    """Temperature of all gearboxes [deg C]."""
     payload_factor: float = 1.0
-    """Mass of the payload over its nominal mass."""
+    """Mass of the payload divided by its nominal mass."""
     effect: str = ""
-    """Name of the effect; empty where nothing is worn."""
+    """Name of the effect by which axes wear; empty if no axis is worn."""
     wear: tuple[tuple[int, float], ...] = ()
-    """Worn axes, from 1, and the severity of each."""
+    """Number of each worn axis, from 1, and its severity."""
     parameters: tuple[tuple[str, int | float | str], ...] = ()
-    """Of the effect, where they are not its defaults."""
+    """Parameters of the effect that differ from their defaults."""
     beside: tuple[Applied, ...] = ()
-    """Other effects."""
+    """Further effects."""
 
 
 def machine_at(robot: Robot, healthy: mujoco.MjSpec, condition: Condition) -> Machine:
@@ -34,15 +34,15 @@ def machine_at(robot: Robot, healthy: mujoco.MjSpec, condition: Condition) -> Ma
 
     Args:
         robot: The healthy robot.
-        healthy: Its spec, `robot.spec()`; not edited.
+        healthy: Its spec, `robot.spec()`. It is not changed.
         condition: The condition.
 
     Returns:
-        The machine; its model is that of the healthy robot, bit for bit, at its reference
-        temperature, nominal payload and severity 0.
+        The machine. At the reference temperature, nominal payload and severity 0, its model is
+        that of the healthy robot, bit for bit.
 
     Raises:
-        InputError: No such effect, or it does not act on a worn axis.
+        InputError: There is no such effect, or it does not act on a worn axis.
     """
     spec = healthy.copy()
     reference = robot.friction_temperature

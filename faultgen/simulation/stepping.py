@@ -1,9 +1,9 @@
-"""Stepping: the only module that steps MuJoCo.
+"""Simulating cycles; this is the only module that steps MuJoCo.
 
-`simulate` runs one robot through its cycles, one after another and without a break; the model may
-change at the boundary of two cycles (wear, temperature, payload). It yields a cycle at a time, so
-memory does not grow with the number of cycles. Python does nothing within a chunk of steps, but for
-machines with effects that act between steps; those are stepped a few at a time.
+`simulate` runs one robot through its cycles without interruption. Wear, temperature and payload may
+change from one cycle to the next. The cycles are yielded one by one, so the memory that is needed
+does not grow with their number. MuJoCo takes thousands of steps at once without Python, except for
+machines with effects that act between steps; these are stepped a few steps at a time.
 
     for cycle in simulate(robot, control, models, sample_period=0.004):
         cycle.motor_torque.shape  # (samples, n_axes)
@@ -28,7 +28,8 @@ from faultgen.simulation.cycle import Cycle
 from faultgen.simulation.plant import Machine
 
 LEAD_IN = 2.0
-"""Time before the first cycle [s], simulated and not recorded: the end of the cycle before."""
+"""Time that is simulated before the first cycle and not recorded [s]. In this time the robot moves
+as at the end of a cycle."""
 
 _CHUNK = 4000  # steps recorded at once; bounds the memory
 _BAD = (
@@ -42,7 +43,14 @@ _BAD_IDS = [int(warning) for warning, _ in _BAD]
 
 
 def decimation(timestep: float, sample_period: float) -> int:
-    """Steps a sample.
+    """Compute the number of simulation steps from one sample to the next.
+
+    Args:
+        timestep: Step of the simulation [s].
+        sample_period: Time between samples [s].
+
+    Returns:
+        The number of steps.
 
     Raises:
         InputError: The sample period is not a whole number of steps.
@@ -67,19 +75,22 @@ def simulate(
 
     Args:
         robot: The healthy robot.
-        control: Control of one cycle, shape (steps, n_controls), from `servo.control_signal`.
-        machines: The robot as it is in each cycle, from `machine.assemble`, or models compiled from
+        control: Control signal of one cycle, shape (steps, n_controls), from
+            `servo.control_signal`.
+        machines: The robot as it is in each cycle, from `plant.assemble`, or models compiled from
             edits of `robot`.
         sample_period: Time between samples [s].
-        lead_in: Time before the first cycle [s], of the end of the cycle before; 0 for a motion
-            that does not repeat.
+        lead_in: Time that is simulated before the first cycle and not recorded [s]. In this time
+            the robot moves as at the end of a cycle. It must be 0 for a motion that does not
+            repeat.
 
     Yields:
         One `Cycle` for each machine.
 
     Raises:
-        SimulationFailed: The state became bad (not finite or huge), or MuJoCo raised an error.
-        InputError: The sample period does not fit the step.
+        SimulationFailed: The state became infinite, not a number or very large, or MuJoCo raised
+            an error.
+        InputError: The sample period is not a whole number of steps.
     """
     timestep = robot.model.opt.timestep
     every = decimation(timestep, sample_period)
@@ -100,7 +111,7 @@ def simulate(
 
 
 class _Stepper:
-    """Rolls a batch of one out, chunk by chunk, into arrays that are used again."""
+    """Steps one machine, chunk by chunk, and records into arrays that are used again."""
 
     batch: Batch
     machine: Machine
@@ -110,7 +121,7 @@ class _Stepper:
         self.every = every
 
     def use(self, machine: Machine) -> None:
-        """Go on with another machine, from the state that there is."""
+        """Continue with another machine from the present state."""
         model = machine.model
         before = getattr(self, "batch", None)
         if before is None or machine.updates or self.machine.updates or not self._fits(model):
@@ -129,7 +140,7 @@ class _Stepper:
         self.chunk = max(1, _CHUNK // whole) * whole
 
     def _fits(self, model: mujoco.MjModel) -> bool:
-        """Whether a model has the elements of the batch's."""
+        """Whether a model has the same elements as the model of the batch."""
         return bool(model.names == self.batch.model.names)
 
     def run(
@@ -139,12 +150,12 @@ class _Stepper:
 
         Args:
             control: Shape (steps, n_controls).
-            cycle: Number for messages.
+            cycle: Number of the cycle for messages.
             first: Number of the first step; 0 is the start of a cycle.
 
         Yields:
-            What was recorded, and the viscous damping of each axis, shape (n_axes,) or
-            (steps, n_axes).
+            The recorded fields by name, each of shape (1, steps, elements), and the viscous damping
+            of each axis, shape (n_axes,) or (steps, n_axes), in [N m s/rad].
         """
         for start in range(0, len(control), self.chunk):
             part = control[None, start : start + self.chunk]
@@ -157,7 +168,7 @@ class _Stepper:
     def _roll(
         self, control: np.ndarray, cycle: int, first: int
     ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """Step through a chunk; as `run` yields."""
+        """Step through a chunk and return what `run` yields."""
         steps = control.shape[1]
         try:
             with mujoco_warnings():
@@ -172,20 +183,23 @@ class _Stepper:
         return out, damping
 
     def _broken(self) -> str:
-        """What MuJoCo found to be bad since the counts were set to zero; empty if nothing."""
+        """What MuJoCo has reported as bad since its counts were set to zero; empty if nothing."""
         for warning, what in _BAD:
             if self.batch.warning[0, int(warning), 1]:  # (last info, count)
                 return what
         return ""
 
     def _diverged(self, before: np.ndarray, control: np.ndarray, cycle: int, first: int) -> str:
-        """Where and when a chunk diverged: it is stepped again, in ever shorter parts.
+        """Find where and when a chunk diverged by stepping it again in ever shorter parts.
 
         Args:
             before: State before the chunk.
-            control: Of the chunk, shape (1, steps, n_controls).
-            cycle: Number for the message.
+            control: Control signal of the chunk, shape (1, steps, n_controls).
+            cycle: Number of the cycle for the message.
             first: Number of the first step.
+
+        Returns:
+            The message.
         """
         steps = control.shape[1]
         whole = self.stride if self.machine.updates else 1
@@ -209,7 +223,7 @@ class _Stepper:
         )
 
     def _wildest(self) -> int:
-        """The axis whose rotor accelerates most beyond the robot's limits, from 1."""
+        """The axis whose rotor exceeds its acceleration limit by the largest factor, from 1."""
         model = self.machine.model
         data = self.batch.get_data(0)
         with mujoco_warnings():
@@ -222,7 +236,7 @@ class _Stepper:
     def _update_and_step(
         self, control: np.ndarray, first: int
     ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """Step through a chunk, with the machine's updates between every `stride` steps."""
+        """Step through a chunk, and call the machine's updates after every `stride` steps."""
         batch, model, steps = self.batch, self.machine.model, control.shape[1]
         out = self.out.get(steps) or {
             "actuator_length": np.empty((1, steps, model.nout)),
@@ -253,7 +267,7 @@ class _Stepper:
             into = {name: values[:, part] for name, values in out.items()}
             batch.rollout(part.stop - at, control[:, part], record=RECORD, out=into)
             if batch.warning[0, _BAD_IDS, 1].any():
-                break  # told by `run`
+                break  # reported by `run`
         return out, damping
 
     def cycle(self, control: np.ndarray, number: int) -> Cycle:
@@ -302,7 +316,7 @@ def _when(cycle: int) -> str:
 
 
 def _start(robot: Robot, batch: Batch, control: np.ndarray) -> None:
-    """Put the robot on the reference, with the gearboxes wound up by the load there."""
+    """Put the robot on its reference, with the gearboxes twisted by the static load there."""
     model = robot.model
     at = model.actuator_ctrladr[robot.ids("actuator", "drive")]
     motor, speed = control[at], control[at + 1]

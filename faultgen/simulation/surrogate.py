@@ -1,14 +1,15 @@
 """Cycles at any temperature, payload and wear, interpolated between simulated ones.
 
-A study needs many thousand cycles that differ by little. Every condition on a grid is simulated
-once, and a cycle in between is put together, sample by sample:
+A study needs many thousand cycles that differ only a little. Every condition on a grid is simulated
+once, and a cycle at any other condition is computed sample by sample:
 
     y(T, m, s) = base(T) + load(m, T) + sum_axes wear_axis(s_axis, T)
 
-`base` is the polynomial through its nodes in temperature; `load` and `wear` are differences from
-it, polynomials in temperature and, through zero, in the payload or severity. What is left out (wear
-x payload, wear of one axis x wear of another) is second order. `benchmarks/surrogate_error.py`
-measures the error against direct simulation; docs/surrogate.md has it beside the noise.
+`base` is the polynomial through its nodes in temperature. `load` and `wear` are differences from
+it; they are polynomials in temperature and in the payload or severity, and zero where the payload
+is nominal or the severity is 0. The surrogate ignores interactions such as wear x payload or wear
+of one axis x wear of another; they are of second order. `benchmarks/surrogate_error.py` measures
+the error against direct simulation, and docs/surrogate.md compares it with the noise.
 
     surrogate = build_surrogate("irb6700", "spot_weld")
     cycles = surrogate.cycles(temperature=[36.0], payload_factor=[1.01], severity=severity)
@@ -37,7 +38,7 @@ from faultgen.system.arrays import read_arrays, write_arrays
 from faultgen.system.parallel import in_parallel
 
 CHANNELS = ("motor_position", "motor_velocity", "motor_torque")
-"""What is interpolated."""
+"""Names of the channels that are interpolated."""
 
 _SPREAD = 20.0  # temperatures up to so far from the reference, five standard deviations [K]
 _BASE_NODES = 9
@@ -48,7 +49,7 @@ _WEAR = (0.1, 0.2)
 
 @dataclass(frozen=True, eq=False)
 class Surrogate:
-    """Simulated cycles at the nodes of the grid, and how to put others together."""
+    """Simulated cycles at the nodes of a grid, and the interpolation between them."""
 
     robot_path: str
     """Name of the robot, or path of its MJCF file."""
@@ -77,15 +78,15 @@ class Surrogate:
     def weights(
         self, temperature: np.ndarray, payload_factor: np.ndarray, severity: np.ndarray
     ) -> np.ndarray:
-        """Share of each node in each cycle.
+        """Compute the weight of each simulated node in each cycle.
 
         Args:
-            temperature: Shape (cycles,), in [deg C].
-            payload_factor: Shape (cycles,).
-            severity: Shape (cycles, n_axes).
+            temperature: Gearbox temperature of each cycle, shape (cycles,), in [deg C].
+            payload_factor: Payload mass divided by its nominal value, shape (cycles,).
+            severity: Severity of each axis as a fraction, shape (cycles, n_axes).
 
         Returns:
-            Shape (cycles, nodes).
+            Weights, shape (cycles, nodes), without unit.
 
         Raises:
             ValueError: A condition is outside the grid.
@@ -114,15 +115,16 @@ class Surrogate:
     def cycles(
         self, temperature: np.ndarray, payload_factor: np.ndarray, severity: np.ndarray
     ) -> np.ndarray:
-        """Cycles free of noise.
+        """Compute cycles without noise.
 
         Args:
-            temperature: Shape (cycles,), in [deg C].
-            payload_factor: Shape (cycles,).
-            severity: Shape (cycles, n_axes).
+            temperature: Gearbox temperature of each cycle, shape (cycles,), in [deg C].
+            payload_factor: Payload mass divided by its nominal value, shape (cycles,).
+            severity: Severity of each axis as a fraction, shape (cycles, n_axes).
 
         Returns:
-            Shape (cycles, channels, samples, n_axes), channels as in `CHANNELS`.
+            Shape (cycles, channels, samples, n_axes), with the channels of `CHANNELS`, in [rad],
+            [rad/s] and [N m].
 
         Raises:
             ValueError: A condition is outside the grid.
@@ -135,7 +137,18 @@ class Surrogate:
         return (weights[:, used] @ flat).reshape(len(weights), *self.nodes.shape[1:])
 
     def at(self, conditions: Sequence[Condition]) -> np.ndarray:
-        """Cycles at conditions, see `cycles`."""
+        """Compute cycles at given conditions.
+
+        Args:
+            conditions: The condition of each cycle.
+
+        Returns:
+            Shape (cycles, channels, samples, n_axes), as from `cycles`, in [rad], [rad/s] and
+            [N m].
+
+        Raises:
+            ValueError: A condition is outside the grid.
+        """
         severity = np.zeros((len(conditions), self.n_axes))
         for row, condition in zip(severity, conditions, strict=True):
             for axis, value in condition.wear:
@@ -145,14 +158,27 @@ class Surrogate:
         return self.cycles(temperature, payload, severity)
 
     def save(self, path: Path) -> None:
-        """Write the surrogate to an HDF5 file, whole or not at all."""
+        """Write the surrogate to an HDF5 file. If that fails, no file is left.
+
+        Args:
+            path: The file.
+
+        Raises:
+            StorageFailed: The file cannot be written.
+        """
         arrays = {k: v for k, v in vars(self).items() if isinstance(v, np.ndarray)}
         plain = {k: v for k, v in vars(self).items() if k not in arrays}
         write_arrays(path, arrays, plain)
 
     @classmethod
     def load(cls, path: Path) -> Surrogate:
-        """Read a surrogate.
+        """Read a surrogate from the file that `save` wrote.
+
+        Args:
+            path: The file.
+
+        Returns:
+            The surrogate.
 
         Raises:
             InputError: The file cannot be read, or is damaged.
@@ -162,11 +188,19 @@ class Surrogate:
             values: dict[str, Any] = {**arrays, **plain}
             return cls(**values)
         except (InputError, TypeError) as error:
-            raise InputError(f"{error}; not a surrogate: delete {path}") from None
+            raise InputError(f"{error}; this is not a surrogate: delete {path}") from None
 
 
 def lagrange(nodes: Iterable[float], x: Iterable[float]) -> np.ndarray:
-    """Value of each Lagrange polynomial of the nodes at x, shape (len(x), nodes)."""
+    """Evaluate the Lagrange polynomials of some nodes.
+
+    Args:
+        nodes: The nodes, in the unit of `x`.
+        x: Where the polynomials are evaluated.
+
+    Returns:
+        Value of each polynomial, shape (len(x), nodes), without unit.
+    """
     at = np.asarray(list(nodes), float)
     x = np.asarray(x, float)
     value = np.ones((len(x), len(at)))
@@ -198,17 +232,18 @@ def simulate_at(
     condition: Condition,
     controller: str | None = None,
 ) -> np.ndarray:
-    """One cycle, simulated at a condition that held before it too.
+    """Simulate one cycle at a condition that also held before the cycle.
 
     Args:
         robot: Name of the robot, or path of an MJCF file.
         task: Name of the task, or path of a task file.
         sample_period: Time between samples [s].
         condition: The condition.
-        controller: Robot for which motion and feed-forward are planned; default: the robot itself.
+        controller: Robot for which motion and feed-forward are planned. Default: the robot itself.
 
     Returns:
-        Shape (channels, samples, n_axes).
+        Shape (channels, samples, n_axes), with the channels of `CHANNELS`, in [rad], [rad/s] and
+        [N m].
     """
     control = nominal(controller or robot, task, sample_period).control
     simulated = load_robot(robot)
@@ -232,18 +267,18 @@ def build_surrogate(
     Args:
         robot: Name of the robot, or path of an MJCF file.
         task: Name of the task, or path of a task file.
-        effect: Effect whose severity is interpolated, from 0 to 0.2; it must act on every axis and
-            count in fractions of nominal.
+        effect: Effect whose severity is interpolated, from 0 to 0.2. It must act on every axis, and
+            its severity must be a fraction of the nominal value.
         sample_period: Time between samples [s].
-        controller: Robot for which motion and feed-forward are planned; default: the robot itself.
-        workers: Processes; no effect on the result.
-        progress: Show a progress bar on stderr.
+        controller: Robot for which motion and feed-forward are planned. Default: the robot itself.
+        workers: Number of processes. The result does not depend on it.
+        progress: Whether to show a progress bar on stderr.
 
     Returns:
-        The surrogate, for temperatures within 20 K of the robot's reference.
+        The surrogate, for temperatures within 20 K of the robot's reference temperature.
 
     Raises:
-        InputError: No such robot, task or effect.
+        InputError: There is no such robot, task or effect.
         SimulationFailed: A node could not be simulated.
     """
     shared = nominal(controller or robot, task, sample_period)
@@ -281,20 +316,20 @@ def build_surrogate(
 def surrogate_file(
     folder: Path, robot: str, task: str, *, sample_period: float = 0.004, workers: int = 1
 ) -> Path:
-    """The file of a robot's and task's surrogate, simulated and written if it is not there.
+    """Return the file of the surrogate of a robot and task; simulate and write it if needed.
 
     Args:
-        folder: Where surrogates are kept.
+        folder: Folder that keeps the files of surrogates.
         robot: Name of the robot, or path of an MJCF file.
         task: Name of the task, or path of a task file.
         sample_period: Time between samples [s].
-        workers: Processes; no effect on the result.
+        workers: Number of processes. The result does not depend on it.
 
     Returns:
-        The file, for `Surrogate.load`; wear is by `friction_wear`.
+        Path of the file, for `Surrogate.load`. The axes wear by `friction_wear`.
 
     Raises:
-        InputError: No such robot or task.
+        InputError: There is no such robot or task.
         SimulationFailed: A node could not be simulated.
     """
     shared = nominal(robot, task, sample_period)

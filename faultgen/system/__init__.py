@@ -1,1 +1,1 @@
-"""Files, processes and reading of user's files: what every part needs of the operating system."""
+"""Access to the operating system: safe files, parallel processes, and reading of users' files."""

@@ -1,4 +1,4 @@
-"""Files of arrays and attributes that carry a checksum of their content.
+"""Files of arrays and attributes that contain a checksum of their content.
 
 write_arrays(Path("a.h5"), {"x": np.zeros(3)}, {"seed": 1})
 arrays, attributes = read_arrays(Path("a.h5"))
@@ -24,17 +24,17 @@ _CONTENT = "content_sha256"
 def write_arrays(
     path: Path, arrays: Mapping[str, np.ndarray], attributes: Mapping[str, Any]
 ) -> None:
-    """Write arrays and root attributes as HDF5, whole or not at all; the folder is made.
+    """Write arrays and root attributes to an HDF5 file. If that fails, no new file is left.
 
-    The attribute ``content_sha256`` sums up all of it, for `read_arrays`.
+    The attribute ``content_sha256`` is a checksum of the whole content, which `read_arrays` checks.
 
     Args:
-        path: The file.
-        arrays: By name; names may contain groups, as in "truth/damage".
+        path: The file. Its folder is created if it does not exist.
+        arrays: Arrays by name. Names may contain groups, as in "truth/damage".
         attributes: Numbers, texts or arrays by name.
 
     Raises:
-        StorageFailed: The file cannot be written. What stood there before is unchanged.
+        StorageFailed: The file cannot be written. An older file of that name is unchanged.
     """
     temporary = temporary_name(path)
     with named_failures(path):
@@ -49,20 +49,24 @@ def write_arrays(
         with named_failures(path):
             rename(temporary, path)
     except InputError as error:
-        raise StorageFailed(f"{path}: does not read back as it was written ({error})") from None
+        raise StorageFailed(f"{path}: differs from what was written ({error})") from None
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
 
 
 def read_arrays(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """Read what `write_arrays` wrote, and check that nothing in it has changed.
+    """Read a file that `write_arrays` wrote, and check that it has not changed.
+
+    Args:
+        path: The file.
 
     Returns:
-        Arrays by name, and root attributes by name; scalars of numpy become numbers of Python.
+        Arrays by name, with the shapes and units with which they were written, and root attributes
+        by name. Scalars of numpy become numbers of Python.
 
     Raises:
-        InputError: The file cannot be read, is damaged, or was written by something else.
+        InputError: The file cannot be read, is damaged, or was not written by `write_arrays`.
     """
     arrays: dict[str, np.ndarray] = {}
 
@@ -84,7 +88,7 @@ def read_arrays(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
 
 
 def plain_value(value: Any) -> Any:
-    """An attribute as Python has it: scalars of numpy become numbers."""
+    """Convert a scalar of numpy to a number of Python; return any other value unchanged."""
     return value.item() if isinstance(value, np.generic) else value
 
 

@@ -1,4 +1,4 @@
-"""Files that are either whole or absent.
+"""Writing files so that they are either complete or absent.
 
 A file is first written under a temporary name. It is then synced to the disk, read back and
 compared with what should have been written. Only after that does it get its final name. A failed
@@ -32,18 +32,18 @@ _NO_FOLDER_SYNC = {errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EACCES, errno
 
 
 def temporary_name(path: Path) -> Path:
-    """The name under which this process writes a file before the file is whole."""
+    """The name under which this process writes a file until the file is complete."""
     return path.with_name(f".{path.name}.{os.getpid()}.tmp")
 
 
 def writer_of(temporary: Path) -> int | None:
-    """Process id in a temporary name; None if there is none."""
+    """The process id in a temporary name; None if there is none."""
     parts = temporary.name.split(".")
     return int(parts[-2]) if len(parts) > 2 and parts[-2].isdigit() else None
 
 
 class Sink(io.RawIOBase):
-    """A file for h5py whose errors cannot get lost.
+    """A file for h5py that keeps errors of the disk so that none is lost.
 
     HDF5 hides write errors that happen while objects are released, and crashes after some of them.
     This file never reports an error to HDF5. It keeps the first one, ignores all later writes, and
@@ -52,6 +52,9 @@ class Sink(io.RawIOBase):
 
     def __init__(self, path: Path) -> None:
         """Create the file.
+
+        Args:
+            path: The file. An older file of that name is overwritten.
 
         Raises:
             OSError: The file cannot be created.
@@ -79,7 +82,16 @@ class Sink(io.RawIOBase):
     def tell(self) -> int:  # noqa: D102
         return self._position
 
-    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:  # noqa: D102
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Move the position of the next read or write.
+
+        Args:
+            offset: Number of bytes by which the position moves.
+            whence: Where it moves from: ``os.SEEK_SET``, ``os.SEEK_CUR`` or ``os.SEEK_END``.
+
+        Returns:
+            The new position, in bytes from the start of the file.
+        """
         start = {os.SEEK_SET: 0, os.SEEK_CUR: self._position, os.SEEK_END: self._size}[whence]
         self._position = start + offset
         return self._position
@@ -122,10 +134,10 @@ class Sink(io.RawIOBase):
         return self._size
 
     def sync(self) -> None:
-        """Bring everything to the disk and close the file; later reads come from the disk.
+        """Write everything to the disk and close the file, so that it is next read from the disk.
 
         Raises:
-            OSError: A write failed, now or before.
+            OSError: This write or an earlier one failed.
         """
         self.check()
         os.fsync(self._handle)
@@ -147,7 +159,7 @@ def _write_all(handle: int, content: memoryview) -> None:
 
 
 def _forget_cached(handle: int) -> None:
-    """Let the next read of a file come from the disk, where the system can do that."""
+    """Let the next read of a file come from the disk, if the operating system supports this."""
     if hasattr(os, "posix_fadvise"):
         with suppress(OSError):
             os.posix_fadvise(handle, 0, 0, os.POSIX_FADV_DONTNEED)
@@ -158,7 +170,7 @@ def named_failures(path: Path) -> Iterator[None]:
     """Turn errors of the operating system into one line that names the file.
 
     Raises:
-        StorageFailed: For every OSError that is not yet one.
+        StorageFailed: The code in the context raised an OSError.
     """
     try:
         yield
@@ -171,13 +183,14 @@ def named_failures(path: Path) -> Iterator[None]:
 
 @contextmanager
 def new_hdf5(path: Path) -> Iterator[tuple[h5py.File, Sink]]:
-    """Write an HDF5 file under its temporary name and sync it; remove it if anything fails.
+    """Write an HDF5 file under its temporary name and sync it. If anything fails, remove it.
 
     Args:
-        path: The name that the file will get, by `publish` or `rename`, when it has been checked.
+        path: The final name, which `publish` or `rename` gives the file after it was checked.
 
     Yields:
-        The file, and the sink that it writes to, whose `check` raises errors of the disk.
+        The file, and the sink to which it writes. The method `check` of the sink raises errors of
+        the disk.
 
     Raises:
         StorageFailed: The file cannot be written.
@@ -205,7 +218,7 @@ def new_hdf5(path: Path) -> Iterator[tuple[h5py.File, Sink]]:
 
 @contextmanager
 def _errors_of(sink: Sink) -> Iterator[None]:
-    """Report the error of the disk instead of what HDF5 made of it."""
+    """Raise the error of the disk instead of the error that HDF5 derives from it."""
     try:
         yield
     except Exception:
@@ -225,7 +238,7 @@ def publish(temporary: Path, path: Path) -> str:
         The checksum.
 
     Raises:
-        StorageFailed: A step failed. Neither the file nor its checksum is there afterwards.
+        StorageFailed: A step failed. The file and its checksum have then been removed.
     """
     note = checksum_path(path)
     try:
@@ -242,10 +255,14 @@ def publish(temporary: Path, path: Path) -> str:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a small text file, whole or not at all.
+    """Write a small text file. If that fails, no new file is left.
+
+    Args:
+        path: The file.
+        text: Its content.
 
     Raises:
-        StorageFailed: The file cannot be written. What stood there before is unchanged.
+        StorageFailed: The file cannot be written. An older file of that name is unchanged.
     """
     content = text.encode()
     temporary = temporary_name(path)
@@ -258,7 +275,7 @@ def write_text(path: Path, text: str) -> None:
             finally:
                 os.close(handle)
             if file_sha256(temporary) != hashlib.sha256(content).hexdigest():
-                raise StorageFailed(f"{path}: does not read back as it was written")
+                raise StorageFailed(f"{path}: differs from what was written")
             rename(temporary, path)
     except BaseException:
         with suppress(OSError):
@@ -269,8 +286,13 @@ def write_text(path: Path, text: str) -> None:
 def rename(temporary: Path, path: Path) -> None:
     """Give a synced file its final name.
 
+    Args:
+        temporary: The file under its temporary name.
+        path: The final name.
+
     Raises:
-        OSError: That failed, or could not be synced; then the name is gone again.
+        OSError: Renaming the file failed, or the new name could not be synced to the disk. In the
+            second case the file has been removed.
     """
     os.replace(temporary, path)
     try:
@@ -295,23 +317,36 @@ def _sync_folder(folder: Path) -> None:
 
 
 def checksum_path(path: Path) -> Path:
-    """Where the checksum of a file stands."""
+    """The path of the file that holds the checksum of another file."""
     return path.with_name(path.name + ".sha256")
 
 
 def file_sha256(path: Path) -> str:
-    """Checksum of a file, read from the disk and not from memory where the system allows it."""
+    """Compute the SHA-256 checksum of a file.
+
+    The file is read from the disk and not from the cache, if the operating system supports this.
+
+    Args:
+        path: The file.
+    """
     with path.open("rb") as file:
         _forget_cached(file.fileno())
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 _verified: dict[Path, tuple[int, int, str]] = {}
-"""Size, date and checksum of files that were found intact."""
+"""Size [bytes], date [ns] and checksum of files that were found intact."""
 
 
 def damage(path: Path) -> str | None:
-    """What is wrong with a file that has a checksum beside it, or None; reads the whole file."""
+    """Compare a file with the checksum that is stored beside it. The whole file is read.
+
+    Args:
+        path: The file.
+
+    Returns:
+        What is wrong with the file, or None if it is intact.
+    """
     note = checksum_path(path)
     try:
         state = path.stat()
@@ -330,7 +365,12 @@ def damage(path: Path) -> str | None:
 
 
 def verify(path: Path) -> str:
-    """Compare a file with its checksum, once for as long as its size and date stay the same.
+    """Compare a file with its checksum, unless it was intact before and has not changed since.
+
+    A file counts as unchanged if its size and date are the same.
+
+    Args:
+        path: The file.
 
     Returns:
         The checksum.
@@ -347,14 +387,20 @@ def verify(path: Path) -> str:
     reason = damage(path)
     if reason is not None:
         raise InputError(
-            f"{path}: damaged ({reason}); run the generate command again to make it anew"
+            f"{path}: damaged ({reason}); run the generate command again to replace it"
         )
     return _verified[key][2]
 
 
 @contextmanager
 def open_verified(path: Path) -> Iterator[h5py.File]:
-    """Open an HDF5 file for reading after `verify`.
+    """Verify an HDF5 file with `verify`, and open it for reading.
+
+    Args:
+        path: The file.
+
+    Yields:
+        The open file.
 
     Raises:
         InputError: The file is damaged or has no checksum.

@@ -1,7 +1,7 @@
-"""Calls in several processes that end when the program ends.
+"""Calls of functions in several processes, which end when the program ends.
 
-Results come back one by one. If the program is interrupted or killed, its worker processes stop at
-once: they never go on writing in a folder that another process may have begun to use.
+Results are returned one by one. If the program is interrupted or killed, its worker processes stop
+at once, so that they never write to a folder that another process may already use.
 
     for result in in_parallel([delayed(square)(k) for k in range(9)], workers=2):
         print(result)
@@ -22,7 +22,7 @@ import joblib
 from faultgen.errors import InputError, SimulationFailed
 
 Call = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
-"""What `joblib.delayed` makes of a call."""
+"""A call as `joblib.delayed` represents it: function, arguments and keyword arguments."""
 
 MOST_WORKERS = 1024
 """Largest number of processes."""
@@ -31,10 +31,16 @@ _LOOK_EVERY = 0.2  # s; how soon a worker notices that the program is gone
 
 
 def check_workers(workers: int) -> int:
-    """The number of processes, if it is possible.
+    """Check a number of processes.
+
+    Args:
+        workers: The number of processes.
+
+    Returns:
+        The same number.
 
     Raises:
-        InputError: It is below 1 or above `MOST_WORKERS`.
+        InputError: The number is below 1 or above `MOST_WORKERS`.
     """
     if workers < 1:
         raise InputError(f"workers: must be at least 1, not {workers}")
@@ -47,9 +53,9 @@ def in_parallel(calls: Iterable[Call], workers: int, *, ordered: bool = True) ->
     """Make calls in several processes.
 
     Args:
-        calls: Calls, from `joblib.delayed`.
-        workers: Number of processes; 1 makes the calls in this process.
-        ordered: Whether results come in the order of the calls, or as they are finished.
+        calls: The calls, from `joblib.delayed`.
+        workers: Number of processes. With 1, the calls are made in this process.
+        ordered: Whether the results have the order of the calls, or that in which they finish.
 
     Yields:
         The result of each call.
@@ -71,7 +77,7 @@ def in_parallel(calls: Iterable[Call], workers: int, *, ordered: bool = True) ->
     except BrokenProcessPool:
         raise SimulationFailed(
             "a worker process was killed, perhaps because memory ran out; "
-            "run the same command again to go on"
+            "run the same command again to continue"
         ) from None
     finally:
         with warnings.catch_warnings():

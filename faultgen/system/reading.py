@@ -1,4 +1,4 @@
-"""Reading files that users name: text and assets, which are regular files of a sensible size."""
+"""Reading files that users name. They must be regular files, and not larger than a limit."""
 
 from __future__ import annotations
 
@@ -16,10 +16,14 @@ def read_text(path: str | Path, what: str) -> str:
 
     Args:
         path: The file.
-        what: What the file is, for the message, such as "experiment file".
+        what: What the file is, for error messages, such as "experiment file".
+
+    Returns:
+        Its text.
 
     Raises:
-        InputError: The path is no regular file, the file is too large, or it is no text.
+        InputError: The path is not a regular file, or the file is too large, cannot be read, or is
+            not text.
     """
     content = read_bytes(path, what, LARGEST_TEXT)
     try:
@@ -29,10 +33,18 @@ def read_text(path: str | Path, what: str) -> str:
 
 
 def read_bytes(path: str | Path, what: str, largest: int) -> bytes:
-    """Read a file of at most `largest` bytes.
+    """Read a file up to a certain size.
+
+    Args:
+        path: The file.
+        what: What the file is, for error messages, such as "robot file".
+        largest: Largest size that is allowed [bytes].
+
+    Returns:
+        Its content.
 
     Raises:
-        InputError: The path is no regular file, or the file is too large or cannot be read.
+        InputError: The path is not a regular file, or the file is too large or cannot be read.
     """
     if os.path.exists(path) and not os.path.isfile(path):
         raise InputError(f"{what} {path}: cannot be read (not a regular file)")
