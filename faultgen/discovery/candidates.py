@@ -411,7 +411,7 @@ of its mass."""
 
 
 def _transform(body: mujoco.MjsBody, factor: np.ndarray) -> None:
-    """Change the pseudo-inertia P about the centre of mass to F P F', always that of a possible body."""
+    """Change the pseudo-inertia P about the centre of mass to F P F', that of a possible body."""
     inertia = np.array(body.inertia)
     second = np.diag(np.append(inertia.sum() / 2 - inertia, body.mass))
     second = factor @ second @ factor.T
