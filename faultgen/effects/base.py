@@ -199,7 +199,7 @@ class Effect:
         return DEFAULT_FRACTION if self.units == "1" else self.step
 
     def axes_on(self, robot: Robot) -> tuple[int, ...]:
-        """Axes of a robot on which the effect can act, from 1; empty if the payload is too light."""
+        """Axes of a robot on which the effect can act, from 1; empty if the payload is light."""
         if self.payload is not None and not robot.payload_mass >= self.payload:
             return ()
         return tuple(self.axes(robot.n_axes))

@@ -153,10 +153,10 @@ def require_cycles(dataset: Dataset, levels: tuple[float, ...]) -> None:
 
 
 def cuts(run: StoredRun, levels: tuple[float, ...]) -> Iterator[tuple[float, int]]:
-    """Find where isolators answer: each level, and the number of cycles up to it if there are enough.
+    """Find where isolators answer: each level, and the number of cycles up to it.
 
-    For a healthy run, level 0 stands for all cycles. For an effect whose severity is not a fraction
-    of nominal, its final severity does.
+    Levels that are reached after too few cycles are skipped. For a healthy run, level 0 stands for
+    all cycles. For an effect whose severity is not a fraction of nominal, its final severity does.
 
     Args:
         run: The run.

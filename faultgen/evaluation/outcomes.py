@@ -128,7 +128,7 @@ def other_effects(effects: Iterable[str]) -> list[str]:
 
 
 def table(result: Isolation) -> str:
-    """Return a Markdown table like table 6.2: robot and task x wear x method, with thesis values."""
+    """Return a Markdown table like table 6.2, by robot, task, wear and method."""
     cells = {(t.robot, t.task, t.effect, t.level, t.method): t for t in result.tallies}
     rows = sorted({key[:4] for key in cells}, key=lambda r: (r[0], r[1], r[3] == 0, r[2], r[3]))
     beside = any(robot == "irb6700" for robot, *_ in rows)
