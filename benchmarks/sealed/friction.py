@@ -44,7 +44,15 @@ _YIELD = (0.25, 0.35, 0.4)  # shares of the friction level at which they slip
 
 @njit(cache=True)
 def power(base, exponent):  # type: ignore[no-untyped-def]
-    """A power of a number that is not negative."""
+    """Compute a power.
+
+    Args:
+        base: A number that is not negative.
+        exponent: The exponent.
+
+    Returns:
+        The power.
+    """
     return math.exp(exponent * math.log(base)) if base > 1e-12 else 0.0
 
 

@@ -109,7 +109,15 @@ def gap_closed_by_refit(answer: Answer) -> float:
 
 
 def severity_error(truth: Truth, answer: Answer) -> float:
-    """|estimate - severity| / severity of a single effect named rightly."""
+    """Compute |estimate - severity| / severity of a single effect that was named correctly.
+
+    Args:
+        truth: The true effect.
+        answer: The answer, which names this effect.
+
+    Returns:
+        The relative error.
+    """
     (effect,) = truth["effects"]
     for part in answer.get("effects", ()):
         if key(part) == key(effect):
