@@ -81,14 +81,14 @@ class Combination:
             raise ValueError(f"{name}: unknown step '{unknown[0]}': choose {', '.join(_STEPS)}")
         windows = [step for step in steps if step.startswith("var")]
         if len(set(steps)) < len(steps) or len(windows) > 1:
-            raise ValueError(f"{name}: each step may be there once, and one window")
+            raise ValueError(f"{name}: each step, and one window, may occur only once")
         order = {step: steps.index(step) for step in steps}
         if "estM" in order and order["estM"] > 0:
             raise ValueError(f"{name}: estimates of torque and speed come first")
         if "diff" in order and any(
             order["diff"] > order[step] for step in ("pca", *windows) if step in order
         ):
-            raise ValueError(f"{name}: differences come before windows and components")
+            raise ValueError(f"{name}: differences must come before windows and components")
         return cls(
             name=name,
             estimates="estM" in order,
@@ -170,7 +170,7 @@ def windows(values: ArrayLike, days: int) -> Floats:
     """
     rows = np.asarray(values, dtype=float)
     if not 1 <= days <= len(rows):
-        raise ValueError(f"windows of {days} rows need as many, got {len(rows)}")
+        raise ValueError(f"windows of {days} rows need at least as many rows, got {len(rows)}")
     return np.hstack([rows[k : len(rows) - days + 1 + k] for k in range(days)])
 
 

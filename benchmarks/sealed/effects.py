@@ -72,7 +72,7 @@ class Nominal:
 
     @property
     def twist(self) -> np.ndarray:
-        """Twist of the gearbox by its stiffness [rad], shape (samples, n_axes)."""
+        """Twist of the gearbox by its stiffness [rad], shape (samples,)."""
         return self.gear / self.K
 
 

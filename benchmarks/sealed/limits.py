@@ -198,9 +198,15 @@ class Limits:
         return folder / "baseline.npy", folder / "forms.npy"
 
     def response(self, combo: Combo) -> tuple[float, np.ndarray]:
-        """Severity and the change of torque that it makes, shape (samples, n_axes), in [N m].
+        """Find a severity near the limit, and the change of torque that it causes.
 
         The severity is about the limit at 1 % noise with a twin, found in two steps.
+
+        Args:
+            combo: Effect, axis and order.
+
+        Returns:
+            Severity in the effect's unit, and change of torque [N m], shape (samples, n_axes).
         """
         path = self._file(combo)
         if not path.is_file():
@@ -284,7 +290,7 @@ class Limits:
         Args:
             change: Change of torque [N m], shape (samples, n_axes).
             level: Level of the noise.
-            mode: Whether there is a twin.
+            mode: 'twin' or 'alone'.
 
         Returns:
             d'.
@@ -315,7 +321,7 @@ class Limits:
             name: Name of the effect.
             axis: Axis, from 1.
             level: Level of the noise.
-            mode: Whether there is a twin.
+            mode: 'twin' or 'alone'.
             order: Order of a periodic effect.
 
         Returns:

@@ -243,7 +243,11 @@ def baselines(truth: list[Truth]) -> list[Row]:
 def confusion(
     truth: Mapping[str, Truth], answers: Mapping[str, Answer]
 ) -> tuple[list[str], list[str], np.ndarray]:
-    """First answers by true effect, of clear single effects, unknown and clean cases.
+    """Count first answers by true effect, for clear single effects, unknown and clean cases.
+
+    Args:
+        truth: The truth by case.
+        answers: The answers by case.
 
     Returns:
         Names of rows, names of columns, counts of shape (rows, columns).

@@ -179,14 +179,14 @@ def _excitation(recording: Recording, robot: Robot, q: np.ndarray, qd: np.ndarra
     speed = np.abs(qd * robot.gear_ratio)
     for axis in range(robot.n_axes):
         if np.ptp(q[:, axis]) < _STILL:
-            text = "does not move: no effect of this axis can be told"
+            text = "does not move, so that no effect on this axis can be found"
         elif speed[:, axis].max() < _SLOW * stribeck[axis]:
             text = (
                 f"motor speed stays below {speed[:, axis].max():.3g} rad/s: Coulomb, viscous and "
-                "Stribeck friction cannot be told apart"
+                "Stribeck friction cannot be distinguished"
             )
         elif qd[:, axis].max() <= 0 or qd[:, axis].min() >= 0:
-            text = "moves in one direction only: friction and load cannot be told apart"
+            text = "moves in one direction only: friction and load cannot be distinguished"
         else:
             continue
         findings.append(Finding("warn", axis + 1, text))
@@ -211,7 +211,7 @@ def _torque(
             )
             findings.append(Finding("warn", axis + 1, text))
         elif correlation < 0:
-            text = "torque has the opposite sign of the model's: turn it round"
+            text = "torque has the opposite sign of the model's: reverse its sign"
             findings.append(Finding("refuse", axis + 1, text))
         elif not 1 / 3 < scale < 3:
             side = "joint" if recording.side == "motor" else "motor"

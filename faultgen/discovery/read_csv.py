@@ -64,7 +64,7 @@ def _columns(path: Path) -> dict[str, np.ndarray]:
         )
     twice = {name for name in header if header.count(name) > 1}
     if twice:
-        raise InputError(f"{path}: column '{min(twice)}' is there more than once")
+        raise InputError(f"{path}: column '{min(twice)}' appears more than once")
     try:
         table = pd.read_csv(
             io.StringIO(text),

@@ -233,7 +233,9 @@ def relative_error(square: np.ndarray, recording: Recording, inside: np.ndarray)
     by_axis = relative_errors(square, recording, inside)
     seen = np.any(inside & (recording.torque != 0), axis=0)
     if not seen.any():
-        raise InputError(f"{recording.source}: no sample counts; give a recording of more motion")
+        raise InputError(
+            f"{recording.source}: no sample can be used; give a recording with more motion"
+        )
     return float(np.sqrt(np.mean(by_axis[seen] ** 2)))
 
 

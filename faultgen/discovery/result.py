@@ -151,6 +151,6 @@ class Answer:
             for one in self.left[:3]
             if one.p_value < UNLIKELY
         ]
-        return "a pattern that no effect of the catalogue makes: " + (
+        return "a pattern that no effect of the catalogue causes: " + (
             "; ".join(told) or f"most on axis {self.left[0].axis}"
         )
