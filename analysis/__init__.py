@@ -1,4 +1,4 @@
-"""Analysis of condition-monitoring series: arrays in, results out."""
+"""Analysis of condition-monitoring series. All methods get arrays and return results as arrays."""
 
 from .cross_correlation import (
     cross_correlation_lags,

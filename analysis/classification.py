@@ -1,13 +1,13 @@
-"""Classifiers of failing robots, judged by leaving out one failing and one normal robot.
+"""Classifiers of failing robots. The test leaves out one failing and one normal robot at a time.
 
-    rows = [prepare(record, combination)[1] for record in records]  # one array a robot
+    rows = [prepare(record, combination)[1] for record in records]  # one array per robot
     make = partial(make_classifier, "LR", combination)
     found = leave_pair_out(rows, failed, make)
     found.auc  # shape (failing, normal)
 
-Nothing of the pair under test is in training: scaling, components and tuning learn from the other
-robots, and tuning keeps the rows of a robot together. Results are the same for any number of
-workers.
+The training data contain nothing of the two robots under test: scaling, components and tuning are
+learned from the other robots. Tuning keeps the rows of a robot together. Results do not depend on
+the number of workers.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int_]
 Splits = list[tuple[Ints, Ints]]
 Make = Callable[[int, Splits, int], BaseEstimator]
-"""A classifier for so many columns, splits of the training rows for tuning, and a seed."""
+"""Makes a classifier from the number of columns, the splits of the training rows and a seed."""
 
 CLASSIFIERS = ("LR", "SVM", "RF", "ES")
-"""Logistic regression, support vector machine, random forest, stack of the first two."""
+"""Logistic regression, support vector machine, random forest, and a stack of the first two."""
 
 _TREES = 100
 _COSTS = (0.1, 1.0, 10.0)
@@ -54,19 +54,22 @@ _ITERATIONS = 2000
 def make_classifier(
     name: str, combination: Combination, n_columns: int, splits: Splits, seed: int
 ) -> BaseEstimator:
-    """A classifier of thesis 5.2.1, with standardisation and components inside.
+    """Make a classifier of thesis 5.2.1 that includes standardisation and principal components.
 
-    LR has a ridge penalty of scikit-learn's default weight, C = 1: without any there is no maximum
-    of the likelihood where training rows can be separated, as here they often can. SVM has a radial
-    kernel, its C and gamma tuned for AUC. RF has 100 trees. ES is a logistic regression on the
-    answers of LR and of the tuned SVM to rows that they were not trained on.
+    LR has a ridge penalty with scikit-learn's default weight, C = 1. Without a penalty the
+    likelihood has no maximum if the training rows can be separated, which is often so here. SVM has
+    a radial kernel, and its C and gamma are tuned for AUC. RF has 100 trees. ES is a logistic
+    regression on the outputs of LR and the tuned SVM for rows on which these two were not trained.
 
     Args:
         name: One of `CLASSIFIERS`.
-        combination: Preprocessing; its principal components are a step of the pipeline.
-        n_columns: Columns of the rows.
+        combination: Preprocessing. Its principal components are a step of the pipeline.
+        n_columns: Number of columns of the rows.
         splits: Training and validation rows for tuning and stacking.
-        seed: Of the forest.
+        seed: Seed of the random forest.
+
+    Returns:
+        The classifier, not yet fitted.
 
     Raises:
         ValueError: The name is unknown.
@@ -90,7 +93,7 @@ def _pipeline(combination: Combination, last: BaseEstimator) -> Pipeline:
 
 
 class _Stack(ClassifierMixin, BaseEstimator):
-    """Stack of two classifiers, of which the second is tuned first, on all training rows."""
+    """Stack of two classifiers. The second one is tuned first, on all training rows."""
 
     def __init__(self, linear: BaseEstimator, tuned: GridSearchCV, splits: Splits) -> None:
         self.linear = linear
@@ -110,14 +113,15 @@ class _Stack(ClassifierMixin, BaseEstimator):
 
 @dataclass(frozen=True, eq=False)
 class PairResult:
-    """What leaving out pairs of robots gave."""
+    """Result of leaving out pairs of robots."""
 
     auc: Floats
     """Area under the ROC curve of each pair, shape (failing, normal)."""
     seconds: float
-    """Processor time of all pairs: training, tuning and test."""
+    """Processor time of all pairs for training, tuning and testing [s]."""
     importance: dict[Any, float]
-    """By name of a group of columns: loss of AUC when these are shuffled, mean over pairs."""
+    """Decrease of the AUC if a group of columns is shuffled, by name of the group: mean over the
+    pairs."""
 
 
 def leave_pair_out(
@@ -130,27 +134,28 @@ def leave_pair_out(
     groups: Mapping[Any, Ints] | None = None,
     label: str = "pairs",
 ) -> PairResult:
-    """Train on all robots but a failing and a normal one, test on these two; for all such pairs.
+    """Train on all robots except a failing and a normal one, and test on these two, for all pairs.
 
     Source: thesis procedure 1; Airola et al. (2011), An experimental comparison of cross-validation
     techniques for estimating the area under the ROC curve.
 
     Args:
-        rows: Of each robot, shape (its rows, columns).
+        rows: Rows of each robot, shape (its rows, columns).
         failed: Whether each robot fails, shape (robots,).
-        make: The classifier, as `make_classifier` with its first two arguments given.
-        seed: Of all draws.
-        workers: Processes; no effect on the results.
-        groups: Columns whose importance to tell: each group is shuffled over the rows of the tested
-            pair. Default: none.
-        label: Name of the progress bar, which goes to stderr.
+        make: Makes the classifier: `make_classifier` with its first two arguments given.
+        seed: Seed of all random draws.
+        workers: Number of processes. It has no effect on the results.
+        groups: Columns whose importance is computed. Each group is shuffled over the rows of the
+            tested pair. Default: none.
+        label: Name of the progress bar, which is written to stderr.
 
     Returns:
-        AUC of each pair, over the rows of both robots.
+        AUC of each pair over the rows of both robots, shape (failing, normal), processor time, and
+        importance of the groups.
 
     Raises:
-        ValueError: There are fewer than three robots of either kind, columns differ, or a robot
-            has no rows.
+        ValueError: There are fewer than three robots of either kind, the robots have different
+            columns, or a robot has no rows.
     """
     arrays = [np.asarray(own, dtype=float) for own in rows]
     fails = np.asarray(failed, dtype=bool)
@@ -186,7 +191,7 @@ def _pair(
     seed: Sequence[int],
     groups: Mapping[Any, Ints],
 ) -> tuple[float, float, dict[Any, float]]:
-    """AUC of one pair, processor time [s], and AUC lost by shuffling each group of columns."""
+    """AUC of one pair, processor time [s], and loss of AUC for each shuffled group of columns."""
     with threadpool_limits(1):  # sums in another order would differ in their last digits
         started = time.process_time()
         kept = [k for k in range(len(rows)) if k not in pair]
@@ -212,15 +217,16 @@ def _pair(
 
 
 def grouped_splits(y: ArrayLike, groups: ArrayLike, seed: int) -> Splits:
-    """Folds that keep the rows of a robot together and have both classes.
+    """Divide rows into folds that keep the rows of a robot together and contain both classes.
 
     Args:
         y: Class of each row, 0 or 1. Shape (rows,).
         groups: Robot of each row. Shape (rows,).
-        seed: Of the order in which robots are dealt out.
+        seed: Seed of the order in which robots are assigned to folds.
 
     Returns:
-        Training and validation rows of three folds, or two where a class has only two robots.
+        Indices of the training and validation rows of three folds, or of two if a class has only
+        two robots.
 
     Raises:
         ValueError: A class has fewer than two robots.
@@ -234,7 +240,16 @@ def grouped_splits(y: ArrayLike, groups: ArrayLike, seed: int) -> Splits:
 
 
 def score(estimator: Any, X: ArrayLike) -> Floats:
-    """How much each row looks like a failing robot: decision function, or else probability."""
+    """Compute how much each row looks like one of a failing robot.
+
+    Args:
+        estimator: A fitted classifier.
+        X: Rows. Shape (rows, columns).
+
+    Returns:
+        Decision function of the classifier or, if it has none, probability of failing. Shape
+        (rows,).
+    """
     if hasattr(estimator, "decision_function"):
         return estimator.decision_function(X)
     return estimator.predict_proba(X)[:, 1]

@@ -1,4 +1,4 @@
-"""Lags of largest cross-correlation between series, and the axis that leads by them.
+"""Lags of the largest cross-correlation between series, and the axis that leads according to them.
 
 cross_correlation_lags(x)  # x of shape (samples, axes): (axes, axes), in samples
 isolate_axis_by_lags(x)  # index of the axis that leads all others
@@ -14,17 +14,18 @@ _TIE = 1e-10  # relative to the largest correlation there can be; smaller differ
 
 
 def cross_correlation_lags(x: ArrayLike) -> NDArray[np.int_]:
-    """Lag at which the cross-correlation of each pair of axes is largest.
+    """Compute the lag at which the cross-correlation of each pair of axes is largest.
 
         c(d) = sum_t (x_i[t] - mean_i)(x_j[t + d] - mean_j) / N,  R(d) = c(d) / (s_i s_j)
 
-    The sum runs over the samples that overlap. Entry [i, j] is -d at the largest R, so that a
-    negative lag says that axis i leads axis j: where axis j repeats axis i 7 samples later, entry
-    [i, j] is -7 and entry [j, i] is 7. This is the sign of thesis table 3.3; its eq. 3.5 counts d.
-    The largest R counts, not the largest |R|: an axis that mirrors another is not aligned with it.
+    The sum runs over the samples that overlap. Entry [i, j] is -d at the largest R. A negative lag
+    therefore means that axis i leads axis j. For example, if axis j repeats axis i 7 samples later,
+    entry [i, j] is -7 and entry [j, i] is 7. This is the sign of thesis table 3.3; its eq. 3.5 has
+    the opposite sign. The largest R is used, not the largest |R|: an axis that mirrors another is
+    not aligned with it.
 
-    Equal maxima are decided for the shortest lag. If that is d and -d at once, neither axis leads
-    and the lag is 0. A constant series has no correlation; its lags are 0.
+    If several lags have the same maximum, the shortest is used. If these are d and -d, neither axis
+    leads and the lag is 0. A constant series has no correlation; its lags are 0.
 
     Source: thesis eq. 3.5 and 3.6, table 3.3.
 
@@ -35,7 +36,8 @@ def cross_correlation_lags(x: ArrayLike) -> NDArray[np.int_]:
         Antisymmetric lags. Shape (axes, axes), in samples.
 
     Raises:
-        ValueError: If x has no such shape, fewer than 2 samples or axes, or is not finite.
+        ValueError: x has another shape, fewer than 2 samples or axes, or values that are not
+            finite.
     """
     series = np.asarray(x, dtype=float)
     if series.ndim != 2 or min(series.shape) < 2:
@@ -60,15 +62,15 @@ def cross_correlation_lags(x: ArrayLike) -> NDArray[np.int_]:
 
 
 def leading_axis(lags: ArrayLike) -> int:
-    """Name the axis that leads: it has no positive lag, and at least one negative one.
+    """Find the axis that leads: it has no positive lag and at least one negative lag.
 
-    A lag of 0 to some axes is let pass, as the thesis does: the axis that it names in table 3.3 has
-    one. Where two axes qualify, none is named.
+    Lags of 0 are allowed, as in the thesis: the axis that it names in table 3.3 has one. If two
+    axes fulfil the condition, none is named.
 
     Source: thesis 3.4.2 and table 3.3.
 
     Args:
-        lags: Lags as `cross_correlation_lags` gives them. Shape (axes, axes), in samples.
+        lags: Lags as returned by `cross_correlation_lags`. Shape (axes, axes), in samples.
 
     Returns:
         Index of the axis from 0, or -1 if no axis, or more than one, leads.
@@ -79,7 +81,7 @@ def leading_axis(lags: ArrayLike) -> int:
 
 
 def isolate_axis_by_lags(x: ArrayLike) -> int:
-    """Name the axis that leads by `cross_correlation_lags`, see `leading_axis`.
+    """Find the axis that leads according to `cross_correlation_lags`, see `leading_axis`.
 
     Source: thesis 6.4.
 

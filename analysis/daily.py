@@ -1,4 +1,4 @@
-"""Monitoring of one robot with one row a day, thesis 5.3.2.
+"""Monitoring data of one robot, reduced to one row per day, thesis 5.3.2.
 
 series = daily(record)
 series.day, series.values["estimated torque"], series.histograms["KL torque"]
@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int_]
 
 TORQUE_EXPONENT = 0.3
-"""Power of the share of production in the torque indicator, 1 / (10 / 3)."""
+"""Exponent of the share of production in the torque indicator, 1 / (10 / 3)."""
 
 INDICATORS = ("speed indicator", "torque indicator")
 ESTIMATES = ("estimated speed", "estimated torque")
@@ -24,55 +24,66 @@ DIVERGENCES = ("KL speed", "KL angle", "KL torque")
 
 
 class Record(Protocol):
-    """Monitoring of one robot; see the function `daily` for shapes and units."""
+    """Monitoring data of one robot."""
 
     @property
-    def day(self) -> np.ndarray: ...  # noqa: D102
+    def day(self) -> np.ndarray:
+        """Time of each sample [d], shape (samples,); a sample at 2.0 belongs to the day before."""
+
     @property
-    def production(self) -> np.ndarray: ...  # noqa: D102
+    def production(self) -> np.ndarray:
+        """Share of time in which the robot produced, shape (samples,)."""
+
     @property
-    def torque_histogram(self) -> np.ndarray: ...  # noqa: D102
+    def torque_histogram(self) -> np.ndarray:
+        """Share of time in each bin of the torque, shape (samples, n_axes, bins)."""
+
     @property
-    def speed_histogram(self) -> np.ndarray: ...  # noqa: D102
+    def speed_histogram(self) -> np.ndarray:
+        """Share of time in each bin of the speed, shape (samples, n_axes, bins)."""
+
     @property
-    def angle_histogram(self) -> np.ndarray: ...  # noqa: D102
+    def angle_histogram(self) -> np.ndarray:
+        """Share of time in each bin of the angle, shape (samples, n_axes, bins)."""
+
     @property
-    def torque_indicator(self) -> np.ndarray: ...  # noqa: D102
+    def torque_indicator(self) -> np.ndarray:
+        """Torque indicator [N m], shape (samples, n_axes)."""
+
     @property
-    def speed_indicator(self) -> np.ndarray: ...  # noqa: D102
+    def speed_indicator(self) -> np.ndarray:
+        """Speed indicator [rad/s], shape (samples, n_axes)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Daily:
-    """A record with one row a day."""
+    """A record with one row per day."""
 
     day: Ints
-    """From 0; days without a sample are missing. Shape (days,)."""
+    """Day from 0; days without a sample are missing. Shape (days,)."""
     values: dict[str, Floats]
-    """Indicators and estimates by name, shape (days, n_axes)."""
+    """Indicators [N m or rad/s] and estimates by name, shape (days, n_axes)."""
     histograms: dict[str, Floats]
-    """Shares by the name of their divergence, shape (days, n_axes, bins)."""
+    """Shares of the bins by the name of their divergence, shape (days, n_axes, bins)."""
 
 
 def daily(record: Record) -> Daily:
-    """One row a day: the largest of each value over the day's samples, thesis 5.3.2.
+    """Reduce a record to one row per day: the largest value of each day's samples, thesis 5.3.2.
 
-    Estimates invert the indicators, torque = indicator / production^0.3 and speed = indicator /
-    production. A sample in which the robot did not run has neither these nor histograms; a day of
-    such samples only takes those of the running day before (days before the first take the first).
-    The largest of each bin over a day no longer sums to 1 and is normalised again.
+    Estimates invert the indicators: torque = indicator / production^0.3 and speed = indicator /
+    production. A sample in which the robot did not run has no estimates and no histograms. A day
+    that contains only such samples gets those of the last day before on which the robot ran, or of
+    the first such day. The largest values of the bins of a day no longer sum to 1, so that they are
+    normalised again.
 
     Args:
-        record: Arrays `day` (time of each sample [d], shape (samples,); one at 2.0 belongs to the
-            day that ends then), `production` (share of time, same shape), `torque_indicator` [N m]
-            and `speed_indicator` [rad/s] of shape (samples, n_axes), and the three histograms, of
-            shape (samples, n_axes, bins).
+        record: Monitoring data, with the arrays of `Record`.
 
     Returns:
         The record by days.
 
     Raises:
-        ValueError: There is no sample in which the robot ran, or arrays differ in samples.
+        ValueError: The robot did not run in any sample, or the arrays differ in samples.
     """
     production = np.asarray(record.production, float)
     runs = production > 0
@@ -104,23 +115,26 @@ def daily(record: Record) -> Daily:
 
 
 def day_of(time: ArrayLike) -> Ints:
-    """Day of each sample, from 0: one at midnight tells of the day that ends.
+    """Compute the day of each sample. A sample at midnight belongs to the day that ends.
 
     Args:
-        time: Since the start of the record [d]. Shape (samples,).
+        time: Time since the start of the record [d]. Shape (samples,).
+
+    Returns:
+        Day from 0. Shape (samples,).
     """
     return np.maximum(np.ceil(np.round(np.asarray(time, dtype=float), 6)).astype(int) - 1, 0)
 
 
 def daily_maximum(day: ArrayLike, values: ArrayLike) -> Floats:
-    """Largest value of each day; nan counts only where there is nothing else.
+    """Compute the largest value of each day. It is nan only if the day has no other values.
 
     Args:
         day: Day of each sample, whole numbers. Shape (samples,).
         values: Shape (samples, ...).
 
     Returns:
-        Shape (days, ...), for the days that occur, in their order.
+        Shape (days, ...), in the unit of the values, for the days that occur, in ascending order.
 
     Raises:
         ValueError: day and values differ in samples.
@@ -135,7 +149,7 @@ def daily_maximum(day: ArrayLike, values: ArrayLike) -> Floats:
 
 
 def _filled(values: Floats) -> Floats:
-    """Rows of nan replaced by the row before, or the first that is none."""
+    """Replace rows of nan by the row before, or by the first row that is not nan."""
     known = ~np.isnan(values).reshape(len(values), -1).any(axis=1)
     last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
     return values[np.where(last < 0, np.argmax(known), last)]

@@ -1,25 +1,25 @@
-"""Control charts: alarms in a series of values, a known number of samples between false ones.
+"""Control charts: alarms in a series, with a known mean number of samples between false alarms.
 
     chart = EWMAChart(in_control_run_length=1000).fit(healthy)  # values of a healthy robot
     chart.first_alarm(values)  # index of the first alarm, or None
     chart.average_run_length(0.5)  # samples until a shift of half a standard deviation is found
-    chart.run_length().probability_within(720)  # of a false alarm in so many samples
+    chart.run_length().probability_within(720)  # of a false alarm within 720 samples
 
-Values of condition monitoring, temperatures above all, depend on those before them, and limits for
-independent samples then give false alarms many times too often. These charts watch the one-step
-residuals of a first-order autoregression instead. Where that model holds, residuals are independent
-and the exact run lengths of independent samples apply: there is nothing to simulate, and no seed. A
-chart of the values themselves, with limits widened by simulation, finds shifts about as soon at an
-autocorrelation of 0.5; at 0.9 it finds a shift of one deviation after 59 samples, the residuals do
-after 77, or after 59 if the weight is 0.03 in place of 0.1.
+Values of condition monitoring, temperatures above all, depend on the values before them. Limits for
+independent samples then give many times too many false alarms. These charts therefore watch the
+one-step residuals of a first-order autoregression. If that model holds, the residuals are
+independent, and the exact run lengths of independent samples apply. No simulation and no seed are
+needed. A chart of the values themselves, with limits widened by simulation, finds shifts about as
+early at an autocorrelation of 0.5. At 0.9 it finds a shift of one deviation after 59 samples. The
+residuals find it after 77 samples, or after 59 if the weight is 0.03 instead of 0.1.
 
-The limits are right for what was learned, not for what is true: of charts fitted to 100 independent
-samples for 500 samples between false alarms, a quarter gives less than 280 and a quarter more than
-1500; at an autocorrelation of 0.9, a quarter gives less than 170. After 1000 samples, half of the
-charts lie between 350 and 650. Fit to as many as there are.
+The limits depend on the healthy values from which they were learned. If charts are fitted to 100
+independent samples for 500 samples between false alarms, a quarter of them gives less than 280 and
+a quarter more than 1500. At an autocorrelation of 0.9, a quarter gives less than 170. With 1000
+samples, half of the charts lie between 350 and 650. Fit to as many samples as there are.
 
-They are also for Gaussian values. T², Q and other sums of squares are skewed: T² of three
-components gives 245 instead of 500 samples with EWMAChart and 142 with CUSUMChart. Chart the cube
+The limits hold for Gaussian values. T², Q and other sums of squares are skewed: T² of three
+components gives 245 instead of 500 samples with EWMAChart, and 142 with CUSUMChart. Chart the cube
 root of such values, which is nearly Gaussian (Wilson and Hilferty 1931): it gives about 470.
 """
 
@@ -46,7 +46,7 @@ _LARGEST = 0.99  # autocorrelation; beyond it a mean cannot be learned
 
 
 class _Chart(BaseEstimator, ABC):
-    """What the charts share: the healthy model, standard residuals and alarms."""
+    """Common part of the charts: the healthy model, standard residuals and alarms."""
 
     two_sided: bool
     in_control_run_length: float
@@ -61,7 +61,7 @@ class _Chart(BaseEstimator, ABC):
         Source: Kendall (1954), Note on bias in the estimation of autocorrelation.
 
         Args:
-            x: Values while healthy. Shape (samples,), in any unit.
+            x: Values of the healthy robot. Shape (samples,), in any unit.
             y: Not used.
 
         Returns:
@@ -89,13 +89,14 @@ class _Chart(BaseEstimator, ABC):
         return self
 
     def statistic(self, x: ArrayLike) -> Floats:
-        """The charted statistic after each sample, in standard deviations of a residual.
+        """Compute the charted statistic after each sample.
 
         Args:
             x: Values in the order of time. Shape (samples,), in the unit of the healthy ones.
 
         Returns:
-            Statistic, which begins at 0 before the first sample. Shape (samples,).
+            Statistic, in standard deviations of a residual. It is 0 before the first sample. Shape
+            (samples,).
 
         Raises:
             ValueError: If x is not a finite series, or the chart is not fitted.
@@ -109,13 +110,14 @@ class _Chart(BaseEstimator, ABC):
         return self._statistic(residuals)
 
     def predict(self, x: ArrayLike) -> NDArray[np.int_]:
-        """Which samples are in alarm: -1 where they are, 1 where not, as outliers in scikit-learn.
+        """Find the samples that are in alarm, marked as scikit-learn marks outliers.
 
         Args:
             x: Values in the order of time. Shape (samples,), in the unit of the healthy ones.
 
         Returns:
-            Shape (samples,). The chart goes on after an alarm without a reset.
+            -1 for samples in alarm, 1 for others. Shape (samples,). The chart continues after an
+            alarm without a reset.
 
         Raises:
             ValueError: As `statistic`.
@@ -123,7 +125,7 @@ class _Chart(BaseEstimator, ABC):
         return np.where(self._exceeds(self.statistic(x)), -1, 1)
 
     def first_alarm(self, x: ArrayLike) -> int | None:
-        """Index of the first sample in alarm.
+        """Find the first sample in alarm.
 
         Args:
             x: Values in the order of time. Shape (samples,), in the unit of the healthy ones.
@@ -138,11 +140,11 @@ class _Chart(BaseEstimator, ABC):
         return int(alarms[0]) if len(alarms) else None
 
     def run_length(self, shift: float = 0.0) -> RunLength:
-        """Run length where the mean of the values is shifted from the first sample on.
+        """Compute the run length if the mean of the values is shifted from the first sample on.
 
         From the second sample on, the residuals are shifted by sqrt((1 - r) / (1 + r)) times as
-        many of their standard deviations, where r is the autocorrelation. What was learned is taken
-        as right.
+        many of their standard deviations, where r is the autocorrelation. The learned mean,
+        deviation and autocorrelation are assumed to be exact.
 
         Args:
             shift: Shift of the mean, in standard deviations of the values.
@@ -176,23 +178,23 @@ class _Chart(BaseEstimator, ABC):
 
     @abstractmethod
     def _run_length(self, shift: float, first_shift: float) -> RunLength:
-        """Run length of standard residuals of those means."""
+        """Run length of standard residuals with the given means."""
 
 
 class EWMAChart(_Chart):
     """Exponentially weighted moving average, E = weight z + (1 - weight) E, of residuals z.
 
-    The alarm comes when E exceeds `limit_`. The limit is that of the long run at all times, for
-    which the run length is exact; one that widens from the first sample finds only shifts that are
-    there at the start sooner.
+    An alarm is raised when E exceeds `limit_`. The limit is constant, and the run length is exact
+    for it. A limit that widens from the first sample on would find earlier only those shifts that
+    exist at the start.
 
     Source: Roberts (1959), Control chart tests based on geometric moving averages; Lucas and
     Saccucci (1990), Exponentially weighted moving average control schemes.
 
     Args:
-        weight: Weight of the newest sample. Small ones find small shifts.
+        weight: Weight of the newest sample. Small weights find small shifts.
         in_control_run_length: Mean number of samples between false alarms.
-        two_sided: Whether a decrease is watched for, too.
+        two_sided: Whether a decrease raises an alarm, too.
     """
 
     def __init__(
@@ -223,15 +225,15 @@ class EWMAChart(_Chart):
 class CUSUMChart(_Chart):
     """Cumulative sum, C = max(0, C + z - shift / 2), of residuals z.
 
-    The alarm comes when C exceeds `limit_`. With two sides, a second sum does the same for -z and
+    An alarm is raised when C exceeds `limit_`. A chart with two sides has a second sum for -z, and
     the statistic is the larger of the two.
 
     Source: Page (1954), Continuous inspection schemes.
 
     Args:
-        shift: Shift of the residuals to find soonest, in their standard deviations.
+        shift: Shift of the residuals that is to be found earliest, in their standard deviations.
         in_control_run_length: Mean number of samples between false alarms.
-        two_sided: Whether a decrease is watched for, too.
+        two_sided: Whether a decrease raises an alarm, too.
     """
 
     def __init__(

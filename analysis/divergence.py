@@ -1,9 +1,10 @@
 """Kullback-Leibler divergence of a histogram from that of a healthy reference.
 
     healthy = HistogramDivergence(bins=12).fit(reference)  # shape (samples, axes)
-    healthy.divergence(hour)  # shape (axes,), in bits: 0 where shares are the reference's
+    healthy.divergence(hour)  # shape (axes,), in bits: 0 if the shares equal the reference's
 
-No sample is dropped: what lies outside of the reference's range counts in the end bins.
+All samples are used: values outside the range of the reference are counted in the first or last
+bin.
 """
 
 from __future__ import annotations
@@ -23,12 +24,13 @@ _HALF_BIN = 1e-9  # relative half width of the bin that holds such an axis
 
 
 def kl_divergence(p: ArrayLike, q: ArrayLike, *, smoothing: float = 0.0) -> Floats:
-    """Divergence of p from q, KL(p || q) = sum_i p_i log2(p_i / q_i).
+    """Compute the divergence of p from q, KL(p || q) = sum_i p_i log2(p_i / q_i).
 
-    Histograms are normalised. For smoothing, q is first scaled to the number of samples in p; then
-    as much is added to every bin of both, so that equal shares have a divergence of 0 whatever the
-    size of the reference. A bin that is empty in q only then adds a finite amount, which grows with
-    the number of samples in p. Without smoothing it makes the divergence infinite.
+    Histograms are normalised. For smoothing, q is first scaled to the number of samples in p. Then
+    the same count is added to every bin of both, so that equal shares have a divergence of 0
+    whatever the size of the reference. With smoothing, a bin that is empty only in q adds a finite
+    amount, which grows with the number of samples in p. Without smoothing, it makes the divergence
+    infinite.
 
     Source: Kullback and Leibler (1951), On information and sufficiency; thesis eq. 4.1, in bits.
 
@@ -56,15 +58,16 @@ def kl_divergence(p: ArrayLike, q: ArrayLike, *, smoothing: float = 0.0) -> Floa
 
 
 class HistogramDivergence(BaseEstimator):
-    """Divergence of samples from healthy ones, axis by axis, by histograms with common edges.
+    """Divergence of samples from healthy ones for each axis, by histograms with common edges.
 
-    The thesis takes 60 samples of the torque in each hour, in 12 bins over the share of the highest
-    torque. `range` as minus and plus that torque makes its bins; by default the 12 bins are spread
-    over what the reference uses.
+    The thesis uses 60 samples of the torque in each hour, in 12 bins over the share of the highest
+    torque. To get its bins, set `range` to minus and plus that torque. By default the 12 bins cover
+    the range of the reference.
 
-    Bins are left-closed. Their edges stay those of the reference: a value outside of them counts
-    in the first or last bin. An axis that never moves in the reference has no width to divide: one
-    bin holds its value to a relative 1e-9 (absolute, if it is 0), as wide ones lie around it.
+    Bins are closed on the left. Their edges stay those of the reference, and a value outside of
+    them is counted in the first or last bin. An axis that never moves in the reference has no range
+    to divide. Then one bin contains its value to a relative 1e-9 (absolute, if it is 0), and wide
+    bins lie around it.
 
     Source: thesis 3.4 and eq. 5.4.
 
@@ -126,7 +129,7 @@ class HistogramDivergence(BaseEstimator):
         return self
 
     def counts(self, X: ArrayLike) -> NDArray[np.int_]:
-        """Histogram of each axis; no sample is left out.
+        """Compute the histogram of each axis from all samples.
 
         Args:
             X: Samples. Shape (samples,) or (samples, axes), in the unit of the reference.
@@ -176,7 +179,7 @@ def _shares(counts: Floats, name: str, current: Floats, smoothing: float) -> Flo
 
 
 def _samples(x: ArrayLike) -> Floats:
-    """Samples as a column for each axis."""
+    """Samples with one column per axis."""
     samples = np.asarray(x, dtype=float)
     if samples.ndim not in (1, 2) or samples.size == 0:
         raise ValueError(f"X must have shape (samples,) or (samples, axes), got {samples.shape}")

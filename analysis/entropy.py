@@ -1,4 +1,4 @@
-"""Conditional entropy of symbols, from counts of their codes."""
+"""Conditional entropy of symbols, from the counts of their codes."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,16 +9,33 @@ _CHUNK = 1 << 14  # codes and counts held at a time, so that they stay in the ca
 
 
 def entropy_left(past: NDArray, following: NDArray, size: int) -> Floats:
-    """Entropy in [bit] of `following` given `past`, of each row. Shape (..., windows) to (...)."""
+    """Compute the entropy of `following` given `past`, for each row.
+
+    Args:
+        past: Code of the symbols before each window. Shape (..., windows).
+        following: Symbol after each window, from 0 to size - 1. Same shape.
+        size: Number of possible symbols.
+
+    Returns:
+        Entropy in [bit]. Shape (...).
+    """
     codes = np.sort(past * size + following, axis=-1)
     return (_sum_c_log_c(codes // size) - _sum_c_log_c(codes)) / codes.shape[-1]
 
 
 def entropy_left_counted(x: NDArray, y: NDArray, size: int) -> Floats:
-    """Entropy in [bit] of y's next symbol given those of y and x. Shapes (rows, n - 1) and (n,).
+    """Compute the entropy of y's next symbol given the last symbols of y and x, for each row of x.
 
-    Counts in a table of all codes, which is quicker than sorting where the table is not much longer
+    It counts in a table of all codes, which is faster than sorting if the table is not much longer
     than the series.
+
+    Args:
+        x: Symbols of the sources. Shape (rows, n - 1).
+        y: Symbols of the target. Shape (n,).
+        size: Number of possible symbols.
+
+    Returns:
+        Entropy in [bit]. Shape (rows,).
     """
     rows, windows = x.shape
     c_log_c = _c_log_c(windows)

@@ -1,4 +1,4 @@
-"""Friction of each axis, cycle by cycle: coefficients of friction terms in the torque."""
+"""Friction of each axis in each cycle: coefficients of friction terms in the torque."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ class FrictionFeatures(BaseEstimator):
         torque(t) - expected(t) = offset + c0 sgn(w) + c1 w + c2 load(t)
                                   + sum_j d_j sgn(w) exp(-(w / (width_j stribeck_velocity))^2)
 
-    for each axis, w its speed; sgn(w) is tanh(w / (0.3 stribeck_velocity)). c0 is Coulomb and c1
-    viscous friction; several widths let the Stribeck part change its shape, as it does with
-    temperature. The motion repeats, so that terms come from one reference cycle and every
-    coefficient is a fixed weighted sum of torque samples. A constant `expected` moves the
-    coefficients of every cycle alike; an isolator that compares with healthy cycles needs none.
+    This holds for each axis, with w its speed; sgn(w) is tanh(w / (0.3 stribeck_velocity)). c0 is
+    Coulomb friction and c1 viscous friction. With several widths the Stribeck part can change its
+    shape, as it does with temperature. Since the motion repeats, the terms come from one reference
+    cycle, and every coefficient is a fixed weighted sum of torque samples. A constant `expected`
+    shifts the coefficients of all cycles equally. An isolator that compares with healthy cycles
+    does not need it.
 
     Source: Bittencourt et al. (2010), An extended friction model to capture load and temperature
     effects in robot joints, for the terms.
@@ -36,11 +37,12 @@ class FrictionFeatures(BaseEstimator):
     def __init__(
         self, *, stribeck_velocity: ArrayLike, widths: Sequence[float] = (0.6, 1.0, 1.6)
     ) -> None:
-        """Set the terms up.
+        """Store the settings.
 
         Args:
-            stribeck_velocity: Of each axis, shape (n_axes,), in the unit of speed.
-            widths: Widths of the Stribeck terms, as multiples of it.
+            stribeck_velocity: Stribeck velocity of each axis, shape (n_axes,), in the unit of
+                speed.
+            widths: Widths of the Stribeck terms, as multiples of the Stribeck velocity.
         """
         self.stribeck_velocity = stribeck_velocity
         self.widths = widths
@@ -59,7 +61,7 @@ class FrictionFeatures(BaseEstimator):
             The estimator.
 
         Raises:
-            ValueError: Shapes do not agree.
+            ValueError: The shapes do not agree.
         """
         w = np.asarray(velocity, float)
         scale = np.asarray(self.stribeck_velocity, float)
@@ -96,16 +98,17 @@ class FrictionFeatures(BaseEstimator):
         return self
 
     def transform(self, torque: ArrayLike) -> Floats:
-        """Coefficients of cycles.
+        """Compute the coefficients of cycles.
 
         Args:
             torque: Shape (cycles, samples, n_axes), in any unit.
 
         Returns:
-            Shape (cycles, n_axes * coefficients), axis by axis.
+            Shape (cycles, n_axes * coefficients), axis by axis, in the unit of the torque, or this
+            unit over that of the speed for c1.
 
         Raises:
-            ValueError: Samples or axes are not those of the reference cycle.
+            ValueError: The samples or axes are not those of the reference cycle.
         """
         check_is_fitted(self)
         cycles = np.asarray(torque, float)

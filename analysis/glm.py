@@ -1,11 +1,11 @@
-"""Generalised linear models that are compared one by one, thesis tables 4.5 to 4.11.
+"""Generalised linear models that are compared one after another, thesis tables 4.5 to 4.11.
 
     sequence(frame, "lead", ("source", "signal", "condition"), "poisson")  # rows of table 4.8
     terms(frame, "lead", ("source", "signal", "condition"), "poisson")  # rows of table 4.9
 
-All have a logarithmic link. Differences of deviance are judged as R's `anova(test = "Chisq")` does:
-divided by the dispersion of the larger model (Pearson's statistic over its degrees of freedom; 1
-for Poisson), against chi-squared.
+All models have a logarithmic link. Differences of deviance are tested as in R's
+`anova(test = "Chisq")`: they are divided by the dispersion of the larger model (Pearson's statistic
+over its degrees of freedom; 1 for Poisson) and compared with chi-squared.
 """
 
 from __future__ import annotations
@@ -28,13 +28,16 @@ COMPARED = (None, 1, 2, 3, 4, 4, 6, 7)
 
 
 def formulas(factors: Factors) -> list[str]:
-    """Right-hand sides of the eight models of thesis table 4.5.
+    """Return the right-hand sides of the eight models of thesis table 4.5.
 
-    The last has, as in R, all products within its highest one: three degrees of freedom more than
-    the one before it.
+    As in R, the last model contains all products within its highest one. It has three degrees of
+    freedom more than the model before it.
 
     Args:
         factors: Source of training, type of signal, condition of the robot.
+
+    Returns:
+        One formula per model.
     """
     a, b, c = factors
     main = f"{a} + {b} + {c}"
@@ -53,17 +56,17 @@ def formulas(factors: Factors) -> list[str]:
 def sequence(
     frame: pd.DataFrame, response: str, factors: Factors, family: Family
 ) -> list[dict[str, Any]]:
-    """The eight models, each against the one it extends.
+    """Fit the eight models, and compare each with the model that it extends.
 
     Args:
-        frame: A row an observation.
+        frame: One row per observation.
         response: Column of the response: positive for gamma, counts for poisson.
         factors: Columns of the factors.
         family: Distribution of the response.
 
     Returns:
-        A row a model, from 1: "model", "against", "residual_df", "residual_deviance" and, but for
-        the first, "df", "deviance" and "p" of the difference.
+        One row per model, from 1: "model", "against", "residual_df", "residual_deviance" and,
+        except for the first, "df", "deviance" and "p" of the difference.
 
     Raises:
         ValueError: The response does not fit the family.
@@ -81,18 +84,18 @@ def sequence(
 def terms(
     frame: pd.DataFrame, response: str, factors: Factors, family: Family, *, main_only: bool = False
 ) -> list[dict[str, Any]]:
-    """Terms of one model, added one by one, thesis tables 4.7, 4.9 and 4.11.
+    """Add the terms of one model one by one, thesis tables 4.7, 4.9 and 4.11.
 
     Args:
-        frame: A row an observation.
+        frame: One row per observation.
         response: Column of the response, as `sequence`.
         factors: Columns of the factors.
         family: Distribution of the response.
-        main_only: Stop at model 4, as table 4.7 does, rather than at model 8.
+        main_only: Whether to stop at model 4, as table 4.7 does, instead of model 8.
 
     Returns:
-        A row a term, "null" first: "term", "residual_df", "residual_deviance" and, but for the
-        first, "df", "deviance" and "p" with the dispersion of the last model.
+        One row per term, "null" first: "term", "residual_df", "residual_deviance" and, except for
+        the first, "df", "deviance" and "p" with the dispersion of the last model.
 
     Raises:
         ValueError: The response does not fit the family.

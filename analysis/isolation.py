@@ -1,8 +1,9 @@
-"""Which axes are worn, and how far: isolators that may also answer 'none'.
+"""Which axes are worn, and by how much: isolators that may also answer 'none'.
 
 An isolator compares features of recent cycles with the spread that they have on the healthy robot.
-It is told in which direction the features move when an axis wears, so that it can tell wear from
-what else moves them (temperature, payload): the healthy spread shows how those do.
+The user states in which direction the features move when an axis wears. The isolator can then
+distinguish wear from other causes such as temperature and payload, because the healthy spread shows
+how those move the features.
 
     isolator = ChangeIsolator(directions=directions).fit(healthy_runs)
     answer = isolator.isolate(features)  # shape (cycles, features), the last cycle is now
@@ -32,22 +33,23 @@ _ROUNDS = 6  # of covariance and severity, which depend on each other; more chan
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What an isolator says of a robot now. Arrays have shape (n_axes,)."""
+    """Answer of an isolator about the present state of a robot. Arrays have shape (n_axes,)."""
 
     worn: NDArray[np.bool_]
-    """Axes that are named; all False is 'none'."""
+    """Axes that are called worn; if all are False, the answer is 'none'."""
     severity: Floats
-    """Severity now, from 0, in the unit of the directions; nan where it cannot be observed."""
+    """Present severity, at least 0, in the unit of the directions; nan if it cannot be observed."""
     interval: Floats
     """95 % interval of the severity, shape (n_axes, 2)."""
     probability: Floats
     """Probability that the axis is worn."""
     z: Floats
-    """Mean severity of the last cycles over its standard error; worn if above the limit."""
+    """Mean severity of the last cycles over its standard error. The axis is worn if it exceeds the
+    limit."""
 
     @property
     def axis(self) -> int:
-        """The axis named with the largest z, from 0; -1 for none."""
+        """The worn axis with the largest z, from 0; -1 for none."""
         return int(np.argmax(np.where(self.worn, self.z, -np.inf))) if self.worn.any() else -1
 
 
@@ -57,29 +59,31 @@ class ChangeIsolator(BaseEstimator):
         x - mean = sum_a severity_a direction_a + healthy deviation,  estimate = K (x - mean)
         K = (D' C^-1 D)^-1 D' C^-1
 
-    C is the covariance of healthy features. Where they move together for another reason than wear,
-    C^-1 gives that motion no weight. With a diagonal covariance and one feature an axis this is
-    the axis' own change over its healthy spread.
+    C is the covariance of healthy features. If features move together for another reason than wear,
+    C^-1 gives that motion no weight. With a diagonal covariance and one feature per axis, the
+    estimate is the change of each axis over its own healthy spread.
 
-    Directions are never known exactly (the mix of Coulomb and static wear, the temperature at which
-    they hold). `spread` says how they may differ; what this adds to the covariance grows with the
-    severity, so the estimate is iterated. Intervals contain it. An axis is named if a healthy one
-    would not look so, which its own direction has no part in.
+    Directions are never known exactly. Examples are the shares of Coulomb and static wear, and the
+    temperature for which the directions hold. `spread` states how they may differ. The uncertainty
+    that this adds to the covariance grows with the severity, so that the estimate is iterated. The
+    intervals include it. An axis is named only if a healthy axis would be unlikely to look like
+    this. Its own direction plays no part in that test.
 
-    A measured condition (temperature) may act in a curved way. With `condition` the features that
-    wear does not move predict it more precisely than its sensor tells it; its square, cube and
-    fourth power join the features, with no direction. Where it leaves the range of 95 % of the
-    healthy cycles, standard errors grow with the leverage of those powers, so that the answer is
-    soon 'none'.
+    A measured condition such as temperature may act nonlinearly. With `condition`, the features
+    that wear does not move predict the condition more precisely than its sensor measures it. Its
+    square, cube and fourth power are added to the features, without a direction. If the condition
+    leaves the range of 95 % of the healthy cycles, standard errors grow with the leverage of these
+    powers, so that the answer soon becomes 'none'.
 
-    Cycles are judged together: z is that of the mean over the last `window` cycles, severity is the
-    end of a straight line through `window // 2` of them, so that growing wear is not
-    underestimated. Their standard errors are those of healthy cycles that are left out in turn, so
-    that they contain autocorrelation and what mean and covariance lack in precision. They are
-    right if healthy cycles show all that moves the features: recordings that are short beside a
-    slow change of temperature raise false alarms, severalfold for 5 windows.
+    Cycles are judged together. z is computed from the mean over the last `window` cycles. The
+    severity is the end of a straight line through `window // 2` of them, so that growing wear is
+    not underestimated. The standard errors are those of healthy cycles that are left out in turn.
+    They therefore include autocorrelation, and the limited precision of mean and covariance. They
+    are right if the healthy cycles show everything that moves the features. If recordings are short
+    compared with a slow change of temperature, there are more false alarms: several times as many
+    for 5 windows.
 
-    Axes whose directions are not independent cannot be told apart: they are not named, and their
+    Axes whose directions are not independent cannot be distinguished. They are not named, and their
     severity is nan. A feature that is constant while others vary is not used.
 
     Source: Kay (1993), Fundamentals of statistical signal processing I, ch. 6 (best linear unbiased
@@ -88,9 +92,9 @@ class ChangeIsolator(BaseEstimator):
     Attributes:
         mean_: Healthy mean of the features, shape (features,).
         covariance_: Their covariance, shape (features, features).
-        severity_error_: Standard error of the severity of a healthy axis, mean of the last `window`
-            cycles, shape (n_axes,); inf where it cannot be observed.
-        limit_: z above which an axis is named.
+        severity_error_: Standard error of the mean severity of a healthy axis over the last
+            `window` cycles, shape (n_axes,); inf if it cannot be observed.
+        limit_: An axis is named if z exceeds this limit.
     """
 
     def __init__(
@@ -105,21 +109,21 @@ class ChangeIsolator(BaseEstimator):
         prior: float = 0.01,
         largest: float = 0.2,
     ) -> None:
-        """Set the isolator up.
+        """Store the settings.
 
         Args:
-            directions: Change of the features with the severity of each axis. Shape (n_axes,
+            directions: Change of the features per unit of the severity of each axis. Shape (n_axes,
                 features).
             spread: Standard deviations of the directions, as vectors; shape (n_axes, vectors,
                 features). None: directions are exact.
-            covariance: 'diagonal': each feature on its own; 'shrunk': all together, shrunk after
-                Ledoit and Wolf.
-            condition: Which feature is a measured condition that acts in a curved way; None: none.
-            window: Cycles that are judged together, at least 2.
+            covariance: 'diagonal': each feature is treated alone; 'shrunk': all features together,
+                shrunk as proposed by Ledoit and Wolf.
+            condition: Index of the feature that is a measured condition and acts nonlinearly; None:
+                none.
+            window: Number of cycles that are judged together, at least 2.
             false_alarm: Probability that a healthy robot is called worn in one answer.
             prior: Probability that an axis is worn, before the data are seen.
-            largest: Severity to be expected on a worn axis: standard deviation of the half-normal
-                prior.
+            largest: Typical severity of a worn axis: standard deviation of the half-normal prior.
         """
         self.directions = directions
         self.spread = spread
@@ -142,7 +146,7 @@ class ChangeIsolator(BaseEstimator):
             The isolator.
 
         Raises:
-            ValueError: Shapes do not agree, values are not finite, or there are too few cycles.
+            ValueError: The shapes do not agree, values are not finite, or there are too few cycles.
         """
         directions = np.atleast_2d(np.asarray(self.directions, float))
         healthy = [np.asarray(run, float) for run in runs]
@@ -209,14 +213,15 @@ class ChangeIsolator(BaseEstimator):
         return self
 
     def smallest(self, power: float = 0.95) -> Floats:
-        """Smallest wear, mean over the window, that would be found: told from healthy cycles alone.
+        """Predict the smallest wear that would be found, from healthy cycles alone.
 
         Args:
-            power: Probability of finding it that is asked for.
+            power: Required probability of finding it.
 
         Returns:
-            Severity, shape (n_axes,); inf for an axis that cannot be observed or whose direction is
-            too uncertain. Directions uncertain by 30 % make the true power .86 instead of .9.
+            Mean severity over the window, shape (n_axes,); inf for an axis that cannot be observed
+            or whose direction is too uncertain. If directions are uncertain by 30 %, the true power
+            is .86 instead of .9.
         """
         check_is_fitted(self)
         margin, n_axes = stats.norm.isf(1 - power), len(self._directions)
@@ -235,14 +240,15 @@ class ChangeIsolator(BaseEstimator):
         return found
 
     def estimate(self, x: ArrayLike, severity: ArrayLike | None = None) -> Floats:
-        """Severity by each cycle alone.
+        """Estimate the severity from each cycle alone.
 
         Args:
             x: Features, shape (cycles, features).
-            severity: Severity for which directions are uncertain, shape (n_axes,); default none.
+            severity: Severity at which the uncertainty of the directions is evaluated, shape
+                (n_axes,). Default: 0.
 
         Returns:
-            Shape (cycles, n_axes); nan where an axis cannot be observed.
+            Severity, shape (cycles, n_axes); nan if an axis cannot be observed.
         """
         check_is_fitted(self)
         deviation = (self._with_powers(np.asarray(x, float)) - self.mean_) / self.scale_
@@ -250,14 +256,14 @@ class ChangeIsolator(BaseEstimator):
         return deviation @ self._kernel(at).T
 
     def isolate(self, x: ArrayLike) -> Answer:
-        """Say which axes are worn now.
+        """Determine which axes are worn now.
 
         Args:
             x: Features of the cycles up to now, at least 2. Shape (cycles, features).
 
         Returns:
-            The answer. Cycles with features that are not finite are left out; where fewer than 2
-            remain of the window, the answer is 'none' and severities are nan.
+            The answer. Cycles with features that are not finite are ignored. If fewer than 2 cycles
+            of the window remain, the answer is 'none' and severities are nan.
 
         Raises:
             ValueError: x has another shape, or fewer than 2 cycles.
@@ -334,7 +340,7 @@ class ChangeIsolator(BaseEstimator):
         return ledoit_wolf(unit)[0] + 1e-9 * np.eye(unit.shape[1])
 
     def _left_out(self, runs: list[Floats]) -> list[tuple[Floats, Floats]]:
-        """Parts of the healthy cycles, centred, and the covariance of the others: for each part."""
+        """For each part of the healthy cycles: the part, centred, and the rest's covariance."""
         n = sum(map(len, runs))
         blocks = []
         for run in runs:
@@ -347,7 +353,7 @@ class ChangeIsolator(BaseEstimator):
         return parts
 
     def _kernel(self, severity: Floats, unit: Floats | None = None) -> Floats:
-        """K, shape (n_axes, features); nan where an axis cannot be observed."""
+        """K, shape (n_axes, features); nan if an axis cannot be observed."""
         if unit is None and not severity.any() and self._healthy_kernel is not None:
             return self._healthy_kernel
         vectors = (severity[:, None, None] * self._spread).reshape(-1, len(self.scale_))
@@ -357,7 +363,7 @@ class ChangeIsolator(BaseEstimator):
         return kernel
 
     def _misfit(self, kernel: Floats) -> Floats:
-        """Variance in the estimate of an axis from the direction of another, at severity 1."""
+        """Variance in an axis' estimate that the direction of another causes, at severity 1."""
         return (np.einsum("af,bvf->abv", kernel, self._spread) ** 2).sum(axis=2)
 
     def _errors(self, severity: Floats, length: int) -> Floats:
@@ -378,7 +384,7 @@ class ChangeIsolator(BaseEstimator):
         return error
 
     def _probability(self, mean: Floats, error: Floats) -> Floats:
-        """Posterior of 'worn' against 'healthy': half-normal prior of severity, Gaussian error."""
+        """Posterior of 'worn' against 'healthy', with a half-normal prior and a Gaussian error."""
         with np.errstate(invalid="ignore"):
             wide = np.hypot(error, self.largest)
             centre = mean * (self.largest / wide) ** 2

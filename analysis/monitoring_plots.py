@@ -27,14 +27,14 @@ def plot_control_chart(
     name: str,
     samples: ArrayLike | None = None,
 ) -> None:
-    """A statistic over samples with its limits; samples above the highest limit are marked.
+    """Plot a statistic over samples with its limits. Samples above the highest limit are marked.
 
-    The scale is logarithmic where the largest value, or a limit, is more than 30 times the median:
-    on a linear one the healthy values could not be told from 0.
+    The scale is logarithmic if the largest value, or a limit, is more than 30 times the median. On
+    a linear scale the healthy values would look like 0.
 
     Args:
-        axes: Where to draw.
-        values: Statistic that alarms when high, such as T² or Q. Shape (samples,).
+        axes: Axes of the figure.
+        values: Statistic that raises an alarm when high, such as T² or Q. Shape (samples,).
         limits: Labels and values of the control limits.
         name: Name of the statistic.
         samples: Numbers of the samples, shape (samples,), or None for 1, 2, and so on.
@@ -70,10 +70,10 @@ def plot_control_chart(
 
 
 def plot_contributions(axes: Axes, contributions: ArrayLike, names: Sequence[str]) -> None:
-    """Bars of the contributions of variables to a statistic, the largest on top.
+    """Plot the contributions of variables to a statistic as bars, the largest on top.
 
     Args:
-        axes: Where to draw.
+        axes: Axes of the figure.
         contributions: Shape (variables,). May be negative.
         names: Names of the variables.
     """
@@ -95,15 +95,15 @@ def plot_scores(
     n_samples: int,
     groups: Sequence[str] | None = None,
 ) -> None:
-    """Scores on two components with the 95 and 99 % ellipses of Hotelling's T².
+    """Plot scores on two components with the 95 and 99 % ellipses of Hotelling's T².
 
         t1² / eigenvalue1 + t2² / eigenvalue2 = 2 (n² - 1) / (n (n - 2)) F(2, n - 2)
 
     Source: Tracy, Young and Mason (1992), Multivariate control charts for individual observations;
-    the limit of samples that were not fitted to.
+    the limit for samples that were not used in the fit.
 
     Args:
-        axes: Where to draw.
+        axes: Axes of the figure.
         scores: Shape (samples, 2).
         eigenvalues: Variances of the two components in the fitted samples. Shape (2,).
         n_samples: Number of fitted samples, above 2.
@@ -141,10 +141,10 @@ def plot_scores(
 def plot_divergence(
     axes: Axes, hours: ArrayLike, divergence: ArrayLike, names: Sequence[str] | None = None
 ) -> None:
-    """Divergence from the healthy distribution over time, one line an axis of the robot.
+    """Plot the divergence from the healthy distribution over time, one line per axis of the robot.
 
     Args:
-        axes: Where to draw.
+        axes: Axes of the figure.
         hours: Time. Shape (times,), in [h].
         divergence: Shape (times, axes), in [bit].
         names: Names of the lines, or None for axis 1, axis 2, and so on.
@@ -173,14 +173,14 @@ def plot_divergence(
 def plot_detection_delay(
     axes: Axes, false_alarms_per_month: ArrayLike, delay: ArrayLike, label: str, number: int
 ) -> None:
-    """Delay of the alarm over the false alarms that are put up with; low and to the left is good.
+    """Plot the delay of the alarm over the rate of false alarms. Low and to the left is good.
 
     Args:
-        axes: Where to draw.
+        axes: Axes of the figure.
         false_alarms_per_month: Shape (points,), above 0.
         delay: Time from the fault to the alarm. Shape (points,), in [h].
         label: Name of the method.
-        number: Which colour, line and marker.
+        number: Number of the colour, line and marker.
     """
     delay = np.asarray(delay, dtype=float)
     # From 0 to above the highest line so far

@@ -1,4 +1,4 @@
-"""A measured condition of operation, such as temperature, that acts on features in a curved way."""
+"""A measured operating condition, such as temperature, that acts nonlinearly on features."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 ROUNDING = 1e-12
-"""Of a feature that is constant, relative to its size."""
+"""Largest relative spread of a feature that counts as constant."""
 
 _USUAL = 0.95  # share of healthy cycles whose condition is known well enough
 
@@ -39,15 +39,15 @@ class Condition:
         self.usual = float(np.quantile(self._leverage(powers), _USUAL))
 
     def value(self, x: Floats) -> Floats:
-        """Predicted condition of each cycle, in units of its spread, shape (cycles,)."""
+        """Predict the condition of each cycle, in units of its spread, shape (cycles,)."""
         return (x[:, : self.features] - self.mean) / self.scale @ self.weights
 
     def powers(self, x: Floats) -> Floats:
-        """Square and higher powers, shape (cycles, degree - 1)."""
+        """Square and higher powers of the predicted condition, shape (cycles, degree - 1)."""
         return self._design(self.value(x))[:, 2:]
 
     def outside(self, x: Floats) -> float:
-        """By how much errors grow, since the condition is hardly known from healthy cycles."""
+        """Factor by which errors grow if healthy cycles hardly contain the condition."""
         mean = float(self._leverage(self._design(self.value(x))).mean())
         return max(1.0, np.sqrt(mean / self.usual))
 
@@ -59,7 +59,15 @@ class Condition:
 
 
 def least_squares_kernel(directions: Floats, covariance: Floats) -> Floats:
-    """(D' C^-1 D)^-1 D' C^-1, shape (n_axes, features); pseudo-inverse if axes are alike."""
+    """Compute (D' C^-1 D)^-1 D' C^-1, with a pseudo-inverse if directions are not independent.
+
+    Args:
+        directions: D', the direction of each axis. Shape (n_axes, features).
+        covariance: C, the covariance of the features. Shape (features, features).
+
+    Returns:
+        The kernel. Shape (n_axes, features), in the unit of the severity over that of the feature.
+    """
     weighted = np.linalg.solve(covariance, directions.T)
     gram = directions @ weighted
     size = np.sqrt(np.maximum(np.diag(gram), 0.0))

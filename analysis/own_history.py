@@ -1,26 +1,29 @@
-"""Failing robots told by their own history: how much the torque of an axis has grown, unsteadily.
+"""Failing robots recognised by their own history: by how much the torque of an axis has grown.
 
-    day, rows = history_features(record)  # one row a day, from days up to that one only
-    rows = np.column_stack([rows, event_changes(events, day)])  # where an event log is kept
+    day, rows = history_features(record)  # one row per day, from days up to that one only
+    rows = np.column_stack([rows, event_changes(events, day)])  # if there is an event log
     found = leave_pair_out(rows_of_robots, failed, make_history_classifier)
 
-A robot's torque changes with its program, its payload, its temperature and its lubricant, most of
-it more than with a gearbox that begins to fail. So each axis is regressed on what its own record
-tells of these, together with growth that gets steeper towards the day in question:
+A robot's torque changes with its program, its payload, its temperature and its lubricant. Most of
+these changes are larger than those of a gearbox that begins to fail. Each axis is therefore
+regressed on what the robot's own record contains about these causes, together with a growth that
+becomes steeper towards the day in question:
 
     r_a(t) = b0 + b1 temperature + b2 production + b3 log production + c' m(t) + d f_a(t) + g_a u(t)
 
-r is the mean of the RMS torque, from the torque histogram, and the estimated torque, each over its
-median: the bins of a histogram are too wide for an axis that hardly uses its motor, and the
-estimate tells most of the largest torques. m are the principal components
-of the speed and angle histograms, which span the mix of programs, since histograms of a mix are the
-mix of histograms; f_a is the first component of the other axes' residuals, which a payload moves
-all at once; u(t) is exp(3 t) standardised, with t from 0 to 1 over the record so far. g_a is the
-growth, and residuals averaged by day are the unsteadiness. A small ridge keeps coefficients finite.
-What is judged is the axis that grew most. Of an event log, it is how much more frequent those five
-kinds of events have become that have done so most.
+r is the mean of the RMS torque from the torque histogram and the estimated torque, each divided by
+its median. Both are needed: the bins of a histogram are too wide for an axis that hardly uses its
+motor, and the estimate mostly depends on the largest torques. m are the principal components of the
+speed and angle histograms. They describe the mix of programs, since the histogram of a mix is the
+mix of the histograms. f_a is the first component of the other axes' residuals; a payload moves all
+of these at once. u(t) is exp(3 t) standardised, with t from 0 to 1 over the record so far. g_a is
+the growth, and the residuals averaged by day are the unsteadiness. A small ridge penalty keeps the
+coefficients finite.
 
-Constants were chosen on fleets of other seeds than those that docs/ tells of.
+The features are those of the axis that grew most. The feature of an event log is the mean increase
+in frequency of the five kinds of events that increased most.
+
+The constants were chosen on fleets with other seeds than those in docs/.
 """
 
 from __future__ import annotations
@@ -40,13 +43,13 @@ Floats = NDArray[np.floating]
 Ints = NDArray[np.int_]
 
 FEATURES = ("growth", "growth over others", "unsteadiness", "growth over early spread")
-"""Columns of `history_features`; but for the second, natural logarithms."""
+"""Columns of `history_features`. All except the second are natural logarithms."""
 
 FEWEST = 25
-"""Days of history before the first row."""
+"""Number of days of history before the first row."""
 
 LATE = 14
-"""Last days, of which the unsteadiness is measured."""
+"""Number of last days over which the unsteadiness is measured."""
 
 _STEEPNESS = 3.0  # of growth over the record so far
 _RIDGE = 0.1  # over the number of samples
@@ -61,18 +64,18 @@ _PENALTY = 0.03  # C of the classifier
 
 
 class HistoryRecord(Record, Protocol):
-    """What `Record` has, and the temperature of the cabinet."""
+    """The arrays of `Record`, and the temperature of the cabinet."""
 
     @property
-    def temperature(self) -> np.ndarray: ...  # noqa: D102
+    def temperature(self) -> np.ndarray:
+        """Temperature of the cabinet [deg C], shape (samples,)."""
 
 
 def history_features(record: HistoryRecord) -> tuple[Ints, Floats]:
-    """One row of `FEATURES` for each day, from nothing later than that day.
+    """Compute one row of `FEATURES` for each day. No row uses data of later days.
 
     Args:
-        record: Monitoring of one robot, as `analysis.daily.daily` takes it, and
-            `temperature` [deg C] of shape (samples,).
+        record: Monitoring data of one robot, with the arrays of `HistoryRecord`.
 
     Returns:
         Days, from 0, and rows. Shapes (days,) and (days, 4).
@@ -102,13 +105,13 @@ def history_features(record: HistoryRecord) -> tuple[Ints, Floats]:
 
 
 def rms_torque(histogram: Floats) -> Floats:
-    """Root of the mean squared torque of histograms over minus to plus the largest torque.
+    """Compute the RMS torque from histograms whose range is plus and minus the largest torque.
 
     Args:
         histogram: Shares. Shape (..., bins).
 
     Returns:
-        Over the largest torque. Shape (...).
+        RMS torque as a share of the largest torque. Shape (...).
     """
     bins = histogram.shape[-1]
     centres = (2 * np.arange(bins) + 1 - bins) / bins
@@ -118,18 +121,19 @@ def rms_torque(histogram: Floats) -> Floats:
 def growth(
     time: Floats, day: Ints, response: Floats, surroundings: Floats, shares: Floats
 ) -> tuple[Floats, Floats]:
-    """Growth of each axis, and what is left of it day by day.
+    """Compute the growth of each axis, and the residuals of each day.
 
     Args:
-        time: Of each sample [d]. Shape (samples,).
+        time: Time of each sample [d]. Shape (samples,).
         day: Day of each sample. Shape (samples,).
         response: Torque of each axis, any unit. Shape (samples, n_axes).
-        surroundings: What else moves the torque. Shape (samples, quantities).
-        shares: Histograms that the mix of programs moves. Shape (samples, bins).
+        surroundings: Other quantities that change the torque. Shape (samples, quantities).
+        shares: Histograms that depend on the mix of programs. Shape (samples, bins).
 
     Returns:
-        Growth over the record so far, as a standard deviation over the median torque, shape
-        (n_axes,), and residuals averaged by day, shape (days, n_axes).
+        Growth over the record so far, as a standard deviation divided by the median torque, shape
+        (n_axes,), and residuals averaged by day, divided by the median torque, shape (days,
+        n_axes).
     """
     relative = _relative(response)
     steep = np.exp(_STEEPNESS * (time - time[0]) / (time[-1] - time[0]))
@@ -150,16 +154,17 @@ def growth(
 
 
 def event_changes(events: Floats, days: Ints) -> Floats:
-    """How much more frequent events have become: mean of the five largest changes of any kind.
+    """Compute how much more frequent events have become: mean of the five largest changes.
 
-    A change is that of log(1 + events a day), from the first 20 days to the last 14.
+    The change of a kind of event is that of log(1 + events per day), from the first 20 days to the
+    last 14.
 
     Args:
         events: Counts of each day and kind, from the record's first day. Shape (days, kinds).
-        days: Days to tell of, from 0; nothing later than each is used.
+        days: Days for which the change is computed, from 0. No later days are used.
 
     Returns:
-        Shape (days,).
+        Mean change, without unit. Shape (days,).
 
     Raises:
         ValueError: There are fewer than five kinds of events, or no counts of a day.
@@ -190,7 +195,7 @@ def _row(time: Floats, day: Ints, torque: Floats, around: Floats, shares: Floats
 
 
 def _relative(values: Floats) -> Floats:
-    """Values over their medians."""
+    """Values divided by their medians."""
     return values / np.maximum(np.median(values, axis=0), 1e-12)
 
 
@@ -201,7 +206,7 @@ def _standard(columns: Floats) -> Floats:
 
 
 def _components(shares: Floats) -> Floats:
-    """Principal components that histograms have, standardised. Shape (samples, components)."""
+    """Principal components of histograms, standardised. Shape (samples, components)."""
     left, size, _ = np.linalg.svd(shares - shares.mean(axis=0), full_matrices=False)
     kept = np.flatnonzero(size > _NO_COMPONENT * np.sqrt(len(shares)))[:_COMPONENTS]
     return left[:, kept] * np.sqrt(len(shares))
@@ -212,7 +217,7 @@ def _with_one(columns: Floats) -> Floats:
 
 
 def _ridge(columns: Floats, values: Floats) -> Floats:
-    """Coefficients, that of the constant, which is not shrunk, first."""
+    """Coefficients. The first is the constant, which has no penalty."""
     X = _with_one(columns)
     penalty = _RIDGE * len(X) * np.eye(X.shape[1])
     penalty[0, 0] = 0.0
@@ -227,11 +232,16 @@ def _residuals(columns: Floats, values: Floats) -> Floats:
 def make_history_classifier(
     n_columns: int, splits: list[tuple[Ints, Ints]], seed: int
 ) -> BaseEstimator:
-    """Logistic regression on standardised features, with a strong ridge penalty and no tuning.
+    """Make a logistic regression on standardised features, with a strong ridge penalty.
+
+    Nothing is tuned; the arguments are those that `leave_pair_out` passes.
 
     Args:
         n_columns: Not used.
         splits: Not used.
         seed: Not used.
+
+    Returns:
+        The classifier, not yet fitted.
     """
     return make_pipeline(StandardScaler(), LogisticRegression(C=_PENALTY))

@@ -1,11 +1,12 @@
-"""Monitoring by principal components: Hotelling's T2 inside their plane, Q off it.
+"""Monitoring by principal components: Hotelling's T2 along the components, Q for the residual.
 
     monitor = PCAMonitor(n_components=0.75).fit(healthy)  # shape (samples, variables)
     monitor.predict(new)  # +1 normal, -1 not
-    monitor.t2(new), monitor.q(new), monitor.limits(0.99)  # a chart and its line
-    monitor.q_contributions(new)  # which variables are to blame, shape (samples, variables)
+    monitor.t2(new), monitor.q(new), monitor.limits(0.99)  # two charts and their limits
+    monitor.q_contributions(new)  # which variables cause it, shape (samples, variables)
 
-All results have a row for each row of the data, in its order, and depend on no random numbers.
+All results have one row for each row of the data, in the same order. They do not depend on random
+numbers.
 """
 
 from __future__ import annotations
@@ -34,28 +35,29 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
 
         T2 = sum_k t_k^2 / lambda_k,  Q = ||z - P' t||^2,  ||z||^2 = ||t||^2 + Q
 
-    T2 says how far off the mean a row is along the components that are kept, Q how far off these
-    components. `t2_limit_` and `q_limit_` are the lines of the two charts: each alone lets the
-    share `confidence` of healthy rows pass. A row is not normal if either statistic is above its
-    limit in `joint_limits_`. These limits are higher, so that both together let the share
-    `confidence` pass: T2 and Q of Gaussian rows are independent, hence each gets the confidence
+    T2 is the distance of a row from the mean along the components that are kept. Q is its distance
+    from these components. `t2_limit_` and `q_limit_` are the limits of the two charts: each alone
+    accepts the share `confidence` of healthy rows. A row is not normal if either statistic is above
+    its limit in `joint_limits_`. These limits are higher, so that both together accept the share
+    `confidence`: T2 and Q of Gaussian rows are independent, hence each gets the confidence
     sqrt(`confidence`) (Sidak). To judge rows by the two charts alone, as the thesis does, compare
     `t2` and `q` with `limits`.
 
-    A column that is constant in the healthy data has no scale. It is left unscaled, takes part in
-    no component, and adds the square of its move, in its own unit squared, to Q. Where no column
-    varies there is no component: T2 is 0 and has no limit. If healthy rows leave no residual at all
-    the limit of Q is 0, and any Q above rounding is not normal: with as many components as
-    variables there is none.
+    A column that is constant in the healthy data has no scale. It is not scaled, it is not part of
+    any component, and its deviation, in its own unit squared, is added to Q. If no column varies,
+    there is no component: T2 is 0 and has no limit. If healthy rows have no residual at all, the
+    limit of Q is 0, and any Q above rounding is not normal. This happens with as many components as
+    variables.
 
-    The limits are those of Gaussian rows and take the components as known. From few samples they
-    are not: 120 Gaussian samples of 6 columns without correlation leave 11 % of new rows above the
-    95 % limit of Q. Where healthy rows can be spared, set thresholds on rows that were not fitted.
+    The limits assume Gaussian rows and exactly known components. With few samples the components
+    are not known exactly: after a fit to 120 Gaussian samples of 6 columns without correlation, 11
+    % of new rows are above the 95 % limit of Q. If there are enough healthy rows, set thresholds on
+    rows that were not used in the fit.
 
-    With lags a row stands beside its predecessors (dynamic PCA), so X must be one series in order
-    of time. All results keep one row for each row of X, so that they stay in step with it. The
-    first `lags` rows have too few predecessors: they are nan, and `predict` lets them pass.
-    Neighbouring rows then share values, for which the limits make no allowance.
+    With lags, each row is extended by its predecessors (dynamic PCA), so that X must be one series
+    in order of time. All results still have one row for each row of X. The first `lags` rows have
+    too few predecessors: they are nan, and `predict` accepts them. Neighbouring rows then share
+    values, which the limits do not take into account.
 
     Source: thesis 3.2.2; Jackson and Mudholkar (1979), Control procedures for residuals associated
     with principal component analysis; Tracy, Young and Mason (1992), Multivariate control charts
@@ -70,19 +72,19 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         confidence: Share of healthy rows that `predict` calls normal, and also the share below
             `t2_limit_` and the share below `q_limit_`, within (0, 1).
         t2_limit: Distribution of T2, for a components and n samples: "new" for rows that were not
-            fitted, a (n^2 - 1) / (n (n - a)) F; "training" for those that were,
-            (n - 1)^2 / n Beta; "chi2" for many samples; "pls_toolbox" for the figures of that
+            fitted, a (n^2 - 1) / (n (n - a)) F; "training" for rows that were fitted,
+            (n - 1)^2 / n Beta; "chi2" for many samples; "pls_toolbox" for the values of that
             program and of mdatools, a (n - 1) / (n - a) F.
         lags: Number of predecessors of each row.
 
     Attributes:
-        mean_: Mean of each column and, with lags, of its predecessors: those one row before, then
-            two. Shape (columns,), where columns = variables * (1 + lags).
+        mean_: Mean of each column and, with lags, of its predecessors: first those one row before,
+            then two rows before. Shape (columns,), where columns = variables * (1 + lags).
         scale_: Standard deviation (divisor n - 1) of the same, 1 if constant. Shape (columns,).
         components_: Rows are unit vectors. Shape (n_components_, columns).
         eigenvalues_: Variance along all components, descending. Shape (columns,).
         n_components_: Number of components that are kept.
-        n_samples_: Number of rows that were fitted: those of X less `lags`.
+        n_samples_: Number of rows that were fitted: those of X minus `lags`.
         n_features_in_: Number of variables.
         t2_limit_: Limit of T2 alone at `confidence`.
         q_limit_: Limit of Q alone at `confidence`, by Jackson and Mudholkar.
@@ -146,7 +148,7 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         return self
 
     def transform(self, X: ArrayLike) -> Floats:
-        """Scores t of rows along the components.
+        """Compute the scores t of rows along the components.
 
         Args:
             X: Rows. Shape (samples, variables), in the units of the fit.
@@ -155,26 +157,33 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
             Scores. Shape (samples, n_components_).
 
         Raises:
-            ValueError: If X is not finite or has other columns than the fit. So all methods.
+            ValueError: If X is not finite or has other columns than the fit. All other methods
+                raise it for the same reasons.
         """
         return self._scaled(X) @ self.components_.T
 
     def t2(self, X: ArrayLike) -> Floats:
-        """Hotelling's T2 of rows, see `transform`. Shape (samples,)."""
+        """Compute Hotelling's T2 of rows, see `transform`. Shape (samples,), without unit."""
         return np.sum(self.transform(X) ** 2 / self._variances(), axis=1)
 
     def q(self, X: ArrayLike) -> Floats:
-        """Q of rows, the squared prediction error, see `transform`. Shape (samples,).
+        """Compute Q of rows, the squared prediction error, see `transform`.
 
-        Rounding counts as 0, so that a limit of 0 means what it says.
+        Values within rounding errors are set to 0, so that a limit of 0 can be used.
+
+        Args:
+            X: Rows. Shape (samples, variables), in the units of the fit.
+
+        Returns:
+            Q, without unit if columns are scaled. Shape (samples,).
         """
         return self._q(self._scaled(X))
 
     def t2_contributions(self, X: ArrayLike) -> Floats:
-        """Complete decomposition of T2, z_j (P' Lambda^-1 P z)_j of each variable j.
+        """Decompose T2 completely into z_j (P' Lambda^-1 P z)_j of each variable j.
 
-        The contributions of a row sum to its T2; single ones can be negative. Those of a
-        variable's predecessors are added to the variable.
+        The contributions of a row sum to its T2; single ones can be negative. Those of a variable's
+        predecessors are added to the variable.
 
         Source: Alcala and Qin (2011), Analysis and generalization of fault diagnosis methods for
         process monitoring.
@@ -190,7 +199,7 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         return self._by_variable(z * weighted)
 
     def q_contributions(self, X: ArrayLike) -> Floats:
-        """Squared residual of each variable; those of a row sum to its Q.
+        """Compute the squared residual of each variable. Those of a row sum to its Q.
 
         Those of a variable's predecessors are added to the variable.
 
@@ -203,7 +212,7 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         return self._by_variable(self._residuals(self._scaled(X)) ** 2)
 
     def limits(self, confidence: float) -> tuple[float, float]:
-        """Limits of T2 alone and of Q alone at another confidence.
+        """Compute the limits of T2 alone and of Q alone at another confidence.
 
         Args:
             confidence: Share of healthy rows below each limit, within (0, 1).
@@ -230,13 +239,13 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         return float(t2), _jackson_mudholkar(self.eigenvalues_[a:], confidence)
 
     def score_samples(self, X: ArrayLike) -> Floats:
-        """Minus the larger of T2 and Q, each over its joint limit: higher is more normal.
+        """Compute minus the larger of T2 and Q, each divided by its joint limit.
 
         Args:
             X: Rows. Shape (samples, variables), in the units of the fit.
 
         Returns:
-            Scores, below -1 if not normal. Shape (samples,).
+            Scores: higher is more normal, below -1 is not normal. Shape (samples,).
         """
         z = self._scaled(X)
         t2 = np.sum((z @ self.components_.T) ** 2 / self._variances(), axis=1)
@@ -245,11 +254,11 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         return -np.maximum(t2 / t2_limit, self._q(z) / np.maximum(q_limit, rounding))
 
     def decision_function(self, X: ArrayLike) -> Floats:
-        """`score_samples` less `offset_`: negative if not normal. Shape (samples,)."""
+        """Compute `score_samples` minus `offset_`: negative if not normal. Shape (samples,)."""
         return self.score_samples(X) - self.offset_
 
     def predict(self, X: ArrayLike) -> NDArray[np.int_]:
-        """Tell normal rows, +1, from others, -1. The first `lags` rows are +1.
+        """Mark normal rows with +1 and others with -1. The first `lags` rows are +1.
 
         Args:
             X: Rows. Shape (samples, variables), in the units of the fit.
@@ -298,7 +307,7 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         return kept
 
     def _augmented(self, X: Floats) -> Floats:
-        """Rows beside their predecessors. Shape (samples - lags, columns)."""
+        """Rows extended by their predecessors. Shape (samples - lags, columns)."""
         n = len(X) - self.lags
         return np.hstack([X[self.lags - k : self.lags - k + n] for k in range(self.lags + 1)])
 
@@ -326,16 +335,20 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
 
 
 def held_out_q_limit(monitor: PCAMonitor, X: ArrayLike, *, blocks: int = 8) -> float:
-    """Limit of Q from healthy rows that were not fitted: a quantile over blocks held out in turn.
+    """Compute a limit of Q from healthy rows that were not fitted: blocks are held out in turn.
 
-    Jackson and Mudholkar's limit takes components as known. Where there are hardly more rows than
-    columns these fit the rows they were learned from far better than any other, and healthy rows
-    are above it as often as not.
+    The limit is a quantile of Q over all held-out blocks. Jackson and Mudholkar's limit assumes
+    that the components are known. If there are hardly more rows than columns, the components fit
+    the rows from which they were learned far better than any others, and about half of all healthy
+    rows are above that limit.
 
     Args:
-        monitor: Its parameters, `confidence` among them, are used; it need not be fitted.
+        monitor: Its parameters, including `confidence`, are used. It need not be fitted.
         X: Healthy rows in their order. Shape (samples, variables).
-        blocks: Of successive rows.
+        blocks: Number of blocks of successive rows.
+
+    Returns:
+        Limit of Q.
 
     Raises:
         ValueError: There are fewer than two blocks, or fewer rows than blocks.

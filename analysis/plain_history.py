@@ -1,6 +1,6 @@
-"""Two plain numbers of a robot's history, to hold trained classifiers against.
+"""Two simple numbers from a robot's history, with which trained classifiers can be compared.
 
-    day, rows = plain_history(record)  # one row a day, from days up to that one only
+    day, rows = plain_history(record)  # one row per day, from days up to that one only
     untrained_auc(rows_of_robots, failed)  # of each column, without any training
 
 A classifier that is not better than these numbers has learned nothing.
@@ -27,25 +27,31 @@ _WEEK = 7
 
 
 class TorqueRecord(Protocol):
-    """Monitoring of one robot: the part that `plain_history` reads."""
+    """Monitoring data of one robot: the part that `plain_history` reads."""
 
     @property
-    def day(self) -> np.ndarray: ...  # noqa: D102
+    def day(self) -> np.ndarray:
+        """Time of each sample [d], shape (samples,); a sample at 2.0 belongs to the day before."""
+
     @property
-    def production(self) -> np.ndarray: ...  # noqa: D102
+    def production(self) -> np.ndarray:
+        """Share of time in which the robot produced, shape (samples,)."""
+
     @property
-    def torque_histogram(self) -> np.ndarray: ...  # noqa: D102
+    def torque_histogram(self) -> np.ndarray:
+        """Share of time in each bin of the torque, shape (samples, n_axes, bins)."""
 
 
 def plain_history(record: TorqueRecord) -> tuple[Ints, Floats]:
-    """One row of `PLAIN` for each day, from nothing later than that day.
+    """Compute one row of `PLAIN` for each day. No row uses data of later days.
 
-    Both are taken from the daily mean of the RMS torque of each axis, and each is the largest of
-    all axes: the ratio of the last seven days on which the robot ran to the first seven, and the
-    standard deviation of the last 14 over their mean.
+    Both numbers are computed from the daily mean of the RMS torque of each axis, and each is the
+    largest over the axes. The first is the mean of the last seven days on which the robot ran,
+    divided by that of the first seven. The second is the standard deviation over the last 14 days,
+    divided by their mean.
 
     Args:
-        record: Monitoring of one robot, as `analysis.daily.daily` takes it.
+        record: Monitoring data of one robot, with the arrays of `TorqueRecord`.
 
     Returns:
         Days, from 0, and rows. Shapes (days,) and (days, 2).
@@ -71,19 +77,19 @@ def plain_history(record: TorqueRecord) -> tuple[Ints, Floats]:
 
 
 def untrained_auc(rows: Sequence[ArrayLike], failed: ArrayLike) -> Floats:
-    """AUC of each column by itself, larger meaning failing: mean over all pairs of robots.
+    """Compute the mean AUC of each column over all pairs of robots, if larger values mean failing.
 
-    It is the measure of `leave_pair_out`, for a score that is not trained.
+    It is the same measure as in `leave_pair_out`, but for a score without training.
 
     Args:
-        rows: Of each robot, shape (its rows, columns).
+        rows: Rows of each robot, shape (its rows, columns).
         failed: Whether each robot fails, shape (robots,).
 
     Returns:
-        Shape (columns,).
+        AUC. Shape (columns,).
 
     Raises:
-        ValueError: There is no robot of one kind.
+        ValueError: All robots fail, or none.
     """
     fails = np.asarray(failed, dtype=bool)
     if fails.all() or not fails.any():

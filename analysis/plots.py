@@ -1,4 +1,4 @@
-"""Figures of analysis results: one style, readable in print and by colour-blind people.
+"""Figures of analysis results in one style that is readable in print and for colour-blind people.
 
 with style():
     figure, axes = plt.subplots()
@@ -22,7 +22,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Settings of every figure, for a `with` block."""
+    """Apply the settings of all figures within a `with` block."""
     settings: Any = {
         "axes.prop_cycle": cycler(color=COLOURS),
         "axes.spines.top": False,
@@ -43,7 +43,7 @@ def legend_beside(axes: Axes) -> None:
     """Put the legend to the right of the axes, where it covers nothing.
 
     Args:
-        axes: Which carry lines or bars with labels.
+        axes: Axes with labelled lines or bars.
     """
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8)
 
@@ -51,13 +51,14 @@ def legend_beside(axes: Axes) -> None:
 def plot_net_transfer_entropy(
     axes: Axes, net: ArrayLike, title: str = "", largest: float | None = None
 ) -> None:
-    """Heat map of net transfer entropy; row i, column j is i -> j.
+    """Plot net transfer entropy as a heat map; row i, column j is i -> j.
 
     Args:
-        axes: Where to draw.
+        axes: Axes of the figure.
         net: Shape (n_axes, n_axes), in [bit].
         title: Title of the map.
-        largest: Value of the darkest colour, to compare maps; default: the largest of this one.
+        largest: Value of the darkest colour, so that maps can be compared. Default: the largest of
+            this map.
     """
     net = np.asarray(net)
     largest = max(float(np.abs(net).max()) if largest is None else largest, 1e-12)
@@ -74,14 +75,14 @@ def plot_net_transfer_entropy(
 
 
 def plot_series(axes: Axes, cycles: ArrayLike, values: ArrayLike, label: str, number: int) -> None:
-    """A line over cycles.
+    """Plot a line over cycles.
 
     Args:
-        axes: Where to draw.
+        axes: Axes of the figure.
         cycles: Shape (cycles,).
         values: Shape (cycles,), in any unit.
         label: Name of the line.
-        number: Which colour.
+        number: Number of the colour.
     """
     colour = COLOURS[number % len(COLOURS)]
     axes.plot(np.asarray(cycles), np.asarray(values), color=colour, label=label, lw=1.3)
@@ -96,15 +97,15 @@ def plot_accuracy(
     label: str,
     number: int,
 ) -> None:
-    """Accuracy over wear, with its intervals.
+    """Plot accuracy over wear, with its intervals.
 
     Args:
-        axes: Where to draw.
+        axes: Axes of the figure.
         levels: Wear, shape (levels,), as a fraction.
         shares: Accuracy, shape (levels,), as a fraction.
         intervals: Lower and upper bound, shape (levels, 2).
         label: Name of the method.
-        number: Which colour and marker.
+        number: Number of the colour and marker.
     """
     wear, share = 100 * np.asarray(levels), 100 * np.asarray(shares)
     bounds = 100 * np.asarray(intervals).T

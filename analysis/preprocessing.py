@@ -1,12 +1,12 @@
-"""Preprocessing of monitoring data before a classifier, thesis 5.3.2.
+"""Preprocessing of monitoring data for a classifier, thesis 5.3.2.
 
     combination = Combination.of("+estM+diff+var3+pca")
-    day, X = prepare(record, combination)  # rows of one robot, one a day
+    day, X = prepare(record, combination)  # rows of one robot, one per day
     make_pipeline(StandardScaler(), *combination.reduction(), LogisticRegression())
 
-What is done with the series of one robot (daily maximum, divergences, estimates, differences,
-windows) uses that robot's own rows only. What is learned from rows of several robots, the principal
-components, is a transformer for a scikit-learn pipeline and so sees training rows only.
+All steps on the series of one robot (daily maximum, divergences, estimates, differences, windows)
+use the rows of that robot only. The principal components are learned from rows of several robots.
+They are a transformer of a scikit-learn pipeline, so that they are learned from training rows only.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int_]
 
 SMOOTHING = 1e-3
-"""Share of time added to every bin of a histogram before a divergence: assumed."""
+"""Share of time that is added to every bin of a histogram before a divergence: assumed."""
 
 COMBINATIONS = (
     "control",
@@ -45,34 +45,35 @@ COMBINATIONS = (
     "+diff+var3+pca",
     "+estM+diff+var3+pca",
 )
-"""The 15 of thesis table 5.2, in its order."""
+"""The 15 combinations of thesis table 5.2, in its order."""
 
 _STEPS = ("estM", "diff", "var3", "var5", "pca")
 
 
 @dataclass(frozen=True)
 class Combination:
-    """Steps of preprocessing, by the names of thesis table 5.2."""
+    """Steps of preprocessing, with the names of thesis table 5.2."""
 
     name: str
-    """Steps in their order, `+` before each, or `control`."""
+    """Steps in their order, each with a leading `+`, or `control`."""
     estimates: bool = False
-    """`+estM`: estimated speed and torque beside the indicators."""
+    """`+estM`: estimated speed and torque in addition to the indicators."""
     difference: bool = False
-    """`+diff`: absolute differences, and divergences, to the day before."""
+    """`+diff`: absolute differences, and divergences, from the day before."""
     days: int = 1
-    """`+var3`, `+var5`: that many days side by side."""
+    """`+var3`, `+var5`: number of days in one row."""
     pca: bool = False
-    """`+pca`: principal components in place of columns."""
+    """`+pca`: principal components instead of columns."""
     pca_before_days: bool = False
-    """Components of single days, which are then put side by side, rather than of windows."""
+    """Whether components are those of single days, which are then combined, instead of those of
+    windows."""
 
     @classmethod
     def of(cls, name: str) -> Self:
-        """The combination of that name.
+        """Return the combination with a name.
 
         Raises:
-            ValueError: A step is unknown, comes twice, or estimates come after differences.
+            ValueError: A step is unknown, occurs twice, or estimates come after differences.
         """
         steps = [] if name == "control" else name.removeprefix("+").split("+")
         unknown = [step for step in steps if step not in _STEPS]
@@ -80,14 +81,14 @@ class Combination:
             raise ValueError(f"{name}: unknown step '{unknown[0]}': choose {', '.join(_STEPS)}")
         windows = [step for step in steps if step.startswith("var")]
         if len(set(steps)) < len(steps) or len(windows) > 1:
-            raise ValueError(f"{name}: each step may be there once, and one window")
+            raise ValueError(f"{name}: each step, and one window, may occur only once")
         order = {step: steps.index(step) for step in steps}
         if "estM" in order and order["estM"] > 0:
             raise ValueError(f"{name}: estimates of torque and speed come first")
         if "diff" in order and any(
             order["diff"] > order[step] for step in ("pca", *windows) if step in order
         ):
-            raise ValueError(f"{name}: differences come before windows and components")
+            raise ValueError(f"{name}: differences must come before windows and components")
         return cls(
             name=name,
             estimates="estM" in order,
@@ -103,7 +104,14 @@ class Combination:
         return INDICATORS + (ESTIMATES if self.estimates else ()) + DIVERGENCES
 
     def columns(self, n_axes: int) -> dict[tuple[str, int], Ints]:
-        """Columns of each measurement and axis, from 1, in the rows of `prepare`."""
+        """Find the columns of each measurement and axis in the rows of `prepare`.
+
+        Args:
+            n_axes: Number of axes.
+
+        Returns:
+            Indices of the columns by measurement and axis (from 1), shape (days,) each.
+        """
         names = self.measurements
         first = np.arange(self.days) * len(names) * n_axes
         return {
@@ -113,7 +121,7 @@ class Combination:
         }
 
     def reduction(self) -> list[DailyPCA]:
-        """Steps for a pipeline, after columns have been standardised."""
+        """Steps of a pipeline that follow the standardisation of the columns."""
         if not self.pca:
             return []
         return [DailyPCA(days=self.days if self.pca_before_days else 1)]
@@ -122,19 +130,19 @@ class Combination:
 def measurements(
     series: Daily, *, estimates: bool, difference: bool, smoothing: float = SMOOTHING
 ) -> tuple[Ints, Floats]:
-    """Rows of table 5.1: indicators, estimates, and a divergence for each histogram.
+    """Compute the rows of table 5.1: indicators, estimates, and a divergence for each histogram.
 
     Args:
         series: Record by days.
-        estimates: Whether estimated speed and torque are among them.
-        difference: Absolute differences to the day before, and divergences from it, rather than
-            values, and divergences from the first day.
-        smoothing: Share of time added to each bin of both histograms.
+        estimates: Whether estimated speed and torque are included.
+        difference: Whether to use absolute differences and divergences from the day before, instead
+            of values and divergences from the first day.
+        smoothing: Share of time that is added to each bin of both histograms.
 
     Returns:
         Days, and values [rad/s, N m, rad/s, N m, bit, bit, bit], measurement by measurement and
-        axis by axis. Shapes (days,) and (days, measurements * n_axes); with differences the first
-        day is left out.
+        axis by axis. Shapes (days,) and (days, measurements * n_axes). With differences, the first
+        day has no row.
     """
     names = INDICATORS + (ESTIMATES if estimates else ())
     values = np.hstack([series.values[name] for name in names])
@@ -148,29 +156,29 @@ def measurements(
 
 
 def windows(values: ArrayLike, days: int) -> Floats:
-    """Each row beside those before it, the oldest first: [X_{k-n+1}, ..., X_k].
+    """Combine each row with those before it, the oldest first: [X_{k-n+1}, ..., X_k].
 
     Args:
         values: Shape (rows, columns).
         days: n, at least 1.
 
     Returns:
-        Shape (rows - n + 1, n * columns).
+        Shape (rows - n + 1, n * columns), in the units of the values.
 
     Raises:
         ValueError: There are fewer than n rows.
     """
     rows = np.asarray(values, dtype=float)
     if not 1 <= days <= len(rows):
-        raise ValueError(f"windows of {days} rows need as many, got {len(rows)}")
+        raise ValueError(f"windows of {days} rows need at least as many rows, got {len(rows)}")
     return np.hstack([rows[k : len(rows) - days + 1 + k] for k in range(days)])
 
 
 def prepare(record: Record, combination: Combination) -> tuple[Ints, Floats]:
-    """Rows of one robot, all steps but the principal components, see `Combination.reduction`.
+    """Compute the rows of one robot: all steps except `Combination.reduction`.
 
     Args:
-        record: Monitoring of the robot, see `daily`.
+        record: Monitoring data of the robot, see `daily`.
         combination: Steps.
 
     Returns:
@@ -188,12 +196,12 @@ def prepare(record: Record, combination: Combination) -> tuple[Ints, Floats]:
 class DailyPCA(TransformerMixin, BaseEstimator):
     """Principal components of each day in a row of several days.
 
-    Components are learned from the newest day of the training rows: the days before it are, as a
-    rule, newest days of other rows. With one day this is PCA of the whole row.
+    Components are learned from the newest day of the training rows. The days before it are usually
+    newest days of other rows. With one day this is PCA of the whole row.
 
     Args:
-        days: Days side by side in a row.
-        share: Share of the variance that the components kept explain, within (0, 1).
+        days: Number of days in a row.
+        share: Share of the variance that the components explain, within (0, 1).
     """
 
     def __init__(self, *, days: int = 1, share: float = 0.9) -> None:
@@ -206,13 +214,16 @@ class DailyPCA(TransformerMixin, BaseEstimator):
         Args:
             X: Rows. Shape (rows, days * columns).
             y: Not used.
+
+        Returns:
+            The transformer itself.
         """
         newest = self._by_day(np.asarray(X, dtype=float))[:, -1]
         self.pca_ = PCA(n_components=self.share, svd_solver="full").fit(newest)
         return self
 
     def transform(self, X: ArrayLike) -> Floats:
-        """Scores of each day, side by side. Shape (rows, days * components)."""
+        """Compute the scores of each day. Shape (rows, days * components)."""
         by_day = self._by_day(np.asarray(X, dtype=float))
         return np.hstack([self.pca_.transform(by_day[:, k]) for k in range(self.days)])
 

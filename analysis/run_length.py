@@ -1,10 +1,10 @@
-"""Run length of control charts: how many samples pass until the alarm, exactly computed.
+"""Run length of control charts: the number of samples until the alarm, computed exactly.
 
-The run length of independent Gaussian samples, all with the same mean, follows from an integral
-equation that is solved on Gauss-Legendre nodes. Means and distributions are right to more digits
-than tables give; a Markov chain of the same size (Brook and Evans 1972) reaches about three.
+The run length of independent Gaussian samples with the same mean follows from an integral
+equation, which is solved on Gauss-Legendre nodes. Means and distributions have more correct digits
+than published tables. A Markov chain of the same size (Brook and Evans 1972) has about three.
 
-    ewma_run_length(0.1, 2.814, two_sided=True).mean  # 500 samples to a false alarm
+    ewma_run_length(0.1, 2.814, two_sided=True).mean  # 500 samples until a false alarm
     cusum_run_length(0.5, 5, shift=1).mean  # 10.4 samples until the alarm
     cusum_run_length(0.5, 5).probability_within(720)  # of a false alarm in a month of hours
 """
@@ -26,19 +26,19 @@ _LONGEST = 1e9  # samples; means of longer runs lose their digits to rounding
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunLength:
-    """Distribution of the number of samples up to and with the alarm."""
+    """Distribution of the number of samples up to the alarm, including its sample."""
 
     mean: float
     """Average run length, in samples."""
     sides: tuple[tuple[Floats, Floats], ...]
-    """Of each side of the chart, the densities of the statistic times the weights of its nodes:
-    after the first sample, shape (nodes,), and after one that started from a node, shape
+    """For each side of the chart, the densities of the statistic times the weights of its nodes:
+    after the first sample, shape (nodes,), and after a sample that started from a node, shape
     (nodes, nodes)."""
 
     def probability_within(self, samples: int) -> float:
-        """Probability of an alarm within the first samples.
+        """Compute the probability of an alarm within the first samples.
 
-        The sides of a two-sided CUSUM are taken as independent, see `cusum_run_length`.
+        The sides of a two-sided CUSUM are assumed to be independent, see `cusum_run_length`.
 
         Args:
             samples: Number of samples, at least 0.
@@ -69,19 +69,19 @@ def ewma_run_length(
 ) -> RunLength:
     """Run length of an exponentially weighted moving average, E = weight z + (1 - weight) E.
 
-    E starts at 0. The alarm comes when E, or |E| if the chart has two sides, exceeds
-    width sqrt(weight / (2 - weight)), which is `width` of its standard deviations in the long run.
+    E starts at 0. An alarm is raised when E, or |E| if the chart has two sides, exceeds width
+    sqrt(weight / (2 - weight)), which is `width` times its standard deviation after many samples.
 
     Source: Crowder (1987), A simple method for studying run-length distributions of exponentially
     weighted moving average charts; Lucas and Saccucci (1990), Exponentially weighted moving average
-    control schemes, table 3, whose figures it gives.
+    control schemes, table 3, whose values it reproduces.
 
     Args:
         weight: Weight of the newest sample, above 0 and at most 1.
         width: Control limit, in standard deviations of E.
         shift: Mean of the samples, in their standard deviations.
-        two_sided: Whether the alarm also comes below the negative limit.
-        first_shift: Mean of the first sample, if another.
+        two_sided: Whether an alarm is also raised below the negative limit.
+        first_shift: Mean of the first sample, if it differs.
 
     Returns:
         Run length.
@@ -117,21 +117,21 @@ def cusum_run_length(
 ) -> RunLength:
     """Run length of a cumulative sum, C = max(0, C + z - reference).
 
-    C starts at 0. The alarm comes when C exceeds the interval. A chart with two sides has a second
-    sum of -z; its mean run length is exactly 1 / (1 / mean of one + 1 / mean of the other). Its
-    `probability_within` takes the two as independent, which makes it up to 0.02 too low at
-    references from 0.5 on, and 0.05 at 0.1.
+    C starts at 0. An alarm is raised when C exceeds the interval. A chart with two sides has a
+    second sum for -z; its mean run length is exactly 1 / (1 / mean of one + 1 / mean of the other).
+    `probability_within` assumes that the two sides are independent. Its result is therefore up to
+    0.02 too low at references from 0.5 on, and up to 0.05 too low at 0.1.
 
     Source: Page (1954), Continuous inspection schemes; Goel and Wu (1971), Determination of A.R.L.
     and a contour nomogram for CUSUM charts to control normal mean; Kemp (1961) for two sides.
 
     Args:
-        reference: What is taken off each sample, half the shift to find. At least 0, in standard
-            deviations of the samples.
-        interval: Control limit, likewise.
-        shift: Mean of the samples, likewise.
-        two_sided: Whether a second sum watches for a decrease.
-        first_shift: Mean of the first sample, if another.
+        reference: Number subtracted from each sample: half the shift to be found, at least 0, in
+            standard deviations of the samples.
+        interval: Control limit, in the same unit.
+        shift: Mean of the samples, in the same unit.
+        two_sided: Whether a second sum detects a decrease.
+        first_shift: Mean of the first sample, if it differs.
 
     Returns:
         Run length.
@@ -164,7 +164,7 @@ def cusum_run_length(
 
 @lru_cache(maxsize=128)
 def ewma_width(weight: float, run_length: float, *, two_sided: bool = False) -> float:
-    """Width of the EWMA chart whose false alarms are `run_length` samples apart on average.
+    """Find the width of the EWMA chart that has `run_length` samples between false alarms.
 
     Args:
         weight: Weight of the newest sample, above 0 and at most 1.
@@ -172,7 +172,7 @@ def ewma_width(weight: float, run_length: float, *, two_sided: bool = False) -> 
         two_sided: Whether the chart has two sides.
 
     Returns:
-        Width, as of `ewma_run_length`.
+        Width, as in `ewma_run_length`.
 
     Raises:
         ValueError: If the weight is out of range, or no width gives that run length.
@@ -184,15 +184,15 @@ def ewma_width(weight: float, run_length: float, *, two_sided: bool = False) -> 
 
 @lru_cache(maxsize=128)
 def cusum_interval(reference: float, run_length: float, *, two_sided: bool = False) -> float:
-    """Interval of the CUSUM chart whose false alarms are `run_length` samples apart on average.
+    """Find the interval of the CUSUM chart that has `run_length` samples between false alarms.
 
     Args:
-        reference: What is taken off each sample, in standard deviations, at least 0.
+        reference: Number subtracted from each sample, in standard deviations, at least 0.
         run_length: Average run length without a shift, in samples.
         two_sided: Whether the chart has two sides.
 
     Returns:
-        Interval, as of `cusum_run_length`.
+        Interval, as in `cusum_run_length`.
 
     Raises:
         ValueError: If the reference is out of range, or no interval gives that run length.
@@ -210,7 +210,7 @@ def _unit_legendre(count: int) -> tuple[Floats, Floats]:
 
 
 def _legendre(lowest: float, highest: float, deviation: float) -> tuple[Floats, Floats]:
-    """Nodes and weights that integrate a Gaussian of that deviation between the ends."""
+    """Nodes and weights that integrate a Gaussian with that deviation between the ends."""
     # Four nodes a standard deviation give 8 digits or more; multiples of 16 are kept for reuse.
     count = 16 * ceil((32 + 4 * (highest - lowest) / deviation) / 16)
     nodes, weights = _unit_legendre(count)
@@ -230,7 +230,7 @@ def _mean(first: Floats, moves: Floats) -> float:
 
 
 def _solve(mean: Callable[[float], float], run_length: float) -> float:
-    """Limit at which the mean run length is the one asked for."""
+    """Limit at which the mean run length has the required value."""
     low = high = 0.05
     shortest = mean(low)
     if not shortest <= run_length <= _LONGEST:

@@ -4,7 +4,7 @@
     found.variances_differ, found.p, found.post_hoc["control", "+diff"]
     anova(frame, "variation", ["source", "signal", "condition"])  # rows of table 4.2
 
-Generalised linear models of tables 4.5 to 4.11 are in `analysis.glm`.
+The generalised linear models of tables 4.5 to 4.11 are in `analysis.glm`.
 """
 
 from __future__ import annotations
@@ -25,31 +25,43 @@ Floats = NDArray[np.float64]
 Pairs = dict[tuple[str, str], float]
 
 SIGNIFICANT = 0.05
-"""Level of every test in the thesis."""
+"""Significance level of all tests in the thesis."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Whether groups differ, and which."""
+    """Whether groups differ, and which pairs do."""
 
     levene: float
-    """p of equal variances."""
+    """p-value of Levene's test for equal variances."""
     variances_differ: bool
-    """Whether Welch's ANOVA and Games-Howell were used, else ANOVA and Tukey's HSD."""
+    """Whether Welch's ANOVA and Games-Howell were used instead of ANOVA and Tukey's HSD."""
     statistic: float
-    """F."""
+    """F of the ANOVA."""
     p: float
-    """Of equal means."""
+    """p-value of the ANOVA for equal means."""
     post_hoc: Pairs
-    """p of each pair, adjusted for all; by names in the order of the groups."""
+    """p-value of each pair, adjusted for the number of pairs; by names in the order of the
+    groups."""
 
     @property
     def means_differ(self) -> bool:
-        """Whether the post-hoc test is called for."""
+        """Whether the means differ, so that the post-hoc test may be used."""
         return self.p < SIGNIFICANT
 
     def between(self, one: str, other: str) -> float:
-        """Adjusted p of a pair, in either order."""
+        """Return the adjusted p-value of a pair.
+
+        Args:
+            one: Name of a group.
+            other: Name of another group. The order does not matter.
+
+        Returns:
+            The adjusted p-value.
+
+        Raises:
+            ValueError: There is no such pair.
+        """
         found = self.post_hoc.get((one, other), self.post_hoc.get((other, one)))
         if found is None:
             raise ValueError(f"no such pair of groups: {one} and {other}")
@@ -57,22 +69,23 @@ class Comparison:
 
 
 def compare(groups: Mapping[str, ArrayLike], *, significant: float = SIGNIFICANT) -> Comparison:
-    """Compare means of groups, by variances that are equal or not (thesis procedure 2).
+    """Compare the means of groups with equal or unequal variances (thesis procedure 2).
 
-    Levene's test is about medians (Brown and Forsythe), as in R's lawstat. If it finds that
-    variances differ, Welch's ANOVA and the Games-Howell test follow, else ANOVA and Tukey's HSD
-    (Tukey and Kramer's where sizes differ). Post-hoc p are told whether or not the means differ as
-    a whole; procedure 2 heeds them only if `means_differ`.
+    Levene's test uses medians (Brown and Forsythe), as in R's lawstat. If it finds that variances
+    differ, Welch's ANOVA and the Games-Howell test follow. Otherwise ANOVA and Tukey's HSD follow
+    (Tukey and Kramer's if sizes differ). Post-hoc p-values are always computed, but procedure 2
+    uses them only if `means_differ`.
 
     Args:
-        groups: Values of at least two groups, at least two each and not all groups constant.
-        significant: Level of Levene's test.
+        groups: Values of at least two groups. Each group has at least two, and not all groups are
+            constant.
+        significant: Significance level of Levene's test.
 
     Returns:
         The comparison.
 
     Raises:
-        ValueError: There are too few groups or values, a value is not finite, or none varies.
+        ValueError: There are too few groups or values, a value is not finite, or no group varies.
     """
     values = _checked(groups)
     levene = levene_p(*values)
@@ -88,9 +101,9 @@ def compare(groups: Mapping[str, ArrayLike], *, significant: float = SIGNIFICANT
 
 
 def levene_p(*values: ArrayLike) -> float:
-    """How likely equal variances of groups would differ so, p by Levene's test about medians.
+    """Compute the p-value of Levene's test about medians for equal variances of groups.
 
-    Two groups that are the same, or all constant, do not differ: 1.
+    It is 1 for two groups that are equal, and if all groups are constant.
     """
     arrays = [np.asarray(own, dtype=float) for own in values]
     deviations = np.concatenate([np.abs(own - np.median(own)) for own in arrays])
@@ -100,10 +113,13 @@ def levene_p(*values: ArrayLike) -> float:
 
 
 def tukey(groups: Mapping[str, ArrayLike]) -> Pairs:
-    """Tukey's HSD (Tukey and Kramer's where sizes differ): adjusted p of each pair.
+    """Compute adjusted p-values by Tukey's HSD (Tukey and Kramer's if sizes differ).
 
     Args:
         groups: Values of at least two groups, as `compare`.
+
+    Returns:
+        p-value of each pair, by names.
     """
     return _post_hoc(list(groups), _checked(groups), equal_variances=True)
 
@@ -116,20 +132,20 @@ def _post_hoc(names: Sequence[str], values: Sequence[Floats], *, equal_variances
 def anova(frame: pd.DataFrame, response: str, factors: Sequence[str]) -> list[dict[str, Any]]:
     """Factorial ANOVA with all interactions, type III sums of squares (thesis tables 4.2 to 4.4).
 
-    Factors are coded by deviations that sum to zero, without which type III tests would depend on
-    the level that is coded by zeros.
+    Factors are coded by deviations that sum to zero. With another coding, type III tests would
+    depend on the level that is coded by zeros.
 
     Args:
-        frame: A row an observation.
+        frame: One row per observation.
         response: Column of the response.
         factors: Columns of the factors.
 
     Returns:
-        A row a term, main effects first, then "Error" and "Total" (about the mean): "source", "df",
-        "ss" and, unless total, "ms"; of terms also "f" and "p".
+        One row per term, main effects first, then "Error" and "Total" (about the mean): "source",
+        "df", "ss" and, except for the total, "ms"; for terms also "f" and "p".
 
     Raises:
-        ValueError: A combination of levels has no observation, or none is left for the error.
+        ValueError: A combination of levels has no observation, or there is none left for the error.
     """
     counts = frame.groupby(list(factors), observed=False).size()
     cells = int(np.prod([frame[factor].nunique() for factor in factors]))
@@ -172,23 +188,26 @@ class Difference:
 def difference_over_robots(
     one: ArrayLike, other: ArrayLike, *, seed: int, draws: int = 2000, confidence: float = 0.95
 ) -> Difference:
-    """Mean of other - one over pairs of robots, with an interval for new robots.
+    """Compute the mean of other - one over pairs of robots, with an interval for new robots.
 
-    Pairs share robots, so that tests which take them for independent are too sure. Here rows
-    (failing robots) and columns (normal ones) are drawn anew with replacement, each for itself,
-    and the interval is between percentiles.
+    Pairs share robots, so that tests that assume independent pairs are overconfident. Here rows
+    (failing robots) and columns (normal robots) are resampled with replacement, independently of
+    each other. The interval lies between percentiles of the resampled means.
 
     Source: Owen (2007), The pigeonhole bootstrap.
 
     Args:
         one: AUC of each pair. Shape (failing, normal).
         other: The same of another method, same shape.
-        seed: Of the draws.
+        seed: Seed of the random draws.
         draws: Number of draws.
-        confidence: Of the interval, within (0, 1).
+        confidence: Confidence of the interval, within (0, 1).
+
+    Returns:
+        The mean difference with its interval.
 
     Raises:
-        ValueError: Shapes differ.
+        ValueError: The shapes differ.
     """
     first, second = np.asarray(one, dtype=float), np.asarray(other, dtype=float)
     if first.shape != second.shape or first.ndim != 2:

@@ -1,4 +1,4 @@
-"""Series of numbers as series of symbols: each value becomes the number of its quantile bin."""
+"""Series of numbers as series of symbols. A symbol is the number of the value's quantile bin."""
 
 from collections.abc import Sequence
 
@@ -14,9 +14,10 @@ _MANY = 40  # bins; from here on a search in each series beats comparing all wit
 def quantile_symbols(x: ArrayLike, bins: Bins) -> NDArray[np.intp]:
     """Replace each value of a series by the number of its quantile bin.
 
-    Bins are right-closed; their edges are quantiles of the series itself, type 8 (numpy's
-    "median_unbiased"). No value lies between the two order statistics that such a quantile
-    interpolates, so the lower one serves as edge, whatever the rounding of the position.
+    Bins are closed on the right. Their edges are quantiles of the series itself, type 8 (numpy's
+    "median_unbiased"). Such a quantile interpolates between two order statistics, and no value lies
+    between these two. The lower one is therefore used as the edge, so that rounding has no
+    influence.
 
     Source: Hyndman and Fan (1996), Sample quantiles in statistical packages; thesis 6.2.2.
 
@@ -36,7 +37,20 @@ def quantile_symbols(x: ArrayLike, bins: Bins) -> NDArray[np.intp]:
 
 
 def coded(x: Floats, bins: Bins, exponent: int, shortest: int = 3) -> tuple[NDArray, int]:
-    """Symbols of each axis, shape (..., axes, samples), and how many symbols there may be."""
+    """Compute the symbols of each axis.
+
+    Args:
+        x: Series of all axes. Shape (..., samples, axes), in any unit.
+        bins: Number of bins or levels of their edges, see `quantile_symbols`.
+        exponent: Number of symbols that are combined to one code later.
+        shortest: Fewest samples that are allowed.
+
+    Returns:
+        Symbols from 0, shape (..., axes, samples), and the number of possible symbols.
+
+    Raises:
+        ValueError: The bins are invalid or too many, or there are too few samples.
+    """
     if isinstance(bins, (int, np.integer)):
         levels = np.arange(1, bins) / max(bins, 1)
     else:
@@ -63,7 +77,20 @@ def coded(x: Floats, bins: Bins, exponent: int, shortest: int = 3) -> tuple[NDAr
 
 
 def finite(x: ArrayLike, name: str, shape: str, ndim: int) -> Floats:
-    """Array of floats, checked to have `ndim` dimensions, more than one axis and no gaps."""
+    """Convert to an array of floats, and check its dimensions and values.
+
+    Args:
+        x: The values, in any unit.
+        name: Name of the argument, for the message.
+        shape: Expected shape, for the message.
+        ndim: Expected number of dimensions. Above 1, the last one must have at least 2 elements.
+
+    Returns:
+        The values in the same shape.
+
+    Raises:
+        ValueError: The shape is another, or a value is not finite.
+    """
     array = np.asarray(x, dtype=float)
     if array.ndim != ndim or (ndim > 1 and array.shape[-1] < 2):
         raise ValueError(f"{name} must have shape {shape}, got {array.shape}")

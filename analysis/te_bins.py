@@ -1,4 +1,4 @@
-"""How many bins for transfer entropy: chosen on healthy series alone."""
+"""How many bins should transfer entropy use? The choice needs healthy series only."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ def isolation_by_bins(
     candidates: Sequence[int] = CANDIDATES,
     amplitudes: Sequence[float] = (1.0, 2.0, 4.0),
 ) -> np.ndarray:
-    """How often the axis is named on which a trend is put, for each number of bins.
+    """Compute for each number of bins how often the axis is named to which a trend was added.
 
-    The trend is A sd (k / n)^4 at sample k of n, with sd the axis' own healthy standard deviation:
-    slow at first and steep towards the end, as wear grows. Every axis of every series gets it in
-    turn.
+    The trend is A sd (k / n)^4 at sample k of n, with sd the axis' own healthy standard deviation.
+    It is slow at first and steep towards the end, as wear grows. It is added to every axis of every
+    series in turn.
 
     Args:
         healthy: Healthy series of the length that is to be judged. Shape (series, samples, axes).
@@ -30,7 +30,7 @@ def isolation_by_bins(
         amplitudes: Values of A.
 
     Returns:
-        Share of trends that were named. Shape (candidates,).
+        Share of trends whose axis was named. Shape (candidates,).
 
     Raises:
         ValueError: As `net_transfer_entropy`.
@@ -51,14 +51,14 @@ def isolation_by_bins(
 
 
 def choose_bins(healthy: ArrayLike, *, candidates: Sequence[int] = CANDIDATES) -> int:
-    """Number of bins with which transfer entropy names most trends, see `isolation_by_bins`.
+    """Choose the number of bins with which most trends are named, see `isolation_by_bins`.
 
     Args:
         healthy: Healthy series of the length that is to be judged. Shape (series, samples, axes).
         candidates: Numbers of bins.
 
     Returns:
-        The number of bins; the smallest of those that are best.
+        The number of bins. If several are best, the smallest of them.
     """
     ordered = sorted(candidates)
     return ordered[int(np.argmax(isolation_by_bins(healthy, candidates=ordered)))]

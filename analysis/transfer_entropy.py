@@ -24,7 +24,7 @@ _CHUNK = 1 << 16  # codes sorted at a time, so that they stay in the cache
 
 @dataclass(frozen=True, kw_only=True)
 class EffectiveTransferEntropy:
-    """Transfer entropy with the bias of short series taken off."""
+    """Transfer entropy without the bias of short series."""
 
     value: float
     """`raw` minus `shuffle_mean`, in [bit]. Not clipped: may be below 0."""
@@ -45,11 +45,9 @@ class EffectiveNetTransferEntropy:
     p_value: Floats
     """P-value of the transfer i -> j, 1 on the diagonal. Shape (axes, axes)."""
     adjusted_p_value: Floats
-    """Holm's adjustment of `p_value` for the number of pairs, likewise. Shape (axes, axes).
-
-    Where nothing is transferred anywhere, any of these is at most a with a probability of at most
-    a, however the pairs depend on each other. Which pairs are at most a may be read as a whole.
-    """
+    """Holm's adjustment of `p_value` for the number of pairs. Shape (axes, axes). If nothing is
+    transferred anywhere, the probability that any of these is at most a is at most a, however the
+    pairs depend on each other. All pairs with at most a can be reported together."""
 
 
 def transfer_entropy(
@@ -146,7 +144,7 @@ def net_transfer_entropy(x: ArrayLike, bins: Bins = 10) -> Floats:
 def isolate_axis(x: ArrayLike, bins: Bins = 10) -> int:
     """Name the axis with the largest sum of net transfer entropies to the others.
 
-    Source: thesis 6.4, which always names one. Here a shared largest sum names none.
+    Source: thesis 6.4, which always names one axis. Here none is named if two sums are equal.
 
     Args:
         x: Series of all axes. Shape (samples, axes), in any unit.
@@ -172,18 +170,19 @@ def effective_transfer_entropy(
     block: int | None = None,
     rng: Generator,
 ) -> EffectiveTransferEntropy:
-    """Transfer entropy source -> target minus its mean over permutations of the source.
+    """Compute transfer entropy source -> target minus its mean over permutations of the source.
 
     RTransferEntropy differs: it draws the source's symbols with replacement and clips at 0.
 
     A permutation of all samples is a fair comparison only if the samples of the source are
-    exchangeable. They are not if the source has a trend or a memory, and then the p-value is too
-    small wherever the target has one too: of 400 pairs of independent noise (200 samples, 3 bins),
-    31 % have p <= 0.05 if both have a linear trend of two standard deviations from end to end, and
-    8 % if both are autoregressions with a coefficient of 0.9. With `block` = 10 samples move only
-    within blocks of ten, each permutation with other limits of the blocks. So the shuffled source
+    exchangeable. They are not if the source has a trend or a memory. Then the p-value is too small
+    if the target has one too. Of 400 pairs of independent noise (200 samples, 3 bins), 31 % have p
+    <= 0.05 if both have a linear trend of two standard deviations from end to end, and 8 % if both
+    are autoregressions with a coefficient of 0.9. With `block` = 10, samples move only within
+    blocks of ten, and each permutation has other limits of the blocks. The shuffled source then
     keeps its trend and slow changes, and 7 % and 3 % of those pairs have p <= 0.05. Choose blocks
-    that are short beside the trend or the memory; the least, 2, has the least power.
+    that are short compared with the trend or the memory. The shortest blocks, of 2 samples, have
+    the least power.
 
     Source: Marschinski and Kantz (2002), Analysing the information flow between financial time
     series; p-value of Phipson and Smyth (2010), Permutation p-values should never be zero;
@@ -196,7 +195,7 @@ def effective_transfer_entropy(
         shuffles: Number of permutations, at least 1.
         block: Number of successive samples within which samples are permuted, at least 2. Default:
             all samples are permuted.
-        rng: Source of the permutations.
+        rng: Random generator of the permutations.
 
     Returns:
         Effective and raw transfer entropy, and the p-value of "no transfer".
@@ -234,23 +233,25 @@ def effective_net_transfer_entropy(
 ) -> EffectiveNetTransferEntropy:
     """Net effective transfer entropy between all pairs of axes, see `effective_transfer_entropy`.
 
-    Each ordered pair has a random stream of its own, whatever the order in which they are computed.
+    Each ordered pair has its own random stream, so that the order of the computations has no
+    influence.
 
-    The smallest adjusted p-value there can be is the number of pairs over 1 + `shuffles`. For one
-    of the 30 pairs of six axes to reach 0.05, 599 shuffles are needed.
+    The smallest possible adjusted p-value is the number of pairs divided by 1 + `shuffles`. One of
+    the 30 pairs of six axes can reach 0.05 only with at least 599 shuffles.
 
-    Source: Holm (1979), A simple sequentially rejective multiple test procedure. Not that of
-    Benjamini and Hochberg, as the pairs share their series and one false finding is one too many.
+    Source: Holm (1979), A simple sequentially rejective multiple test procedure. Benjamini and
+    Hochberg's procedure is not used, because the pairs share their series and even one false
+    finding is too many.
 
     Args:
         x: Series of all axes. Shape (samples, axes), in any unit.
         bins: Number of bins or levels of their edges, see `quantile_symbols`.
-        shuffles: Number of permutations a pair, at least 1.
-        block: As of `effective_transfer_entropy`; set it if the axes share a trend.
-        rng: Parent, of which the streams are spawned.
+        shuffles: Number of permutations per pair, at least 1.
+        block: As in `effective_transfer_entropy`. Set it if the axes share a trend.
+        rng: Random generator from which the streams are spawned.
 
     Returns:
-        Net effective transfer entropies and p-values, also adjusted.
+        Net effective transfer entropies and p-values, also adjusted. Shapes (axes, axes).
 
     Raises:
         ValueError: As `transfer_entropy_matrix` and `effective_transfer_entropy`, or if x is a
@@ -290,7 +291,7 @@ def _holm(p_value: Floats) -> Floats:
 
 
 def _past(symbols: NDArray, length: int, first: int, size: int) -> NDArray:
-    """One code for the `length` symbols before each sample from `first` on."""
+    """One code for the `length` symbols before each sample, from sample `first` on."""
     code, n = symbols[first - 1 : -1], len(symbols)
     for k in range(2, length + 1):
         code = code * size + symbols[first - k : n - k]
@@ -298,7 +299,7 @@ def _past(symbols: NDArray, length: int, first: int, size: int) -> NDArray:
 
 
 def _pair(source: ArrayLike, target: ArrayLike, bins: Bins, *histories: int) -> tuple[NDArray, int]:
-    """Symbols of both series, shape (2, samples), and how many symbols there may be."""
+    """Symbols of both series, shape (2, samples), and the number of possible symbols."""
     x, y = finite(source, "source", "(samples,)", 1), finite(target, "target", "(samples,)", 1)
     if len(x) != len(y):
         raise ValueError(f"source has {len(x)} samples, target has {len(y)}")

@@ -38,7 +38,16 @@ def read(name: str) -> np.ndarray:
 
 
 def missed(monitor: PCAMonitor, healthy: np.ndarray, faulty: list[np.ndarray]) -> np.ndarray:
-    """Share of rows after the start of each fault that T2 and Q miss, shape (faults, 2)."""
+    """Compute the share of rows after the start of each fault that T2 and Q miss.
+
+    Args:
+        monitor: A fitted monitor.
+        healthy: Healthy rows, shape (rows, variables).
+        faulty: Rows of each fault, shape (rows, variables) each.
+
+    Returns:
+        Shares, shape (faults, 2), without unit.
+    """
     shares = []
     for statistic in (monitor.t2, monitor.q):
         threshold = np.sort(statistic(healthy)[monitor.lags :])[-10]
@@ -47,7 +56,16 @@ def missed(monitor: PCAMonitor, healthy: np.ndarray, faulty: list[np.ndarray]) -
 
 
 def parallel_analysis(x: np.ndarray, lags: int, draws: int = 20) -> int:
-    """Number of leading variances above the mean of those of white noise of the same shape."""
+    """Count the leading variances above the mean of those of white noise of the same shape.
+
+    Args:
+        x: Rows, shape (rows, variables).
+        lags: Number of predecessors of each row.
+        draws: Number of draws of white noise.
+
+    Returns:
+        The number of components.
+    """
     rng = np.random.default_rng(0)
     ours = PCAMonitor(lags=lags).fit(x).eigenvalues_
     shape = (len(x) - lags, len(ours))

@@ -149,7 +149,15 @@ def run(
 
 
 def read_answers(trial: Path, results: str = RESULTS) -> dict[str, Answer]:
-    """All stored answers, by case."""
+    """Read all stored answers.
+
+    Args:
+        trial: Folder of the trial.
+        results: Name of the folder with answers.
+
+    Returns:
+        Answers by case.
+    """
     return {p.stem: json.loads(p.read_text()) for p in sorted((trial / results).glob("*.json"))}
 
 
@@ -166,7 +174,14 @@ def score_command(trial: Trial, results: Results = RESULTS) -> None:
 
 
 def draw_confusion(rows: list[str], columns: list[str], counts: np.ndarray, path: Path) -> None:
-    """Draw a confusion matrix, shape (rows, columns), each row in shares of its cases."""
+    """Draw a confusion matrix. Each row is shown in shares of its cases.
+
+    Args:
+        rows: Names of the rows.
+        columns: Names of the columns.
+        counts: Counts, shape (rows, columns).
+        path: Picture to write.
+    """
     figure = Figure(figsize=(2 + 0.35 * len(columns), 2 + 0.3 * len(rows)), layout="constrained")
     axes = figure.subplots()
     share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)

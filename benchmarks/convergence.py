@@ -105,7 +105,20 @@ def run(
     seconds: float,
     sample: float = SAMPLE,
 ) -> Log | None:
-    """Simulate from rest; None if it diverges."""
+    """Simulate a motion from rest.
+
+    Args:
+        motion: The motion.
+        model: The model, whose options are changed.
+        integrator: Name of the integrator.
+        timestep: Time step [s].
+        alignment: How the control is aligned with the steps.
+        seconds: Simulated time [s].
+        sample: Time between samples [s].
+
+    Returns:
+        The log, or None if the simulation diverges.
+    """
     robot = motion.robot
     model = copy.copy(model)
     model.opt.timestep = timestep
@@ -165,7 +178,17 @@ def run(
 
 
 def error(log: Log, alignment: Alignment, timestep: float, truth: CubicSpline) -> np.ndarray:
-    """RMS error over RMS torque, by axis, shape (n_axes,)."""
+    """Compute the relative error of each axis.
+
+    Args:
+        log: The log.
+        alignment: How the control was aligned with the steps.
+        timestep: Time step [s].
+        truth: The true torque over time.
+
+    Returns:
+        RMS error over RMS torque, shape (n_axes,), without unit.
+    """
     return _relative(log.torque[alignment.log], truth(log.times + alignment.log_time * timestep))
 
 
@@ -310,7 +333,12 @@ def bristles(quick: bool) -> None:
 
 
 def whole_cycles(chosen: dict[tuple[str, str], Alignment], quick: bool) -> None:
-    """Each integrator against itself at a step 20 times smaller."""
+    """Compare each integrator with itself at a step that is 20 times smaller.
+
+    Args:
+        chosen: Alignment by robot and integrator.
+        quick: Whether to simulate less.
+    """
     print("## Whole cycles of pick_and_place against the same integrator at 25 us\n")
     print("With the alignment that was best at 0.5 ms. Speed: simulated seconds per second.\n")
 

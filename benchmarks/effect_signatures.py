@@ -81,7 +81,15 @@ says what to look for. The page is written by `benchmarks/effect_signatures.py`.
 
 
 def motion_of(robot: Robot, name: str) -> Motion:
-    """A motion of `MOTIONS`."""
+    """Return a motion of `MOTIONS`.
+
+    Args:
+        robot: The robot.
+        name: Name of the motion.
+
+    Returns:
+        The motion.
+    """
     start, moves = MOTIONS[name]
     poses, pose = [], list(start)
     for angles, speed, dwell in moves:
@@ -94,7 +102,16 @@ def motion_of(robot: Robot, name: str) -> Motion:
 
 
 def run(robot: Robot, motion: Motion, effects: list[Applied]) -> tuple[Cycle, Measured]:
-    """A cycle of a robot with effects: as simulated, and as its sensors show it."""
+    """Simulate a cycle of a robot with effects.
+
+    Args:
+        robot: The healthy robot.
+        motion: The motion.
+        effects: Effects of the robot.
+
+    Returns:
+        The cycle as it was simulated, and as its sensors measure it.
+    """
     machine = assemble(robot, effects, temperature=TEMPERATURE)
     control = control_signal(motion, robot.model.opt.timestep)
     (cycle,) = simulate(robot, control, [machine], sample_period=PERIOD)
@@ -103,7 +120,17 @@ def run(robot: Robot, motion: Motion, effects: list[Applied]) -> tuple[Cycle, Me
 
 
 def quantity(name: str, healthy: Cycle, robot: Robot, axis: int) -> np.ndarray:
-    """What a gap is drawn over, from the healthy run, shape (samples,)."""
+    """Compute the quantity over which a gap is drawn, from the healthy run.
+
+    Args:
+        name: Name of the quantity.
+        healthy: The healthy run.
+        robot: The robot.
+        axis: Axis, from 1.
+
+    Returns:
+        The quantity, shape (samples,), in the unit of its label.
+    """
     i = axis - 1
     speed, torque = healthy.motor_velocity[:, i], healthy.motor_torque[:, i]
     if name == "time":
@@ -124,7 +151,15 @@ def quantity(name: str, healthy: Cycle, robot: Robot, axis: int) -> np.ndarray:
 
 
 def draw(effect: Effect, case: Case, robot: Robot, motion: Motion, path: Path) -> None:
-    """Simulate an effect and draw its picture, 700 points wide."""
+    """Simulate an effect and draw its picture, 700 points wide.
+
+    Args:
+        effect: The effect.
+        case: Axis, severity and quantity that are drawn.
+        robot: The robot.
+        motion: The motion.
+        path: Picture to write.
+    """
     applied = Applied(effect.name, case.axis, case.severity, case.parameters)
     healthy, exact = run(robot, motion, [])
     _, seen = run(robot, motion, [applied])

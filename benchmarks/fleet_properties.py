@@ -73,7 +73,16 @@ app = typer.Typer(add_completion=False, help=__doc__)
 
 
 def simulated(plan: FleetPlan, number: int, folder: Path) -> Path:
-    """File with the cycles of a robot; they are simulated where it is not there."""
+    """Return the file with the cycles of a robot. They are simulated if the file does not exist.
+
+    Args:
+        plan: Plan of the fleet.
+        number: Number of the robot.
+        folder: Folder in which cycles are kept.
+
+    Returns:
+        The file.
+    """
     path = folder / f"{plan.sha256[:16]}_{number:03d}.joblib"
     if not path.is_file():
         part = path.with_suffix(".part")
@@ -83,7 +92,15 @@ def simulated(plan: FleetPlan, number: int, folder: Path) -> Path:
 
 
 def scaled(cycles: Cycles, size: float) -> Cycles:
-    """Cycles in which all damage is smaller: the same polynomials, at so much of each damage."""
+    """Return the same cycles with less damage.
+
+    Args:
+        cycles: The cycles.
+        size: Factor of the damage.
+
+    Returns:
+        The changed cycles.
+    """
     weights = by_damage(size * np.array(DAMAGES))
     return replace(
         cycles,
@@ -95,7 +112,19 @@ def scaled(cycles: Cycles, size: float) -> Cycles:
 def look(
     study: str, plan: FleetPlan, section: str, entry: str, value: Value, folder: Path
 ) -> dict[str, float]:
-    """What a study finds on a fleet with one entry changed."""
+    """Run a study on a fleet with one changed entry.
+
+    Args:
+        study: Name of the study.
+        plan: Plan of the fleet.
+        section: Section of the plan in which the entry stands.
+        entry: The entry that is changed.
+        value: Its new value.
+        folder: Folder in which cycles are kept.
+
+    Returns:
+        Results by name.
+    """
     changed, size = plan, 1.0
     if entry == "size":
         size = float(np.mean(value))
@@ -161,7 +190,15 @@ LOOKS = {
 
 
 def curves(study: str, found: dict[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
-    """Curves of each panel by their names, from the top; shapes (values, seeds)."""
+    """Arrange the results as curves of each panel.
+
+    Args:
+        study: Name of the study.
+        found: Results by name, shape (values, seeds).
+
+    Returns:
+        Curves by panel and name, from the top; shapes (values, seeds).
+    """
     if study == "classifiers":
         shown = ("control", FULL_CHAIN, OWN, UNTRAINED[2], *UNTRAINED[-2:])
         gains = {f"+{step}": found[new] - found[old] for step, (old, new) in HEADLINE.items()}
@@ -191,7 +228,13 @@ def curves(study: str, found: dict[str, np.ndarray]) -> dict[str, dict[str, np.n
 
 
 def draw(study: str, rows: list[dict[str, Any]], path: Path) -> None:
-    """Means over seeds, and from the least to the largest of them."""
+    """Draw the mean over seeds, and the range from the least to the largest.
+
+    Args:
+        study: Name of the study.
+        rows: Results.
+        path: Picture to write.
+    """
     names = list(dict.fromkeys(row["property"] for row in rows))
     columns = []
     for name in names:

@@ -63,7 +63,16 @@ def emps_followed(recording: Recording) -> Recording:
 
 
 def emps_error(recording: Recording, robot: Robot, changes: Changes = ()) -> float:
-    """Relative error of the force on the measured motion, decimated by 10 as published [%]."""
+    """Compute the force error on the measured motion, decimated by 10 as published.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+        changes: Changes of the model: terms and values.
+
+    Returns:
+        Relative error [%].
+    """
     followed = emps_followed(recording)
     torque = Replay(followed, robot).torque(changes)
     pair = [
@@ -76,9 +85,17 @@ def emps_error(recording: Recording, robot: Robot, changes: Changes = ()) -> flo
 def emps_closed_loop(
     recording: Recording, robot: Robot, changes: Changes = ()
 ) -> tuple[float, float]:
-    """Relative errors in closed loop with the recorded reference, at 1 kHz: force, position [%].
+    """Compute errors in closed loop with the recorded reference, at 1 kHz.
 
-    Without the delay, which is one of the log beside the motion.
+    The delay of the log relative to the motion is not simulated.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+        changes: Changes of the model: terms and values.
+
+    Returns:
+        Relative errors of force and position [%].
     """
     changes = [(term, value) for term, value in changes if term.name != "delay"]
     replay = Replay(recording, robot)
@@ -91,7 +108,12 @@ def emps_closed_loop(
 
 
 def emps(data: Path, out: Path) -> None:
-    """Effects from the closed loop, values on the measured motion; scored on the pulses."""
+    """Effects from the closed loop, values on the measured motion; scored on the pulses.
+
+    Args:
+        data: Folder with the recordings.
+        out: Folder for the results.
+    """
     robot = load_robot(EXAMPLES / "emps" / "emps.xml")
     train, test = (read_emps(data / "emps", name) for name in ("identification", "validation"))
     asked = {"include": EMPS_OPTIONAL, "exclude": EMPS_KNOWN}
@@ -137,7 +159,15 @@ def emps(data: Path, out: Path) -> None:
 def emps_picture(
     train: Recording, test: Recording, robot: Robot, changes: Changes, path: Path
 ) -> None:
-    """Force error before and after, along the speed and in time."""
+    """Force error before and after, along the speed and in time.
+
+    Args:
+        train: Recording for fitting.
+        test: Recording for scoring.
+        robot: The model.
+        changes: Changes of the model: terms and values.
+        path: Picture to write.
+    """
     with style():
         figure, grid = plt.subplots(1, 2, figsize=(9, 3.2))
         pairs = [(one, emps_followed(one)) for one in (train, test)]
@@ -164,7 +194,16 @@ UR10E_LEFT_OUT = ("transmission_error", "torque_ripple")
 
 
 def ur10e_errors(recording: Recording, robot: Robot, changes: Changes = ()) -> np.ndarray:
-    """Relative torque error of each axis where it moves [%]."""
+    """Compute the torque error of each axis while it moves.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+        changes: Changes of the model: terms and values.
+
+    Returns:
+        Relative errors [%], shape (n_axes,).
+    """
     recording = as_modelled(recording, robot)
     left = recording.torque - Replay(recording, robot).torque(changes)
     inside = settled(recording, robot) & rolling(recording, robot)
@@ -173,7 +212,12 @@ def ur10e_errors(recording: Recording, robot: Robot, changes: Changes = ()) -> n
 
 
 def ur10e(data: Path, out: Path) -> None:
-    """Calibrated without payload; the payload found; held out on the other pair."""
+    """Calibrated without payload; the payload found; held out on the other pair.
+
+    Args:
+        data: Folder with the recordings.
+        out: Folder for the results.
+    """
     folder, cache = data / "ur10e", out / "cache"
     robot = load_robot(EXAMPLES / "ur10e" / "ur10e.xml")
 
@@ -226,7 +270,12 @@ def ur10e(data: Path, out: Path) -> None:
 
 
 def ur10e_picture(errors: dict[str, np.ndarray], path: Path) -> None:
-    """Torque error of each axis: without payload, with one, and with the one that was found."""
+    """Torque error of each axis: without payload, with one, and with the one that was found.
+
+    Args:
+        errors: Errors of each axis by name [%], shape (n_axes,) each.
+        path: Picture to write.
+    """
     with style():
         figure, grid = plt.subplots(1, 2, figsize=(9, 3.2), sharey=True)
         for axes, pair in zip(grid, ("14harm", "15harm"), strict=True):
@@ -252,15 +301,31 @@ XL330_TRAIN, XL330_TEST = (100, 200, 800), 400
 
 
 def xl330_recording(folder: Path, gain: int) -> Recording:
-    """All runs of a gain."""
+    """Join all runs with a gain to one recording.
+
+    Args:
+        folder: Folder with the runs.
+        gain: Gain of the firmware.
+
+    Returns:
+        The recording.
+    """
     runs = [name for name, row in xl330_runs(folder).items() if int(row["kp"]) == gain]
     return joined([read_xl330(folder, run) for run in runs])
 
 
 def xl330_error(recording: Recording, robot: Robot, changes: Changes = ()) -> float:
-    """Mean absolute error of the simulated position, closed loop [rad]; nan if it diverges.
+    """Compute the error of the simulated position in closed loop.
 
-    The step is a fifth of the model's: strong load friction needs it.
+    The step is a fifth of the model's, because strong load friction needs it.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+        changes: Changes of the model: terms and values.
+
+    Returns:
+        Mean absolute error [rad]; nan if the simulation diverges.
     """
     spec = robot.spec()
     spec.option.timestep /= 5
@@ -274,7 +339,12 @@ def xl330_error(recording: Recording, robot: Robot, changes: Changes = ()) -> fl
 
 
 def xl330(data: Path, out: Path) -> None:
-    """What is named at each gain of the firmware; position error held out on another gain."""
+    """What is named at each gain of the firmware; position error held out on another gain.
+
+    Args:
+        data: Folder with the recordings.
+        out: Folder for the results.
+    """
     out.mkdir(parents=True, exist_ok=True)
     folder = data / "bam_xl330"
     models = {}

@@ -63,7 +63,15 @@ class RemoveTerm(Operator):
                 yield operator.start_pos, operator.end_pos
 
     def mutate(self, node: tree.PythonBaseNode, index: int) -> tree.PythonBaseNode:
-        """Leave out the operator of this number and what stands behind it."""
+        """Remove an operator and the operand behind it.
+
+        Args:
+            node: Part of the syntax tree.
+            index: Number of the operator.
+
+        Returns:
+            The changed part.
+        """
         node.children = node.children[: 2 * index + 1] + node.children[2 * index + 3 :]
         return node
 
@@ -86,7 +94,15 @@ class RemoveStatement(Operator):
                 yield first.start_pos, first.end_pos
 
     def mutate(self, node: tree.PythonBaseNode, index: int) -> tree.PythonBaseNode:
-        """Put `pass` in its place."""
+        """Replace the statement by `pass`.
+
+        Args:
+            node: Part of the syntax tree.
+            index: Not used.
+
+        Returns:
+            The statement `pass`.
+        """
         first = node.children[0]
         prefix = first.get_first_leaf().prefix
         node.children[0] = tree.Keyword("pass", first.start_pos, prefix)

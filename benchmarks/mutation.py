@@ -84,7 +84,13 @@ def try_module(
 
 
 def put(path: Path, module: str, result: dict[str, Any]) -> None:
-    """Put the result of one module into the file."""
+    """Write the result of one module into the file.
+
+    Args:
+        path: The file.
+        module: Name of the module.
+        result: Result of the module.
+    """
     results = json.loads(path.read_text()) if path.is_file() else {}
     results[module] = result
     path.parent.mkdir(parents=True, exist_ok=True)

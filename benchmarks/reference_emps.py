@@ -42,7 +42,14 @@ class Signals:
         self.matrices: dict[str, np.ndarray] = {}
 
     def target(self, delay: float) -> np.ndarray:
-        """Decimated force, late by a delay [s]."""
+        """Return the decimated force after a delay.
+
+        Args:
+            delay: Delay [s].
+
+        Returns:
+            Force [N], shape (samples,).
+        """
         times = np.arange(len(self.force)) * PERIOD
         late = np.interp(times - delay, times, self.force)
         return decimate(late, 10, zero_phase=True)[EDGE:-EDGE]
@@ -81,17 +88,43 @@ TERMS: dict[str, tuple[Term, ...]] = {
 
 
 def solve(matrix: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Least squares."""
+    """Solve a least-squares problem.
+
+    Args:
+        matrix: Columns, shape (samples, columns).
+        target: Force [N], shape (samples,).
+
+    Returns:
+        Coefficients, shape (columns,), in [N] over the unit of the column.
+    """
     return np.linalg.lstsq(matrix, target, rcond=None)[0]
 
 
 def error(matrix: np.ndarray, target: np.ndarray, values: np.ndarray) -> float:
-    """Relative error of the force [%]."""
+    """Compute the relative error of the force.
+
+    Args:
+        matrix: Columns, shape (samples, columns).
+        target: Force [N], shape (samples,).
+        values: Coefficients, shape (columns,).
+
+    Returns:
+        The relative error [%].
+    """
     return float(100 * np.linalg.norm(target - matrix @ values) / np.linalg.norm(target))
 
 
 def cross_validated(train: Signals, names: Sequence[str], delay: float) -> float:
-    """Relative error of each block by a fit on the others [%]."""
+    """Compute the error of blocks that were left out of the fit.
+
+    Args:
+        train: Signals of the training run.
+        names: Names of the columns.
+        delay: Delay of the force [s].
+
+    Returns:
+        The relative error [%].
+    """
     matrix, target = train.matrix(names), train.target(delay)
     block = np.arange(len(target)) * BLOCKS // len(target)
     left = np.empty_like(target)
@@ -102,7 +135,14 @@ def cross_validated(train: Signals, names: Sequence[str], delay: float) -> float
 
 
 def row(train: Signals, test: Signals, names: Sequence[str], delays: np.ndarray) -> None:
-    """Print one model: its delay is chosen by cross-validation."""
+    """Print one model. Its delay is chosen by cross-validation.
+
+    Args:
+        train: Signals of the training run.
+        test: Signals of the test run.
+        names: Names of the columns.
+        delays: Delays to choose from [s], shape (delays,).
+    """
     delay = min(delays, key=lambda d: cross_validated(train, names, float(d)))
     chosen = cross_validated(train, names, delay)
     values = solve(train.matrix(names), train.target(delay))

@@ -50,7 +50,14 @@ def inertia_columns(x: np.ndarray) -> np.ndarray:
 
 
 def turn_x(angle: float) -> np.ndarray:
-    """Rotation about x."""
+    """Return the rotation about x.
+
+    Args:
+        angle: Angle [rad].
+
+    Returns:
+        Rotation matrix, shape (3, 3), without unit.
+    """
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
 
@@ -124,7 +131,11 @@ class Run:
 
     @cached_property
     def signals(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Angle, velocity, acceleration and current."""
+        """Angle, velocity, acceleration and current.
+
+        Returns:
+            Four arrays of shape (samples, 6), in [rad], [rad/s], [rad/s^2] and [A].
+        """
         recording = read_ur10e(self.folder, self.name)
         assert recording.velocity is not None
         acceleration = np.gradient(recording.velocity, UR10E_PERIOD, axis=0)
@@ -132,17 +143,17 @@ class Run:
 
     @cached_property
     def gain(self) -> np.ndarray:
-        """Published drive gains [N m/A]."""
+        """Published drive gains [N m/A], shape (6,)."""
         return np.array(self.published["drive_gain_Nm_per_A"])
 
     @cached_property
     def body(self) -> np.ndarray:
-        """`regressor` of the motion."""
+        """`regressor` of the motion, shape (samples, 6, columns)."""
         return regressor(self.published["dh_standard"], *self.signals[:3])
 
     @cached_property
     def weight(self) -> np.ndarray:
-        """Gravity torque by published masses, and of the payload [N m]."""
+        """Gravity torque by published masses, and of the payload [N m], shape (samples, 6)."""
         q = self.signals[0]
         columns = regressor(self.published["dh_standard"], q, 0 * q, 0 * q)
         dh = self.published["dh_standard"]
@@ -157,7 +168,15 @@ class Run:
 
 
 def diagonal(values: np.ndarray, axes: Sequence[int] = range(6)) -> np.ndarray:
-    """A column for each axis, shape (n, 6, axes)."""
+    """Make one column for each axis.
+
+    Args:
+        values: Shape (n, 6).
+        axes: Axes with a column, from 0.
+
+    Returns:
+        Shape (n, 6, axes), in the unit of the values.
+    """
     columns = np.zeros((*values.shape, len(axes)))
     for k, axis in enumerate(axes):
         columns[:, axis, k] = values[:, axis]
@@ -165,7 +184,14 @@ def diagonal(values: np.ndarray, axes: Sequence[int] = range(6)) -> np.ndarray:
 
 
 def direction(run: Run) -> np.ndarray:
-    """Smoothed sign of the velocities."""
+    """Compute the smoothed sign of the velocities.
+
+    Args:
+        run: The run.
+
+    Returns:
+        Shape (samples, 6), without unit.
+    """
     return np.tanh(run.signals[1] / SMOOTH)
 
 
@@ -189,12 +215,29 @@ BASE = ("rotor", "offset", "viscous", "smooth Coulomb", "quadratic")
 
 
 def design(run: Run, terms: Sequence[str]) -> np.ndarray:
-    """All columns of a run, links first."""
+    """Compute all columns of a run, links first.
+
+    Args:
+        run: The run.
+        terms: Names of the terms.
+
+    Returns:
+        Shape (samples, 6, columns).
+    """
     return np.concatenate([run.body[:, :, :60], *(TERMS[name](run) for name in terms)], axis=2)
 
 
 def solve(matrix: np.ndarray, target: np.ndarray, axes: Sequence[int] = range(6)) -> np.ndarray:
-    """Least squares, each axis weighted by its residual; smallest solution in what is not seen."""
+    """Solve least squares with each axis weighted by its residual; the smallest solution is used.
+
+    Args:
+        matrix: Columns, shape (samples, 6, columns).
+        target: Torque or current, shape (samples, 6).
+        axes: Axes that are used, from 0.
+
+    Returns:
+        Coefficients, shape (columns,), in the unit of the target over that of the column.
+    """
     used = np.isin(np.arange(6), list(axes))
     weight = used / target.std(axis=0)
     values = np.zeros(matrix.shape[2])
@@ -209,7 +252,17 @@ def solve(matrix: np.ndarray, target: np.ndarray, axes: Sequence[int] = range(6)
 
 
 def errors(run: Run, terms: Sequence[str], values: np.ndarray, moving: bool) -> np.ndarray:
-    """Relative torque error of each axis [%], where it moves or everywhere."""
+    """Compute the torque error of each axis.
+
+    Args:
+        run: The run.
+        terms: Names of the terms.
+        values: Coefficients, shape (columns,).
+        moving: Whether only samples are used in which the axis moves.
+
+    Returns:
+        Relative errors [%], shape (6,).
+    """
     torque = run.signals[3] * run.gain
     inside = (np.abs(run.signals[1]) > MOVING) | (not moving)
     left = (torque - design(run, terms) @ values) * inside
@@ -217,7 +270,14 @@ def errors(run: Run, terms: Sequence[str], values: np.ndarray, moving: bool) -> 
 
 
 def drive_gains(run: Run) -> np.ndarray:
-    """Drive gains [N m/A] at which the arm weighs what is published, of axes 2 to 4."""
+    """Find the drive gains of axes 2 to 4 at which the arm has its published weight.
+
+    Args:
+        run: The run.
+
+    Returns:
+        Gains [N m/A], shape (6,); fitted for axes 2 to 4.
+    """
     q, qd, qdd, current = run.signals
     inertial = run.body[:, :, :60].copy()
     found = []
@@ -243,7 +303,20 @@ def payload(
     size: int,
     axes: Sequence[int],
 ) -> np.ndarray:
-    """Mass, mass times centre (with size 10 inertia) at the flange, fitted with the rest."""
+    """Fit the payload together with all other terms.
+
+    Args:
+        unloaded: Run without payload.
+        loaded: Run with payload.
+        gain: Drive gains [N m/A], shape (6,).
+        terms: Names of the terms.
+        size: Number of payload parameters: 4, or 10 with inertia.
+        axes: Axes that are used, from 0.
+
+    Returns:
+        Mass [kg], mass times centre [kg m] and, with size 10, inertia [kg m^2] at the flange; shape
+        (size,).
+    """
     rows = []
     for run, there in ((unloaded, 0.0), (loaded, 1.0)):
         rows.append(np.concatenate([run.body[:, :, 60 : 60 + size] * there, design(run, terms)], 2))
@@ -272,7 +345,12 @@ def print_friction(folder: Path) -> None:
 
 
 def print_payload(folder: Path, pairs: Sequence[str]) -> None:
-    """Payload by gains, terms and axes."""
+    """Print the payload for each choice of gains, terms and axes.
+
+    Args:
+        folder: Folder with the runs.
+        pairs: Names of the pairs of runs.
+    """
     train = Run(folder, "train_40s_feb12")
     scaled = drive_gains(train) / train.gain[1:4]
     factor = np.r_[scaled.mean(), scaled, scaled.mean(), scaled.mean()]

@@ -124,7 +124,16 @@ def simulate(p, directional, gain, goal, volts, enabled, start, out):  # type: i
 
 
 def position_error(values: dict[str, float], directional: bool, logs: Sequence[Log]) -> float:
-    """Mean absolute position error over the runs [rad]."""
+    """Compute the mean absolute position error over the runs.
+
+    Args:
+        values: Parameters by name.
+        directional: Whether load friction depends on the direction.
+        logs: The runs.
+
+    Returns:
+        The error [rad].
+    """
     vector = np.array([values[name] for name in NAMES])
     errors = []
     for log in logs:
@@ -139,7 +148,17 @@ def position_error(values: dict[str, float], directional: bool, logs: Sequence[L
 def evolve(
     cost: Callable[[np.ndarray], float], start: np.ndarray, seconds: float, seed: int
 ) -> np.ndarray:
-    """CMA-ES (Hansen) in the unit cube, reflected at its faces."""
+    """Minimise by CMA-ES (Hansen) in the unit cube, with reflection at its faces.
+
+    Args:
+        cost: Function that is minimised.
+        start: First point in the unit cube, shape (parameters,).
+        seconds: Time limit [s].
+        seed: Seed of the search.
+
+    Returns:
+        The best point, shape (parameters,), without unit.
+    """
     rng = np.random.default_rng(seed)
     n = len(start)
     many = 4 + int(3 * np.log(n))
@@ -179,7 +198,17 @@ def evolve(
 
 
 def fit(model: str, logs: Sequence[Log], seconds: float, seed: int) -> dict[str, float]:
-    """Parameters of a friction model on some runs."""
+    """Fit the parameters of a friction model to some runs.
+
+    Args:
+        model: Name of the friction model.
+        logs: The runs.
+        seconds: Time limit [s].
+        seed: Seed of the search.
+
+    Returns:
+        The parameters by name.
+    """
     free = MODELS[model]
     fixed = dict.fromkeys(NAMES, 0.0) | START
     low, high = np.array([RANGES[name] for name in free]).T

@@ -43,13 +43,29 @@ THESIS = {  # table 6.1: mean, standard deviation, increment by 20 % wear in tha
 
 
 def cycle_of(motion: Motion, model: mujoco.MjModel) -> Cycle:
-    """One simulated cycle of a motion."""
+    """Simulate one cycle of a motion.
+
+    Args:
+        motion: The motion.
+        model: The model.
+
+    Returns:
+        The cycle.
+    """
     control = control_signal(motion, model.opt.timestep)
     return next(iter(simulate(motion.robot, control, [model], sample_period=SAMPLE_PERIOD)))
 
 
 def worn(robot: Robot, axis: int) -> mujoco.MjModel:
-    """The robot with more Coulomb and static friction in one axis, counted from 1."""
+    """Return the robot with more Coulomb and static friction in one axis.
+
+    Args:
+        robot: The healthy robot.
+        axis: Axis, from 1.
+
+    Returns:
+        The model.
+    """
     spec = robot.spec()
     for index in (COULOMB, STICTION):
         spec.actuator(f"friction{axis}").biasprm[index] *= WEAR
@@ -57,7 +73,14 @@ def worn(robot: Robot, axis: int) -> mujoco.MjModel:
 
 
 def window_torque(cycle: Cycle) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard deviation of |motor torque| while a motor's speed is in the window."""
+    """Compute mean and standard deviation of |motor torque| while the speed is in the window.
+
+    Args:
+        cycle: The cycle.
+
+    Returns:
+        Two arrays of shape (n_axes,), in [N m].
+    """
     speed, torque = np.abs(cycle.motor_velocity), np.abs(cycle.motor_torque)
     inside = np.where((speed >= SPEED_WINDOW[0]) & (speed <= SPEED_WINDOW[1]), torque, np.nan)
     return np.nanmean(inside, axis=0), np.nanstd(inside, axis=0)
@@ -87,7 +110,15 @@ def tracking(motion: Motion, cycle: Cycle) -> tuple[np.ndarray, np.ndarray, np.n
 
 
 def row(*cells: str | float | Iterable[float], digits: int = 2) -> str:
-    """A line of a markdown table; numbers are rounded, arrays take a cell each."""
+    """Return a line of a Markdown table.
+
+    Args:
+        cells: Texts, numbers or arrays. Each element of an array is a cell.
+        digits: Digits after the point.
+
+    Returns:
+        The line.
+    """
     out = []
     for cell in cells:
         if isinstance(cell, str):
@@ -103,12 +134,27 @@ def header(*cells: str) -> str:
 
 
 def spread(mean: Iterable[float], deviation: Iterable[float]) -> list[str]:
-    """Cells of mean ± standard deviation."""
+    """Return cells with mean ± standard deviation.
+
+    Args:
+        mean: Means.
+        deviation: Standard deviations.
+
+    Returns:
+        The cells.
+    """
     return [f"{m:.2f} ± {d:.2f}" for m, d in zip(mean, deviation, strict=True)]
 
 
 def rms(values: np.ndarray) -> np.ndarray:
-    """Root of the mean square over samples."""
+    """Compute the root mean square over samples.
+
+    Args:
+        values: Shape (samples, n_axes), in any unit.
+
+    Returns:
+        Shape (n_axes,), in the same unit.
+    """
     return np.sqrt(np.mean(np.square(values), axis=0))
 
 

@@ -92,7 +92,15 @@ def stepping(cycles: int) -> dict[str, float]:
 
 
 def workers(cycles: int, repeats: int) -> dict[str, object]:
-    """Two workers against one, end to end, with the start of the processes."""
+    """Compare two workers with one, including the start of the processes.
+
+    Args:
+        cycles: Number of cycles.
+        repeats: Number of repetitions.
+
+    Returns:
+        Times [s] by name.
+    """
     experiment = make_experiment(
         {"robot": ROBOT, "task": TASK, "cycles": cycles, "axis": [1, 2, 3, 4, 5, 6, [1, 2]]}
         | {"signals": ["signals/motor_velocity", "signals/motor_torque"]}

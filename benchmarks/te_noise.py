@@ -29,25 +29,58 @@ def series(run: StoredRun) -> np.ndarray:
 
 
 def noisy(x: np.ndarray, share: float, seed: list[int]) -> np.ndarray:
-    """A series with white noise of a share of each axis' mean."""
+    """Add white noise to a series.
+
+    Args:
+        x: Series of all axes. Shape (cycles, n_axes).
+        share: Standard deviation of the noise over the mean of each axis.
+        seed: Seed of the noise.
+
+    Returns:
+        Same shape and unit.
+    """
     rng = np.random.default_rng(seed)
     return x + share * x.mean(axis=0) * rng.standard_normal(x.shape)
 
 
 def shuffled(x: np.ndarray, seed: int) -> np.ndarray:
-    """The cycles in another order, the same one for all axes."""
+    """Return the cycles in another order, the same for all axes.
+
+    Args:
+        x: Series of all axes. Shape (cycles, n_axes).
+        seed: Seed of the order.
+
+    Returns:
+        Same shape and unit.
+    """
     return x[np.random.default_rng(seed).permutation(len(x))]
 
 
 def uncoupled(x: np.ndarray, worn: int) -> np.ndarray:
-    """The worn axis as it is; the others held at their means, so that nothing reaches them."""
+    """Keep the worn axis, and hold the others at their means, so that nothing affects them.
+
+    Args:
+        x: Series of all axes. Shape (cycles, n_axes).
+        worn: The worn axis, from 0.
+
+    Returns:
+        Same shape and unit.
+    """
     alone = np.broadcast_to(x.mean(axis=0), x.shape).copy()
     alone[:, worn] = x[:, worn]
     return alone
 
 
 def entropy_rate(x: np.ndarray, bins: int) -> float:
-    """Plug-in entropy of the next symbol given the last one [bit]."""
+    """Compute the plug-in entropy of the next symbol given the last one.
+
+    Args:
+        x: Series of all axes. Shape (cycles, n_axes).
+        bins: Number of bins.
+
+    Returns:
+        The entropy [bit].
+    """
     s = quantile_symbols(x, bins)
     pairs = np.bincount(s[:-1] * bins + s[1:], minlength=bins * bins).astype(float)
     pairs /= pairs.sum()
@@ -60,7 +93,15 @@ def entropy_rate(x: np.ndarray, bins: int) -> float:
 
 
 def row(label: str, cases: list[tuple[np.ndarray, int]]) -> str:
-    """One line of the table: share of cases of which the right axis is named, by method."""
+    """Return a line of the table: how often each method names the right axis.
+
+    Args:
+        label: First cell.
+        cases: Each series with its worn axis.
+
+    Returns:
+        The line.
+    """
     shares = [
         np.mean([method(x) == worn for x, worn in cases]) * 100 for method in METHODS.values()
     ]

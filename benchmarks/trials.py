@@ -155,6 +155,14 @@ class _Trial:
 def tests_by_line(folder: Path, module: str, tests: list[str]) -> Lines:
     """Run the tests without any change, and note which of them run which line.
 
+    Args:
+        folder: Copy of the repository.
+        module: The module.
+        tests: The tests.
+
+    Returns:
+        Tests by line.
+
     Raises:
         RuntimeError: A test fails.
     """
@@ -178,7 +186,18 @@ def tests_by_line(folder: Path, module: str, tests: list[str]) -> Lines:
 def try_mutants(
     module: str, tests: list[str], mutants: list[Mutant], lines: Lines, folders: list[Path]
 ) -> list[dict[str, Any]]:
-    """What the tests say of each mutant of a module, in the order of the mutants."""
+    """Run the tests on each mutant of a module.
+
+    Args:
+        module: The module.
+        tests: The tests.
+        mutants: The mutants.
+        lines: Tests by line.
+        folders: Copies of the repository, one for each process.
+
+    Returns:
+        One result for each mutant, in their order.
+    """
     source = (folders[0] / module).read_text()
     limit = max(LEAST_LIMIT, HANG * lines.seconds)
     free = list(folders)

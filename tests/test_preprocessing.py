@@ -94,7 +94,7 @@ def test_names_say_what_is_done():
     for wrong, told in (
         ("+difff", "unknown step"),
         ("+diff+estM", "come first"),
-        ("+pca+diff", "differences come before"),
+        ("+pca+diff", "differences must come before"),
         ("+var3+var5", "one window"),
     ):
         with pytest.raises(ValueError, match=told):

@@ -322,7 +322,7 @@ TABLE = "time,joint_position_1,joint_torque_1\n" + "\n".join(f"{k / 100},{k},1" 
         (TABLE.replace("4,1", '4,"1,5"').encode(), "row 6 of column .* holds '1,5'; write numbers"),
         (TABLE.replace("4,1", "4,inf").encode(), "row 6 of column 'joint_torque_1' holds 'inf'"),
         (TABLE.replace("4,1", "4,1,2").encode(), "header has 3 names, but not every row"),
-        (TABLE.replace("joint_torque_1", "time").encode(), "column 'time' is there more than once"),
+        (TABLE.replace("joint_torque_1", "time").encode(), "column 'time' appears more than once"),
         (b"", "first row names no columns"),
         (b"time,joint_position_1,joint_torque_1\n", "header has 3 names|one sample"),
     ],

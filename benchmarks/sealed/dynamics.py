@@ -75,7 +75,15 @@ SLOWLY = ("viscous", "height", "stribeck", "drag", "offset")
 
 @njit(cache=True)
 def gear_torque(p, q, qd, th, w):  # type: ignore[no-untyped-def]
-    """Torque of the gearbox on its joint [N m]."""
+    """Compute the torque of the gearbox on its joint [N m].
+
+    Args:
+        p: Parameters of the axis.
+        q: Joint angle [rad].
+        qd: Joint velocity [rad/s].
+        th: Motor angle [rad].
+        w: Motor velocity [rad/s].
+    """
     twist = th / p[N] - q
     rate = w / p[N] - qd
     if p[WAVE] != 0:
@@ -104,7 +112,16 @@ def gear_torque(p, q, qd, th, w):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def drive_torque(p, position, velocity, forward, th, w):  # type: ignore[no-untyped-def]
-    """Torque that the servo commands and logs [N m]; it believes its encoder."""
+    """Compute the torque that the servo commands and logs [N m]. It uses the angle of its encoder.
+
+    Args:
+        p: Parameters of the axis.
+        position: Set point of the motor angle [rad].
+        velocity: Set point of the motor velocity [rad/s].
+        forward: Feed-forward torque [N m].
+        th: Motor angle [rad].
+        w: Motor velocity [rad/s].
+    """
     torque = p[KP] * (position - th + p[N] * p[ENCODER]) + p[KD] * (velocity - w) + forward
     limit = p[LIMIT]
     if p[CLIP] != 0:

@@ -72,7 +72,7 @@ class Nominal:
 
     @property
     def twist(self) -> np.ndarray:
-        """Twist of the gearbox by its stiffness [rad]."""
+        """Twist of the gearbox by its stiffness [rad], shape (samples,)."""
         return self.gear / self.K
 
 
@@ -87,7 +87,15 @@ def context(robot: str) -> Context:
 
 
 def matched(law: np.ndarray, form: np.ndarray) -> float:
-    """Factor of the form that fits the law best."""
+    """Find the factor with which the form fits the law best.
+
+    Args:
+        law: Values of the law.
+        form: Values of the other form, same shape.
+
+    Returns:
+        The factor.
+    """
     return float(law @ form / (form @ form))
 
 
@@ -320,7 +328,15 @@ CATALOGUE = (
 
 
 def axes_of(name: str, n_axes: int) -> tuple[int, ...]:
-    """Axes that can carry an effect, from 1."""
+    """Return the axes on which an effect can act.
+
+    Args:
+        name: Name of the effect.
+        n_axes: Number of axes.
+
+    Returns:
+        Axes, from 1.
+    """
     if name.startswith("payload"):
         return (n_axes,)
     if name == "wrist_coupling_friction":

@@ -44,13 +44,31 @@ _YIELD = (0.25, 0.35, 0.4)  # shares of the friction level at which they slip
 
 @njit(cache=True)
 def power(base, exponent):  # type: ignore[no-untyped-def]
-    """A power of a number that is not negative."""
+    """Compute a power.
+
+    Args:
+        base: A number that is not negative.
+        exponent: The exponent.
+
+    Returns:
+        The power.
+    """
     return math.exp(exponent * math.log(base)) if base > 1e-12 else 0.0
 
 
 @njit(cache=True)
 def friction_level(p, slow, w, th, q, load, lagged):  # type: ignore[no-untyped-def]
-    """Torque at which friction slips [N m], of one axis."""
+    """Compute the torque at which the friction of one axis slips [N m].
+
+    Args:
+        p: Parameters of the axis.
+        slow: Row of the table `SLOWLY`.
+        w: Motor velocity [rad/s].
+        th: Motor angle [rad].
+        q: Joint angle [rad].
+        load: Load of the gearbox.
+        lagged: Motor velocity after a lag [rad/s].
+    """
     speed = abs(w)
     sign = 1.0 if w >= 0 else -1.0
     level = p[FC] + (p[FS] - p[FC]) * slow[1] * math.exp(
@@ -80,7 +98,18 @@ def friction_level(p, slow, w, th, q, load, lagged):  # type: ignore[no-untyped-
 
 @njit(cache=True)
 def bristles(p, level, w, mean_w, turned, time, z, out):  # type: ignore[no-untyped-def]
-    """Friction of the sliding kind [N m], after `time` and `turned` [rad] since bristles were z."""
+    """Compute the friction of the sliding kind [N m], after some time and motion.
+
+    Args:
+        p: Parameters of the axis.
+        level: Torque at which friction slips [N m].
+        w: Motor velocity [rad/s].
+        mean_w: Mean motor velocity over the time [rad/s].
+        turned: Angle of the motor over the time [rad].
+        time: Time since the bristles had the state z [s].
+        z: State of the bristles before.
+        out: The new state is written here.
+    """
     mode = int(p[MODE])
     if mode == 0:
         ends = level / p[S0]

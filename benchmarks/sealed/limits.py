@@ -56,7 +56,15 @@ Combo = tuple[str, int, int]
 
 
 def combos(n_axes: int, names: Iterable[str] = (*CATALOGUE, *UNLISTED)) -> list[Combo]:
-    """Every effect on every axis that can carry it, with every order."""
+    """List every effect on every axis on which it can act, with every order.
+
+    Args:
+        n_axes: Number of axes.
+        names: Names of the effects.
+
+    Returns:
+        The combinations.
+    """
     return [
         (name, axis, order)
         for name in names
@@ -138,7 +146,14 @@ def torque_of(
 
 
 def typical_temperatures(where: Context) -> list[np.ndarray]:
-    """Temperatures over the range, for sensitivities."""
+    """Return temperatures over the whole range, for sensitivities.
+
+    Args:
+        where: The motions.
+
+    Returns:
+        Temperature of each motion [deg C], shape (samples,) each.
+    """
     at = np.linspace(32, 53, len(where.runs))[[3, 0, 5, 2, 4, 1]]
     return [np.full(len(run), t) for run, t in zip(where.runs, at, strict=True)]
 
@@ -183,9 +198,15 @@ class Limits:
         return folder / "baseline.npy", folder / "forms.npy"
 
     def response(self, combo: Combo) -> tuple[float, np.ndarray]:
-        """Severity and the change of torque that it makes, shape (samples, n_axes), in [N m].
+        """Find a severity near the limit, and the change of torque that it causes.
 
         The severity is about the limit at 1 % noise with a twin, found in two steps.
+
+        Args:
+            combo: Effect, axis and order.
+
+        Returns:
+            Severity in the effect's unit, and change of torque [N m], shape (samples, n_axes).
         """
         path = self._file(combo)
         if not path.is_file():
@@ -264,7 +285,16 @@ class Limits:
         return np.concatenate(parts)
 
     def d_prime(self, change: np.ndarray, level: float, mode: str) -> float:
-        """D' of a change of torque, shape (samples, n_axes), in [N m]."""
+        """Compute d' of a change of torque.
+
+        Args:
+            change: Change of torque [N m], shape (samples, n_axes).
+            level: Level of the noise.
+            mode: 'twin' or 'alone'.
+
+        Returns:
+            d'.
+        """
         white = self._whitened(change, level, mode)
         if mode == "twin":
             return float(np.linalg.norm(white))
@@ -285,7 +315,18 @@ class Limits:
         return {}
 
     def limit(self, name: str, axis: int, *, level: float, mode: str, order: int = 0) -> float:
-        """The severity at which d' = 4, in the effect's unit."""
+        """Find the severity at which d' = 4.
+
+        Args:
+            name: Name of the effect.
+            axis: Axis, from 1.
+            level: Level of the noise.
+            mode: 'twin' or 'alone'.
+            order: Order of a periodic effect.
+
+        Returns:
+            The severity, in the effect's unit.
+        """
         key = (name, axis, order, level, mode)
         if key not in self._known:
             severity, change = self.response((name, axis, order))
@@ -299,7 +340,15 @@ class Limits:
         return {}
 
     def largest(self, name: str, axis: int) -> float:
-        """Largest severity that is physically sensible."""
+        """Return the largest severity that is physically sensible.
+
+        Args:
+            name: Name of the effect.
+            axis: Axis, from 1.
+
+        Returns:
+            The severity, in the effect's unit.
+        """
         return _scales(self.where, name, axis)[1]
 
 

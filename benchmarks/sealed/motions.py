@@ -139,7 +139,15 @@ class _Judge:
 
 
 def thinned(motion: Reference, every: int) -> Reference:
-    """Every so many-th row of a reference."""
+    """Keep only some rows of a motion.
+
+    Args:
+        motion: The motion.
+        every: Distance of the rows that are kept.
+
+    Returns:
+        The thinned motion.
+    """
     return Reference(motion.q[::every], motion.qd[::every], motion.qdd[::every])
 
 

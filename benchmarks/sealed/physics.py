@@ -39,7 +39,15 @@ class Physics:
         return self.table[:, INDEX[name]]
 
     def changed(self, axis: int, **values: float) -> Physics:
-        """With other values in the row of an axis, counted from 1."""
+        """Return the parameters with other values for one axis.
+
+        Args:
+            axis: Axis, from 1.
+            values: New values of the axis by name.
+
+        Returns:
+            The changed parameters.
+        """
         table = self.table.copy()
         for name, value in values.items():
             table[axis - 1, INDEX[name]] = value
@@ -120,7 +128,15 @@ def set_points(nominal: Physics, reference: Reference) -> np.ndarray:
 
 
 def constant(samples: int, n_axes: int) -> np.ndarray:
-    """A table of `SLOWLY` in which nothing changes, shape (samples, n_axes, 5)."""
+    """Return a table of `SLOWLY` in which nothing changes.
+
+    Args:
+        samples: Number of samples.
+        n_axes: Number of axes.
+
+    Returns:
+        Shape (samples, n_axes, 5).
+    """
     return np.broadcast_to(MOTIONLESS, (samples, n_axes, len(SLOWLY))).copy()
 
 

@@ -210,7 +210,13 @@ def sample(
 
 
 def left_out(limits: Limits, mode: str) -> list[tuple[str, int, int, float]]:
-    """Effects, axes and orders that no case has at any noise: 5 x limit is beyond what is sensible.
+    """List effects, axes and orders that no case has at any noise.
+
+    For these, 5 x limit is larger than what is physically sensible.
+
+    Args:
+        limits: Limits of all effects.
+        mode: 'twin' or 'alone'.
 
     Returns:
         Name, axis, order and the limit at the lowest noise.

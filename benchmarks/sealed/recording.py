@@ -59,7 +59,16 @@ def draw_noise(level: float, rms: np.ndarray, rng: np.random.Generator) -> Noise
 
 
 def torque_noise(noise: Noise, samples: int, rng: np.random.Generator) -> np.ndarray:
-    """A draw of the noise, shape (samples, n_axes), in [N m]."""
+    """Draw the noise of the torque.
+
+    Args:
+        noise: The noise.
+        samples: Number of samples.
+        rng: Source of randomness.
+
+    Returns:
+        Torque [N m], shape (samples, n_axes).
+    """
     axes = len(noise.white)
     white, kicks = rng.standard_normal((2, samples, axes))
     for axis, memory in enumerate(noise.memory):
@@ -69,9 +78,16 @@ def torque_noise(noise: Noise, samples: int, rng: np.random.Generator) -> np.nda
 
 
 def draw_temperatures(lengths: Sequence[int], rng: np.random.Generator) -> list[np.ndarray]:
-    """Temperature of each motion, drifting slowly, shapes (samples,), in [deg C].
+    """Draw slowly drifting temperatures.
 
-    The motions spread over the whole range, in random order.
+    The motions cover the whole range, in random order.
+
+    Args:
+        lengths: Number of samples of each motion.
+        rng: Source of randomness.
+
+    Returns:
+        Temperature of each motion [deg C], shape (samples,) each.
     """
     low, high = TEMPERATURES
     start = low + (high - low) * (np.arange(len(lengths)) + rng.uniform(0, 1, len(lengths))) / len(

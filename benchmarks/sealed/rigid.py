@@ -193,7 +193,13 @@ def _point(work, link, x, y, z):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def solve(matrix, vector, out):  # type: ignore[no-untyped-def]
-    """Solve matrix x = vector by Cholesky; `matrix` is overwritten."""
+    """Solve matrix x = vector by Cholesky.
+
+    Args:
+        matrix: Positive definite, shape (n, n). It is overwritten.
+        vector: Right-hand side, shape (n,).
+        out: The solution x, shape (n,), is written here.
+    """
     n = len(vector)
     for i in range(n):
         for j in range(i + 1):
@@ -218,7 +224,17 @@ def solve(matrix, vector, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def inverse_dynamics(body, q, qd, qdd):  # type: ignore[no-untyped-def]
-    """Joint torque of a motion, shape (samples, n_axes), in [N m]."""
+    """Compute the joint torque of a motion.
+
+    Args:
+        body: Parameters of the links.
+        q: Joint angles [rad], shape (samples, n_axes).
+        qd: Velocities [rad/s], same shape.
+        qdd: Accelerations [rad/s^2], same shape.
+
+    Returns:
+        Torque [N m], shape (samples, n_axes).
+    """
     samples, n = q.shape
     work, matrix, bias = np.zeros((n, 48)), np.zeros((n, n)), np.zeros(n)
     torque = np.empty((samples, n))

@@ -43,9 +43,15 @@ def baseline(physics: Physics) -> list[Parameter]:
 
 
 def length_scale(chain: Chain) -> np.ndarray:
-    """Length of which centres of mass are off by a share, shape (n_axes + 1,), in [m].
+    """Compute the lengths of which centres of mass are off by a share.
 
-    Twice the distance of the centre of mass from the link's frame, at least 5 cm.
+    They are twice the distance of the centre of mass from the link's frame, at least 5 cm.
+
+    Args:
+        chain: The links.
+
+    Returns:
+        Lengths [m], shape (n_axes + 1,).
     """
     return np.maximum(2 * np.linalg.norm(chain.com, axis=1), 0.05)
 

@@ -109,7 +109,15 @@ def gap_closed_by_refit(answer: Answer) -> float:
 
 
 def severity_error(truth: Truth, answer: Answer) -> float:
-    """|estimate - severity| / severity of a single effect named rightly."""
+    """Compute |estimate - severity| / severity of a single effect that was named correctly.
+
+    Args:
+        truth: The true effect.
+        answer: The answer, which names this effect.
+
+    Returns:
+        The relative error.
+    """
     (effect,) = truth["effects"]
     for part in answer.get("effects", ()):
         if key(part) == key(effect):
@@ -235,7 +243,11 @@ def baselines(truth: list[Truth]) -> list[Row]:
 def confusion(
     truth: Mapping[str, Truth], answers: Mapping[str, Answer]
 ) -> tuple[list[str], list[str], np.ndarray]:
-    """First answers by true effect, of clear single effects, unknown and clean cases.
+    """Count first answers by true effect, for clear single effects, unknown and clean cases.
+
+    Args:
+        truth: The truth by case.
+        answers: The answers by case.
 
     Returns:
         Names of rows, names of columns, counts of shape (rows, columns).

@@ -1,4 +1,6 @@
-"""Where simulation and measurement disagree, and why: stages that can each be used alone.
+"""Discovery finds where a simulation and a measurement disagree, and which effect explains it.
+
+Each stage can be used alone:
 
 recording = read_recording("measured.h5")
 for finding in check_recording(recording, load_robot("puma560")):

@@ -1,10 +1,11 @@
-"""Calibration of a model that is only roughly known, before anything is said to be missing.
+"""Calibration of a model that is only roughly known. Use it before `discover` reports an effect.
 
 calibrated = calibrate(read_recording("measured.h5"), load_robot("model.xml"))
 Path("calibrated.xml").write_text(calibrated.robot.xml)
 
-The model's own numbers (`terms.NUMBERS`) get the columns and priors of discovery, the priors wider:
-by how much is told by how well blocks of the recording are predicted that were not fitted to.
+The model's own numbers (`candidates.NUMBERS`) get the same columns as in discovery, and wider
+priors. Cross-validation chooses the width: parts of the recording are left out of the fit, and the
+width that predicts them best is used.
 """
 
 from __future__ import annotations
@@ -39,13 +40,13 @@ from faultgen.mjcf.edit import mjcf_text
 from faultgen.robot import Robot
 
 WIDTHS = (1.0, 3.0, 10.0, 30.0, 100.0)
-"""Tolerances that are tried, over the usual ones."""
+"""Prior widths that are tried, as multiples of the default tolerances."""
 
 CARRIED = "torque_constant"
-"""Effect that no element of MJCF has, but that `torque_gain` carries."""
+"""Effect for which MJCF has no element. The robot's `torque_gain` represents it."""
 
 SHARES = (1.0, 0.5, 0.25, 0.1)
-"""Shares of changes that are tried where a model with all of them cannot be simulated."""
+"""Shares of the changes that are tried in turn if a model with all of them cannot be simulated."""
 
 _WHY = "with more of them its simulation diverges on the recorded motion"
 _STEPS = 16  # simulations of a fit at most, those for slopes not counted
@@ -55,18 +56,18 @@ _ANEW = 12  # terms whose slopes are taken anew at each step
 
 @dataclass(frozen=True, eq=False)
 class Calibrated:
-    """A model with its numbers as a recording shows them."""
+    """A model whose parameters were fitted to a recording."""
 
     robot: Robot
-    """The model; its `torque_gain` says what the logged torque has to be multiplied by."""
+    """The model. The logged torque has to be multiplied by its `torque_gain`."""
     width: float
-    """Tolerance that was chosen, over the usual one."""
+    """The chosen prior width, as a multiple of the default tolerances."""
     held_out: dict[float, float]
-    """Mean squared whitened error of blocks that were not fitted, by width."""
+    """Mean squared whitened error of the parts that were left out of the fit, by width."""
     values: dict[str, dict[int, float]]
-    """Severity of each number but inertias, by name and axis."""
+    """Severity of each fitted number by name and axis, without the inertias."""
     lacks: tuple[str, ...] = ()
-    """What the model lacks of what was fitted, a line each."""
+    """One line for each fitted change that the model does not contain."""
 
 
 def calibrate(
@@ -84,15 +85,18 @@ def calibrate(
     Args:
         recording: The measured data.
         robot: The model.
-        widths: Tolerances to choose from, over the usual ones.
-        exclude: Numbers that are left as they are.
-        known: Numbers that keep their usual tolerances. Of masses and torque constants one should
-            be known: motions hardly tell them apart.
-        workers: Processes; no effect on the result.
-        cache: Folder that keeps sensitivities.
+        widths: Prior widths to choose from, as multiples of the default tolerances.
+        exclude: Numbers that are not changed.
+        known: Numbers that keep their default tolerances. Either the masses or the torque constants
+            should be known, because motions can hardly distinguish the two.
+        workers: Number of processes. It has no effect on the result.
+        cache: Folder in which sensitivities are kept.
+
+    Returns:
+        The calibrated model, and how well it predicts the parts that were left out.
 
     Raises:
-        InputError: Too little of the recording can be used, or a number has another name.
+        InputError: Too little of the recording can be used, or a name is not known.
         SimulationFailed: The model diverges on the recorded motion.
     """
     check_names("known", known, NUMBERS)
@@ -133,23 +137,25 @@ def calibrate(
 
 
 def _with_tolerances(problem: Problem, new: list[Term]) -> Problem:
-    """The same problem with other tolerances."""
+    """Return the same problem with other tolerances."""
     pairs = zip(new, problem.terms, strict=True)
     scale = np.array([a.tolerance / b.tolerance for a, b in pairs], np.float32)
     return replace(problem, terms=new, white=problem.white * scale[:, None, None])
 
 
 def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[tuple[Term, float]]:
-    """All terms together, by Levenberg and Marquardt with re-simulation.
+    """Fit all terms together by the method of Levenberg and Marquardt, with new simulations.
 
-    Slopes are those at the model, but for the terms that are furthest from it.
+    The slopes are those of the unchanged model. Only the terms that have moved furthest from it get
+    new slopes.
 
     Args:
         problem: The gap and the terms.
-        start: Effects that are free, and where to start from; all others have their priors.
+        start: Effects without a prior, and the values from which they start. All other terms have
+            their priors.
 
     Returns:
-        Terms and values with the smallest misfit, without forms of friction.
+        Terms and values with the smallest misfit. Terms of `friction_discrepancy` are not included.
     """
     scale = np.array([term.tolerance for term in problem.terms])
     weight, value = np.ones(len(scale)), np.zeros(len(scale))
@@ -192,14 +198,14 @@ def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[
 
 
 def _step(evidence: Evidence, weight: np.ndarray, value: np.ndarray, damping: float) -> np.ndarray:
-    """Step of Levenberg and Marquardt, of values with a prior about zero."""
+    """One step of Levenberg and Marquardt for values whose prior has mean zero."""
     precision = evidence.gram.sum(axis=0) + np.diag(weight)
     precision[np.diag_indices_from(precision)] *= 1 + damping
     return np.linalg.solve(precision, evidence.right.sum(axis=0) - weight * value)
 
 
 def _possible(problem: Problem, values: np.ndarray, form: np.ndarray) -> list[tuple[Term, float]]:
-    """Changes within the bounds of the effects."""
+    """Changes, limited to the bounds of the effects."""
     changes = []
     for term, value, other in zip(problem.terms, values.tolist(), form, strict=True):
         if other or value == 0:
@@ -212,11 +218,14 @@ def _possible(problem: Problem, values: np.ndarray, form: np.ndarray) -> list[tu
 
 
 def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
-    """The model with changes in it: of the torque constant as `torque_gain`, which is logged.
+    """Put changes into a model. A change of the torque constant goes into `torque_gain`.
 
     Args:
         robot: The model.
-        changes: Terms and values; effects that no element carries are left out.
+        changes: Terms and values. Effects that no MJCF element can represent are ignored.
+
+    Returns:
+        The changed model.
 
     Raises:
         SimulationFailed: MuJoCo cannot compile the changed model.
@@ -244,12 +253,15 @@ def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
 def replaying(
     recording: Recording, robot: Robot, changes: Sequence[tuple[Term, float]]
 ) -> Robot | None:
-    """The model with changes in it as it is written; None where it does not replay the recording.
+    """Put changes into a model, and check that the written model can replay the recording.
 
     Args:
         recording: The measured data.
         robot: The model.
         changes: Terms and values.
+
+    Returns:
+        The changed model as it is written to a file, or None if it cannot replay the recording.
     """
     try:
         made = changed(robot, changes) if changes else robot

@@ -1,7 +1,7 @@
-"""What may differ between a robot and its model: effects, and numbers that the model has wrong.
+"""What may differ between a robot and its model: effects, and parameters with a wrong value.
 
-Each term is one number that is zero in the model. How far it may be from zero in a healthy robot is
-its tolerance; an effect is missing where its term is further off than that.
+Each term is one number that is zero in the model. Its tolerance is the standard deviation of this
+number among healthy robots. An effect is missing if its term is further from zero than that.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ INERTIA = "inertia"
 """Name of the terms of a link's mass, centre of mass and inertia."""
 
 FORM = "friction_form"
-"""Name of the terms of friction's form near zero speed; they are not simulated."""
+"""Name of the terms for friction near zero speed that differs from the model's law. These terms are
+not simulated as changes of the model."""
 
 FRICTION = (
     "coulomb_friction",
@@ -33,17 +34,17 @@ FRICTION = (
     "viscous_friction",
     "quadratic_viscous_friction",
 )
-"""Kinds of friction that are functions of speed."""
+"""Kinds of friction that depend on speed."""
 
 PERIODIC = ("torque_ripple", "transmission_error")
-"""Effects that are probed at the orders that a recording shows."""
+"""Effects that are probed at the orders that are found in a recording."""
 
 ORDERS = (1.0, 2.0, 4.0, 6.0)
-"""Orders of periodic effects that are always probed, cycles a motor turn: rotor, pole pairs and
-wave generators have them. Others are probed where a recording shows them."""
+"""Orders at which periodic effects are always probed, in cycles per motor turn. They are typical of
+rotors, pole pairs and wave generators. Other orders are probed if they are found in a recording."""
 
 OPTIONAL = ("viscous_asymmetry", "low_speed_friction")
-"""Effects that are candidates on request only."""
+"""Effects that are candidates only if the user asks for them."""
 
 NO_COLUMN = (
     "seizing_spot",
@@ -55,8 +56,9 @@ NO_COLUMN = (
     "sensor_dropout",
     "sensor_stuck",
 )
-"""Effects that are no candidates, since there is no column for them yet: an angle, a phase or what
-is drawn would have to be searched for, and a replay has no sensors."""
+"""Effects that are not candidates because there is no column for them yet. For some of them an
+angle, a phase or random values would have to be searched for. Others act on sensors, which a replay
+does not simulate."""
 
 NUMBERS = (
     "coulomb_friction",
@@ -66,39 +68,41 @@ NUMBERS = (
     "torque_constant",
     INERTIA,
 )
-"""Numbers that every model has and that are off by more where it is only roughly known."""
+"""Parameters that every model has. In a model that is only roughly known, their errors are
+larger."""
 
 PAYLOAD = "payload_mass"
-"""Effect that is four terms where the model's payload has no mass: points that carry a mass."""
+"""Effect that consists of four terms, the masses of four points, if the model's payload has no
+mass."""
 
 SAME_MOTIONS = 0.01
-"""Tolerance between two recordings of one robot, over that between a robot and its model:
-assumed."""
+"""Tolerance between two recordings of one robot, as a share of the tolerance between a robot and
+its model: assumed."""
 
 
 @dataclass(frozen=True)
 class Term:
-    """One number that may be off."""
+    """One number that may differ between the robot and the model."""
 
     name: str
     """An effect of the catalogue, `INERTIA` or `FORM`."""
     axis: int
-    """From 1; of inertias the link, the payload being the last."""
+    """Axis, from 1. For inertias it is the number of the link, and the payload is the last one."""
     step: float
-    """Severity that it is probed with."""
+    """Severity with which the effect is probed."""
     tolerance: float
-    """Standard deviation of it among healthy robots, as a severity: assumed."""
+    """Standard deviation of the severity among healthy robots: assumed."""
     parameters: tuple[tuple[str, float], ...] = ()
     """Further parameters of the effect."""
 
     @property
     def key(self) -> tuple[str, int]:
-        """What an answer says of it: effect and axis."""
+        """Effect and axis, as they appear in an answer."""
         return self.name, self.axis
 
     @property
     def is_effect(self) -> bool:
-        """Whether it can be an answer."""
+        """Whether the term can be part of an answer."""
         return self.name not in (INERTIA, FORM)
 
 
@@ -140,7 +144,7 @@ BENT = {
     "gear_stiffness": (0.02, 0.2),
     "stribeck_velocity": (0.3, 2.0),
 }
-"""Severities that effects far from linear are probed with."""
+"""Severities with which strongly nonlinear effects are probed."""
 
 _PROBE = 100  # tolerances that effects which are a torque are probed with
 # Of the motor torque limit, for effects that are a torque; transmission error by its torque.
@@ -154,12 +158,12 @@ _OF_TORQUE = {
 
 
 def check_names(what: str, given: Collection[str], known: Collection[str]) -> None:
-    """Refuse names that are none of those that are known.
+    """Refuse unknown names.
 
     Args:
-        what: What they are given as, for the message.
-        given: The names.
-        known: Names to choose from.
+        what: Name of the option, for the message.
+        given: Names to check.
+        known: Names that are allowed.
 
     Raises:
         InputError: A name is not known.
@@ -170,12 +174,15 @@ def check_names(what: str, given: Collection[str], known: Collection[str]) -> No
 
 
 def tolerance(name: str, robot: Robot, axis: int) -> float:
-    """Standard deviation of an effect's severity among healthy robots: assumed.
+    """Return the standard deviation of an effect's severity among healthy robots: assumed.
 
     Args:
         name: Effect.
         robot: The robot.
         axis: Axis, from 1.
+
+    Returns:
+        Standard deviation, in the unit of the effect.
     """
     if name == "encoder_offset":
         return _TURNED if axis == robot.n_axes else _zero(robot, axis)
@@ -196,10 +203,10 @@ def tolerance(name: str, robot: Robot, axis: int) -> float:
 
 
 def _zero(robot: Robot, axis: int) -> float:
-    """Zero of an encoder [rad]: that of mastering, and that of a mass that is elsewhere.
+    """Tolerance of an encoder's zero [rad].
 
-    A centre of mass that is off across the arm looks like another zero, the more so the nearer it
-    is to the axis.
+    It covers errors of mastering, and errors of the centre of mass. A centre of mass that is
+    shifted across the arm looks like another zero, and more so if it is near the axis.
     """
     model = robot.model
     data = mujoco.MjData(model)
@@ -210,7 +217,7 @@ def _zero(robot: Robot, axis: int) -> float:
 
 
 def _largest_friction(robot: Robot, axis: int) -> float:
-    """Torque limit to reckon with where the motor has none [N m]: assumed."""
+    """Torque limit that is assumed for a motor without a limit [N m]."""
     friction = robot.ids("actuator", "friction")[axis - 1]
     return 20 * float(robot.model.actuator_biasprm[friction, COULOMB])
 
@@ -218,12 +225,15 @@ def _largest_friction(robot: Robot, axis: int) -> float:
 def effect_terms(
     robot: Robot, exclude: Collection[str] = (), include: Collection[str] = ()
 ) -> list[Term]:
-    """Every effect of the catalogue on every axis that can have it.
+    """List the terms of every effect of the catalogue, for every axis on which it can act.
 
     Args:
         robot: The robot.
         exclude: Effects that are not considered.
-        include: Those of `OPTIONAL` that are.
+        include: Effects of `OPTIONAL` that are considered.
+
+    Returns:
+        The terms, with their tolerances.
     """
     payload = robot.spec().body("payload") is not None
     terms = []
@@ -249,7 +259,7 @@ def effect_terms(
 
 
 def _kinds(robot: Robot, name: str, axis: int) -> list[tuple[tuple[str, float], ...]]:
-    """Further parameters that an effect is probed with."""
+    """Further parameters with which an effect is probed."""
     if name in _VARIANTS:
         return list(_VARIANTS[name])
     bias = robot.model.actuator_biasprm[robot.ids("actuator", "friction")[axis - 1]]
@@ -264,10 +274,10 @@ def _massless(robot: Robot) -> bool:
 
 
 def payload_terms(robot: Robot) -> list[Term]:
-    """A payload of unknown mass and place: masses of four points, together one candidate.
+    """Terms for a payload of unknown mass and place: four point masses that make one candidate.
 
-    Weight and first moment are linear in them. A mass may be negative; what all of them make is the
-    payload, a point again.
+    Weight and first moment are linear in the four masses. One of the masses may be negative,
+    because only their sum and their common centre are used: together they are again one point mass.
     """
     places = np.vstack([np.zeros(3), _ARM * np.eye(3)])
     return [
@@ -279,7 +289,16 @@ def payload_terms(robot: Robot) -> list[Term]:
 def payload_of(
     masses: Sequence[float] | np.ndarray, places: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """Mass [kg] and centre [m] of points."""
+    """Combine point masses into one payload.
+
+    Args:
+        masses: Mass of each point [kg]. Shape (points,).
+        places: Position of each point [m]. Shape (points, 3).
+
+    Returns:
+        Mass [kg], and position of the centre of mass [m], shape (3,), limited to 1 m in each
+        direction. Both are 0 if there is practically no mass.
+    """
     mass = float(np.sum(masses))
     if mass < MASSLESS:
         return 0.0, np.zeros(3)
@@ -287,7 +306,7 @@ def payload_of(
 
 
 def applied(changes: Sequence[tuple[Term, float]]) -> list[Applied]:
-    """Effects among changes, ready for a machine; the points of a payload put together."""
+    """List the effects among changes, ready for simulation. Payload points become one effect."""
     effects = [change for change in changes if change[0].is_effect]
     points = [(t, v) for t, v in effects if t.name == PAYLOAD and t.parameters]
     made = [
@@ -302,14 +321,24 @@ def applied(changes: Sequence[tuple[Term, float]]) -> list[Applied]:
 
 
 def _steps(effect: Effect, size: float) -> tuple[float, ...]:
-    """Severities that show; several of effects that are far from linear."""
+    """Severities that are large enough to be seen. Strongly nonlinear effects have several."""
     if effect.name in BENT:
         return BENT[effect.name]
     return (effect.step,) if effect.name in _FRACTIONS else (_PROBE * size,)
 
 
 def periodic_terms(robot: Robot, name: str, axis: int, order: float) -> tuple[Term, Term]:
-    """Sine and cosine of a periodic effect at one order [cycles a motor turn]."""
+    """Return the sine and the cosine term of a periodic effect at one order.
+
+    Args:
+        robot: The robot.
+        name: Effect, one of `PERIODIC`.
+        axis: Axis, from 1.
+        order: Cycles per motor turn.
+
+    Returns:
+        Two terms whose phases differ by a quarter of a cycle.
+    """
     size = tolerance(name, robot, axis)
 
     def one(phase: float) -> Term:
@@ -323,10 +352,10 @@ _OFF = 0.03  # of mass, size and place of links: assumed
 
 
 def inertia_terms(robot: Robot) -> list[Term]:
-    """Ten terms for each link that moves and for the payload.
+    """List ten terms for each link that moves, and for the payload.
 
-    Source: pseudo-inertia of Wensing, Kim and Slotine (2018); its upper triangular factor is
-    perturbed as in Rucker and Wensing (2022), so that every value is a body that can exist.
+    Source: pseudo-inertia of Wensing, Kim and Slotine (2018). Its upper triangular factor is
+    perturbed as in Rucker and Wensing (2022), so that every value describes a body that can exist.
     """
     spec = robot.spec()
     terms = []
@@ -353,17 +382,17 @@ def _bodies(spec: mujoco.MjSpec, robot: Robot) -> list[mujoco.MjsBody]:
 
 
 def _size(body: mujoco.MjsBody) -> float:
-    """Distance that a link's centre of mass may be off by, over the tolerance [m]."""
+    """Possible error of a link's centre of mass, divided by the tolerance [m]."""
     gyration = float(np.sqrt(np.sum(body.inertia) / 2 / max(body.mass, 1e-9)))
     return max(gyration, float(np.linalg.norm(body.ipos)))
 
 
 def apply_inertia(spec: mujoco.MjSpec, robot: Robot, changes: Sequence[tuple[Term, float]]) -> None:
-    """Change links in place.
+    """Change the inertias of links in place.
 
     Args:
-        spec: The robot.
-        robot: Where its links are told from.
+        spec: The robot's specification, which is changed.
+        robot: The unchanged robot, from which the links are identified.
         changes: Inertia terms and their values.
     """
     bodies = _bodies(spec, robot)
@@ -377,11 +406,12 @@ def apply_inertia(spec: mujoco.MjSpec, robot: Robot, changes: Sequence[tuple[Ter
 
 
 _THIN = 1e-9
-"""Smallest second moment of a body, over the sum of all, and smallest share of its mass."""
+"""Smallest allowed second moment of a body as a share of the sum of all, and smallest allowed share
+of its mass."""
 
 
 def _transform(body: mujoco.MjsBody, factor: np.ndarray) -> None:
-    """Pseudo-inertia P about the centre of mass becomes F P F', as a body that can exist."""
+    """Change the pseudo-inertia P about the centre of mass to F P F', that of a possible body."""
     inertia = np.array(body.inertia)
     second = np.diag(np.append(inertia.sum() / 2 - inertia, body.mass))
     second = factor @ second @ factor.T
@@ -402,17 +432,28 @@ def _transform(body: mujoco.MjsBody, factor: np.ndarray) -> None:
 
 
 def with_tolerance(terms: Sequence[Term], factor: float) -> list[Term]:
-    """The same terms with tolerances times a factor."""
+    """Return the same terms with all tolerances multiplied by a factor.
+
+    Args:
+        terms: The terms.
+        factor: Factor of the tolerances.
+
+    Returns:
+        New terms in the same order.
+    """
     return [replace(term, tolerance=factor * term.tolerance) for term in terms]
 
 
 def widened(terms: Sequence[Term], factor: float, known: Collection[str] = ()) -> list[Term]:
-    """The same terms, the tolerances of the model's own numbers times a factor.
+    """Return the same terms with the tolerances of the model's own numbers multiplied by a factor.
 
     Args:
         terms: All terms.
-        factor: Of the tolerances of `NUMBERS`.
-        known: Those that keep theirs.
+        factor: Factor of the tolerances of `NUMBERS`.
+        known: Numbers that keep their tolerances.
+
+    Returns:
+        New terms in the same order.
     """
     names = set(NUMBERS) - set(known)
     return [

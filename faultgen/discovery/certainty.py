@@ -1,9 +1,9 @@
-"""How certain an effect of an answer is: interval of its severity, and misfit without it.
+"""How certain an effect of an answer is: the interval of its severity, and the misfit without it.
 
-Both come from the same misfit, simulated: an interval holds the severities at which the misfit is
-less than 3.84 above its minimum (95 % of chi-square with one degree of freedom; Wilks 1938), and
-confidence counts the misfit without the effect like that of any other explanation. Where the misfit
-is larger than noise makes it, both count it over what it is larger by.
+Both are computed from the same simulated misfit. An interval contains the severities whose misfit
+is less than 3.84 above its minimum (95 % of chi-square with one degree of freedom; Wilks 1938). The
+confidence treats the misfit without the effect like the misfit of any other explanation. If the
+misfit is larger than noise explains, both divide it by the overdispersion.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from faultgen.discovery.regression import Problem
 from faultgen.effects import get_effect
 
 LEVEL = 0.95
-"""Probability that an interval holds the true severity, if the model of the effect is right."""
+"""Probability that an interval contains the true severity, if the model of the effect is right."""
 
 _LIMIT = float(chi2.ppf(LEVEL, 1))
 _TRIALS = 6  # simulations for each end of an interval
@@ -34,28 +34,39 @@ class Certainty:
     severity: float
     """Best estimate."""
     error: float
-    """Standard error to first order."""
+    """Standard error, to first order."""
     low: float
     """Lower end of the interval."""
     high: float
     """Upper end."""
     absent: float
-    """Misfit without the effect, beyond the best, over the overdispersion."""
+    """Misfit without the effect minus the smallest misfit, divided by the overdispersion."""
 
 
 def overdispersion(problem: Problem, fitted: Fit) -> float:
-    """Misfit over what noise makes of it; at least 1."""
+    """Return the misfit of a fit divided by the misfit that noise alone would give.
+
+    Args:
+        problem: The gap and the terms.
+        fitted: The set of effects.
+
+    Returns:
+        The ratio, at least 1.
+    """
     samples = problem.inside[problem.samples(problem.fitting)].sum()
     return max(1.0, fitted.misfit / max(int(samples), 1))
 
 
 def certainty(problem: Problem, fitted: Fit, place: int) -> Certainty:
-    """Interval of one effect, all others and the model's own numbers refitted.
+    """Compute the interval of one effect while all other effects and numbers are fitted again.
 
     Args:
         problem: The gap and the terms.
         fitted: The set of effects.
-        place: Which of them, from 0.
+        place: Position of the effect in the set, from 0.
+
+    Returns:
+        Severity, interval, and misfit without the effect.
     """
     terms, values = fitted.terms, fitted.values
     start = sum(len(group) for group in fitted.groups[:place])
@@ -95,7 +106,7 @@ def certainty(problem: Problem, fitted: Fit, place: int) -> Certainty:
 
 
 def _covariance(problem: Problem, fitted: Fit) -> np.ndarray:
-    """Of the values of all effects, to first order."""
+    """Covariance of the values of all effects, to first order."""
     _, inverse, _ = fitted.evidence.solve(free=fitted.terms)
     scale = np.array([problem.terms[t].tolerance for t in fitted.terms])
     return inverse[np.ix_(fitted.terms, fitted.terms)] * np.outer(scale, scale)

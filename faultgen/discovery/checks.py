@@ -1,7 +1,7 @@
-"""Is a recording what it says it is? Units, signs, gear, gaps, delays and excitation, by axis.
+"""Checks of a recording against its robot: units, signs, gears, gaps, delays and motion by axis.
 
-The recording is held against the model's own torque on the measured motion: a wrong sign or unit
-is seen long before a missing effect is.
+The recording is compared with the torque that the model predicts for the measured motion. Wrong
+signs or units change this torque much more than a missing effect does.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ _SLOW = 3.0  # motor speed, in Stribeck velocities, that friction has to be told
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong or doubtful."""
+    """One thing in a recording that is wrong or doubtful."""
 
     level: str
-    """'refuse' where the data cannot be used as they are, else 'warn'."""
+    """'refuse' if the data cannot be used as they are, otherwise 'warn'."""
     axis: int
-    """From 1; 0 for all."""
+    """Axis, from 1, or 0 if it concerns all axes."""
     message: str
     """What is wrong, where, and what would be right."""
 
@@ -37,14 +37,14 @@ class Finding:
 
 
 def check_recording(recording: Recording, robot: Robot) -> list[Finding]:
-    """Check a recording against the robot that it is said to be of.
+    """Check a recording against the model of its robot.
 
     Args:
         recording: The measured data.
         robot: The robot's model.
 
     Returns:
-        Findings, refusals first; none if all is well.
+        Findings, refusals first. The list is empty if nothing is wrong.
     """
     if recording.n_axes != robot.n_axes:
         text = f"{recording.n_axes} axes, but {robot.name} has {robot.n_axes}"
@@ -132,10 +132,10 @@ def _gaps(recording: Recording, robot: Robot, joint: np.ndarray) -> list[Finding
 
 
 def _lag(x: np.ndarray, y: np.ndarray) -> tuple[int, float]:
-    """Samples by which y is late behind x, and their correlation without any lag.
+    """Number of samples by which y lags behind x, and their correlation without a lag.
 
-    A lag counts if it explains half of what is left of y without it: near its top the correlation
-    is so flat that elasticity and smoothing move it by some samples.
+    A lag is reported only if it explains half of the variance that remains without it. Near its
+    maximum the correlation is so flat that elasticity and smoothing shift it by some samples.
     """
     x, y = x - x.mean(), y - y.mean()
 
@@ -179,14 +179,14 @@ def _excitation(recording: Recording, robot: Robot, q: np.ndarray, qd: np.ndarra
     speed = np.abs(qd * robot.gear_ratio)
     for axis in range(robot.n_axes):
         if np.ptp(q[:, axis]) < _STILL:
-            text = "does not move: no effect of this axis can be told"
+            text = "does not move, so that no effect on this axis can be found"
         elif speed[:, axis].max() < _SLOW * stribeck[axis]:
             text = (
                 f"motor speed stays below {speed[:, axis].max():.3g} rad/s: Coulomb, viscous and "
-                "Stribeck friction cannot be told apart"
+                "Stribeck friction cannot be distinguished"
             )
         elif qd[:, axis].max() <= 0 or qd[:, axis].min() >= 0:
-            text = "moves in one direction only: friction and load cannot be told apart"
+            text = "moves in one direction only: friction and load cannot be distinguished"
         else:
             continue
         findings.append(Finding("warn", axis + 1, text))
@@ -211,7 +211,7 @@ def _torque(
             )
             findings.append(Finding("warn", axis + 1, text))
         elif correlation < 0:
-            text = "torque has the opposite sign of the model's: turn it round"
+            text = "torque has the opposite sign of the model's: reverse its sign"
             findings.append(Finding("refuse", axis + 1, text))
         elif not 1 / 3 < scale < 3:
             side = "joint" if recording.side == "motor" else "motor"

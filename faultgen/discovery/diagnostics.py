@@ -1,4 +1,4 @@
-"""Where a gap is: by axis and regime of the motion, and whether what is left has a pattern."""
+"""Where a gap occurs: by axis and motion regime, and whether the remaining error has a pattern."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from faultgen.discovery.regression import Kinematics, Problem
 from faultgen.robot import STRIBECK_VELOCITY
 
 FALSE_DISCOVERIES = 0.05
-"""Share of false ones among the regimes that are told."""
+"""Expected share of false discoveries among the reported regimes."""
 
 _AFTER = 0.1  # time that counts as a reversal after a change of direction [s]
 _ENRICHED = 1.3  # intensity of a gap in a regime over that of its axis, to be told
@@ -21,22 +21,30 @@ _ENRICHED = 1.3  # intensity of a gap in a regime over that of its axis, to be t
 
 @dataclass(frozen=True)
 class Share:
-    """What a regime has of a gap."""
+    """The share of a gap that occurs in one regime."""
 
     axis: int
     """From 1."""
     regime: str
-    """Its name; 'all' is the axis as a whole."""
+    """Name of the regime; 'all' is the whole axis."""
     share: float
-    """Of the squared gap of all axes, in units of the noise."""
+    """Share of the squared gap of all axes, where the gap is in units of the noise."""
     intensity: float
-    """Gap of a sample in the regime over that of a sample of the axis, squared."""
+    """Mean squared gap in the regime divided by the mean squared gap of the axis."""
     p_value: float
-    """Probability of so much by noise, corrected for the number of regimes."""
+    """Probability that noise alone causes this much, corrected for the number of regimes."""
 
 
 def regimes(problem: Problem, motion: Kinematics) -> dict[str, np.ndarray]:
-    """Samples of each regime, as masks of shape (samples, n_axes)."""
+    """Find the samples that belong to each motion regime.
+
+    Args:
+        problem: The recording and its model.
+        motion: Measured motion, motor side.
+
+    Returns:
+        For each regime a mask of shape (samples, n_axes).
+    """
     robot, recording = problem.robot, problem.recording
     speed = np.abs(motion.velocity)
     slow = robot.model.actuator_biasprm[robot.ids("actuator", "friction"), STRIBECK_VELOCITY]
@@ -80,15 +88,15 @@ def _top_third(values: np.ndarray, among: np.ndarray, share: float = 1 / 3) -> n
 
 
 def where(problem: Problem, error: np.ndarray) -> list[Share]:
-    """Share of a gap by axis and regime.
+    """Compute the share of a gap that occurs on each axis and in each regime.
 
     Args:
         problem: The recording.
         error: Whitened error, shape (samples, n_axes).
 
     Returns:
-        Axes as a whole, and regimes in which the gap is denser than elsewhere on the axis, with
-        false discoveries controlled (Benjamini and Hochberg); largest share first.
+        The whole axes, and the regimes in which the error is larger than elsewhere on the axis. The
+        false discovery rate is controlled (Benjamini and Hochberg). The largest share comes first.
     """
     motion = problem.motion
     excess = error**2 - 1.0
@@ -128,18 +136,18 @@ def where(problem: Problem, error: np.ndarray) -> list[Share]:
 
 @dataclass(frozen=True)
 class Pattern:
-    """A pattern in what is left of a gap."""
+    """A pattern in the error that remains."""
 
     axis: int
     """From 1."""
     along: str
-    """What it is a function of."""
+    """Name of the quantity on which the error depends."""
     strength: float
-    """Chi-square beyond its degrees of freedom."""
+    """Chi-square minus its degrees of freedom."""
     p_value: float
-    """Probability by noise, corrected for the number of patterns that were looked for."""
+    """Probability that noise alone causes it, corrected for the number of patterns tested."""
     place: float
-    """Where along it is strongest, in the unit of that quantity."""
+    """Value of that quantity at which the pattern is strongest, in the unit of the quantity."""
 
 
 _FAMILIES = (
@@ -149,7 +157,7 @@ _FAMILIES = (
     ("acceleration", (12, 4)),
     ("time", (40, 10)),
 )
-"""Numbers of bins: many for what is sharp, few for what is smooth."""
+"""Numbers of bins: many for sharp patterns, few for smooth ones."""
 
 
 def patterns(
@@ -158,17 +166,17 @@ def patterns(
     parts: Sequence[int],
     columns: Sequence[tuple[int, np.ndarray]] = (),
 ) -> list[Pattern]:
-    """Look for a pattern of any form in what is left, by means over bins.
+    """Test whether the remaining error has a pattern of any form, with means over bins.
 
     Args:
         problem: The recording.
-        error: Whitened error that is left, shape (samples, n_axes).
-        parts: Recordings that are looked at.
-        columns: Axis (from 1) and whitened change, shape (samples, n_axes), of effects that were
-            fitted: whether their severity depends on anything is looked at as well.
+        error: Whitened error that remains, shape (samples, n_axes).
+        parts: Indices of the separate recordings that are tested.
+        columns: Axis (from 1) and whitened change, shape (samples, n_axes), of each fitted effect.
+            It is tested as well whether the severity of these effects depends on a quantity.
 
     Returns:
-        All that were looked for, strongest first.
+        All patterns that were tested, strongest first.
     """
     motion = problem.motion
     use = problem.samples(parts)
@@ -201,7 +209,7 @@ def _along_all(
     error: np.ndarray,
     weight: np.ndarray,
 ) -> list[Pattern]:
-    """Patterns of an error along every quantity, in each direction of motion."""
+    """Patterns of an error along every quantity, for each direction of motion."""
     forward = motion.velocity[rows, axis] > 0
     features = {
         "joint angle": motion.position[rows, axis] / problem.robot.gear_ratio[axis],
@@ -230,7 +238,7 @@ def _pattern(
     directions: Sequence[np.ndarray],
     count: int,
 ) -> Pattern:
-    """Projection of an error on a weight, bin by bin along a feature."""
+    """Projection of an error on a weight, in each bin of a feature."""
     statistic, freedom, best, place = 0.0, 0, -1.0, 0.0
     edges = np.unique(np.quantile(feature, np.linspace(0, 1, count + 1)))
     bins = np.clip(np.searchsorted(edges, feature, side="right") - 1, 0, len(edges) - 2)
@@ -252,7 +260,10 @@ def _pattern(
 
 
 def _unsteady(motion: Kinematics, axis: int, rows: np.ndarray, error: np.ndarray) -> Pattern:
-    """Whether the error is larger where the axis moves: regression of its square (Koenker 1981)."""
+    """Test whether the error is larger while the axis moves: regression of its square.
+
+    Source: Koenker (1981).
+    """
     squares = error[rows] ** 2
     speed = np.abs(motion.velocity[rows, axis])
     push = np.abs(motion.acceleration[rows, axis])
@@ -270,7 +281,7 @@ def _unsteady(motion: Kinematics, axis: int, rows: np.ndarray, error: np.ndarray
 
 
 def _bursts(problem: Problem, axis: int, error: np.ndarray, parts: Sequence[int]) -> Pattern:
-    """Stretches of time with more error than noise has."""
+    """Periods of time in which the error is larger than the noise."""
     length = max(10, round(0.2 / problem.recording.sample_period))
     worst, place, tests = 1.0, 0.0, 0
     strength = 0.0

@@ -1,8 +1,9 @@
-"""Which terms explain a gap, given that every term may be off a little anyhow.
+"""Which terms explain a gap if every term may differ from zero a little?
 
-The whitened gap is g = X b + n, with one column of X a term and n white. In a healthy robot each b
-is normal with its tolerance; a term that is taken as a missing effect is free. Columns are in units
-of the tolerance, so that the prior of b is the unit matrix, and the misfit of a set is
+The whitened gap is g = X b + n. Each column of X belongs to one term, and n is white noise. In a
+healthy robot each b is normal, with the tolerance of its term as standard deviation. A term that
+is considered as a missing effect has no prior: it is free. Columns are in units of the tolerance,
+so that the prior covariance of b is the unit matrix. The misfit of a set of free terms is
 
     min over b of |g - X b|^2 + sum of b^2 over the terms that are not in the set.
 
@@ -19,28 +20,31 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 FREE = 1e-8
-"""Weight of the prior of a free term: it may be off by 10000 tolerances."""
+"""Weight of the prior of a free term: it allows values of 10000 tolerances."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Inner products of whitened columns and gap, for each separate recording."""
+    """Inner products of whitened columns and the gap, for each separate recording."""
 
     gram: np.ndarray
     """Shape (parts, terms, terms)."""
     right: np.ndarray
-    """Columns times gap, shape (parts, terms)."""
+    """Products of the columns with the gap, shape (parts, terms)."""
     energy: np.ndarray
-    """Gap times gap, shape (parts,)."""
+    """Product of the gap with itself, shape (parts,)."""
 
     @staticmethod
     def of(columns: np.ndarray, gap: np.ndarray, parts: Sequence[slice]) -> Evidence:
-        """Compute the products.
+        """Compute the inner products.
 
         Args:
             columns: Whitened, in units of the tolerances, shape (terms, samples, n_axes).
             gap: Whitened, shape (samples, n_axes).
-            parts: Separate recordings.
+            parts: Samples of each separate recording.
+
+        Returns:
+            The inner products.
         """
         gram = []
         for part in parts:
@@ -50,7 +54,16 @@ class Evidence:
         return Evidence(np.array(gram), nothing, nothing[:, 0]).against(columns, gap, parts)
 
     def against(self, columns: np.ndarray, gap: np.ndarray, parts: Sequence[slice]) -> Evidence:
-        """The same columns with another gap."""
+        """Return the inner products of the same columns with another gap.
+
+        Args:
+            columns: The same columns as for `of`, shape (terms, samples, n_axes).
+            gap: The other gap, whitened, shape (samples, n_axes).
+            parts: Samples of each separate recording.
+
+        Returns:
+            The inner products. Those among the columns are not computed again.
+        """
         right, energy = [], []
         for part in parts:
             y = gap[part].ravel()
@@ -65,13 +78,16 @@ class Evidence:
         gap: np.ndarray,
         parts: Sequence[slice],
     ) -> Evidence:
-        """With other columns for some terms.
+        """Return the inner products with other columns for some terms.
 
         Args:
-            new: Whitened column of each such term, shape (samples, n_axes).
-            columns: All as they were.
+            new: New whitened column of each such term, shape (samples, n_axes).
+            columns: All columns before the change, shape (terms, samples, n_axes).
             gap: Whitened, shape (samples, n_axes).
-            parts: Separate recordings.
+            parts: Samples of each separate recording.
+
+        Returns:
+            The inner products.
         """
         gram, right = self.gram.copy(), self.right.copy()
         for k, part in enumerate(parts):
@@ -86,7 +102,7 @@ class Evidence:
         return Evidence(gram, right, self.energy)
 
     def only(self, parts: Sequence[int]) -> Evidence:
-        """The same for some of the recordings."""
+        """Return the inner products of some of the recordings."""
         chosen = list(parts)
         return Evidence(self.gram[chosen], self.right[chosen], self.energy[chosen])
 
@@ -96,12 +112,12 @@ class Evidence:
         """Fit all terms.
 
         Args:
-            free: Terms without prior.
+            free: Terms without a prior.
             held: Terms that stay zero.
 
         Returns:
-            Values in units of the tolerances, shape (terms,); the inverse of the posterior's
-            precision, shape (terms, terms); and the misfit.
+            Values in units of the tolerances, shape (terms,); their posterior covariance, shape
+            (terms, terms); and the misfit.
         """
         weight = np.ones(len(self.right[0]))
         weight[list(free)] = FREE
@@ -117,15 +133,15 @@ class Evidence:
     def gains(
         self, groups: Sequence[Sequence[int]], free: Sequence[int] = ()
     ) -> tuple[np.ndarray, np.ndarray]:
-        """What freeing each group of terms takes off the misfit.
+        """Compute by how much the misfit decreases if a group of terms becomes free.
 
         Args:
-            groups: Indices of the terms that are freed together.
-            free: Terms that are free already.
+            groups: Indices of the terms that become free together.
+            free: Terms that are already free.
 
         Returns:
-            Gains, shape (groups,), and the value of the first term of each group, in units of
-            its tolerance, once freed.
+            Decrease of the misfit for each group, shape (groups,), and the fitted value of the
+            first term of each group in units of its tolerance, shape (groups,).
         """
         value, inverse, _ = self.solve(free)
         gain, first = np.zeros(len(groups)), np.zeros(len(groups))
@@ -139,16 +155,16 @@ class Evidence:
         return gain, first
 
     def score(self, free: Sequence[int]) -> float:
-        """Misfit of recordings that were not fitted, and penalty of the terms that are not free."""
+        """Misfit of recordings that were not fitted, plus a penalty for terms that are not free."""
         value, _, _ = self.solve(free)
         others = np.delete(value, list(free))
         return float(self.held_out(free).sum() + others @ others)
 
     def held_out(self, free: Sequence[int]) -> np.ndarray:
-        """Misfit of each recording with values that were fitted to the others.
+        """Compute the misfit of each recording with values that were fitted to the others.
 
         Args:
-            free: Terms without prior.
+            free: Terms without a prior.
 
         Returns:
             Squared whitened error, shape (parts,).

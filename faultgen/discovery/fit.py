@@ -1,4 +1,4 @@
-"""Sets of effects, fitted by re-simulation while everything else may be off by its tolerance."""
+"""Fits of sets of effects by re-simulation. All other terms may vary within their tolerances."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from faultgen.discovery.regression import Problem
 from faultgen.effects import get_effect
 
 Group = tuple[int, ...]
-"""Indices of the terms that make one candidate: one, or sine and cosine of a periodic effect."""
+"""Indices of the terms of one candidate: one term, or sine and cosine of a periodic effect."""
 
 _STEPS = 6  # re-simulations of a fit at most
 _SHORT = 0.1  # share of a linear gain that simulation may fall short of
@@ -27,17 +27,18 @@ class Fit:
     groups: tuple[Group, ...]
     """The effects."""
     values: np.ndarray
-    """Severity of each of their terms, in the order of the groups."""
+    """Severity of each term of the effects, in the order of the groups. Shape (terms,)."""
     errors: np.ndarray
-    """Standard errors of the values."""
+    """Standard errors of the values. Shape (terms,)."""
     change: np.ndarray
-    """What they add to the torque, simulated, shape (samples, n_axes)."""
+    """Simulated change of the torque by the effects, shape (samples, n_axes)."""
     evidence: Evidence
-    """Of the gap that they leave, on the parts for fitting."""
+    """Inner products with the gap that remains, on the parts for fitting."""
     misfit: float
-    """Squared whitened error and prior."""
+    """Squared whitened error plus the term of the prior."""
     score: float
-    """What sets are compared by: errors on recordings that were not fitted, and penalty."""
+    """The number by which sets are compared: error on recordings that were not fitted, plus a
+    penalty."""
 
     @property
     def terms(self) -> list[int]:
@@ -45,7 +46,12 @@ class Fit:
         return [term for group in self.groups for term in group]
 
     def members(self) -> Iterator[tuple[Group, np.ndarray, np.ndarray]]:
-        """Each effect with its values and their errors."""
+        """Iterate over the effects.
+
+        Yields:
+            The group of each effect, its values and their standard errors. The arrays have shape
+            (terms of the group,).
+        """
         at = 0
         for group in self.groups:
             until = at + len(group)
@@ -54,18 +60,18 @@ class Fit:
 
 
 def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = None) -> Fit | None:
-    """Fit a set of effects by re-simulation.
+    """Fit a set of effects by re-simulation, with the Gauss-Newton method.
 
-    Gauss-Newton. The simulation is exact at each step; the slopes are the columns of the model as
-    it is, or, where simulation explains less than those foretell, taken anew at each step.
+    Each step simulates the effects exactly. The slopes are the columns of the unchanged model. If
+    the simulation explains less than these slopes predict, new slopes are computed at each step.
 
     Args:
         problem: The gap and the terms.
-        groups: The set; may be empty.
-        start: Values to start from; None: the linear estimate.
+        groups: The set of effects. It may be empty.
+        start: Values from which the fit starts, shape (terms,). None: the linear estimate.
 
     Returns:
-        The fit, or None where no severity within the bounds of an effect explains anything.
+        The fit, or None if no severity within the bounds of an effect explains anything.
     """
     terms = [term for group in groups for term in group]
     scale = np.array([problem.terms[t].tolerance for t in terms])
@@ -131,13 +137,13 @@ def differences(
     change: np.ndarray,
     steps: Mapping[int, float],
 ) -> dict[int, np.ndarray]:
-    """Slopes of a torque by difference quotients, where they can be simulated.
+    """Compute slopes of a torque by finite differences, if they can be simulated.
 
     Args:
-        simulate: Torque of values; None where it diverges.
-        value: Where the slopes are taken.
-        change: Torque there, shape (samples, n_axes).
-        steps: By how much each value that is asked for is moved, by its index.
+        simulate: Function from values to the torque. It returns None if the simulation diverges.
+        value: Values at which the slopes are computed, shape (terms,).
+        change: Torque at these values, shape (samples, n_axes).
+        steps: Step of each value whose slope is wanted, by its index.
 
     Returns:
         Slopes by index, shape (samples, n_axes) each.
@@ -153,12 +159,30 @@ def differences(
 
 
 def changes_of(problem: Problem, fitted: Fit) -> list[tuple[Term, float]]:
-    """Terms of a set and their values."""
+    """List the terms of a set and their values.
+
+    Args:
+        problem: The gap and the terms.
+        fitted: The set of effects.
+
+    Returns:
+        Each term with its value, in the unit of the term.
+    """
     return [(problem.terms[t], float(v)) for t, v in zip(fitted.terms, fitted.values, strict=True)]
 
 
 def first_of(problem: Problem, fitted: Fit, count: int) -> Fit:
-    """The first effects of a set, with the severities that they have in it."""
+    """Return the first effects of a set, with the severities that they have in the whole set.
+
+    Args:
+        problem: The gap and the terms.
+        fitted: The whole set of effects.
+        count: Number of effects to keep.
+
+    Returns:
+        The smaller set. Its change of the torque is simulated, or linear if the simulation
+        diverges.
+    """
     if count == len(fitted.groups):
         return fitted
     groups = fitted.groups[:count]
@@ -188,7 +212,15 @@ def _done(
 
 
 def bounds_of(problem: Problem, terms: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest and largest value of each term, shape (terms,) each."""
+    """Return the bounds of the values of terms.
+
+    Args:
+        problem: The gap and the terms.
+        terms: Indices of the terms.
+
+    Returns:
+        Smallest and largest value of each term in its unit, shape (terms,) each.
+    """
     pairs = np.array([_range(problem.terms[t]) for t in terms]).reshape(-1, 2)
     return pairs[:, 0], pairs[:, 1]
 
@@ -208,6 +240,6 @@ def _bounded(problem: Problem, terms: Sequence[int], value: np.ndarray) -> np.nd
 
 
 def _within(problem: Problem, terms: Sequence[int], value: np.ndarray) -> bool:
-    """Whether no severity has run against its bound: one that has explains nothing."""
+    """Whether no severity has reached its bound. An effect at its bound explains nothing."""
     low, high = bounds_of(problem, terms)
     return bool(np.all((value > low) & (value < high)))

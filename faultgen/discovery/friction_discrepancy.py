@@ -1,8 +1,9 @@
-"""Friction of another form than the model's: what no robot's friction agrees with a law in.
+"""Friction that differs from the model's friction law.
 
-Near zero speed and after a reversal, friction of a real robot departs from LuGre and Stribeck
-curves. These terms let it, so that the departure is not taken for an effect. They are torques along
-the recorded motion, put on the rotors in a simulation, to which the servo answers.
+Near zero speed and after a reversal, the friction of a real robot departs from LuGre and Stribeck
+curves. The terms of this module describe the departure, so that it is not mistaken for an effect.
+They are friction torques that depend on the recorded motion. A simulation applies them to the
+rotors, and the servo reacts to them.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ _TOLERANCES = tuple(size for _, size in (*_EXPONENTS, *_SPEEDS, *_ANGLES))  # as
 
 
 def form_terms(robot: Robot) -> list[Term]:
-    """Departures of the friction of each axis."""
+    """List the terms for the departures of each axis' friction from the law."""
     return [
         Term(FORM, axis, 1.0, tolerance, (("shape", float(k)),))
         for axis in range(1, robot.n_axes + 1)
@@ -45,19 +46,19 @@ def form_columns(
     workers: int = 1,
     cache: Path | None = None,
 ) -> np.ndarray:
-    """Torque of a unit of each, closed loop.
+    """Simulate the torque that one unit of each term causes, in closed loop.
 
-    All axes are disturbed at once; what one does to the others is left out.
+    All axes are disturbed at once. The effect of one axis on the others is ignored.
 
     Args:
         replay: The recording and the model.
-        terms: Of `form_terms`.
-        base: Torque of the model as it is, shape (samples, n_axes).
-        workers: Processes; no effect on the result.
-        cache: Folder that keeps results for the next recording of the same program.
+        terms: Terms of `form_terms`.
+        base: Torque of the unchanged model, shape (samples, n_axes).
+        workers: Number of processes. It has no effect on the result.
+        cache: Folder in which results are kept for the next recording of the same program.
 
     Returns:
-        Shape (terms, samples, n_axes).
+        Shape (terms, samples, n_axes), in the unit of the recording's torque per unit of the term.
     """
     pushes = [-_STEP * shape for shape in _shapes(replay)]
     runs = kept_runs(
@@ -74,7 +75,7 @@ def form_columns(
 
 
 def _shapes(replay: Replay) -> np.ndarray:
-    """Friction torque on the rotors of each shape, shape (shapes, samples, n_axes), in [N m]."""
+    """Friction torque on the rotors for each shape, shape (shapes, samples, n_axes), in [N m]."""
     recording, robot = replay.recording, replay.robot
     motor = recording.commanded(robot.gear_ratio) * robot.gear_ratio
     friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")]
@@ -97,7 +98,7 @@ def _shapes(replay: Replay) -> np.ndarray:
 def _since_reversal(
     motor: np.ndarray, velocity: np.ndarray, still: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Last direction of motion, and the angle turned since it changed; shape (samples, n_axes)."""
+    """Last direction of motion, and angle turned since it changed; shape (samples, n_axes) each."""
     direction = np.where(np.abs(velocity) > still, np.sign(velocity), 0.0)
     since = np.zeros_like(motor)
     for axis in range(motor.shape[1]):

@@ -1,7 +1,7 @@
-"""The model that an answer makes, simulated before anything is said of it.
+"""The model with the found effects in it, simulated before any of its errors is reported.
 
-The gap that is reported after calibration and after each effect is the error of this model on the
-recorded motion. A recording of other motions is compared with the same model in the same way.
+The gap after calibration, and after each effect, is the error of this model on the recorded
+motion. A recording of other motions is compared with the same model in the same way.
 """
 
 from __future__ import annotations
@@ -22,26 +22,29 @@ from faultgen.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class Built:
-    """A model with effects and calibrated numbers in it."""
+    """A model that contains effects and calibrated numbers."""
 
     changes: list[tuple[Term, float]]
-    """What was changed in the model."""
+    """All changes of the model."""
     left: np.ndarray
-    """Torque of the gap that it leaves, simulated, shape (samples, n_axes)."""
+    """Torque of the gap that remains, simulated, shape (samples, n_axes)."""
     share: float
-    """Share of the calibrated values that it has."""
+    """Share of the calibrated changes that the model contains."""
 
 
 def build(problem: Problem, fitted: Fit, solution: np.ndarray) -> Built:
     """Put effects and calibrated numbers into the model.
 
-    The calibrated values are made smaller until the model can be simulated, and leaves no more of
-    the motions for fitting than the effects alone leave.
+    The calibrated changes are reduced until the model can be simulated and its error on the motions
+    for fitting is no larger than with the effects alone.
 
     Args:
         problem: The gap and the terms.
         fitted: The set of effects.
-        solution: Value of every term, in tolerances; 0 for the effects of the set.
+        solution: Value of every term in tolerances, shape (terms,); 0 for the effects of the set.
+
+    Returns:
+        The model that was built.
     """
     return next(_candidates(problem, fitted, solution))
 
@@ -49,7 +52,7 @@ def build(problem: Problem, fitted: Fit, solution: np.ndarray) -> Built:
 def build_stable(
     problem: Problem, fitted: Fit, solution: np.ndarray
 ) -> tuple[Built, Robot, list[str]]:
-    """The same, for a model that also replays the recording once it is written and read again.
+    """Build a model that also replays the recording after it was written to a file and read again.
 
     Args:
         problem: The gap and the terms.
@@ -57,8 +60,9 @@ def build_stable(
         solution: As for `build`.
 
     Returns:
-        What was built; the robot as it is written, which is the given one where nothing else can be
-        simulated; and one line for each thing that the robot lacks.
+        The model that was built; the robot as it is written, which is the unchanged robot if
+        nothing else can be simulated; and one line for each found change that this robot does not
+        contain.
     """
     for built in _candidates(problem, fitted, solution):
         robot = replaying(problem.recording, problem.robot, built.changes)
@@ -69,7 +73,7 @@ def build_stable(
 
 
 def _candidates(problem: Problem, fitted: Fit, solution: np.ndarray) -> Iterator[Built]:
-    """Models with less and less of the calibrated values, those with the effects alone last."""
+    """Models with smaller and smaller shares of the calibrated changes, then the effects alone."""
     effects = changes_of(problem, fitted)
     alone = Built(effects, problem.gap - fitted.change, 0.0)
     numbers = _numbers(problem, solution)
@@ -83,7 +87,7 @@ def _candidates(problem: Problem, fitted: Fit, solution: np.ndarray) -> Iterator
 
 
 def _numbers(problem: Problem, solution: np.ndarray) -> list[tuple[Term, float]]:
-    """Calibrated values; none with a twin, since both recordings have the same numbers."""
+    """Calibrated values. With a twin there are none: both recordings have the same numbers."""
     if problem.twin:
         return []
     pairs = zip(problem.terms, solution.tolist(), strict=True)
@@ -92,7 +96,10 @@ def _numbers(problem: Problem, solution: np.ndarray) -> list[tuple[Term, float]]
 
 
 def _possible(term: Term, value: float) -> bool:
-    """Whether a model is given it: no waves that nobody named, nothing beyond its bounds."""
+    """Whether calibration may put a change into the model.
+
+    Periodic effects and values beyond the bounds of an effect are not allowed.
+    """
     if not term.is_effect:
         return term.name == INERTIA
     effect = get_effect(term.name)
@@ -106,7 +113,7 @@ def _fitting_error(problem: Problem, left: np.ndarray) -> float:
 
 
 def _lacks(problem: Problem, built: Built, solution: np.ndarray) -> list[str]:
-    """What a stable model lacks of what was found."""
+    """One line for each found change that a stable model does not contain."""
     if built.share == 1 or not _numbers(problem, solution):
         return []
     has = f"{built.share:.0%}" if built.share else "none"

@@ -1,4 +1,4 @@
-"""Which safe motion would tell apart what a recording does not?"""
+"""Which safe motion would distinguish the explanations that a recording cannot distinguish?"""
 
 from __future__ import annotations
 
@@ -24,33 +24,33 @@ _LONGEST = 20.0  # time of a motion that is looked at [s]
 
 @dataclass(frozen=True)
 class Experiment:
-    """A motion that tells two explanations apart."""
+    """A motion that distinguishes two explanations."""
 
     task: str
     """Name of the task."""
     toml: str
-    """The task file."""
+    """Content of the task file."""
     separates: tuple[tuple[str, int], tuple[str, int]]
-    """Effect and axis of the pair that is hardest to tell apart."""
+    """Effect and axis of the two explanations that are hardest to distinguish."""
     distance: float
-    """Their distance on this motion, in standard deviations of the noise, after refitting."""
+    """Their distance on this motion after refitting, in standard deviations of the noise."""
     now: float
-    """The same on the recording."""
+    """The same distance on the recording."""
 
 
 def next_experiment(problem: Problem, choice: Choice) -> Experiment | None:
     """Choose a motion for an ambiguous answer.
 
-    The motions are those that come with the robot, and three that stay within the joint angles and
-    the speeds of the recording. The one is chosen whose closest pair is furthest apart (Hunter and
-    Reiner 1965, with severities refitted).
+    The candidates are the motions that come with the robot, and three motions within the joint
+    angles and speeds of the recording. The chosen motion is the one whose closest pair of
+    explanations is furthest apart (Hunter and Reiner 1965, with refitted severities).
 
     Args:
         problem: The gap and the terms.
         choice: The answer and its rivals.
 
     Returns:
-        The best motion; None without rivals, or if none is better than the recording.
+        The best motion. None if there are no rivals, or if no motion is better than the recording.
     """
     pairs = []
     members = list(choice.best.members())
@@ -83,7 +83,7 @@ def _distance(
     values: np.ndarray,
     rival: Group,
 ) -> float:
-    """Whitened distance of two effects on a motion, the rival's severity refitted."""
+    """Whitened distance of two effects on a motion after the rival's severity was fitted again."""
     recording = replay.recording
     inside = settled(recording, problem.robot)
     if not inside.any():
@@ -132,7 +132,7 @@ def _library(problem: Problem) -> Iterator[tuple[str, str]]:
 
 
 def _own(problem: Problem, robot: Robot) -> Iterator[tuple[str, str]]:
-    """Moves between joint angles within those of the recording."""
+    """Moves between joint angles that lie within the range of the recording."""
     recording = problem.recording
     joints = np.degrees(recording.joint_position(robot.gear_ratio))
     low, middle, high = np.quantile(joints, [0.15, 0.5, 0.85], axis=0)

@@ -1,4 +1,4 @@
-"""Noise of a gap, told from how it changes within a few samples."""
+"""Noise of a gap, estimated from its changes over a few samples."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _LARGEST = 0.98  # autocorrelation; beyond it noise cannot be told from a drift
 
 @dataclass(frozen=True, eq=False)
 class Autoregression:
-    """Noise x_t = sum of a_k x_(t-k) + e_t, by axis."""
+    """Noise of each axis as an autoregression, x_t = sum of a_k x_(t-k) + e_t."""
 
     coefficients: np.ndarray
-    """Shape (n_axes, order)."""
+    """The a_k. Shape (n_axes, order)."""
     innovation: np.ndarray
     """Standard deviation of e, shape (n_axes,)."""
 
@@ -31,22 +31,34 @@ class Autoregression:
         return self.innovation * np.sqrt((response**2).sum(axis=1))
 
     def times(self, factor: float) -> Autoregression:
-        """Noise that is larger by a factor."""
+        """Return the noise multiplied by a factor."""
         return Autoregression(self.coefficients, factor * self.innovation)
 
     def replaced(self, other: Autoregression, axes: np.ndarray) -> Autoregression:
-        """With other noise on some axes, a mask of shape (n_axes,)."""
+        """Return the noise with other noise on some axes.
+
+        Args:
+            other: The other noise, of the same order.
+            axes: Axes on which the other noise is used, a mask of shape (n_axes,).
+
+        Returns:
+            The combined noise.
+        """
         return Autoregression(
             np.where(axes[:, None], other.coefficients, self.coefficients),
             np.where(axes, other.innovation, self.innovation),
         )
 
     def whiten(self, x: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
-        """Innovations over their standard deviation; 0 in the first samples of each part.
+        """Compute innovations divided by their standard deviation.
 
         Args:
             x: Shape (..., samples, n_axes), in the unit of the noise.
-            parts: Separate recordings.
+            parts: Samples of each separate recording.
+
+        Returns:
+            Same shape as x, without unit. The first samples of each part, as many as the order, are
+            0.
         """
         out = np.zeros_like(x)
         order = self.coefficients.shape[1]
@@ -60,17 +72,17 @@ class Autoregression:
 
 
 def noise_of(gap: np.ndarray, inside: np.ndarray, parts: Sequence[slice]) -> Autoregression:
-    """Estimate the noise of a gap that also holds effects.
+    """Estimate the noise of a gap that also contains effects.
 
-    Effects change slowly beside the sample period, but for jumps, which `inside` is to leave out.
-    Second differences take what is slow away; those of a first-order autoregression have a variance
-    and a correlation of neighbours from which its two parameters follow. Source: its
+    Effects change slowly compared with the sample period, except for jumps, which `inside` should
+    exclude. Second differences remove what changes slowly. For a first-order autoregression, their
+    variance and the correlation of neighbours determine its two parameters. Source: its
     autocovariances, s^2 m^k / (1 - m^2).
 
     Args:
         gap: Shape (samples, n_axes), in any unit.
         inside: Samples that may be used, same shape.
-        parts: Separate recordings.
+        parts: Samples of each separate recording.
 
     Returns:
         The noise, of first order.
@@ -100,13 +112,13 @@ def noise_of(gap: np.ndarray, inside: np.ndarray, parts: Sequence[slice]) -> Aut
 
 
 def _covariances(memory: float) -> tuple[float, float]:
-    """Variance of second differences and covariance of neighbours, for innovations of 1."""
+    """Variance of second differences, and covariance of neighbours, for innovations of 1."""
     g0, g1, g2, g3 = (memory**k / (1 - memory**2) for k in range(4))
     return 6 * g0 - 8 * g1 + 2 * g2, -4 * g0 + 7 * g1 - 4 * g2 + g3
 
 
 def _memory(ratio: float) -> float:
-    """Autocorrelation whose second differences have that correlation of neighbours."""
+    """Autocorrelation for which the second differences have that correlation of neighbours."""
 
     def excess(memory: float) -> float:
         variance, covariance = _covariances(memory)
@@ -122,21 +134,21 @@ def _memory(ratio: float) -> float:
 def autoregression(
     residual: np.ndarray, inside: np.ndarray, parts: Sequence[slice], order: int = 8
 ) -> Autoregression:
-    """Fit an autoregression to what is left of a gap.
+    """Fit an autoregression to the residual of a gap.
 
-    Noise that is white plus coloured is an autoregression of no finite order; eight steps are so
-    near to it that patterns over seconds in healthy robots are as likely as they should be, three
-    are not.
+    White plus coloured noise is an autoregression of infinite order. Eight steps are close enough:
+    patterns over seconds in healthy robots then occur as often as they should. With three steps
+    they occur too often.
 
     Args:
-        residual: Shape (samples, n_axes).
+        residual: Shape (samples, n_axes), in any unit.
         inside: Samples that may be used, same shape.
-        parts: Separate recordings.
-        order: Of the autoregression.
+        parts: Samples of each separate recording.
+        order: Order of the autoregression.
 
     Returns:
-        The noise; the innovation's scale is that of its median size, so that rare jumps do not
-        count.
+        The noise. The scale of the innovations comes from their median size, so that rare jumps do
+        not affect it.
 
     Raises:
         ValueError: An axis has fewer than 50 usable samples.
@@ -163,28 +175,30 @@ def autoregression(
 
 
 SHARED = 0.2
-"""Size of what cannot be predicted in the difference of two recordings, over that in both, below
-which they have the same noise: 0.45 to 0.73 by axis for independent noise, 0.0006 to 0.11 for the
-same noise or none (simulated PUMA)."""
+"""Two recordings share their noise if the unpredictable part of their difference, divided by that
+of both, is below this limit. On a simulated PUMA it is 0.45 to 0.73 by axis for independent noise,
+and 0.0006 to 0.11 for the same noise or none."""
 
 
 def shared_noise(
     first: np.ndarray, second: np.ndarray, parts: Sequence[slice], share: float = SHARED
 ) -> np.ndarray:
-    """Axes on which two recordings of the same motions may have the same noise.
+    """Find the axes on which two recordings of the same motions may have the same noise.
 
-    What a sample has that those before it do not foretell is noise, but for jumps, which the median
-    leaves out. Where each recording has noise of its own, their difference has that of both. Of
-    motions that are hard to foretell, and noise of less than a thousandth, too much is found.
+    The part of a sample that cannot be predicted from the samples before it is noise, or a jump.
+    The median excludes the jumps. If each recording has its own noise, their difference contains
+    both. The test finds too many axes if the motion is hard to predict and the noise is below a
+    thousandth of the torque.
 
     Args:
         first: Torque of one recording, shape (samples, n_axes).
-        second: Of the other.
-        parts: Separate recordings.
-        share: Size of the noise in the difference, over that in both, below which it is shared.
+        second: Torque of the other recording, same shape and unit.
+        parts: Samples of each separate recording.
+        share: Noise is shared if that of the difference, divided by that of both, is below this
+            limit.
 
     Returns:
-        Shape (n_axes,).
+        Mask of shape (n_axes,).
 
     Raises:
         ValueError: There are fewer than 50 samples.
@@ -197,15 +211,15 @@ def shared_noise(
 
 
 def is_same_noise(first: np.ndarray, second: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
-    """Axes on which two recordings have noise that is considerable, and the very same.
+    """Find the axes on which two recordings have considerable noise that is exactly the same.
 
     Args:
         first: Torque of one recording, shape (samples, n_axes).
-        second: Of the other.
-        parts: Separate recordings.
+        second: Torque of the other recording, same shape and unit.
+        parts: Samples of each separate recording.
 
     Returns:
-        Shape (n_axes,).
+        Mask of shape (n_axes,).
 
     Raises:
         ValueError: There are fewer than 50 samples.

@@ -1,4 +1,4 @@
-"""Periodic effects of unknown order: which cycles a motor turn does a gap show?"""
+"""Periodic effects of unknown order: how many cycles per motor turn does a gap show?"""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ _MOST = 2  # orders an axis
 
 @dataclass(frozen=True)
 class Order:
-    """A periodic trace in a gap."""
+    """A periodic component of a gap."""
 
     axis: int
     """From 1."""
     order: float
-    """Cycles a motor turn."""
+    """Cycles per motor turn."""
     strength: float
-    """Chi-square, two degrees of freedom for each direction and level of speed."""
+    """Chi-square with two degrees of freedom for each direction and level of speed."""
 
 
 def find_orders(problem: Problem, error: np.ndarray) -> list[Order]:
-    """Look for torque that is periodic in the motor's angle.
+    """Find torque that is periodic in the motor's angle.
 
     Args:
         problem: The recording.
@@ -56,7 +56,7 @@ def find_orders(problem: Problem, error: np.ndarray) -> list[Order]:
 
 
 def _classes(velocity: np.ndarray) -> np.ndarray:
-    """Direction and speed: the servo answers each frequency with another phase."""
+    """Class of each sample by direction and speed: the servo's phase depends on the frequency."""
     speed = np.abs(velocity)
     level = np.searchsorted(np.quantile(speed, [1 / 3, 2 / 3]), speed)
     return level + 3 * (velocity > 0)
@@ -93,7 +93,7 @@ def _orders(axis: int, turns: np.ndarray, error: np.ndarray, classes: np.ndarray
 
 
 def _waves(order: float, turns: np.ndarray, classes: np.ndarray) -> np.ndarray:
-    """Sine and cosine, apart for each class; shape (samples, 2 classes)."""
+    """Sine and cosine, separately for each class; shape (samples, 2 classes)."""
     angle = 2 * np.pi * order * turns
     member = classes[:, None] == np.unique(classes)
     return np.hstack([member * np.sin(angle)[:, None], member * np.cos(angle)[:, None]])
@@ -108,7 +108,7 @@ def _fitted(order: float, turns: np.ndarray, error: np.ndarray, classes: np.ndar
 def _top(
     order: float, width: float, turns: np.ndarray, error: np.ndarray, classes: np.ndarray
 ) -> float:
-    """Top of a peak, between its neighbours on the grid."""
+    """Maximum of a peak, between its neighbours on the grid."""
 
     def loss(at: float) -> float:
         return -float(np.sum((error @ _waves(at, turns, classes)) ** 2))

@@ -1,4 +1,4 @@
-"""Reading of measured files: what a file claims is checked before anything of it is used.
+"""Reading of measured files. All claims of a file are checked before its data are used.
 
 recording = read_recording("measured.h5")
 recording.torque.shape  # (samples, n_axes)
@@ -20,10 +20,10 @@ FASTEST, SLOWEST = 1e-5, 1.0
 """Sample periods that a recording may have [s]."""
 
 FEWEST = 5
-"""Samples of the shortest separate recording that can be read."""
+"""Fewest samples that a separate recording may have."""
 
 LARGEST = 1e9
-"""Largest position, velocity or torque that is believed, in any unit."""
+"""Largest plausible position, velocity or torque, in any unit."""
 
 _LONGEST_NAME = 100
 
@@ -38,8 +38,8 @@ def read_recording(path: str | Path) -> Recording:
         The recording.
 
     Raises:
-        InputError: The file cannot be read, lacks something, or something has another shape, in
-            one line.
+        InputError: The file cannot be read, lacks something, or an array has another shape. The
+            message is one line.
     """
     path = Path(path)
     if not path.is_file():
@@ -99,7 +99,7 @@ def _check_arrays(path: Path, side: str, arrays: dict[str, np.ndarray | None]) -
 
 
 def _number(value: Any) -> float | None:
-    """A single real number, also in an array of one; None for anything else."""
+    """A single real number, also if it is in an array of one element; None for anything else."""
     values = np.asarray(value)
     if values.size != 1 or values.dtype.kind not in "fiu":
         return None
@@ -163,7 +163,7 @@ def _robot(path: Path, value: Any) -> str:
 
 
 def _shown(value: Any) -> str:
-    """A value as a message shows it: one short line."""
+    """A value as it appears in a message: one short line."""
     text = " ".join(
         repr(value.tolist() if isinstance(value, np.ndarray | np.generic) else value).split()
     )

@@ -1,4 +1,4 @@
-"""Arrays and attributes of a CSV file; what cannot be read is named by row and column."""
+"""Arrays and attributes of a CSV file. Errors name the row and the column."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from faultgen.discovery.read_hdf5 import NAMES
 from faultgen.errors import InputError
 
 LARGEST_FILE = 2_000_000_000
-"""Size of a file that is read [bytes]."""
+"""Largest file that is read [bytes]."""
 
 _UNEVEN = 0.05  # share of the sample period by which times may scatter
 
@@ -24,13 +24,14 @@ def read_csv(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Read the columns of a recording.
 
     Args:
-        path: The file: UTF-8, commas between columns, points in numbers, names in the first row.
+        path: The file: UTF-8, commas between columns, decimal points, names in the first row.
 
     Returns:
         Arrays of shape (samples, n_axes) by name, and attributes.
 
     Raises:
-        InputError: The file is not such a table, in one line that says where and what would do.
+        InputError: The file is not such a table. The message is one line that states where the file
+            is wrong and what would be right.
     """
     columns = _columns(path)
     if "time" not in columns:
@@ -63,7 +64,7 @@ def _columns(path: Path) -> dict[str, np.ndarray]:
         )
     twice = {name for name in header if header.count(name) > 1}
     if twice:
-        raise InputError(f"{path}: column '{min(twice)}' is there more than once")
+        raise InputError(f"{path}: column '{min(twice)}' appears more than once")
     try:
         table = pd.read_csv(
             io.StringIO(text),
@@ -119,7 +120,7 @@ def _numbers(path: Path, name: str, column: pd.Series) -> np.ndarray:
 
 
 def _axes(path: Path, stem: str, columns: dict[str, np.ndarray]) -> np.ndarray | None:
-    """Columns of one quantity, in the order of the axes; None where there are none."""
+    """Columns of one quantity, in the order of the axes; None if there are no such columns."""
     pattern = re.compile(re.escape(stem) + r"_(\d+)")
     found = {name: int(match[1]) for name in columns if (match := pattern.fullmatch(name))}
     if not found:

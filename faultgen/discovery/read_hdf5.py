@@ -1,4 +1,4 @@
-"""Arrays and attributes of an HDF5 file; nothing outside the file is opened."""
+"""Arrays and attributes of an HDF5 file. Nothing outside the file is opened."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ NAMES = (
     "reference_position",
     "temperature",
 )
-"""Arrays that a recording may have; others are left alone."""
+"""Arrays that a recording may have. Other arrays are ignored."""
 
 ATTRIBUTES = ("robot", "sample_period", "segments", "payload_mass")
 """Attributes that a recording may have."""
 
 MOST = 100_000_000
-"""Values that an array may have: 800 MB in memory."""
+"""Largest number of values in an array: 800 MB in memory."""
 
 _MOST_ATTRIBUTE = 1_000_000  # values that an attribute may have
 _HOPS = 8  # links within a file that are followed
@@ -33,16 +33,18 @@ _HOPS = 8  # links within a file that are followed
 def read_hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Read the arrays and attributes of a recording.
 
-    What an array claims to hold is checked before it is read.
+    The claimed size of an array is checked before the array is read.
 
     Args:
         path: The file.
 
     Returns:
-        Arrays and attributes, each by name.
+        Arrays by name, shape (samples, n_axes) or (samples,) as the file has them, and attributes
+        by name. Shapes are not checked here.
 
     Raises:
-        InputError: An array is elsewhere, holds no numbers, or claims more than there can be.
+        InputError: An array is in another file, does not hold numbers, or claims an impossible
+            size.
         OSError: The file is not HDF5, or damaged.
     """
     with h5py.File(path, "r") as file:
@@ -56,7 +58,7 @@ def read_hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
 
 
 def _place(path: Path, file: h5py.File, name: str, hops: int = _HOPS) -> str | None:
-    """Path of an object in the file, by links within it; None where there is none.
+    """Path of an object in the file after following its links; None if there is no such object.
 
     Raises:
         InputError: A link leads out of the file, or in a circle.
@@ -102,7 +104,7 @@ def _array(path: Path, name: str, item: Any) -> np.ndarray:
 
 
 def _attribute(path: Path, file: h5py.File, name: str) -> Any:
-    """An attribute, or None where there is none."""
+    """An attribute, or None if there is none."""
     if name not in file.attrs:
         return None
     one = file.attrs.get_id(name)

@@ -34,9 +34,9 @@ class Recording:
     """A recording, motor side or joint side. Arrays have shape (samples, n_axes)."""
 
     source: str
-    """Where it comes from, for messages."""
+    """Name of the file or other origin, for messages."""
     robot: str
-    """Name of the robot as the file has it; may be empty."""
+    """Name of the robot as stated in the file. May be empty."""
     side: str
     """'motor' or 'joint'."""
     sample_period: float
@@ -46,7 +46,7 @@ class Recording:
     torque: np.ndarray
     """[N m], or [N] for slides."""
     velocity: np.ndarray | None = None
-    """[rad/s], or None where it was not measured."""
+    """[rad/s], or None if it was not measured."""
     reference_position: np.ndarray | None = None
     """Commanded position, joint side [rad]."""
     temperature: np.ndarray | None = None
@@ -68,27 +68,31 @@ class Recording:
         return [slice(start, end) for start, end in zip(self.segments, ends, strict=True)]
 
     def joint_position(self, gear_ratio: np.ndarray) -> np.ndarray:
-        """Measured position, joint side [rad]."""
+        """Measured position, joint side [rad]. Shape (samples, n_axes)."""
         return self.position / gear_ratio if self.side == "motor" else self.position
 
     def motor_position(self, gear_ratio: np.ndarray) -> np.ndarray:
-        """Measured position, motor side [rad]."""
+        """Measured position, motor side [rad]. Shape (samples, n_axes)."""
         return self.position * gear_ratio if self.side == "joint" else self.position
 
     def commanded(self, gear_ratio: np.ndarray) -> np.ndarray:
-        """Commanded position, joint side [rad]; where there is none, the measured one."""
+        """Commanded position, joint side [rad]; the measured one if none was recorded.
+
+        Shape (samples, n_axes).
+        """
         if self.reference_position is not None:
             return self.reference_position
         return self.joint_position(gear_ratio)
 
     def derivatives(self, position: np.ndarray) -> np.ndarray:
-        """Smoothed position, velocity and acceleration (Savitzky and Golay).
+        """Compute smoothed position, velocity and acceleration (Savitzky and Golay).
 
         Args:
-            position: Of this recording, shape (samples, n_axes).
+            position: Position of this recording, shape (samples, n_axes).
 
         Returns:
-            Shape (3, samples, n_axes); of parts shorter than the window, the position and zeros.
+            Shape (3, samples, n_axes), in the unit of the position, and this unit over [s] and
+            [s^2]. Parts that are shorter than the window have the position itself and zeros.
         """
         window = max(5, 2 * round(_SMOOTHING / self.sample_period / 2) + 1)
         out = np.zeros((3, *position.shape))
@@ -103,14 +107,18 @@ class Recording:
 
 
 def low_passed(recording: Recording, cut_off: float) -> Recording:
-    """Filtered, and thinned to the samples that are left: 2.5 of them a period of the cut-off.
+    """Low-pass filter a recording, and keep 2.5 samples per period of the cut-off frequency.
 
-    Position and torque get the same filter (Butterworth, 4th order, forward and back), so that they
-    stay in step. For recordings without a reference, whose position is followed.
+    Position and torque get the same filter (Butterworth, 4th order, forward and backward), so that
+    they stay synchronous. Use it for recordings without a reference, in which the measured position
+    is followed.
 
     Args:
-        recording: What to filter.
-        cut_off: In [Hz]; at 0.4 times the sample rate or above, nothing is done.
+        recording: The recording to filter.
+        cut_off: Cut-off frequency [Hz]. From 0.4 times the sample rate on, nothing is changed.
+
+    Returns:
+        The filtered recording, with fewer samples.
 
     Raises:
         InputError: A separate recording is too short to be filtered.
@@ -150,7 +158,7 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     """Write a recording as HDF5.
 
     Args:
-        recording: What to write.
+        recording: The recording to write.
         path: The file.
     """
     side = recording.side

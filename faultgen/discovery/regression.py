@@ -1,4 +1,4 @@
-"""A gap, made ready: masked, whitened, with the columns of every term beside it."""
+"""A gap prepared for regression: masked and whitened, with one column for each term."""
 
 from __future__ import annotations
 
@@ -42,21 +42,21 @@ class Problem:
     replay: Replay
     """The recording and the model."""
     terms: list[Term]
-    """All terms, with tolerances of this comparison."""
+    """All terms, with the tolerances of this comparison."""
     base: np.ndarray
-    """Torque of the model as it is."""
+    """Torque of the unchanged model."""
     gap: np.ndarray
-    """Torque to be explained."""
+    """Torque that is to be explained."""
     inside: np.ndarray
-    """Samples that count."""
+    """Samples that are used."""
     parts: list[slice]
     """Separate recordings, or blocks of a single one."""
     scoring: list[int]
-    """Parts that are used neither for fitting nor for choosing."""
+    """Parts that are used neither for fitting nor for the choice of effects."""
     raw: np.ndarray
-    """Change of the torque a unit of each term, shape (terms, samples, n_axes)."""
+    """Change of the torque per unit of each term, shape (terms, samples, n_axes)."""
     noise: Autoregression
-    """Of the gap."""
+    """Noise of the gap."""
     trust: np.ndarray
     """Weight of each sample: 1, or less where models of friction are usually wrong."""
     white: np.ndarray
@@ -64,11 +64,12 @@ class Problem:
     twin: bool
     """Whether the gap is the difference of two recordings."""
     shared: np.ndarray
-    """Axes on which the two have the same noise, which their difference lacks; shape (n_axes,)."""
+    """Axes on which the two recordings have the same noise, which cancels in their difference;
+    shape (n_axes,)."""
 
     @property
     def fitting(self) -> list[int]:
-        """Parts on which terms are fitted and chosen."""
+        """Parts that are used for fitting and for the choice of effects."""
         return [p for p in range(len(self.parts)) if p not in self.scoring]
 
     @property
@@ -89,11 +90,19 @@ class Problem:
         return Kinematics(position, velocity, acceleration)
 
     def samples(self, parts: Sequence[int]) -> np.ndarray:
-        """Samples of parts, as a mask of shape (samples,)."""
+        """Samples of some parts, as a mask of shape (samples,)."""
         return samples_of([self.parts[p] for p in parts], len(self.gap))
 
     def change(self, changes: Changes) -> np.ndarray | None:
-        """What changes in the model add to its torque; None where the simulation diverges."""
+        """Simulate by how much changes of the model change its torque.
+
+        Args:
+            changes: Terms and values.
+
+        Returns:
+            Shape (samples, n_axes), in the unit of the recording's torque, or None if the
+            simulation diverges.
+        """
         try:
             change = self.replay.torque(changes) - self.base
         except SimulationFailed:
@@ -101,7 +110,7 @@ class Problem:
         return change if np.isfinite(change).all() else None
 
     def whiten(self, x: np.ndarray) -> np.ndarray:
-        """Whitened, masked and weighted, shape (..., samples, n_axes)."""
+        """Whiten, mask and weight an array of shape (..., samples, n_axes). The shape stays."""
         return self.noise.whiten(x, self.parts) * (self.inside * self.trust).astype(x.dtype)
 
     @cached_property
@@ -115,11 +124,15 @@ class Problem:
     def evidence(
         self, gap: np.ndarray | None = None, slopes: dict[int, np.ndarray] | None = None
     ) -> Evidence:
-        """Inner products on the parts for fitting.
+        """Compute inner products on the parts for fitting.
 
         Args:
             gap: Another gap than that of the problem, shape (samples, n_axes).
-            slopes: Other columns of some terms, a unit each, shape (samples, n_axes).
+            slopes: Other columns for some terms, per unit of the term, shape (samples, n_axes)
+                each.
+
+        Returns:
+            The inner products.
         """
         if gap is None:
             return self._nominal
@@ -132,7 +145,7 @@ class Problem:
 
 
 def blocks(recording: Recording) -> list[slice]:
-    """Parts of a recording; a single one is cut into blocks."""
+    """List the parts of a recording. A recording of a single part is divided into blocks."""
     parts = recording.parts
     if len(parts) > 2:
         return parts
@@ -145,27 +158,38 @@ def blocks(recording: Recording) -> list[slice]:
 
 
 def for_scoring(parts: Sequence[slice]) -> list[int]:
-    """The last fifth of the parts, at least one: nothing is fitted to them or chosen by them."""
+    """The last fifth of the parts, at least one. They are not used for fitting or choosing."""
     return list(range(len(parts) - max(1, len(parts) // 5), len(parts)))
 
 
 def counted(recording: Recording, robot: Robot, *, twin: bool) -> np.ndarray:
-    """Samples that count in a comparison, as a mask of shape (samples, n_axes).
+    """Find the samples that are used in a comparison.
 
-    Every number of an answer is of these samples, and so is the score on other motions.
+    All numbers of an answer, and the score on other motions, use these samples only.
 
     Args:
         recording: The measured data.
         robot: The model.
-        twin: Whether it is compared with another recording. Without, rest and the moments after it
-            and after a reversal do not count.
+        twin: Whether the recording is compared with another recording. If it is compared with the
+            model, samples at rest, shortly after rest and shortly after a reversal are not used.
+
+    Returns:
+        Mask of shape (samples, n_axes).
     """
     inside = settled(recording, robot)
     return inside if twin else inside & rolling(recording, robot)
 
 
 def samples_of(parts: Sequence[slice], count: int) -> np.ndarray:
-    """Samples of parts, as a mask of shape (count,)."""
+    """Find the samples of some parts.
+
+    Args:
+        parts: The parts.
+        count: Number of samples of the whole recording.
+
+    Returns:
+        Mask of shape (count,).
+    """
     use = np.zeros(count, bool)
     for part in parts:
         use[part] = True
@@ -181,21 +205,24 @@ def pose(
     *,
     twin: bool,
 ) -> Problem:
-    """Estimate the noise of a gap and whiten everything with it.
+    """Estimate the noise of a gap, and whiten the gap and all columns with it.
 
-    The noise is what no combination of the terms explains, as an autoregression. In slow motion,
-    where that is more than at speed, samples count less: there friction of any real robot has
-    another form than a model's. Without a twin, rest and the moments after it do not count at all.
-    On axes on which two recordings have the same noise, that of the recording is reckoned with, as
-    if the other had its own.
+    The noise is an autoregression of what no combination of the terms explains. If this is larger
+    in slow motion than at speed, samples in slow motion get less weight, because there the friction
+    of any real robot differs from a model's. Without a twin, samples at rest and shortly after it
+    are not used. On axes on which two recordings have the same noise, the noise of the recording is
+    used, as if the other recording had noise of its own.
 
     Args:
         replay: The recording and the model.
         terms: All terms.
-        base: Torque of the model as it is.
+        base: Torque of the unchanged model, shape (samples, n_axes).
         raw: Columns, shape (terms, samples, n_axes).
-        gap: What is to be explained.
+        gap: Torque that is to be explained, shape (samples, n_axes).
         twin: Whether the gap is the difference of two recordings.
+
+    Returns:
+        The gap and the terms, ready for fitting.
 
     Raises:
         ValueError: Too little of the recording can be used.
@@ -256,10 +283,11 @@ def pose(
 
 
 def plain(problem: Problem) -> Problem:
-    """The same problem with noise that is white, of the same deviation and information.
+    """Return the same problem with white noise of the same deviation and information.
 
-    An autoregression of what a model leaves takes errors that last for noise that drifts: good for
-    telling effects apart, but values are to make the torque right, also where it is steady.
+    An autoregression fitted to a model's residual treats long-lasting errors as drifting noise.
+    This helps to distinguish effects. Values, however, should make the torque right where it is
+    steady as well, and white noise gives long-lasting errors their full weight.
     """
     noise = problem.noise
     longer = noise.deviation / noise.innovation  # root of the samples that one is worth
@@ -270,9 +298,17 @@ def plain(problem: Problem) -> Problem:
 
 
 def rolling(recording: Recording, robot: Robot) -> np.ndarray:
-    """Samples that are `_PRESLIDING` away from rest and reversal, shape (samples, n_axes).
+    """Find the samples that are at least `_PRESLIDING` after rest and after a reversal.
 
-    Before, the torque of an axis depends on how its bristles bent, which no two models agree on.
+    Earlier, the torque of an axis depends on how its friction bristles are bent, and no two models
+    agree on that.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+
+    Returns:
+        Mask of shape (samples, n_axes).
     """
     moving = _moving(recording, robot)
     count = max(1, round(_PRESLIDING / recording.sample_period))
@@ -289,7 +325,7 @@ def rolling(recording: Recording, robot: Robot) -> np.ndarray:
 
 
 def _trust(recording: Recording, robot: Robot, left: np.ndarray, inside: np.ndarray) -> np.ndarray:
-    """Weights by which what is left is as large in slow motion as noise is, by axis."""
+    """Weights that make the residual in slow motion as large as the noise, by axis."""
     slow = near_reversal(recording, robot)
     trust = np.ones(left.shape)
     moving = _moving(recording, robot)
@@ -302,7 +338,7 @@ def _trust(recording: Recording, robot: Robot, left: np.ndarray, inside: np.ndar
 
 
 def _moving(recording: Recording, robot: Robot) -> np.ndarray:
-    """Samples at which axes do not rest, shape (samples, n_axes)."""
+    """Samples at which axes move, shape (samples, n_axes)."""
     position = recording.motor_position(robot.gear_ratio)
     slow = robot.model.actuator_biasprm[robot.ids("actuator", "friction"), STRIBECK_VELOCITY]
     moving = np.zeros(recording.position.shape, bool)
@@ -313,7 +349,15 @@ def _moving(recording: Recording, robot: Robot) -> np.ndarray:
 
 
 def near_reversal(recording: Recording, robot: Robot) -> np.ndarray:
-    """Samples about a change of direction, where friction jumps; shape (samples, n_axes)."""
+    """Find the samples near a change of direction, where friction jumps.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+
+    Returns:
+        Mask of shape (samples, n_axes).
+    """
     position = recording.motor_position(robot.gear_ratio)
     friction = robot.ids("actuator", "friction")
     slow = 3 * robot.model.actuator_biasprm[friction, STRIBECK_VELOCITY]

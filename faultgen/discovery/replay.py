@@ -1,4 +1,4 @@
-"""What the model would have measured: a recorded motion, simulated closed loop."""
+"""Replay of a recording: the recorded motion, simulated with the model in closed loop."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ SETTLING = 0.3
 """Time that the simulation needs to settle after an axis begins to turn [s]: assumed."""
 
 TURN = 0.2
-"""Motor angle after which friction has forgotten how the axis came to rest [rad]: assumed, some ten
-times the reach of the bristles."""
+"""Motor angle after which friction no longer depends on how the axis came to rest [rad]: assumed,
+about ten times the reach of the bristles."""
 
 Changes = Sequence[tuple[Term, float]]
 """Terms and their values."""
@@ -41,7 +41,7 @@ class _Motion:
 
 
 def _following(robot: Robot) -> Robot:
-    """The same robot with all set points commanded."""
+    """Return the same robot with all set points commanded."""
     if np.all(robot.set_points == 1):
         return robot
     follower = copy.copy(robot)
@@ -50,11 +50,12 @@ def _following(robot: Robot) -> Robot:
 
 
 class Replay:
-    """A recording's motion, to be simulated with this or that changed in the model.
+    """The motion of a recording, which can be simulated with changes of the model.
 
-    The commanded positions are tracked by the model's own servo; where they were not recorded, the
-    measured ones stand in for them, with all set points, also where the servo does not use them:
-    the motion is to be followed then. The controller is always that of the model as it is.
+    The model's own servo tracks the commanded positions. If they were not recorded, the measured
+    positions replace them. Then all set points are commanded, even those that the servo does not
+    use, because the measured motion has to be followed. The controller is always that of the
+    unchanged model.
     """
 
     def __init__(self, recording: Recording, robot: Robot) -> None:
@@ -77,18 +78,19 @@ class Replay:
             self.controls.append(control_signal(motion, timestep))  # type: ignore[arg-type]
 
     def torque(self, changes: Changes = (), disturbance: np.ndarray | None = None) -> np.ndarray:
-        """Simulate the recorded motion.
+        """Simulate the torque on the recorded motion.
 
         Args:
-            changes: What to change in the model.
-            disturbance: Torque on the rotors that is not the drives', shape (samples, n_axes), in
-                [N m].
+            changes: Changes of the model: terms and values.
+            disturbance: Torque on the rotors in addition to the drives', shape (samples, n_axes),
+                in [N m].
 
         Returns:
-            Torque that would have been measured, on the recording's side, shape (samples, n_axes).
+            Torque that the robot would have logged, on the recording's side and in its unit, shape
+            (samples, n_axes).
 
         Raises:
-            InputError: No such effect or axis.
+            InputError: An effect or axis does not exist.
             SimulationFailed: The simulation diverged.
         """
         torque = self._logged("motor_torque", changes, disturbance)
@@ -97,17 +99,17 @@ class Replay:
         return torque if self.recording.side == "motor" else torque * self.robot.gear_ratio
 
     def position(self, changes: Changes = ()) -> np.ndarray:
-        """Simulate the recorded motion.
+        """Simulate the position on the recorded motion.
 
         Args:
-            changes: What to change in the model.
+            changes: Changes of the model: terms and values.
 
         Returns:
-            Position that would have been measured, on the recording's side, shape
-            (samples, n_axes).
+            Position that would have been measured, on the recording's side, shape (samples,
+            n_axes), in [rad], or [m] for slides.
 
         Raises:
-            InputError: No such effect or axis.
+            InputError: An effect or axis does not exist.
             SimulationFailed: The simulation diverged.
         """
         position = self._logged("motor_position", changes)
@@ -142,7 +144,7 @@ class Replay:
         return logged
 
     def _pushed(self, control: np.ndarray, disturbance: np.ndarray) -> np.ndarray:
-        """Control with a torque added to the feed-forward."""
+        """Control signals with a torque added to the feed-forward."""
         model = self.robot.model
         at = model.actuator_ctrladr[self.robot.ids("actuator", "drive")] + 2
         steps = np.arange(len(control)) * model.opt.timestep
@@ -171,7 +173,7 @@ class Replay:
 
 
 def _whole(steps: float) -> int:
-    """Steps a sample, or 1 where they are not a whole number."""
+    """Number of simulation steps per sample, or 1 if it is not a whole number."""
     whole = round(steps)
     return whole if whole >= 1 and abs(steps - whole) < 1e-6 else 1
 
@@ -184,13 +186,14 @@ def replay(
     Args:
         recording: The measured data.
         robot: The model without the effects.
-        effects: Effects to put into it: name, axis from 1, severity.
+        effects: Effects to put into the model: name, axis from 1, severity.
 
     Returns:
-        Torque that would have been measured, on the recording's side, shape (samples, n_axes).
+        Torque that the robot would have logged, on the recording's side, shape (samples, n_axes),
+        in [N m], or [N] for slides.
 
     Raises:
-        InputError: No such effect or axis.
+        InputError: An effect or axis does not exist.
         SimulationFailed: The simulation diverged.
     """
     changes = [(Term(name, axis, 0.0, 0.0), severity) for name, axis, severity in effects]
@@ -198,12 +201,15 @@ def replay(
 
 
 def relative_errors(square: np.ndarray, recording: Recording, inside: np.ndarray) -> np.ndarray:
-    """RMS error over RMS torque of each axis, 0 where there is none; shape (n_axes,).
+    """Compute the RMS error of each axis divided by its RMS torque.
 
     Args:
         square: Squared error of each sample, or of each axis; shape (samples, n_axes) or (n_axes,).
-        recording: Where the torque is taken from.
-        inside: Samples that count, shape (samples, n_axes).
+        recording: The recording with the torque.
+        inside: Samples that are used, shape (samples, n_axes).
+
+    Returns:
+        Shape (n_axes,), without unit; 0 for axes without torque.
     """
     torque = (np.where(inside, recording.torque, 0.0) ** 2).sum(axis=0)
     wrong = np.where(inside, square, 0.0).sum(axis=0)
@@ -211,23 +217,41 @@ def relative_errors(square: np.ndarray, recording: Recording, inside: np.ndarray
 
 
 def relative_error(square: np.ndarray, recording: Recording, inside: np.ndarray) -> float:
-    """The same, root mean square over the axes that have torque.
+    """Compute the root mean square of `relative_errors` over the axes that have torque.
+
+    Args:
+        square: As for `relative_errors`.
+        recording: The recording with the torque.
+        inside: Samples that are used, shape (samples, n_axes).
+
+    Returns:
+        The relative error, without unit.
 
     Raises:
-        InputError: No sample counts.
+        InputError: No sample can be used.
     """
     by_axis = relative_errors(square, recording, inside)
     seen = np.any(inside & (recording.torque != 0), axis=0)
     if not seen.any():
-        raise InputError(f"{recording.source}: no sample counts; give a recording of more motion")
+        raise InputError(
+            f"{recording.source}: no sample can be used; give a recording with more motion"
+        )
     return float(np.sqrt(np.mean(by_axis[seen] ** 2)))
 
 
 def settled(recording: Recording, robot: Robot) -> np.ndarray:
-    """Samples that a replay can be compared at, as a mask of shape (samples, n_axes).
+    """Find the samples at which a replay can be compared with the recording.
 
-    At rest the torque of an axis depends on how it came to rest, which the recording does not tell;
-    an axis counts from `SETTLING` after it has turned its motor by `TURN` in a separate recording.
+    At rest, the torque of an axis depends on how it came to rest, and the recording does not
+    contain that. In each separate recording, an axis is used from `SETTLING` after it has turned
+    its motor by `TURN`.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+
+    Returns:
+        Mask of shape (samples, n_axes).
     """
     position = recording.motor_position(robot.gear_ratio)
     skipped = round(SETTLING / recording.sample_period)

@@ -1,4 +1,4 @@
-"""What is answered, and how it is told in ``discovery.json``."""
+"""The answer of a discovery, and its content in ``discovery.json``."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NONE, NAMED, AMBIGUOUS, UNKNOWN = (
 )
 
 UNLIKELY = 1e-4
-"""Probability of a pattern by noise below which it counts."""
+"""A pattern is reported if the probability that noise causes it is below this value."""
 
 MEASURE = "RMS torque error over RMS torque, on motions used neither for fitting nor for choosing"
 
@@ -38,52 +38,54 @@ class Named:
     error: float
     """Standard error, to first order."""
     interval: tuple[float, float]
-    """Of the severity, with 95 % probability."""
+    """Interval that contains the severity with 95 % probability."""
     parameters: dict[str, float]
     """Further parameters of the effect."""
     confidence: float
-    """Probability against nothing, and against what is not excluded, in its place."""
+    """Probability of the effect against no effect, and against the alternatives that are not
+    excluded."""
     gap_after: float
-    """Relative torque error of the model with this effect and those before it, on the scoring
-    motions."""
+    """Relative torque error on the scoring motions, of the model with this effect and those before
+    it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """The answer and what it rests on."""
+    """The answer and the numbers on which it is based."""
 
     verdict: str
-    """One of the four."""
+    """One of the four verdicts."""
     effects: tuple[Named, ...]
-    """In the order added."""
+    """The effects that were found, in the order in which they were added."""
     alternatives: tuple[tuple[str, int, float], ...]
-    """Effect, axis and probability of what is not excluded."""
+    """Effect, axis and probability of each alternative that is not excluded."""
     before: float
-    """Relative torque error of the model as it is, on the scoring motions."""
+    """Relative torque error of the unchanged model on the scoring motions."""
     calibrated: float
-    """With the model's own numbers calibrated, simulated."""
+    """The same of the model with its own numbers calibrated, simulated."""
     after: float
-    """Of the model with everything that was changed in it, simulated."""
+    """The same of the model with all changes, simulated."""
     floor: float
-    """Of noise alone; an axis has at most the smallest of the errors above."""
+    """Relative torque error of noise alone. On each axis it is at most the smallest of the errors
+    above."""
     per_axis: tuple[dict[str, float], ...]
-    """The same by axis."""
+    """The same errors for each axis."""
     p_value: float
-    """Probability of the gap after calibration by noise alone."""
+    """Probability that noise alone causes the gap that remains after calibration."""
     where: tuple[Share, ...]
-    """Where the gap is."""
+    """Shares of the gap by axis and regime."""
     left: tuple[Pattern, ...]
-    """Patterns in what is left."""
+    """Patterns in the gap that remains."""
     changes: list[tuple[Term, float]]
-    """All that is changed in the model, effects and calibration."""
+    """All changes of the model: effects and calibration."""
     robot: Robot
-    """The model with the changes, which replays the recording."""
+    """The changed model, which can replay the recording."""
     lacks: tuple[str, ...]
-    """What that model lacks of what was found, a line each."""
+    """One line for each found change that this model does not contain."""
     calibration: dict[str, dict[str, float]]
-    """Values of the model's own numbers, off by so much."""
+    """Differences of the robot's own numbers from the model, by name and axis."""
     left_torque: np.ndarray
-    """Torque that the model leaves of the gap, shape (samples, n_axes)."""
+    """Torque of the gap that the model does not explain, shape (samples, n_axes)."""
 
     def contract(self) -> dict[str, Any]:
         """The content of ``discovery.json``."""
@@ -133,7 +135,7 @@ class Answer:
         }
 
     def unexplained(self) -> str:
-        """What is left, in words."""
+        """Describe the gap that remains, in words."""
         if self.verdict != UNKNOWN or not self.left:
             return ""
         units = {
@@ -149,6 +151,6 @@ class Answer:
             for one in self.left[:3]
             if one.p_value < UNLIKELY
         ]
-        return "a pattern that no effect of the catalogue makes: " + (
+        return "a pattern that no effect of the catalogue causes: " + (
             "; ".join(told) or f"most on axis {self.left[0].axis}"
         )

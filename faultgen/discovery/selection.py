@@ -1,7 +1,8 @@
-"""Which effects are missing: added one at a time, refitted together, with drops and swaps.
+"""Choice of the missing effects: they are added one at a time, and sets are fitted together.
 
-Terms are screened by what they take off the misfit, to first order; the best are judged by how they
-predict recordings that they were not fitted to; and sets are compared after re-simulation.
+Candidates are first ranked by how much they reduce the misfit, to first order. The best ones are
+judged by how well they predict recordings that they were not fitted to. Sets are compared after
+re-simulation, and effects of a set may be dropped or exchanged.
 """
 
 from __future__ import annotations
@@ -18,17 +19,17 @@ from faultgen.discovery.regression import Problem
 from faultgen.effects import get_effect
 
 MOST = 3
-"""Effects that are added at most."""
+"""Largest number of effects that are added."""
 
 SHARE = 0.03
-"""Smallest share that an effect has to have in what all of them explain."""
+"""Smallest share that an effect must have in what all effects explain together."""
 
 SURE_TWIN = 18.0
-"""What an effect has to take off the misfit, with a twin: of 104 healthy development robots one
-reaches 17.5 and all others 14."""
+"""Amount by which an effect must reduce the misfit if there is a twin. Of 104 healthy development
+robots one reaches 17.5, and all others stay at 14 or below."""
 
 SURE = 21.0
-"""The same without a twin, where healthy robots reach 16."""
+"""The same without a twin. Healthy robots reach 16."""
 
 MIMICKED = (
     "backlash",
@@ -41,18 +42,19 @@ MIMICKED = (
     "torque_ripple",
     "wrist_coupling_friction",
 )
-"""Effects that other forms of friction, and wrong links, look like where there is no twin."""
+"""Effects that look like deviations of the friction law or wrong links if there is no twin."""
 
 SURE_MIMICKED = 35.0
-"""What they have to take off then: of 152 healthy development robots one reaches 37, two 32 and
-all others 24."""
+"""Amount by which those effects must reduce the misfit without a twin. Of 152 healthy development
+robots one reaches 37, two reach 32, and all others stay at 24 or below."""
 
 COMPANION = 0.1
-"""The same for a second kind of friction by speed on one axis: a true one is of another form than
-the catalogue's, and a little of another makes up for it."""
+"""Smallest share for a second kind of speed-dependent friction on one axis. The friction of a real
+robot has another form than the catalogue's, and a small amount of a second kind compensates for
+it."""
 
 SIMILAR = 9.0
-"""What another set may be worse by and still not be excluded, over the overdispersion."""
+"""A set is not excluded if its misfit is larger by less than this times the overdispersion."""
 
 _JUDGED = 8  # candidates that are judged on held-out recordings
 _RIVALS = 3  # swaps that are simulated
@@ -60,20 +62,21 @@ _RIVALS = 3  # swaps that are simulated
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """What was chosen."""
+    """The chosen set of effects and its rivals."""
 
     problem: Problem
-    """The gap as sets were compared on it."""
+    """The gap on which sets were compared."""
     fits: tuple[Fit, ...]
-    """The empty set, and after it the set after each effect that was added."""
+    """The empty set, and then the set after each effect that was added."""
     best: Fit
-    """The set that is answered with."""
+    """The set that is reported."""
     rivals: tuple[tuple[int, Group, float], ...]
-    """Swaps that are not excluded: place in the set, what is put there, and how much worse."""
+    """Exchanges that are not excluded: position in the set, the effect that is put there, and by
+    how much the misfit increases."""
 
 
 def groups_of(problem: Problem) -> list[Group]:
-    """Candidates: each effect term; sine and cosine, and the points of a payload, together."""
+    """List the candidates. Sine and cosine, like the points of a payload, make one candidate."""
     groups: dict[tuple, list[int]] = {}
     for index, term in enumerate(problem.terms):
         if not term.is_effect:
@@ -91,6 +94,9 @@ def choose(problem: Problem) -> Choice:
 
     Args:
         problem: The gap and the terms.
+
+    Returns:
+        The chosen set and its rivals.
     """
     search = _Search(problem)
     current = search.empty
@@ -112,7 +118,7 @@ def choose(problem: Problem) -> Choice:
 
 
 class _Search:
-    """Sets of effects of one problem; each is fitted once."""
+    """Search among sets of effects of one problem. Each set is fitted only once."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
@@ -123,7 +129,7 @@ class _Search:
         self.empty = empty
 
     def _explained(self, fitted: Fit) -> float:
-        """What a set takes off the misfit."""
+        """Amount by which a set reduces the misfit."""
         return max(self.empty.misfit - fitted.misfit, 0.0)
 
     def _fitted(self, groups: Sequence[Group], start: np.ndarray | None = None) -> Fit | None:
@@ -136,18 +142,18 @@ class _Search:
         return self.problem.terms[group[0]]
 
     def _sure(self, group: Group) -> float:
-        """What an effect has to take off the misfit."""
+        """Amount by which an effect must reduce the misfit."""
         if self.problem.twin:
             return SURE_TWIN
         return SURE_MIMICKED if self._term(group).name in MIMICKED else SURE
 
     def is_better(self, new: Fit, current: Fit) -> bool:
-        """Whether a set takes off the misfit what is asked of the effects that came to it."""
+        """Whether a set reduces the misfit by the amount that its new effects require."""
         came = [self._sure(group) for group in new.groups if group not in current.groups]
         return new.misfit < current.misfit - max(came, default=SURE)
 
     def _others(self, groups: Sequence[Group]) -> list[Group]:
-        """Candidates that are no effect of a set, nor such a one probed at another severity."""
+        """Candidates that are not in a set, also not with another probing severity."""
 
         def which(group: Group) -> tuple:
             return (*self._term(group).key, self._term(group).parameters)
@@ -156,12 +162,12 @@ class _Search:
         return [group for group in self.candidates if which(group) not in taken]
 
     def _allowed(self, group: Group, first: float) -> bool:
-        """Whether a value of the first term, in tolerances, is within the effect's bounds."""
+        """Whether a value of the first term, in tolerances, lies within the effect's bounds."""
         term = self._term(group)
         return len(group) > 1 or first * term.tolerance > get_effect(term.name).smallest
 
     def addition(self, current: Fit) -> Fit | None:
-        """The set with the candidate that predicts best what it was not fitted to."""
+        """The set with one more candidate: the one that best predicts held-out recordings."""
         free = current.terms
         others = self._others(current.groups)
         gains, first = current.evidence.gains(others, free)
@@ -186,7 +192,7 @@ class _Search:
         return None
 
     def _is_companion(self, current: Fit, group: Group) -> bool:
-        """Whether an axis has another kind of friction by speed already."""
+        """Whether an axis already has another kind of speed-dependent friction."""
         term = self._term(group)
         has = [self._term(g) for g in current.groups]
         return term.name in FRICTION and any(
@@ -198,7 +204,7 @@ class _Search:
         return np.array([solution[t] * self.problem.terms[t].tolerance for t in group])
 
     def pruned(self, new: Fit) -> Fit:
-        """Without effects that others have made superfluous."""
+        """Return the set without effects that have become superfluous."""
         while len(new.groups) > 1:
             losses = [float(np.sum((values / errors) ** 2)) for _, values, errors in new.members()]
             k = int(np.argmin(losses))
@@ -212,7 +218,7 @@ class _Search:
         return new
 
     def _swaps(self, current: Fit, over: float, most: int) -> Iterator[tuple[int, Group, Fit]]:
-        """Sets with one effect swapped, simulated: those that do about as well to first order."""
+        """Simulated sets with one effect exchanged that are about as good to first order."""
         nominal = self.problem.evidence()
         found = []
         for place, group in enumerate(current.groups):
@@ -231,13 +237,13 @@ class _Search:
                 yield place, other, rival
 
     def swapped(self, new: Fit, current: Fit) -> Fit:
-        """The best of a new set and its swaps, of those that are better than the present one."""
+        """The best set among a new one and its exchanges that are better than the present one."""
         rivals = [rival for _, _, rival in self._swaps(new, 1.0, _RIVALS)]
         good = [rival for rival in rivals if self.is_better(rival, current)]
         return min([new, *good], key=lambda one: one.score)
 
     def rivals(self, current: Fit) -> list[tuple[int, Group, float]]:
-        """Swaps that are not excluded; differences count over the overdispersion."""
+        """Exchanges that are not excluded. Differences are divided by the overdispersion."""
         over = overdispersion(self.problem, current)
         found = [
             (place, other, (rival.score - current.score) / over)

@@ -1,8 +1,8 @@
-"""How each term changes the measured torque: sensitivities by re-simulation, closed loop.
+"""How each term changes the measured torque: sensitivities from closed-loop simulations.
 
-Not by regression on measured signals: the servo answers to an effect, and that answer is part of
-what is measured. Robots of one type that run one program share their sensitivities; they can be
-kept in a folder.
+They are not found by regression on measured signals, because the servo reacts to an effect and its
+reaction is part of the measurement. Robots of one type that run one program share their
+sensitivities, which can be kept in a folder.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from faultgen.provenance import provenance
 from faultgen.system.parallel import in_parallel
 
 TEMPERATURE = "temperature_friction"
-"""Effect whose column follows from others, so that it does not depend on when it was recorded."""
+"""Effect whose column is computed from others, so that it does not depend on the time of
+recording."""
 
 _FOLLOWS = ("static_friction", "stribeck_velocity", "viscous_friction")
 
@@ -37,20 +38,21 @@ def columns(
     workers: int = 1,
     cache: Path | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Torque of the model, and its change with each term.
+    """Simulate the torque of the model and its change with each term.
 
     Args:
         replay: The recording and the model.
         terms: Terms to probe, each with its own step.
-        workers: Processes; no effect on the result.
+        workers: Number of processes. It has no effect on the result.
         cache: Folder in which results are kept for the next recording of the same program.
 
     Returns:
-        Torque of the model as it is, shape (samples, n_axes); and its change a unit of each term,
-        shape (terms, samples, n_axes). A term with which the simulation diverges has zeros.
+        Torque of the unchanged model, shape (samples, n_axes), and its change per unit of each
+        term, shape (terms, samples, n_axes). If the simulation with a term diverges, its column is
+        zero.
 
     Raises:
-        SimulationFailed: The model as it is diverged.
+        SimulationFailed: The unchanged model diverged.
     """
     simulated = [(term,) for term in terms if term.name != TEMPERATURE]
     base, *moved = _runs(replay, [(), *simulated], workers, cache)
@@ -78,19 +80,19 @@ def own_columns(
     workers: int = 1,
     cache: Path | None = None,
 ) -> np.ndarray:
-    """Change of the torque with terms of which each hardly moves another axis than its own.
+    """Simulate the change of the torque with terms that hardly move any axis but their own.
 
-    Terms that differ in the axis only are simulated together.
+    Terms that differ only in the axis are simulated together.
 
     Args:
         replay: The recording and the model.
         terms: Terms to probe.
-        base: Torque of the model as it is, shape (samples, n_axes).
-        workers: Processes; no effect on the result.
+        base: Torque of the unchanged model, shape (samples, n_axes).
+        workers: Number of processes. It has no effect on the result.
         cache: Folder as in `columns`.
 
     Returns:
-        Shape (terms, samples, n_axes), zero but for the term's own axis.
+        Shape (terms, samples, n_axes), per unit of each term. Only the term's own axis is not zero.
     """
     together: dict[tuple, list[Term]] = {}
     for term in terms:
@@ -123,12 +125,15 @@ def _runs(
 
 
 def kept_runs(files: Sequence[Path | None], calls: Sequence[Any], workers: int) -> list[np.ndarray]:
-    """Results of calls, from files where they are known; new ones are kept in them.
+    """Compute results, or read them from files if they exist. New results are written to the files.
 
     Args:
-        files: Where each result is kept; None: nowhere.
-        calls: Delayed calls (joblib), each of an array.
-        workers: Processes; no effect on the result.
+        files: File of each result; None if a result is not kept.
+        calls: Delayed calls (joblib), each of which returns an array.
+        workers: Number of processes. It has no effect on the result.
+
+    Returns:
+        The array of each call, with the shape that the call returns, in the order of the calls.
     """
     known: dict[int, np.ndarray] = {
         k: np.load(file) for k, file in enumerate(files) if file is not None and file.is_file()
@@ -152,7 +157,7 @@ def kept_runs(files: Sequence[Path | None], calls: Sequence[Any], workers: int) 
 
 
 def _by_temperature(replay: Replay, axis: int, known: dict[Term, np.ndarray]) -> np.ndarray:
-    """Friction that follows the temperature, from what its three laws change, to first order."""
+    """Friction that follows the temperature, to first order, from the columns of its three laws."""
     recording = replay.recording
     change = np.zeros_like(recording.torque)
     if recording.temperature is None:
@@ -176,7 +181,16 @@ def _one(replay: Replay, terms: Sequence[Term]) -> np.ndarray:
 
 
 def kept_in(folder: Path | None, replay: Replay, what: bytes) -> Path | None:
-    """File for what was simulated with a model on a motion; None without a folder."""
+    """Return the file in which a result of simulating a model on a motion is kept.
+
+    Args:
+        folder: Folder of such files, or None.
+        replay: The recording and the model.
+        what: Description of what is simulated.
+
+    Returns:
+        Path whose name is a hash of all that the result depends on; None without a folder.
+    """
     if folder is None:
         return None
     recording = replay.recording

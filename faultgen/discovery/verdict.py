@@ -1,4 +1,4 @@
-"""What is said of a gap: nothing missing, named, ambiguous, or unknown."""
+"""The verdict on a gap: nothing missing, effects named, ambiguous, or unknown effect."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE, UNKNOWN, UNLIKELY,
 from faultgen.discovery.selection import Choice
 
 LEFT = 0.05
-"""Share of a gap with a pattern from which effects do not explain it: chosen on development
-cases."""
+"""If at least this share of a gap remains with a pattern, the effects do not explain the gap:
+chosen on development cases."""
 
 OPEN, OPEN_NOISE = 0.1, 1.5
 """Share of an axis' squared gap to its twin, and RMS over that of the noise, beyond which a gap is
-left open by what explains it: assumed."""
+not considered explained: assumed."""
 
 BAND = {
     "time": 0.004,
@@ -30,18 +30,21 @@ BAND = {
     "acceleration": 0.0026,
     "motion": np.inf,
 }
-"""RMS of a pattern over RMS torque of its axis up to which a calibrated model without twin is as
-good as models are: 1.35 times the largest of healthy development cases."""
+"""Largest RMS of a pattern, divided by the RMS torque of its axis, that is normal for a calibrated
+model without a twin: 1.35 times the largest of healthy development cases."""
 
 _DRAWS = 1999  # of the bootstrap
 
 
 def answer(problem: Problem, choice: Choice) -> Answer:
-    """Weigh what was chosen.
+    """Judge the chosen set of effects.
 
     Args:
         problem: The gap and the terms.
-        choice: The sets that were chosen among.
+        choice: The chosen set and its rivals.
+
+    Returns:
+        The answer.
     """
     empty, best = choice.fits[0], choice.best
     without, base_values = _left(problem, empty)
@@ -93,7 +96,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
 
 
 def _left(problem: Problem, fitted: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """Torque that a set and the calibration leave, and values of all terms in tolerances."""
+    """Torque that a set and the calibration do not explain, and all values in tolerances."""
     free = fitted.terms
     solution, _, _ = fitted.evidence.solve(free)
     solution = solution.copy()
@@ -104,30 +107,31 @@ def _left(problem: Problem, fitted: Fit) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scored(problem: Problem) -> np.ndarray:
-    """Samples of the scoring motions that count, as a mask of shape (samples, n_axes)."""
+    """Samples of the scoring motions that are used, as a mask of shape (samples, n_axes)."""
     return problem.inside & problem.samples(problem.scoring)[:, None]
 
 
 def _score(problem: Problem, error: np.ndarray) -> tuple[float, list[float]]:
-    """Relative error on the scoring motions: all axes, and each."""
+    """Relative error on the scoring motions: of all axes, and of each axis."""
     inside, recording = _scored(problem), problem.recording
     by_axis = relative_errors(error**2, recording, inside)
     return relative_error(error**2, recording, inside), by_axis.tolist()
 
 
 def significance(problem: Problem, white: np.ndarray) -> float:
-    """Probability by noise of the largest mean square of any motion and axis.
+    """Probability that noise alone gives the largest mean square of any motion and axis.
 
-    Mean squares less 1, over their standard errors, are held against the same of blocks of 0.1 s
-    drawn again about their own mean, so that correlation and tails that are left count. Source:
-    block bootstrap (Kunsch 1989) of a studentized maximum (Romano and Wolf 2005).
+    The mean squares minus 1 are divided by their standard errors. They are compared with the same
+    of random blocks of 0.1 s about their own mean, so that remaining correlation and heavy tails
+    are taken into account. Source: block bootstrap (Kunsch 1989) of a studentized maximum (Romano
+    and Wolf 2005).
 
     Args:
         problem: The recording.
         white: Whitened error, shape (samples, n_axes).
 
     Returns:
-        The share of draws that are as large, of `_DRAWS` and the one seen.
+        The share of values that are as large, among `_DRAWS` random ones and the observed one.
     """
     length = max(5, round(0.1 / problem.recording.sample_period))
     rng = np.random.default_rng(0)
@@ -170,13 +174,13 @@ def _verdict(
 
 
 def _is_open(before: list[float], after: list[float], floor: list[float]) -> bool:
-    """Whether the gap of an axis is left open on motions that nothing was fitted to."""
+    """Whether the gap of an axis is not explained on motions that were not used for fitting."""
     was, left, noise = (np.square(x) for x in (before, after, floor))
     return bool(np.any((left > OPEN_NOISE**2 * noise) & (left - noise > OPEN * (was - noise))))
 
 
 def _contrived(problem: Problem, best: Fit) -> bool:
-    """Whether one axis has several kinds of friction by speed, or several periodic effects.
+    """Whether one axis has several kinds of speed-dependent friction, or several periodic effects.
 
     Together they make a curve, or a wave, that no single effect of the catalogue has.
     """
@@ -191,13 +195,21 @@ def _contrived(problem: Problem, best: Fit) -> bool:
 
 
 def strange_patterns(problem: Problem, found: list[Pattern]) -> list[Pattern]:
-    """Patterns that neither noise nor what models are usually wrong by explains, largest first."""
+    """Select the patterns that neither noise nor the usual errors of models explain.
+
+    Args:
+        problem: The recording and the model.
+        found: All patterns.
+
+    Returns:
+        The selected patterns, strongest first.
+    """
     strange = [one for one in found if one.p_value < UNLIKELY and _is_large(problem, one)]
     return sorted(strange, key=lambda one: -one.strength)
 
 
 def _is_large(problem: Problem, pattern: Pattern) -> bool:
-    """Whether a pattern is larger than what a model may be wrong by."""
+    """Whether a pattern is larger than the usual errors of models."""
     if problem.twin:
         return True
     axis = pattern.axis - 1
@@ -255,7 +267,7 @@ def _parameters(problem: Problem, best: Fit, place: int) -> dict[str, float]:
 def _told(
     problem: Problem, fitted: Fit, changes: list[tuple[Term, float]]
 ) -> dict[str, dict[str, float]]:
-    """Calibrated numbers that are off by more than half their tolerance."""
+    """Calibrated numbers that differ from the model by more than half their tolerance."""
     named = {problem.terms[t].key for t in fitted.terms}
     told: dict[str, dict[str, float]] = {}
     if problem.twin:

@@ -1,4 +1,4 @@
-"""From a recording to a named effect and a model that has it.
+"""From a recording to a named effect and a model that contains it.
 
 result, found = discover_from_files("measured.h5", "puma560", healthy="healthy.h5")
 result["verdict"], result["effects"]
@@ -47,21 +47,21 @@ from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import Robot, load_robot
 
 LONGEST = 3600.0
-"""Time of a recording that is simulated again for every term [s]."""
+"""Longest recording that can be used [s]. It is simulated again for every term."""
 
 
 @dataclass(frozen=True, eq=False)
 class Discovery:
-    """Everything that was found, for reports and further questions."""
+    """All results of a discovery, for reports and further questions."""
 
     problem: Problem
     """The gap and the terms."""
     choice: Choice
-    """The sets that were chosen among."""
+    """The chosen set of effects and its rivals."""
     answer: Answer
-    """What is said of them."""
+    """The answer."""
     experiment: Experiment | None
-    """A motion that tells apart what this one does not."""
+    """A motion that distinguishes what this recording cannot distinguish."""
 
 
 def discover_from_files(
@@ -78,31 +78,31 @@ def discover_from_files(
     low_pass: float | None = None,
     cache: str | Path | None = None,
 ) -> tuple[dict[str, Any], Discovery]:
-    """Find the effect that a measured robot has and its model, or its healthy twin, lacks.
+    """Find the effect that a measured robot has and that its model, or its healthy twin, lacks.
 
     Args:
         measured: Recording of the robot, see docs/measured.md.
         robot: Name of the robot, or path of its MJCF.
-        healthy: Recording of the same motions before the change; None: the model is calibrated on
+        healthy: Recording of the same motions before the change. None: the model is calibrated on
             the recording itself, and an effect has to be larger than the tolerances of the model.
-        validate: Recording of other motions with the effect, for scoring only.
-        workers: Processes; no effect on the result.
+        validate: Recording of other motions with the effect. It is used for scoring only.
+        workers: Number of processes. It has no effect on the result.
         exclude: Effects that are not considered.
-        include: Effects beyond the usual ones that are, of `terms.OPTIONAL`.
-        width: Tolerance of the model's own numbers (`terms.NUMBERS`) over the usual one: above 1
-            for a model that is only roughly known. `calibrate` finds it.
-        steady: Whether errors that last count in full, see `problem.plain`; else a part of them is
-            taken for noise that drifts. For recordings that were filtered.
-        low_pass: Cut-off [Hz] of a filter on recordings without a reference, whose measured
-            position is followed, see `low_passed`; None: as they are.
-        cache: Folder that keeps sensitivities for other recordings of the same program.
+        include: Optional effects that are considered, of `candidates.OPTIONAL`.
+        width: How uncertain the model's parameters (`candidates.NUMBERS`) are, as a multiple of the
+            default. Use more than 1 for a model that is only roughly known. `calibrate` finds it.
+        steady: Whether long-lasting errors get full weight, see `regression.plain`. Otherwise a
+            part of them is treated as drifting noise. Use it for recordings that were filtered.
+        low_pass: Cut-off frequency [Hz] of a filter for recordings without a reference, in which
+            the measured position is followed, see `low_passed`. None: they are not filtered.
+        cache: Folder in which sensitivities are kept for other recordings of the same program.
 
     Returns:
-        The content of ``discovery.json``, and what it was made from.
+        The content of ``discovery.json``, and the results from which it was made.
 
     Raises:
-        InputError: A recording or an option cannot be used, or the two recordings are not of the
-            same motions.
+        InputError: A recording or an option cannot be used, or the two recordings do not contain
+            the same motions.
         SimulationFailed: The model diverges on the recorded motion.
     """
     started = time.monotonic()
@@ -158,20 +158,23 @@ def investigate(
     steady: bool = False,
     cache: Path | None = None,
 ) -> Discovery:
-    """All stages, on recordings that were checked.
+    """Run all stages on recordings that were already checked.
 
     Args:
         recording: The measured data.
         robot: The model.
-        twin: The same motions before the change, or None.
-        workers: Processes; no effect on the result.
+        twin: Recording of the same motions before the change, or None.
+        workers: Number of processes. It has no effect on the result.
         exclude: Effects that are not considered.
-        include: Effects beyond the usual ones that are.
-        width: Tolerance of the model's own numbers (`terms.NUMBERS`) over the usual one: above 1
-            for a model that is only roughly known. `calibrate` finds it.
-        steady: Whether errors that last count in full, see `problem.plain`; else a part of them is
-            taken for noise that drifts. For recordings that were filtered.
-        cache: Folder that keeps sensitivities.
+        include: Optional effects that are considered, of `candidates.OPTIONAL`.
+        width: How uncertain the model's parameters (`candidates.NUMBERS`) are, as a multiple of the
+            default. Use more than 1 for a model that is only roughly known. `calibrate` finds it.
+        steady: Whether long-lasting errors get full weight, see `regression.plain`. Otherwise a
+            part of them is treated as drifting noise. Use it for recordings that were filtered.
+        cache: Folder in which sensitivities are kept.
+
+    Returns:
+        All results.
 
     Raises:
         InputError: Too little of the recording can be used.
@@ -210,10 +213,10 @@ def investigate(
 
 
 def _check_followed(recording: Recording, twin: Recording) -> None:
-    """Refuse noise that is the same in both where the measured, noisy position is followed.
+    """Refuse two recordings with the same noise if their measured, noisy position is followed.
 
     Raises:
-        InputError: It is, or there are too few samples.
+        InputError: They have the same noise, or there are too few samples.
     """
     try:
         same = is_same_noise(recording.torque, twin.torque, recording.parts)
@@ -229,7 +232,7 @@ def _check_followed(recording: Recording, twin: Recording) -> None:
 
 
 def _on_noise(problem: Problem) -> list[str]:
-    """A line on noise that the two recordings share."""
+    """A line for the report about noise that the two recordings share."""
     if not problem.shared.any():
         return []
     axes = ", ".join(str(axis + 1) for axis in np.flatnonzero(problem.shared))
@@ -241,7 +244,7 @@ def _on_noise(problem: Problem) -> list[str]:
 
 
 def _waves(robot: Robot, name: str, exclude: Collection[str]) -> list[Term]:
-    """A periodic effect at the orders that are always probed."""
+    """Terms of a periodic effect at the orders that are always probed."""
     axes = range(1, robot.n_axes + 1) if name not in exclude else ()
     return [
         term
@@ -252,7 +255,7 @@ def _waves(robot: Robot, name: str, exclude: Collection[str]) -> list[Term]:
 
 
 def _with_orders(problem: Problem, workers: int, exclude: Collection[str]) -> Problem:
-    """With periodic effects at the orders that the gap shows."""
+    """The problem with additional periodic effects, at the orders that the gap shows."""
     solution, _, _ = problem.evidence().solve()
     error = problem.whiten(problem.gap) - np.tensordot(solution, problem.white, axes=1)
     known = {(t.axis, dict(t.parameters).get("order")) for t in problem.terms}
@@ -285,8 +288,12 @@ def _path(folder: str | Path | None) -> Path | None:
 def check_positive(what: str, value: float) -> None:
     """Refuse a number that is not positive and finite.
 
+    Args:
+        what: Name of the option, for the message.
+        value: The number.
+
     Raises:
-        InputError: It is not.
+        InputError: The number is not positive, or not finite.
     """
     if not 0 < value < np.inf:
         raise InputError(f"{what}: must be a positive number, not {value:g}")
@@ -295,15 +302,18 @@ def check_positive(what: str, value: float) -> None:
 def usable(
     path: str | Path, robot: Robot, low_pass: float | None = None
 ) -> tuple[Recording, list[str]]:
-    """A recording that no check refuses, and what it is warned of.
+    """Read a recording, filter it if asked, and refuse it if a check finds that it cannot be used.
 
     Args:
         path: The file.
         robot: The model.
-        low_pass: Cut-off [Hz] of a filter, where there is no reference.
+        low_pass: Cut-off frequency [Hz] of a filter, used if there is no reference.
+
+    Returns:
+        The recording, and one line for each warning.
 
     Raises:
-        InputError: The file cannot be used, in one line.
+        InputError: The file cannot be used. The message is one line.
     """
     recording = as_modelled(read_recording(path), robot)
     seconds = len(recording.position) * recording.sample_period
@@ -323,17 +333,29 @@ def usable(
 
 
 def as_modelled(recording: Recording, robot: Robot) -> Recording:
-    """With the torque that the model's motors give where the log has another: `torque_gain`."""
+    """Convert the logged torque to the torque of the model's motors by the `torque_gain`.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+
+    Returns:
+        The recording with the converted torque.
+    """
     if np.all(robot.torque_gain == 1):
         return recording
     return replace(recording, torque=recording.torque * robot.torque_gain)
 
 
 def check_same_motion(worn: Recording, twin: Recording) -> None:
-    """Refuse two recordings that cannot be subtracted.
+    """Refuse two recordings that cannot be subtracted from each other.
+
+    Args:
+        worn: Recording of the robot.
+        twin: Recording of the same motions before the change.
 
     Raises:
-        InputError: They are not of the same motions, sample by sample.
+        InputError: They do not contain the same motions, sample by sample.
     """
     same = (
         worn.position.shape == twin.position.shape
@@ -366,10 +388,10 @@ def _result(found: Discovery) -> dict[str, Any]:
 
 
 def _validation(found: Discovery, validate: Recording) -> dict[str, float]:
-    """Gap on motions that played no part, between recording and model: never against a twin.
+    """Errors of the model, never of a twin, on motions that were not used before.
 
     Raises:
-        InputError: No sample of the recording counts.
+        InputError: No sample of the recording can be used.
         SimulationFailed: The model diverges on these motions.
     """
     problem = found.problem
@@ -384,5 +406,5 @@ def _validation(found: Discovery, validate: Recording) -> dict[str, float]:
 
 
 def dump(result: dict[str, Any]) -> str:
-    """The content of ``discovery.json``."""
+    """Return the content of ``discovery.json`` as text."""
     return json.dumps(result, indent=1, allow_nan=False) + "\n"

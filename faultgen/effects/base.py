@@ -31,10 +31,10 @@ HEALTHY = "healthy"
 """Effect name of runs without a fault."""
 
 DEFAULT_FRACTION = 0.2
-"""Severity of an experiment that gives none, of effects that are fractions."""
+"""Severity of effects that are fractions, if an experiment does not give one."""
 
 MASSLESS = 1e-3
-"""Mass below which a payload is a place only [kg]."""
+"""A payload below this mass only marks a place [kg]."""
 
 FRACTION = "fraction of nominal (0.1 = 10 % more)"
 """Unit of effects that scale a nominal value."""
@@ -55,12 +55,12 @@ class Applied:
     severity: float
     """In the unit of the effect."""
     parameters: Mapping[str, Any] = field(default_factory=dict)
-    """Those that differ from the effect's defaults."""
+    """Parameters that differ from the effect's defaults."""
 
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """What a hook is told: where an effect acts, and how much."""
+    """Where an effect acts, and its severity. Hooks get it as an argument."""
 
     robot: Robot
     """The healthy robot."""
@@ -69,12 +69,20 @@ class Place:
     axis: int
     """From 1."""
     severity: float
-    """Not 0."""
+    """Severity in the unit of the effect, never 0."""
     parameters: Mapping[str, Any]
-    """All of them, defaults included."""
+    """All parameters, including defaults."""
 
     def element(self, kind: str, name: str) -> int:
-        """Id in `model` of an actuator or tendon of the axis, as of ("tendon", "gearbox")."""
+        """Return the id in `model` of an actuator or tendon of the axis.
+
+        Args:
+            kind: "actuator" or "tendon".
+            name: Name without the number of the axis, such as "gearbox".
+
+        Returns:
+            The id.
+        """
         return int(self.robot.ids(kind, name, self.model)[self.axis - 1])
 
 
@@ -82,8 +90,8 @@ class Place:
 class Moment:
     """State and friction of nsim simulations between two steps.
 
-    Arrays are live; hooks change `biasprm`, `dynprm` and `damping`, which are the model's before
-    the first hook, and leave the state alone.
+    The arrays are those of the simulation. Hooks change `biasprm`, `dynprm` and `damping`, and must
+    not change the state. Before the first hook these three have the values of the model.
     """
 
     time: float
@@ -101,11 +109,11 @@ class Moment:
     damping: np.ndarray
     """mjModel.actuator_damping, shape (nsim, nactuator)."""
     control: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)))
-    """Mean control until the next call, shape (nsim, n_controls); not to be changed."""
+    """Mean control until the next call, shape (nsim, n_controls). Hooks must not change it."""
 
 
 Update = Callable[[Moment], None]
-"""Changes friction parameters between two steps."""
+"""Function that changes friction parameters between two steps."""
 
 
 def _all_axes(n_axes: int) -> range:
@@ -113,7 +121,7 @@ def _all_axes(n_axes: int) -> range:
 
 
 def last_axis(n_axes: int) -> range:
-    """Axes of effects that belong to the payload."""
+    """Return the only axis on which effects of the payload can act."""
     return range(n_axes, n_axes + 1)
 
 
@@ -130,21 +138,21 @@ class Effect:
     units: str = "1"
     """SI unit of severity, as files state it; "1" for a fraction. See `units_on`."""
     slide_units: str = ""
-    """SI unit on a joint that slides, if it is another one."""
+    """SI unit on a joint that slides, if it differs."""
     point_units: str = ""
-    """SI unit if the robot's payload has no mass, if it is another one."""
+    """SI unit if the robot's payload has no mass, if it differs."""
     signature: str
-    """How it shows in the motor's torque."""
+    """Visible trace in the motor's torque."""
     element: str
-    """What carries it: the MuJoCo element, or the hook."""
+    """The MuJoCo element, or the hook, that represents the effect."""
     source: str
-    """Where the law comes from."""
+    """Source of the law."""
     largest: float = 10.0
     """Largest severity that is sensible."""
     smallest: float = 0.0
-    """Smallest severity that is sensible; negative where the effect has two directions."""
+    """Smallest severity that is sensible; negative if the effect has two directions."""
     step: float = 0.1
-    """Severity that shows clearly and is still near to linear, for sensitivities."""
+    """Severity for sensitivities: its effect is clearly visible and still nearly linear."""
     parameters: Mapping[str, Any] = field(default_factory=dict)
     """Further numbers and choices, by name, with their defaults."""
     same_as: str = ""
@@ -152,22 +160,26 @@ class Effect:
     motor_torque: bool = False
     """Whether severity is a torque on the rotor, which stays below the motor's torque limit."""
     axes: Callable[[int], range] = _all_axes
-    """Axes that it can act on, from the number of axes. See `axes_on`."""
+    """Axes on which the effect can act, as a function of the number of axes. See `axes_on`."""
     payload: float | None = None
-    """Least mass of the robot's payload [kg] with which it can act; None: it needs no payload."""
+    """Smallest mass of the robot's payload [kg] with which the effect can act; None: no payload is
+    needed."""
     edit: Callable[..., None] | None = None
     """Changes the spec in place: (spec, axis, severity, **parameters)."""
     last: bool = False
-    """Edit after the other effects: the edit depends on the gearbox that it finds."""
+    """Whether the edit comes after those of other effects, because it depends on the edited
+    gearbox."""
     command: Callable[[np.ndarray, Place, bool], np.ndarray] | None = None
-    """Control as it reaches the drives: (control, place, whether it repeats); a new array."""
+    """Changes the control that reaches the drives: (control, place, whether it repeats); returns a
+    new array."""
     log: Callable[[Cycle, Cycle, Place], Cycle] | None = None
-    """Channels as they are logged: (cycle as simulated, as logged so far, place)."""
+    """Changes the channels that are logged: (cycle as simulated, as logged so far, place)."""
     sense: Callable[[Measured, Place, float, np.random.Generator], Measured] | None = None
-    """Channels as they are stored: (as measured so far, place, sample period [s], randomness)."""
+    """Changes the channels that are stored: (as measured so far, place, sample period [s],
+    randomness)."""
     between: Callable[[Sequence[Place]], Update | None] | None = None
-    """Makes the function that is called between steps, for all places of the effect at once; None
-    where nothing changes in time."""
+    """Makes the function that is called between steps, for all places of the effect at once. It is
+    None if nothing changes in time."""
     interval: float = 2e-3
     """Time between those calls [s]."""
 
@@ -183,17 +195,25 @@ class Effect:
 
     @property
     def default(self) -> float:
-        """Severity of an experiment that gives none: 0.2 of nominal, else `step`."""
+        """Severity if an experiment does not give one: 0.2 for fractions, otherwise `step`."""
         return DEFAULT_FRACTION if self.units == "1" else self.step
 
     def axes_on(self, robot: Robot) -> tuple[int, ...]:
-        """Axes of a robot that the effect can act on, from 1; none if its payload is too light."""
+        """Axes of a robot on which the effect can act, from 1; empty if the payload is light."""
         if self.payload is not None and not robot.payload_mass >= self.payload:
             return ()
         return tuple(self.axes(robot.n_axes))
 
     def units_on(self, robot: Robot, axis: int) -> str:
-        """SI unit of severity on an axis of a robot."""
+        """Return the SI unit of the severity on an axis of a robot.
+
+        Args:
+            robot: The robot.
+            axis: Axis, from 1.
+
+        Returns:
+            The unit, "1" for a fraction.
+        """
         if self.point_units and robot.payload_mass < MASSLESS:
             return self.point_units
         if self.slide_units and robot.slides[axis - 1]:
@@ -203,8 +223,13 @@ class Effect:
     def check_severity(self, severity: float, robot: Robot, axis: int) -> None:
         """Refuse a severity that is too large for its unit on an axis of a robot.
 
+        Args:
+            severity: Severity in the unit of the effect.
+            robot: The robot.
+            axis: Axis, from 1.
+
         Raises:
-            InputError: With the largest severity.
+            InputError: The severity is too large. The message states the largest one.
         """
         limit = robot.motor_torque_limit[axis - 1] if self.motor_torque else np.inf
         if severity > self.largest:
@@ -216,13 +241,13 @@ class Effect:
             )
 
     def shown(self, severity: float) -> str:
-        """A severity for people, with its unit."""
+        """Return a severity with its unit as text."""
         if self.in_fractions:
             return f"{100 * severity:g} %"
         return f"{severity:g} {self.unit.split(',')[0].split(' of ')[0]}"
 
     def complete(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """Parameters with the defaults for those that are not given.
+        """Add the defaults of all parameters that are not given.
 
         Raises:
             InputError: The effect has no such parameter.
@@ -236,7 +261,16 @@ class Effect:
     def apply(self, spec: mujoco.MjSpec, axis: int, severity: float, **parameters: Any) -> None:
         """Put the effect's edit into a model. Severity 0 leaves the model exactly as it is.
 
-        Effects that act on more than the model need `faultgen.simulation.plant.assemble`.
+        Effects that change more than the model need `faultgen.simulation.plant.assemble`.
+
+        Args:
+            spec: The robot, edited in place.
+            axis: Axis, from 1.
+            severity: Severity in the unit of the effect.
+            parameters: Parameters that differ from the defaults.
+
+        Raises:
+            InputError: A parameter is unknown or has an impossible value.
         """
         values = self.complete(parameters)
         if severity != 0 and self.edit is not None:

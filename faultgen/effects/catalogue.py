@@ -85,10 +85,10 @@ EFFECTS = _catalogue()
 
 
 def get_effect(name: str) -> Effect:
-    """Look an effect up.
+    """Return the effect with a name.
 
     Raises:
-        InputError: There is no effect of that name.
+        InputError: There is no effect with that name.
     """
     if name not in EFFECTS:
         raise InputError(f"unknown effect '{name}': choose {HEALTHY}, {', '.join(EFFECTS)}")

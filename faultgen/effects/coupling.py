@@ -1,4 +1,4 @@
-"""Friction between two neighbouring axes, whose shafts run within one another in a wrist."""
+"""Friction between two neighbouring axes whose shafts run inside one another in a wrist."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from faultgen.robot import (
 
 
 def coupled_axes(n_axes: int) -> range:
-    """Axes that are coupled with the one before: 5 and 6 of six axes."""
+    """Axes that are coupled with the axis before them: 5 and 6 of six axes."""
     return range(5 if n_axes > 5 else 2, n_axes + 1)
 
 

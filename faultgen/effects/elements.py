@@ -1,4 +1,4 @@
-"""Elements that effects add to a robot's spec. They are passive: no column of the control."""
+"""Elements that effects add to a robot's spec. They are passive and have no control input."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from faultgen.effects.base import Moment
 
 ONE_WAY = "viscous_asymmetry"
-"""Name of the elements that damp one way."""
+"""Name of the elements that damp in one direction only."""
 
 _PASSIVE = 16  # mjsActuator.ctrlspec of input="none"
 _ANY = 1e9  # force that is not reached [N m]
@@ -31,7 +31,18 @@ _BRISTLES = slice(BRISTLE_STIFFNESS, BRISTLE_DAMPING + 1)
 
 
 def gear_ratio(spec: mujoco.MjSpec, axis: int) -> float:
-    """Rotor turns per joint turn, signed."""
+    """Return the number of turns of the rotor per turn of the joint, with its sign.
+
+    Args:
+        spec: The robot.
+        axis: Axis, from 1.
+
+    Returns:
+        The gear ratio.
+
+    Raises:
+        ValueError: The gearbox is not connected to the motor.
+    """
     for wrap in spec.tendon(f"gearbox{axis}").path:
         if wrap.target.name == f"motor{axis}":
             return 1.0 / wrap.coef
@@ -41,15 +52,15 @@ def gear_ratio(spec: mujoco.MjSpec, axis: int) -> float:
 def add_cogging(
     spec: mujoco.MjSpec, name: str, target: str, amplitude: float, order: float, phase: float
 ) -> None:
-    """Add a passive dcmotor of force amplitude sin(order length + phase) on a joint or tendon.
+    """Add a passive dcmotor with the force amplitude sin(order length + phase) to a target.
 
     Args:
         spec: The robot, edited in place.
-        name: Name of the element; a number is added where it is taken.
+        name: Name of the element. A number is appended if the name exists.
         target: Name of the joint or tendon.
         amplitude: Force on the target [N m].
-        order: Periods a turn of the target; any real number.
-        phase: In [rad].
+        order: Periods per turn of the target; any real number.
+        phase: Phase [rad].
     """
     _motor(spec, name, target).set_to_dcmotor(
         motorconst=[0.0, 0.0], resistance=1.0, cogging=[amplitude, order, phase], ctrlspec=_PASSIVE
@@ -57,11 +68,11 @@ def add_cogging(
 
 
 def add_lugre(spec: mujoco.MjSpec, name: str, target: str, lugre: Sequence[float]) -> None:
-    """Add a passive dcmotor of LuGre friction on a joint or tendon.
+    """Add a passive dcmotor with LuGre friction on a joint or tendon.
 
     Args:
         spec: The robot, edited in place.
-        name: Name of the element; a number is added where it is taken.
+        name: Name of the element. A number is appended if the name exists.
         target: Name of the joint or tendon.
         lugre: Bristle stiffness [N m/rad] and damping [N m s/rad], Coulomb and static friction
             [N m], Stribeck velocity [rad/s].
@@ -72,11 +83,11 @@ def add_lugre(spec: mujoco.MjSpec, name: str, target: str, lugre: Sequence[float
 
 
 def add_told_friction(spec: mujoco.MjSpec, name: str, axis: int) -> None:
-    """Add friction on a rotor that holds nothing until `ToldFriction` tells it how much.
+    """Add friction on a rotor. It is zero until `ToldFriction` sets it.
 
     Args:
         spec: The robot, edited in place.
-        name: Name of the element; a number is added where it is taken.
+        name: Name of the element. A number is appended if the name exists.
         axis: Axis, from 1.
     """
     width = spec.actuator(f"friction{axis}").biasprm[STRIBECK_VELOCITY]
@@ -84,16 +95,16 @@ def add_told_friction(spec: mujoco.MjSpec, name: str, axis: int) -> None:
 
 
 class ToldFriction:
-    """Coulomb friction of some elements, told between steps.
+    """Coulomb friction of some elements that is set between steps.
 
-    Bristles get stiffer as friction grows: their deflection in sliding is the same at all times, so
-    that what changes does not excite them.
+    The bristles become stiffer as friction grows. Their deflection in sliding is therefore
+    constant, and changes of the friction do not excite them.
 
     Args:
         robot: The healthy robot.
         model: The robot with the elements.
-        names: Name of each element, of `add_told_friction`.
-        axes: Its axis, from 1.
+        names: Name of each element, as added by `add_told_friction`.
+        axes: Axis of each element, from 1.
     """
 
     def __init__(
@@ -107,7 +118,12 @@ class ToldFriction:
         self._bristles = model.actuator_dynprm[friction, _BRISTLES] / self.coulomb[:, None]
 
     def tell(self, moment: Moment, torque: np.ndarray) -> None:
-        """Set the friction until the next update, shape (nsim, elements), in [N m]."""
+        """Set the friction until the next update.
+
+        Args:
+            moment: The present state of the simulations.
+            torque: Friction torque [N m], shape (nsim, elements).
+        """
         held = (torque + _NOTHING)[..., None]
         moment.biasprm[:, self._element, _SLIDING] = held
         moment.dynprm[:, self._element, _BRISTLES] = held * self._bristles
@@ -116,14 +132,14 @@ class ToldFriction:
 def add_one_way_damper(
     spec: mujoco.MjSpec, name: str, target: str, damping: float, *, forward: bool
 ) -> None:
-    """Add a damper that acts on one direction of motion: a short-circuited motor, clipped.
+    """Add a damper for one direction of motion: a short-circuited motor with one-sided force.
 
     Args:
         spec: The robot, edited in place.
-        name: Name of the element; a number is added where it is taken.
+        name: Name of the element. A number is appended if the name exists.
         target: Name of the joint.
-        damping: In [N m s/rad].
-        forward: Whether it acts on motion forward, else backward.
+        damping: Damping [N m s/rad].
+        forward: Whether it acts on forward motion instead of backward motion.
     """
     constant = float(np.sqrt(damping))  # force = -constant^2 / resistance * speed
     damper = _motor(spec, name, target)
@@ -137,11 +153,11 @@ def add_tendon(spec: mujoco.MjSpec, name: str, joints: Mapping[str, float]) -> s
 
     Args:
         spec: The robot, edited in place.
-        name: Name; a number is added where it is taken.
+        name: Name of the tendon. A number is appended if the name exists.
         joints: Coefficient by joint.
 
     Returns:
-        The name that it got.
+        The name of the new tendon.
     """
     free = _free(name, [tendon.name for tendon in spec.tendons])
     tendon = spec.add_tendon(name=free)
@@ -158,12 +174,20 @@ def _motor(spec: mujoco.MjSpec, name: str, target: str) -> mujoco.MjsActuator:
 
 
 def numbered(name: str, number: int) -> str:
-    """Name of the element that was added as the number-th of its name, from 1."""
+    """Return the name of the element that was the number-th to be added with a name.
+
+    Args:
+        name: Name that was asked for.
+        number: Number of the element among those, from 1.
+
+    Returns:
+        The name, with the number appended from 2 on.
+    """
     return name if number == 1 else f"{name}_{number}"
 
 
 def _free(name: str, taken: Sequence[str]) -> str:
-    """The first name of `numbered` that is not taken."""
+    """The first name of `numbered` that does not exist yet."""
     number = 1
     while numbered(name, number) in taken:
         number += 1

@@ -20,20 +20,32 @@ from faultgen.effects.elements import ONE_WAY, add_one_way_damper
 from faultgen.robot import COULOMB, OFFSET, STICTION, STRIBECK_VELOCITY
 
 QUADRATIC_SPEED = 100.0
-"""Motor speed at which quadratic viscous friction is measured [rad/s]: assumed."""
+"""Motor speed at which quadratic viscous friction is stated [rad/s]: assumed."""
 
 _STRIBECK = "LuGre friction with Stribeck curve, thesis eq. 6.3"
 
 
 def scale_coulomb_and_static(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Coulomb and static friction times 1 + severity: thesis' wear."""
+    """Multiply Coulomb and static friction by 1 + severity: the thesis' wear.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Fraction of the nominal values.
+    """
     actuator = spec.actuator(f"friction{axis}")
     actuator.biasprm[COULOMB] *= 1 + severity
     actuator.biasprm[STICTION] *= 1 + severity
 
 
 def scale_coulomb(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Coulomb friction f_c times 1 + severity; the Stribeck part f_s stays."""
+    """Multiply Coulomb friction f_c by 1 + severity. The Stribeck part f_s stays.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Fraction of the nominal value.
+    """
     actuator = spec.actuator(f"friction{axis}")
     growth = severity * actuator.biasprm[COULOMB]
     actuator.biasprm[COULOMB] += growth
@@ -41,32 +53,61 @@ def scale_coulomb(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
 
 
 def scale_static(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Static friction f_s times 1 + severity; the Coulomb part f_c stays."""
+    """Multiply static friction f_s by 1 + severity. The Coulomb part f_c stays.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Fraction of the nominal value.
+    """
     actuator = spec.actuator(f"friction{axis}")
     static = actuator.biasprm[STICTION] - actuator.biasprm[COULOMB]
     actuator.biasprm[STICTION] += severity * static
 
 
 def scale_viscous(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Viscous friction times 1 + severity."""
+    """Multiply viscous friction by 1 + severity.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Fraction of the nominal value.
+    """
     spec.actuator(f"friction{axis}").damping[0] *= 1 + severity
 
 
 def scale_stribeck_velocity(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Stribeck velocity times 1 + severity."""
+    """Multiply the Stribeck velocity by 1 + severity.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Fraction of the nominal value.
+    """
     spec.actuator(f"friction{axis}").biasprm[STRIBECK_VELOCITY] *= 1 + severity
 
 
 def add_quadratic_viscous(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Add friction b w |w|, which at `QUADRATIC_SPEED` is severity times Coulomb friction."""
+    """Add friction b w |w|. At `QUADRATIC_SPEED` it is severity times Coulomb friction.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Fraction of Coulomb friction.
+    """
     actuator = spec.actuator(f"friction{axis}")
     actuator.damping[1] += severity * actuator.biasprm[COULOMB] / QUADRATIC_SPEED**2
 
 
 def add_asymmetry(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Coulomb friction times 1 + severity where the motor turns forward, as it was backward.
+    """Multiply Coulomb friction by 1 + severity for forward motion of the motor only.
 
-    Half of the growth is symmetric, the other half a constant torque against forward motion.
+    Half of the growth is symmetric. The other half is a constant torque against forward motion.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Fraction of the nominal value.
     """
     half = severity * spec.actuator(f"friction{axis}").biasprm[COULOMB] / 2
     add_coulomb(spec, axis, half)
@@ -74,9 +115,15 @@ def add_asymmetry(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
 
 
 def add_viscous_asymmetry(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Viscous friction times 1 + severity where the motor turns forward, as it was backward.
+    """Multiply viscous friction by 1 + severity for forward motion of the motor only.
 
-    A damper that acts one way; friction that falls is less both ways and a damper backward.
+    Growth is a damper that acts in forward direction. A decrease is a smaller viscous friction in
+    both directions, and a damper that acts in backward direction.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Fraction of the nominal value. May be negative.
     """
     friction = spec.actuator(f"friction{axis}")
     grown = severity * friction.damping[0]
@@ -86,21 +133,21 @@ def add_viscous_asymmetry(spec: mujoco.MjSpec, axis: int, severity: float) -> No
 
 
 def no_static_friction(bias: np.ndarray) -> bool:
-    """Whether a model's static friction is its Coulomb friction, from its biasprm."""
+    """Whether a model's static friction equals its Coulomb friction, from its biasprm."""
     return bool(np.isclose(bias[STICTION], bias[COULOMB], rtol=1e-4))
 
 
 def add_low_speed_friction(
     spec: mujoco.MjSpec, axis: int, severity: float, *, width: float | None
 ) -> None:
-    """Add severity times Coulomb friction exp(-(w / width)^2), also negative.
+    """Add the friction severity times Coulomb friction exp(-(w / width)^2). It may be negative.
 
     Args:
         spec: The robot, edited in place.
-        axis: From 1.
+        axis: Axis, from 1.
         severity: Fraction of Coulomb friction.
-        width: Stribeck velocity [rad/s], used where the model has no static friction of its own;
-            None: that of the model.
+        width: Stribeck velocity [rad/s], used if the model has no static friction of its own. None:
+            that of the model.
     """
     bias = spec.actuator(f"friction{axis}").biasprm
     if width is not None and no_static_friction(bias):
@@ -109,14 +156,26 @@ def add_low_speed_friction(
 
 
 def add_coulomb(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Add Coulomb friction [N m, motor side]; the Stribeck part stays."""
+    """Add Coulomb friction. The Stribeck part stays.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Friction torque, motor side [N m].
+    """
     actuator = spec.actuator(f"friction{axis}")
     actuator.biasprm[COULOMB] += severity
     actuator.biasprm[STICTION] += severity
 
 
 def add_offset(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Add a constant torque on the rotor [N m], positive with forward motion of the motor."""
+    """Add a constant torque on the rotor.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Torque [N m], positive in the direction of forward motion of the motor.
+    """
     actuator = spec.actuator(f"friction{axis}")
     # amplitude sin(0 turns + 90 deg): cogging without poles
     actuator.biasprm[OFFSET] += severity

@@ -1,6 +1,6 @@
-"""Friction that grows with the load of the gearbox. No element of MuJoCo has it.
+"""Friction that grows with the load of the gearbox, which no element of MuJoCo has.
 
-An element of its own carries it, which is told between steps how much it holds.
+A separate friction element represents it. Its friction torque is set between steps.
 """
 
 from __future__ import annotations
@@ -16,17 +16,23 @@ from faultgen.mjcf.gearbox import Gearbox
 
 
 def add_element(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Add the element ``load_friction{axis}``, which holds nothing until it is told the load."""
+    """Add the element ``load_friction{axis}``. It has no friction until it is set between steps.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Not used here.
+    """
     name = f"load_friction{axis}"
     if spec.actuator(name) is None:
         add_told_friction(spec, name, axis)
 
 
 def follow_load(places: Sequence[Place]) -> Update:
-    """Coulomb friction is severity |gear torque / n|.
+    """Make Coulomb friction equal to severity |gear torque / n|.
 
-    The torque is that in the middle of the time until the next update, as the rate of the twist
-    tells it now: held constant, friction is then right to second order in that time.
+    The torque is predicted for the middle of the time until the next update, from the present rate
+    of the twist. Friction that is constant over this time is then right to second order in it.
     """
     robot, model = places[0].robot, places[0].model
     shares = np.zeros(robot.n_axes)

@@ -1,4 +1,4 @@
-"""A tool that is loose on its flange: the payload slides within a play and strikes its ends."""
+"""A tool that is loose on its flange: the payload slides within a play and hits its ends."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ DAMPING = 0.05
 
 
 def loosen_payload(spec: mujoco.MjSpec, axis: int, severity: float, *, direction: int) -> None:
-    """Let the payload slide by severity / 2 either way along an axis of the flange, 0 to 2.
+    """Let the payload slide by severity / 2 in both directions along an axis of the flange.
 
-    Beyond that the force of the stops is k (|x| - severity / 2) with k = m (2 pi `FREQUENCY`)^2,
-    and everywhere there is damping of `DAMPING` on that spring.
+    Beyond that, the force of the stops is k (|x| - severity / 2) with k = m (2 pi `FREQUENCY`)^2.
+    Everywhere there is damping, `DAMPING` times the critical damping of that spring.
 
     Args:
         spec: The robot, edited in place.
-        axis: The last one.
+        axis: The last axis.
         severity: The whole play [m].
         direction: 0, 1 or 2 for x, y or z.
     """

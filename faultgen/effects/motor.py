@@ -19,13 +19,29 @@ _FEED_FORWARD = 2  # column of a drive's control
 
 
 def scale_rotor_inertia(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Inertia of the rotor times 1 + severity."""
+    """Multiply the inertia of the rotor by 1 + severity.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Fraction of the nominal value.
+    """
     rotor = spec.joint(f"motor{axis}").parent
     rotor.inertia *= 1 + severity
 
 
 def lose_torque(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Gains and torque limit of the drive times 1 - severity, as the rotor feels them."""
+    """Multiply the gains and the torque limit of the drive by 1 - severity.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Fraction of the nominal torque constant that is lost.
+
+
+    Raises:
+        InputError: The severity is 1 or more.
+    """
     if severity >= 1:
         raise InputError(f"torque_constant: severity must be below 1, not {severity:g}")
     drive = spec.actuator(f"drive{axis}")
@@ -34,7 +50,16 @@ def lose_torque(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
 
 
 def lose_feed_forward(control: np.ndarray, place: Place, repeats: bool) -> np.ndarray:
-    """Feed-forward torque times 1 - severity, as the rotor feels it."""
+    """Multiply the feed-forward torque by 1 - severity.
+
+    Args:
+        control: Control signal in the units of the drives, shape (steps, n_controls).
+        place: Where the effect acts, and its severity.
+        repeats: Whether the control repeats.
+
+    Returns:
+        A new array of the same shape and units.
+    """
     control = control.copy()
     at = place.model.actuator_ctrladr[place.element("actuator", "drive")]
     control[:, at + _FEED_FORWARD] *= 1 - place.severity
@@ -42,7 +67,16 @@ def lose_feed_forward(control: np.ndarray, place: Place, repeats: bool) -> np.nd
 
 
 def log_believed_torque(truth: Cycle, logged: Cycle, place: Place) -> Cycle:
-    """The torque that the drive believes in: that of the motor over 1 - severity."""
+    """Compute the torque that the drive assumes: that of the motor divided by 1 - severity.
+
+    Args:
+        truth: The cycle as it was simulated.
+        logged: The cycle as it is logged so far.
+        place: Where the effect acts, and its severity.
+
+    Returns:
+        The cycle with the changed channel.
+    """
     torque = logged.motor_torque.copy()
     torque[:, place.axis - 1] /= 1 - place.severity
     return replace(logged, motor_torque=torque)

@@ -1,4 +1,4 @@
-"""Effects that repeat with the angle of the motor: torque ripple and error of the gearbox."""
+"""Effects that repeat with the angle of the motor: torque ripple and errors of the gearbox."""
 
 from __future__ import annotations
 
@@ -19,15 +19,18 @@ _WAVE = {"order": 2.0, "phase": 0.0, "per": "motor"}
 
 
 def motor_order(order: float, per: str, ratio: float) -> float:
-    """Periods a turn of the motor.
+    """Return the number of periods per turn of the motor.
 
     Args:
-        order: Periods a turn of the motor or of the joint; any positive number.
-        per: 'motor' or 'joint': which of them.
+        order: Periods per turn of the motor or of the joint; any positive number.
+        per: 'motor' or 'joint': whose turn is meant.
         ratio: Gear ratio, signed.
 
+    Returns:
+        Periods per turn of the motor.
+
     Raises:
-        InputError: `per` is neither, or the order is not positive.
+        InputError: `per` is another word, or the order is not positive.
     """
     if per not in ("motor", "joint"):
         raise InputError(f"per: choose motor or joint, not '{per}'")
@@ -39,7 +42,19 @@ def motor_order(order: float, per: str, ratio: float) -> float:
 def add_ripple(
     spec: mujoco.MjSpec, axis: int, severity: float, *, order: float, phase: float, per: str
 ) -> None:
-    """Add the torque severity sin(order angle + phase) on the rotor."""
+    """Add the torque severity sin(order angle + phase) on the rotor.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Amplitude [N m].
+        order: Periods per turn of the motor or of the joint.
+        phase: Phase [rad].
+        per: 'motor' or 'joint': whose turn and angle are meant.
+
+    Raises:
+        InputError: As `motor_order`.
+    """
     poles = motor_order(order, per, gear_ratio(spec, axis))
     add_cogging(spec, f"torque_ripple{axis}", f"motor{axis}", severity, poles, phase)
 
@@ -47,16 +62,27 @@ def add_ripple(
 def add_transmission_error(
     spec: mujoco.MjSpec, axis: int, severity: float, *, order: float, phase: float, per: str
 ) -> None:
-    """Let the gearbox stretch by twist + e, e = severity sin(order q_m + phase) [rad, joint side].
+    """Add an error e to the twist of the gearbox, e = severity sin(order q_m + phase).
 
-    The elastic energy k (twist + e)^2 / 2 gives beside that of the healthy gearbox
+    The elastic energy k (twist + e)^2 / 2 gives, in addition to that of the healthy gearbox,
 
         on the joint   k e
         on the rotor   -k e / n  -  k twist de/dq_m  -  k e de/dq_m
 
-    Two cogging motors on tendons of length q_m + b q and q_m - b q carry k e / b each, against one
-    another: what is left of them on the rotor is the middle term. Two on the rotor are the others.
-    Damping stays that of the twist alone.
+    Two cogging motors on tendons of length q_m + b q and q_m - b q carry k e / b each, in opposite
+    directions. Their remaining torque on the rotor is the middle term. Two cogging motors on the
+    rotor carry the other terms. Damping stays that of the twist alone.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Amplitude of e [rad, joint side].
+        order: Periods per turn of the motor or of the joint.
+        phase: Phase [rad].
+        per: 'motor' or 'joint': whose turn and angle are meant.
+
+    Raises:
+        InputError: As `motor_order`.
     """
     ratio = gear_ratio(spec, axis)
     poles = motor_order(order, per, ratio)
@@ -74,7 +100,16 @@ def add_transmission_error(
 
 
 def log_transmission_error(truth: Cycle, logged: Cycle, place: Place) -> Cycle:
-    """Add the torque of the error to that of the gearbox."""
+    """Add the torque of the error to the logged torque of the gearbox.
+
+    Args:
+        truth: The cycle as it was simulated.
+        logged: The cycle as it is logged so far.
+        place: Where the effect acts, and its severity.
+
+    Returns:
+        The cycle with the changed channel.
+    """
     given, i = place.parameters, place.axis - 1
     poles = motor_order(given["order"], given["per"], place.robot.gear_ratio[i])
     error = place.severity * np.sin(poles * truth.motor_position[:, i] + given["phase"])
@@ -82,7 +117,16 @@ def log_transmission_error(truth: Cycle, logged: Cycle, place: Place) -> Cycle:
 
 
 def with_error(logged: Cycle, place: Place, error: np.ndarray) -> Cycle:
-    """Channels with the gearbox's torque by an error of its teeth [rad], shape (samples,)."""
+    """Add the torque of a gearbox error to the logged torque of the gearbox.
+
+    Args:
+        logged: The cycle as it is logged so far.
+        place: Where the effect acts.
+        error: Error of the teeth [rad, joint side], shape (samples,).
+
+    Returns:
+        The cycle with the changed channel.
+    """
     torque = logged.gear_torque.copy()
     stiffness = place.model.tendon_stiffness[place.element("tendon", "gearbox")]
     torque[:, place.axis - 1] += stiffness * error

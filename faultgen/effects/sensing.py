@@ -1,6 +1,6 @@
-"""Effects of what measures an axis: they act on the log alone, after noise; the control is exact.
+"""Effects of the sensors of an axis. They change only the log, after noise; the control is exact.
 
-MuJoCo's servo sees exact angles; the loops of a real drive see a finer angle than is logged.
+MuJoCo's servo gets exact angles. The loops of a real drive use a finer angle than the logged one.
 """
 
 from __future__ import annotations
@@ -19,7 +19,17 @@ if TYPE_CHECKING:
 def scale_torque(
     measured: Measured, place: Place, sample_period: float, rng: np.random.Generator
 ) -> Measured:
-    """Torque times 1 + severity."""
+    """Multiply the measured torque by 1 + severity.
+
+    Args:
+        measured: The channels as measured so far.
+        place: Where the effect acts, and its severity.
+        sample_period: Time between samples [s].
+        rng: Source of randomness.
+
+    Returns:
+        The changed channels.
+    """
     torque = measured.motor_torque.copy()
     torque[:, place.axis - 1] *= 1 + place.severity
     return replace(measured, motor_torque=torque)
@@ -28,7 +38,17 @@ def scale_torque(
 def coarsen_encoder(
     measured: Measured, place: Place, sample_period: float, rng: np.random.Generator
 ) -> Measured:
-    """Position in whole steps of severity; the speed changes as its difference does."""
+    """Round the position to multiples of severity [rad]. The speed follows from its differences.
+
+    Args:
+        measured: The channels as measured so far.
+        place: Where the effect acts, and its severity.
+        sample_period: Time between samples [s].
+        rng: Source of randomness.
+
+    Returns:
+        The changed channels.
+    """
     axis, step = place.axis - 1, place.severity
     position, velocity = measured.motor_position.copy(), measured.motor_velocity.copy()
     # the sample before the first one is where the motor came from at its speed then
@@ -43,7 +63,19 @@ def coarsen_encoder(
 def lose_samples(
     measured: Measured, place: Place, sample_period: float, rng: np.random.Generator
 ) -> Measured:
-    """Each sample but the first is lost with probability severity; the one before is shown."""
+    """Replace lost samples by the sample before. Severity is the probability of a loss.
+
+    The first sample is never lost.
+
+    Args:
+        measured: The channels as measured so far.
+        place: Where the effect acts, and its severity.
+        sample_period: Time between samples [s].
+        rng: Source of randomness.
+
+    Returns:
+        The changed channels.
+    """
     count = len(measured.motor_torque)
     lost = rng.random(count) < place.severity
     lost[0] = False
@@ -53,7 +85,17 @@ def lose_samples(
 def stick(
     measured: Measured, place: Place, sample_period: float, rng: np.random.Generator
 ) -> Measured:
-    """A share severity of the cycle shows the first sample of it; when it begins is drawn."""
+    """Freeze the measurement for a share of the cycle that is the severity. Its start is random.
+
+    Args:
+        measured: The channels as measured so far.
+        place: Where the effect acts, and its severity.
+        sample_period: Time between samples [s].
+        rng: Source of randomness.
+
+    Returns:
+        The changed channels.
+    """
     shown = np.arange(len(measured.motor_torque))
     count = round(place.severity * len(shown))
     first = int(rng.integers(len(shown) - count + 1))
@@ -62,7 +104,7 @@ def stick(
 
 
 def _show(measured: Measured, place: Place, samples: np.ndarray) -> Measured:
-    """Show the given samples of an axis instead of its own, shape (samples,)."""
+    """Replace the samples of an axis by the samples with the given indices, shape (samples,)."""
 
     def shown(values: np.ndarray) -> np.ndarray:
         values = values.copy()

@@ -1,4 +1,4 @@
-"""Effects of the controller's signals: its encoder's zero and its clock."""
+"""Effects of the controller's signals: the zero of its encoder, and its clock."""
 
 from __future__ import annotations
 
@@ -14,7 +14,16 @@ if TYPE_CHECKING:
 
 
 def shift_position(control: np.ndarray, place: Place, repeats: bool) -> np.ndarray:
-    """Set point of the position as the true angle that the encoder takes for it."""
+    """Shift the set point of the position by the error of the encoder.
+
+    Args:
+        control: Control signal in the units of the drives, shape (steps, n_controls).
+        place: Where the effect acts, and its severity.
+        repeats: Whether the control repeats.
+
+    Returns:
+        A new array of the same shape and units.
+    """
     control = control.copy()
     at = place.model.actuator_ctrladr[place.element("actuator", "drive")]
     control[:, at] += place.severity * place.robot.gear_ratio[place.axis - 1]
@@ -22,17 +31,34 @@ def shift_position(control: np.ndarray, place: Place, repeats: bool) -> np.ndarr
 
 
 def log_encoder(truth: Cycle, logged: Cycle, place: Place) -> Cycle:
-    """The motor's position as its encoder tells it."""
+    """Compute the motor's position as its encoder measures it.
+
+    Args:
+        truth: The cycle as it was simulated.
+        logged: The cycle as it is logged so far.
+        place: Where the effect acts, and its severity.
+
+    Returns:
+        The cycle with the changed channel.
+    """
     position = logged.motor_position.copy()
     position[:, place.axis - 1] -= place.severity * place.robot.gear_ratio[place.axis - 1]
     return replace(logged, motor_position=position)
 
 
 def delay_control(control: np.ndarray, place: Place, repeats: bool) -> np.ndarray:
-    """Set points and feed-forward of the axis, late by severity [s], linear between steps.
+    """Delay set points and feed-forward of the axis by severity [s], linearly between steps.
 
-    Before the start, and after the end, comes the other end of a control that repeats, else the
-    first or last row.
+    A control that repeats continues periodically before its start. Otherwise the first row is used
+    there.
+
+    Args:
+        control: Control signal in the units of the drives, shape (steps, n_controls).
+        place: Where the effect acts, and its severity.
+        repeats: Whether the control repeats.
+
+    Returns:
+        A new array of the same shape and units.
     """
     control = control.copy()
     drive = place.element("actuator", "drive")

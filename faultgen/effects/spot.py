@@ -1,6 +1,6 @@
-"""Friction that is larger about one angle of the joint. No element of MuJoCo has it.
+"""Friction that is larger around one angle of the joint, which no element of MuJoCo has.
 
-An element of its own carries it, which is told between steps how much it holds.
+A separate friction element represents it. Its friction torque is set between steps.
 """
 
 from __future__ import annotations
@@ -16,12 +16,15 @@ from faultgen.errors import InputError
 
 
 def bump(angle: np.ndarray, centre: float | np.ndarray, width: float | np.ndarray) -> np.ndarray:
-    """A raised cosine, once a turn: (1 + cos(2 pi x / width)) / 2, x from the centre.
+    """Compute a raised cosine, once per turn: (1 + cos(2 pi x / width)) / 2, x from the centre.
 
     Args:
         angle: Any shape, in [rad].
-        centre: Where it is 1 [rad].
-        width: Beyond half of it on either side it is 0 [rad].
+        centre: Angle at which it is 1 [rad].
+        width: It is 0 beyond half this angle on either side [rad].
+
+    Returns:
+        Same shape as the angle, without unit, from 0 to 1.
     """
     away = np.angle(np.exp(1j * (np.asarray(angle) - centre)))
     inside = np.abs(away) < width / 2
@@ -31,16 +34,27 @@ def bump(angle: np.ndarray, centre: float | np.ndarray, width: float | np.ndarra
 def add_spot(
     spec: mujoco.MjSpec, axis: int, severity: float, *, angle: float, width: float
 ) -> None:
-    """Add the element ``seizing_spot{axis}``, which holds nothing until it is told the angle."""
+    """Add the element ``seizing_spot{axis}``. It has no friction until it is set between steps.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Not used here.
+        angle: Not used here.
+        width: Width of the spot [rad].
+
+    Raises:
+        InputError: The width is not within a turn.
+    """
     if not 0 < width <= 2 * np.pi:
         raise InputError(f"width: must be above 0 and at most a turn, not {width}")
     add_told_friction(spec, f"seizing_spot{axis}", axis)
 
 
 def follow_angle(places: Sequence[Place]) -> Update:
-    """Coulomb friction is severity times that of the axis times `bump` of the joint's angle.
+    """Make Coulomb friction severity times that of the axis times `bump` of the joint's angle.
 
-    The angle is that in the middle of the time until the next update, by the speed of now.
+    The angle is predicted for the middle of the time until the next update, from the present speed.
     """
     robot, model = places[0].robot, places[0].model
     axes = [place.axis for place in places]

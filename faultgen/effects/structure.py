@@ -1,4 +1,4 @@
-"""Edits of what the arm carries."""
+"""Edits of the arm's payload, and of the spring that balances gravity."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ _POINT = 0.01  # radius of gyration of a point [m]: assumed
 def scale_payload(
     spec: mujoco.MjSpec, axis: int, severity: float, *, x: float, y: float, z: float
 ) -> None:
-    """Mass and inertia of the payload times 1 + severity; a point of severity [kg] if it has none.
+    """Multiply mass and inertia of the payload by 1 + severity, or add a point mass if it has none.
 
     Args:
         spec: The robot, edited in place.
-        axis: The last one.
-        severity: Fraction, or [kg] where the model's payload is less than `MASSLESS`.
-        x: Place of that point in the frame of the payload [m].
-        y: Likewise.
-        z: Likewise.
+        axis: The last axis.
+        severity: Fraction, or mass of the point [kg] if the model's payload is below `MASSLESS`.
+        x: Position of that point in the frame of the payload [m].
+        y: The same for y [m].
+        z: The same for z [m].
     """
     payload = payload_body(spec, axis)
     if payload.mass >= MASSLESS:
@@ -38,7 +38,17 @@ def scale_payload(
 
 
 def move_payload(spec: mujoco.MjSpec, axis: int, severity: float, *, direction: int) -> None:
-    """Move the payload's centre of mass by severity [m] along an axis of the flange, 0 to 2."""
+    """Move the payload's centre of mass along an axis of the flange.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: The last axis.
+        severity: Distance [m].
+        direction: 0, 1 or 2 for x, y or z.
+
+    Raises:
+        InputError: The direction is another, or as `payload_body`.
+    """
     if direction not in (0, 1, 2):
         raise InputError(f"direction: choose 0, 1 or 2 for x, y or z, not {direction}")
     payload = payload_body(spec, axis)
@@ -46,15 +56,28 @@ def move_payload(spec: mujoco.MjSpec, axis: int, severity: float, *, direction: 
 
 
 def add_gravity_spring(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Add a spring of severity [N m/rad] that pulls the joint to its zero angle."""
+    """Add a spring that pulls the joint to its zero angle.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Stiffness [N m/rad].
+    """
     spec.joint(f"joint{axis}").stiffness[0] += severity
 
 
 def payload_body(spec: mujoco.MjSpec, axis: int) -> mujoco.MjsBody:
-    """The body ``payload`` of a robot.
+    """Return the body ``payload`` of a robot.
+
+    Args:
+        spec: The robot.
+        axis: The last axis.
+
+    Returns:
+        The body.
 
     Raises:
-        InputError: There is none, or the axis is not the last one.
+        InputError: There is no such body, or the axis is not the last one.
     """
     if spec.joint(f"joint{axis + 1}") is not None:
         raise InputError(f"payload effects belong to the last axis, not to axis {axis}")

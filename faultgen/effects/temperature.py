@@ -25,11 +25,14 @@ TEMPERATURE_RANGE = (30.0, 80.0)
 
 
 def friction_ratios(temperature: float, reference: float) -> tuple[float, float, float]:
-    """Stribeck height, Stribeck velocity and viscous friction over those at the reference.
+    """Compute Stribeck height, Stribeck velocity and viscous friction relative to the reference.
 
     Args:
-        temperature: Gearbox temperature [deg C], held within `TEMPERATURE_RANGE`.
+        temperature: Gearbox temperature [deg C], limited to `TEMPERATURE_RANGE`.
         reference: Temperature at which the model's friction holds [deg C].
+
+    Returns:
+        The three ratios, without unit.
     """
     low, high = TEMPERATURE_RANGE
     hot = min(max(temperature, low), high)
@@ -46,7 +49,7 @@ def friction_ratios(temperature: float, reference: float) -> tuple[float, float,
 def set_temperature(
     spec: mujoco.MjSpec, axis: int, temperature: float, reference: float, share: float = 1.0
 ) -> None:
-    """Bring the friction of an axis to another gearbox temperature.
+    """Change the friction of an axis to that at another gearbox temperature.
 
     Viscous friction, the Stribeck height and the Stribeck velocity change by the ratios of
     Bittencourt's law at the two temperatures.
@@ -54,7 +57,7 @@ def set_temperature(
     Args:
         spec: The robot, edited in place.
         axis: Axis, from 1.
-        temperature: Gearbox temperature [deg C], held within `TEMPERATURE_RANGE`.
+        temperature: Gearbox temperature [deg C], limited to `TEMPERATURE_RANGE`.
         reference: Temperature at which the model's friction holds [deg C].
         share: Power of the ratios: 0 leaves friction as it is, 1 follows the law.
     """
@@ -69,7 +72,14 @@ def set_temperature(
 def follow_constant(
     spec: mujoco.MjSpec, axis: int, severity: float, *, temperature: Temperature
 ) -> None:
-    """Friction at a temperature that does not change; nothing where it does."""
+    """Set the friction for a temperature that is constant. Otherwise nothing is changed.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Power of the ratios, see `set_temperature`.
+        temperature: Gearbox temperature, see `Temperature`.
+    """
     if temperature is not None and not isinstance(temperature, tuple):
         told = spec.numeric("friction_temperature")
         reference = _REFERENCE if told is None else float(told.data[0])
@@ -77,7 +87,7 @@ def follow_constant(
 
 
 def follow_course(places: Sequence[Place]) -> Update | None:
-    """Friction at a temperature that changes along the motion."""
+    """Make friction follow a temperature that changes during the motion."""
     followed = []
     for place in places:
         temperature = place.parameters["temperature"]

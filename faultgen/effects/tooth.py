@@ -1,4 +1,4 @@
-"""A damaged tooth: the gearbox leads by an angle while that tooth is in mesh, once a turn."""
+"""A damaged tooth: while it is in mesh, once per turn, the gearbox leads by an angle."""
 
 from __future__ import annotations
 
@@ -20,28 +20,37 @@ _SMALL = 1e-4  # of the peak: harmonics that are left out
 
 
 def sharpness(width: float) -> int:
-    """Power m of the pulse cos(x / 2)^(2 m) that is `width` [rad] wide at half its height."""
+    """Return the power m of the pulse cos(x / 2)^(2 m), from its width [rad] at half its height."""
     if not 0.1 <= width <= 1:
         raise InputError(f"width: must be from 0.1 to 1 rad, not {width}")
     return round(np.log(0.5) / (2 * np.log(np.cos(width / 4))))
 
 
 def pulse(angle: np.ndarray, phase: float, width: float) -> np.ndarray:
-    """The pulse cos(x / 2)^(2 m), once a turn, x from the phase.
+    """Compute the pulse cos(x / 2)^(2 m), once per turn, x from the phase.
 
     Args:
-        angle: Of the shaft, any shape, in [rad].
-        phase: Where it is 1 [rad].
-        width: At half its height [rad].
+        angle: Angle of the shaft, any shape, in [rad].
+        phase: Angle at which the pulse is 1 [rad].
+        width: Width at half its height [rad].
+
+    Returns:
+        Same shape as the angle, without unit, from 0 to 1.
     """
     return np.cos((np.asarray(angle) - phase) / 2) ** (2 * sharpness(width))
 
 
 def harmonics(width: float) -> np.ndarray:
-    """Amplitudes a of `pulse` as a sum of a_k cos(k x), k = 0, 1, ...
+    """Compute the amplitudes a of `pulse` as a sum of a_k cos(k x), k = 0, 1, ...
 
-    Binomials: the powers of cos(x / 2) = (exp(i x / 2) + exp(-i x / 2)) / 2. Those that together
-    are below `_SMALL` are left out.
+    They are binomials: the powers of cos(x / 2) = (exp(i x / 2) + exp(-i x / 2)) / 2. The last
+    ones, which sum to less than `_SMALL`, are omitted.
+
+    Args:
+        width: Width of the pulse at half its height [rad].
+
+    Returns:
+        Shape (harmonics,), without unit.
     """
     m = sharpness(width)
     amplitudes = 2 * binom.pmf(m - np.arange(m + 1), 2 * m, 0.5)
@@ -52,16 +61,24 @@ def harmonics(width: float) -> np.ndarray:
 def add_tooth_damage(
     spec: mujoco.MjSpec, axis: int, severity: float, *, per: str, phase: float, width: float
 ) -> None:
-    """Let the gearbox stretch by twist + e, e = severity `pulse` [rad, joint side].
+    """Add an error e to the twist of the gearbox, e = severity times `pulse`.
 
-    As with a transmission error the elastic energy is k (twist + e)^2 / 2, which gives
+    As with a transmission error, the elastic energy is k (twist + e)^2 / 2. It gives
 
         on the joint   k e
         on the rotor   -k e / n  -  k twist de/dq_m
 
-    beside the healthy gearbox. Tendons of length q_m + b q and q_m - b q carry the sum and the
-    difference of the first two; what their lengths differ by is the last term. The term of second
-    order, -k e de/dq_m, is left out, and damping is that of the twist.
+    in addition to the healthy gearbox. Tendons of length q_m + b q and q_m - b q carry the sum and
+    the difference of the first two terms. The difference of their lengths gives the last term. The
+    term of second order, -k e de/dq_m, is ignored, and damping is that of the twist.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Height of the pulse [rad, joint side].
+        per: 'motor' or 'joint': the shaft that turns the tooth.
+        phase: Angle of the shaft at the middle of the pulse [rad].
+        width: Width of the pulse at half its height [rad].
     """
     ratio = gear_ratio(spec, axis)
     order = motor_order(1.0, per, ratio)
@@ -79,7 +96,16 @@ def add_tooth_damage(
 
 
 def log_tooth_damage(truth: Cycle, logged: Cycle, place: Place) -> Cycle:
-    """Add the torque of the pulse to that of the gearbox."""
+    """Add the torque of the pulse to the logged torque of the gearbox.
+
+    Args:
+        truth: The cycle as it was simulated.
+        logged: The cycle as it is logged so far.
+        place: Where the effect acts, and its severity.
+
+    Returns:
+        The cycle with the changed channel.
+    """
     given, i = place.parameters, place.axis - 1
     turned = truth.motor_position[:, i] * motor_order(1.0, given["per"], place.robot.gear_ratio[i])
     error = place.severity * pulse(turned, given["phase"], given["width"])

@@ -16,7 +16,13 @@ REFERENCE_TWIST = 1e-3
 
 
 def add_backlash(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Widen the dead band by severity [rad, joint side], half of it on each side."""
+    """Widen the dead band of the gearbox, half of it on each side.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Width that is added [rad, joint side].
+    """
     gearbox = spec.tendon(f"gearbox{axis}")
     low, high = gearbox.springlength
     if low < 0 and low == high:  # not set: MuJoCo takes the length at qpos0, which is 0
@@ -25,12 +31,24 @@ def add_backlash(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
 
 
 def lose_stiffness(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Stiffness times 1 - severity."""
+    """Multiply the stiffness of the gearbox by 1 - severity.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Fraction of the nominal value that is lost.
+    """
     spec.tendon(f"gearbox{axis}").stiffness *= 1 - severity
 
 
 def harden(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
-    """Add a cubic term that raises the torque by the fraction severity at `REFERENCE_TWIST`."""
+    """Add a cubic term to the stiffness of the gearbox.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Fraction by which the torque increases at `REFERENCE_TWIST`.
+    """
     gearbox = spec.tendon(f"gearbox{axis}")
     gearbox.stiffness[2] += severity * gearbox.stiffness[0] / REFERENCE_TWIST**2
 

@@ -1,7 +1,7 @@
-"""A phase of the motor that gives less torque than its current says.
+"""A phase of the motor that gives less torque than its current should.
 
-No element of MuJoCo has torque that an angle multiplies. The angle's sine is native; its amplitude,
-the torque of the drive, is told between steps.
+MuJoCo has no element whose torque is multiplied by a function of the angle. The sine of the angle
+is part of an element. Its amplitude, the torque of the drive, is set between steps.
 """
 
 from __future__ import annotations
@@ -25,7 +25,18 @@ _NOTHING = 1e-12  # until they are told [N m]
 def add_winding(
     spec: mujoco.MjSpec, axis: int, severity: float, *, pole_pairs: int, phase: float
 ) -> None:
-    """Add a ripple of twice the electrical frequency and a loss, both of no torque yet."""
+    """Add a ripple of twice the electrical frequency and a loss. Both have no torque yet.
+
+    Args:
+        spec: The robot, edited in place.
+        axis: Axis, from 1.
+        severity: Not used here.
+        pole_pairs: Number of pole pairs of the motor.
+        phase: Phase of the ripple [rad].
+
+    Raises:
+        InputError: The number of pole pairs is not a positive whole number.
+    """
     if pole_pairs < 1 or pole_pairs != int(pole_pairs):
         raise InputError(f"pole_pairs: must be 1, 2, 3 or more, not {pole_pairs}")
     quarter = math.pi / 2
@@ -35,12 +46,12 @@ def add_winding(
 
 
 def follow_torque(places: Sequence[Place]) -> Update:
-    """Take severity / 3 (1 + cos(2 p q_m + phase)) of the drive's torque off.
+    """Subtract severity / 3 (1 + cos(2 p q_m + phase)) of the drive's torque.
 
-    Three phases with currents I cos(x - k 120 deg) against flux of the same form give torque
-    I cos^2 each, together 3 I / 2; one that gives 1 - severity of its own leaves
-    1 - severity (1 + cos 2x) / 3 of the whole. The drive's torque is that in the middle of
-    the steps until the next update, from its set points then and the speed of now.
+    Three phases with currents I cos(x - k 120 deg) in a flux of the same form give torque I cos^2
+    each, together 3 I / 2. If one of them gives 1 - severity of its own, 1 - severity (1 + cos 2x)
+    / 3 of the whole remains. The drive's torque is predicted for the middle of the steps until the
+    next update, from its set points then and the present speed.
     """
     robot, model = places[0].robot, places[0].model
     axes = [place.axis for place in places]

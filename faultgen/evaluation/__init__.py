@@ -1,1 +1,1 @@
-"""How detectors and isolators are judged on a dataset."""
+"""Evaluation of detectors and isolators on a dataset."""

@@ -1,8 +1,9 @@
 """Is anything worn? Detectors on a dataset.
 
-Detectors learn from healthy cycles and are set to about one false alarm in a thousand cycles. A run
-counts as detected at a level of wear if there was an alarm in any cycle up to the one that reaches
-it; early false alarms count too, so the share of healthy runs with an alarm stands beside.
+Detectors learn from healthy cycles, and their limits are set to about one false alarm in a thousand
+cycles. A run counts as detected at a level of wear if there was an alarm in any cycle up to the one
+that reaches this level. Early false alarms count too, so that the share of healthy runs with an
+alarm is reported as well.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from faultgen.evaluation.wear_model import ISOLATORS, isolator_input
 from faultgen.system.files import write_text
 
 RUN_LENGTH = 1000.0
-"""Cycles between false alarms that detectors are set to."""
+"""Mean number of cycles between false alarms for which detectors are set."""
 
 DETECTORS = {
     "KL + PCA, Q": "KL divergence of each axis' torque histogram from the healthy one; Q of a PCA",
@@ -43,25 +44,25 @@ DETECTORS = {
 """Name and idea of every detector."""
 
 Alarm = Callable[[ObservedRun], np.ndarray]
-"""Cycles in alarm, shape (cycles,)."""
+"""Finds the cycles in alarm, shape (cycles,)."""
 
 
 @dataclass(frozen=True)
 class Detection:
-    """What the detectors did on a dataset."""
+    """Results of the detectors on a dataset."""
 
     sensors: str
-    """Noise that they saw."""
+    """Name of the noise in the data."""
     seeds: int
-    """Draws of the noise for each run."""
+    """Number of noise draws for each run."""
     redrawn: bool
-    """Whether the noise was drawn anew, or is that of the dataset."""
+    """Whether new noise was drawn, instead of using the noise of the dataset."""
     results: list[dict[str, Any]]
     """Counts by robot, task, effect, level (0: healthy, over all cycles) and method."""
     healthy_cycles: dict[str, int]
-    """Cycles that the detectors learned from, by robot and task."""
+    """Number of cycles from which the detectors learned, by robot and task."""
     left_out: dict[str, str]
-    """Why detectors were left out, by robot and task."""
+    """Why detectors were not used, by robot and task."""
 
 
 def detect(
@@ -77,19 +78,19 @@ def detect(
 
     Args:
         dataset: The dataset.
-        sensors: Preset of which noise is drawn; default: 'thesis' for a dataset without noise,
-            else the noise that the dataset has.
-        seeds: Draws of the noise for each run.
-        seed: Where the draws start.
-        levels: Severities at which it is asked whether there was an alarm.
-        progress: Show a progress bar on stderr.
+        sensors: Preset of the noise to draw. Default: 'thesis' for a dataset without noise,
+            otherwise the noise that the dataset has.
+        seeds: Number of noise draws for each run.
+        seed: First seed of the draws.
+        levels: Severities up to which alarms are counted.
+        progress: Whether to show a progress bar on stderr.
 
     Returns:
-        Alarms, counted.
+        Counts of alarms.
 
     Raises:
-        InputError: The dataset has no runs, or not the signals that new noise needs, or no run is
-            long enough, or nothing to learn from.
+        InputError: The dataset has no runs, or lacks the signals that new noise needs, or no run is
+            long enough, or there are no healthy cycles to learn from.
     """
     chosen, redraw = noise_of(dataset, sensors)
     if seeds < 1:
@@ -197,7 +198,7 @@ def _fit(
 
 
 def detection_table(result: Detection) -> str:
-    """Alarms by robot, task, effect and wear in Markdown."""
+    """Return alarms by robot, task, effect and wear as a Markdown table."""
     keys = ("robot", "task", "effect", "level", "method")
     cells = {tuple(row[key] for key in keys): row for row in result.results}
     lines = sorted({key[:4] for key in cells}, key=lambda k: (k[0], k[1], k[3] == 0, k[2], k[3]))
@@ -228,5 +229,10 @@ def detection_table(result: Detection) -> str:
 
 
 def save_detection(result: Detection, folder: Path) -> None:
-    """Write the result to ``detection.json`` in a dataset's folder."""
+    """Write the result to ``detection.json`` in a dataset's folder.
+
+    Args:
+        result: The result.
+        folder: Folder of the dataset.
+    """
     write_text(folder / "detection.json", json.dumps(vars(result), indent=1) + "\n")

@@ -1,9 +1,9 @@
 """Which axis is worn? Isolators on a dataset.
 
-The thesis' isolators see one number a cycle and axis, the mean |torque|, from the first cycle up to
-the one in which wear reaches a level; ours also see friction terms and temperature, and learn from
-healthy cycles. Where the dataset holds the noise-free signals, the noise of the sensors is drawn
-anew for each of many seeds.
+The thesis' isolators use one number per cycle and axis, the mean |torque|, from the first cycle up
+to the one in which wear reaches a level. Ours also use friction terms and temperature, and learn
+from healthy cycles. If the dataset contains the noise-free signals, new sensor noise is drawn for
+each of many seeds.
 """
 
 from __future__ import annotations
@@ -32,18 +32,16 @@ METHODS: dict[str, Callable[[np.ndarray], int]] = {
     "CC": isolate_axis_by_lags,
     "CC, eq. 3.5": lambda x: leading_axis(-cross_correlation_lags(x)),
 }
-"""The thesis' isolators: series of shape (cycles, n_axes) to axis from 0, or -1 for none.
-
-CC takes the axis that leads all others. Thesis eq. 3.5 gives the leading axis a positive lag, and
-its rule asks for negative ones: taken by the letter it names the axis that trails. The last method
-does that; it comes nearer to the thesis' figures.
-"""
+"""The thesis' isolators: functions from a series of shape (cycles, n_axes) to the axis from 0, or
+-1 for none. CC names the axis that leads all others. Thesis eq. 3.5 gives the leading axis a
+positive lag, but its rule asks for negative lags. Taken literally, the rule names the axis that
+trails. The last method does this, and its results are closer to those of the thesis."""
 
 LEVELS = (0.01, 0.05, 0.10, 0.15)
-"""Wear at which the thesis isolates."""
+"""Levels of wear at which the thesis isolates."""
 
 FEWEST = 5
-"""Cycles before an answer is asked for."""
+"""Fewest cycles for which an answer is computed."""
 
 
 def isolate(
@@ -59,18 +57,18 @@ def isolate(
 
     Args:
         dataset: The dataset.
-        sensors: Preset of which noise is drawn; default: 'thesis' for a dataset without noise,
-            else the noise that the dataset has.
-        seeds: Draws of the noise for each run.
-        seed: Where the draws start.
-        levels: Severities at which an answer is asked for.
-        progress: Show a progress bar on stderr.
+        sensors: Preset of the noise to draw. Default: 'thesis' for a dataset without noise,
+            otherwise the noise that the dataset has.
+        seeds: Number of noise draws for each run.
+        seed: First seed of the draws.
+        levels: Severities at which isolators answer.
+        progress: Whether to show a progress bar on stderr.
 
     Returns:
-        Answers, counted.
+        Counts of answers.
 
     Raises:
-        InputError: The dataset has no runs, or not the signals that new noise needs, or no run is
+        InputError: The dataset has no runs, or lacks the signals that new noise needs, or no run is
             long enough.
     """
     chosen, redraw = noise_of(dataset, sensors)
@@ -113,7 +111,7 @@ def isolate(
 def _answers(
     place: Place, ours: dict | str, seen: Observed, length: int
 ) -> Iterator[tuple[str, int]]:
-    """Method, and the axis from 0 that it names after so many cycles, or -1."""
+    """Each method with the axis from 0 that it names after the given number of cycles, or -1."""
     series = np.where(np.isfinite(seen.mean_torque).all(axis=0), seen.mean_torque, 0.0)
     for method, isolator in METHODS.items():
         yield method, isolator(series[:length])
@@ -124,7 +122,7 @@ def _answers(
 
 
 def in_fractions(effect: str) -> bool:
-    """Whether the severity of an effect is a fraction of nominal, to which levels apply."""
+    """Whether the severity of an effect is a fraction of nominal, so that levels apply to it."""
     return effect == HEALTHY or get_effect(effect).in_fractions
 
 
@@ -132,11 +130,11 @@ def require_cycles(dataset: Dataset, levels: tuple[float, ...]) -> None:
     """Refuse a dataset in which no run is long enough for an answer.
 
     Args:
-        dataset: At least one run.
-        levels: Severities at which an answer is asked for.
+        dataset: The dataset, with at least one run.
+        levels: Severities at which isolators answer.
 
     Raises:
-        InputError: There is nowhere to ask for an answer, see `cuts`.
+        InputError: No run reaches a level after enough cycles, see `cuts`.
     """
     if any(True for run in dataset.runs for _ in cuts(run, levels)):
         return
@@ -155,14 +153,17 @@ def require_cycles(dataset: Dataset, levels: tuple[float, ...]) -> None:
 
 
 def cuts(run: StoredRun, levels: tuple[float, ...]) -> Iterator[tuple[float, int]]:
-    """Where answers are asked for: level, and number of cycles up to it, if they are enough.
+    """Find where isolators answer: each level, and the number of cycles up to it.
 
-    On the healthy robot, level 0 is all cycles; so is the final severity of an effect that is not
-    told in fractions of nominal.
+    Levels that are reached after too few cycles are skipped. For a healthy run, level 0 stands for
+    all cycles. For an effect whose severity is not a fraction of nominal, its final severity does.
 
     Args:
         run: The run.
         levels: Severities.
+
+    Yields:
+        Level and number of cycles.
     """
     severity = run.read("cycle/severity")
     worn = len(run["axes"]) > 0

@@ -7,13 +7,21 @@ from typing import Any
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """A table; cells are shown by str."""
+    """Return a Markdown table. Cells are converted by str.
+
+    Args:
+        head: Names of the columns.
+        rows: Cells of each row.
+
+    Returns:
+        The table.
+    """
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
 
 
 def goals_table(goals: Sequence[dict[str, Any]]) -> str:
-    """Goals of a study beside the thesis and what was measured."""
+    """Return the goals of a study, with the thesis' values and the measured ones, as a table."""
     return table(
         ["", "thesis", "goal", "measured", "reached"],
         [
@@ -30,10 +38,10 @@ def goals_answer(goals: Sequence[dict[str, Any]]) -> str:
 
 
 def percent(row: dict[str, Any]) -> str:
-    """A share with its interval, in percent."""
+    """Return a share with its interval, in percent."""
     return f"{100 * row['share']:.1f} [{100 * row['low']:.1f}, {100 * row['high']:.1f}]"
 
 
 def stars(p: float) -> str:
-    """Marks of significance: one each for p below 0.05, 0.01, 0.001 and 0.0001."""
+    """Return the marks of significance: one each for p below 0.05, 0.01, 0.001 and 0.0001."""
     return "*" * sum(p < limit for limit in (0.05, 0.01, 0.001, 0.0001))

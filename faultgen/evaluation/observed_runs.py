@@ -1,4 +1,4 @@
-"""Runs of a dataset as isolators and detectors see them."""
+"""Runs of a dataset, reduced to the numbers that isolators and detectors use."""
 
 from __future__ import annotations
 
@@ -25,18 +25,22 @@ from faultgen.robot import load_robot
 from faultgen.simulation.surrogate import simulate_at
 
 WEAR = "friction_wear"
-"""The effect that our isolators look for."""
+"""The effect that our isolators can find."""
 
 _REFERENCE_DRAWS = 10
 _REFERENCE_SEED = 10_000_000  # far from the seeds of tests
 
 
 def noise_of(dataset: Dataset, sensors: str | None) -> tuple[str, bool]:
-    """Which noise is looked at, and whether it is drawn anew.
+    """Determine which noise is used, and whether it is drawn anew.
 
     Args:
         dataset: The dataset.
-        sensors: Preset asked for; None: 'thesis' for a dataset without noise, else what it has.
+        sensors: Preset of the noise. None: 'thesis' for a dataset without noise, otherwise the
+            noise of the dataset.
+
+    Returns:
+        Name of the noise, and whether it is drawn anew.
 
     Raises:
         InputError: The dataset has no runs, or another motion would be needed.
@@ -72,16 +76,16 @@ class ObservedRun(Observed):
 
 @dataclass(eq=False)
 class Place:
-    """All runs of one robot and task, and isolators that know them healthy."""
+    """All runs of one robot and task, and isolators that were fitted to healthy runs."""
 
     robot: str
     """Name of the robot."""
     task: str
     """Name of the task."""
     runs: list[StoredRun]
-    """In planned order."""
+    """The runs in the planned order."""
     sensors: Sensors | None
-    """Noise that is drawn anew; None: as stored."""
+    """Sensors whose noise is drawn anew; None: as stored."""
     model: WearModel
     """Friction terms and directions of wear."""
     torque_limit: np.ndarray
@@ -91,21 +95,24 @@ class Place:
 
     @property
     def temperature_varies(self) -> bool:
-        """Whether the temperature is measured, and says something."""
+        """Whether the temperature is measured and varies."""
         if self.sensors is not None:
             return False
         return any(get_sensors(run["sensors"]).changes_motion for run in self.runs)
 
     def draws(self, run: StoredRun, seeds: int, seed: int) -> Iterator[ObservedRun]:
-        """What is seen of a run: with new noise, seed by seed, or once as stored.
+        """Reduce a run: with new noise for each seed, or once as stored.
 
         Args:
-            run: A run of this place.
+            run: A run of this robot and task.
             seeds: Number of draws.
-            seed: Where they start.
+            seed: First seed.
+
+        Yields:
+            The reductions of each draw.
 
         Raises:
-            InputError: The signals that new noise needs are not in the file.
+            InputError: The file lacks the signals that new noise needs.
         """
         if self.sensors is None:
             yield self._stored(run)
@@ -136,7 +143,7 @@ class Place:
         )
 
     def healthy(self, run: StoredRun) -> list[ObservedRun]:
-        """Healthy series that share no draw with a run."""
+        """Healthy series that share no noise draw with a run."""
         if self.sensors is None:
             others = [r for r in self.runs if not len(r["axes"]) and r["seed"] != run["seed"]]
             return [self._stored(r) for r in others]
@@ -148,7 +155,7 @@ class Place:
         return self._reference
 
     def lacking(self, run: StoredRun) -> str:
-        """Why not all of our isolators can be used on a run; empty if all can."""
+        """Why some of our isolators cannot be used on a run; empty if all can."""
         ours = self.isolators(run)
         if isinstance(ours, str):
             return f"our isolators are left out: {ours}"
@@ -157,7 +164,7 @@ class Place:
         return ""
 
     def isolators(self, run: StoredRun) -> dict[str, ChangeIsolator] | str:
-        """Our isolators, fitted on `healthy`; or why there are none."""
+        """Our isolators, fitted on `healthy`, or the reason why there are none."""
         key = () if self.sensors is not None else (str(run["seed"]),)
         if key not in self._fitted:
             self._fitted[key] = self._fit(self.healthy(run))
@@ -185,7 +192,7 @@ class Place:
 
 
 def one_series(run: StoredRun) -> np.ndarray:
-    """Mean |torque| of each cycle: stored, or with one draw of the thesis' noise where it has none.
+    """Return the mean |torque| of each cycle, with a draw of the thesis' noise if it has none.
 
     Returns:
         Shape (cycles, n_axes), in [N m].
@@ -196,7 +203,7 @@ def one_series(run: StoredRun) -> np.ndarray:
 
 
 def _measured(run: StoredRun, sensors: Sensors, number: int) -> list[Measured]:
-    """Every cycle of a run under new noise."""
+    """Every cycle of a run with new noise."""
     clean = "signals" if run["sensors"] == "none" else "truth"
     names = [f"{clean}/motor_velocity", f"{clean}/motor_torque"]
     if run["thin"] != 1 or any(name not in run for name in names):
@@ -224,7 +231,7 @@ def _measured(run: StoredRun, sensors: Sensors, number: int) -> list[Measured]:
 
 
 def _speed_window(run: StoredRun) -> ArrayLike:
-    """The window that the run's own mean torque was taken in."""
+    """The speed window in which the run's own mean torque was computed."""
     return run.attributes.get("speed_window", SPEED_WINDOW)
 
 
@@ -235,14 +242,17 @@ def _mean_torque(measured: list[Measured], window: ArrayLike = SPEED_WINDOW) -> 
 def places(dataset: Dataset, sensors: str | None = None) -> list[Place]:
     """Group the runs of a dataset by robot and task.
 
-    Simulates some cycles of each robot and task, for the directions of wear.
+    Some cycles of each robot and task are simulated to find the directions of wear.
 
     Args:
         dataset: The dataset.
         sensors: Noise to draw anew; see `noise_of`.
 
+    Returns:
+        One group for each robot and task.
+
     Raises:
-        InputError: As `noise_of`; or a robot's file has changed since.
+        InputError: As `noise_of`, or a robot's file has changed since the dataset was generated.
     """
     chosen, redraw = noise_of(dataset, sensors)
     groups: dict[tuple[str, str], list[StoredRun]] = {}

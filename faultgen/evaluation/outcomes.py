@@ -1,4 +1,4 @@
-"""Answers of isolators, counted, in the form of thesis table 6.2."""
+"""Counts of the isolators' answers, in the form of thesis table 6.2."""
 
 from __future__ import annotations
 
@@ -30,29 +30,29 @@ THESIS = {
 
 
 _THEIRS = ("TE 10 bins", "TE 5 bins", "CC", "CC, eq. 3.5")
-"""Methods that the thesis has; both readings of CC beside its one."""
+"""Methods of the thesis. Its CC can be read in two ways, and both are listed."""
 
 
 @dataclass
 class Tally:
-    """Answers of one method at one robot, task and level of wear."""
+    """Counted answers of one method for one robot, task and level of wear."""
 
     robot: str
     task: str
     effect: str
     level: float
-    """Severity at the last cycle seen; 0 for the healthy robot over all of its cycles."""
+    """Severity at the last cycle used; 0 for the healthy robot with all of its cycles."""
     method: str
     right: int = 0
     """Answers that named a worn axis; on a healthy robot, answers that named none."""
     named: int = 0
     """Answers that named any axis."""
     total: int = 0
-    """Answers."""
+    """Number of all answers."""
     right_by_axis: dict[int, int] = field(default_factory=dict)
-    """Right answers, by worn axis."""
+    """Number of right answers by worn axis."""
     total_by_axis: dict[int, int] = field(default_factory=dict)
-    """Answers, by worn axis."""
+    """Number of answers by worn axis."""
     answers: dict[int, int] = field(default_factory=dict)
     """How often each axis was named; 0 is none."""
 
@@ -67,7 +67,12 @@ class Tally:
         return wilson(self.right, self.total)
 
     def add(self, answer: int, worn: tuple[int, ...]) -> None:
-        """Count one answer (axis from 1, 0 for none)."""
+        """Count one answer.
+
+        Args:
+            answer: The axis that was named, from 1, or 0 for none.
+            worn: The axes that are worn, from 1.
+        """
         right = answer in worn if worn else answer == 0
         self.total += 1
         self.right += right
@@ -80,31 +85,39 @@ class Tally:
 
 @dataclass(frozen=True)
 class Isolation:
-    """What the isolators answered on a dataset."""
+    """Results of the isolators on a dataset."""
 
     sensors: str
-    """Noise that they saw."""
+    """Name of the noise in the data."""
     seeds: int
-    """Draws of the noise for each run."""
+    """Number of noise draws for each run."""
     redrawn: bool
-    """Whether the noise was drawn anew, or is that of the dataset."""
+    """Whether new noise was drawn, instead of using the noise of the dataset."""
     tallies: list[Tally]
     """One for each robot, task, level and method."""
     unobservable: dict[str, list[int]]
     """Axes that are never within the speed window, by robot and task."""
     too_short: str
-    """Levels of wear that were reached too early to be asked for, in words; empty if none."""
+    """Levels of wear that were reached after too few cycles, in words; empty if there are none."""
     left_out: dict[str, str]
-    """Why our isolators were left out, by robot and task."""
+    """Why our isolators were not used, by robot and task."""
 
 
 def shown_level(effect: str, level: float) -> str:
-    """A severity in the unit of its effect; '-' for the healthy robot."""
+    """Return a severity in the unit of its effect as text.
+
+    Args:
+        effect: Name of the effect.
+        level: Severity, 0 for the healthy robot.
+
+    Returns:
+        The text; '-' for the healthy robot.
+    """
     return get_effect(effect).shown(level) if level else "-"
 
 
 def other_effects(effects: Iterable[str]) -> list[str]:
-    """What has to be said where a dataset holds other effects than friction wear."""
+    """Lines for the report if a dataset contains other effects than friction wear."""
     others = sorted(set(effects) - {HEALTHY, "friction_wear", "coulomb_friction"})
     if not others:
         return []
@@ -115,7 +128,7 @@ def other_effects(effects: Iterable[str]) -> list[str]:
 
 
 def table(result: Isolation) -> str:
-    """Table 6.2's form in Markdown: robot and task x wear x method, thesis figures beside."""
+    """Return a Markdown table like table 6.2, by robot, task, wear and method."""
     cells = {(t.robot, t.task, t.effect, t.level, t.method): t for t in result.tallies}
     rows = sorted({key[:4] for key in cells}, key=lambda r: (r[0], r[1], r[3] == 0, r[2], r[3]))
     beside = any(robot == "irb6700" for robot, *_ in rows)
@@ -164,7 +177,7 @@ def table(result: Isolation) -> str:
 
 
 def _thesis(task: str, level: float, method: str) -> float:
-    """Figure of thesis table 6.2 [%]; it has one for cross-correlation."""
+    """Value of thesis table 6.2 [%]; there is one for cross-correlation."""
     return THESIS[task, level][min(_THEIRS.index(method), 2)]
 
 
@@ -200,5 +213,10 @@ def to_dict(result: Isolation) -> dict[str, Any]:
 
 
 def save(result: Isolation, folder: Path) -> None:
-    """Write the result to ``isolation.json`` in a dataset's folder."""
+    """Write the result to ``isolation.json`` in a dataset's folder.
+
+    Args:
+        result: The result.
+        folder: Folder of the dataset.
+    """
     write_text(folder / "isolation.json", json.dumps(to_dict(result), indent=1) + "\n")

@@ -1,4 +1,4 @@
-"""Counted answers."""
+"""Shares of counted answers, with their intervals."""
 
 from __future__ import annotations
 
@@ -8,13 +8,29 @@ from statsmodels.stats.proportion import proportion_confint
 
 
 def wilson(right: int, total: int) -> tuple[float, float]:
-    """Wilson interval of a share, 95 %."""
+    """Compute the 95 % Wilson interval of a share.
+
+    Args:
+        right: Number of right answers.
+        total: Number of all answers.
+
+    Returns:
+        Lower and upper end.
+    """
     low, high = proportion_confint(right, total, method="wilson")
     return float(low), float(high)
 
 
 def share(right: int, total: int) -> dict[str, Any]:
-    """A count as a share with its 95 % Wilson interval."""
+    """Compute a share with its 95 % Wilson interval.
+
+    Args:
+        right: Number of right answers.
+        total: Number of all answers, at least 1.
+
+    Returns:
+        The counts "right" and "total", the "share", and the ends "low" and "high" of the interval.
+    """
     low, high = wilson(right, total)
     return {
         "right": int(right),

@@ -1,4 +1,4 @@
-"""What the nominal model says of wear, and the isolators that use it."""
+"""How features change with wear according to the nominal model, and isolators that use this."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class Observed:
     """Reductions of consecutive cycles of one robot."""
 
     mean_torque: np.ndarray
-    """Mean |torque| at 50 to 120 rad/s, shape (cycles, n_axes), in [N m]; nan where an axis is
-    never in that window."""
+    """Mean |torque| at 50 to 120 rad/s, shape (cycles, n_axes), in [N m]; nan if an axis is never
+    in that window."""
     friction: np.ndarray
     """Coefficients of friction terms, shape (cycles, features)."""
     temperature: np.ndarray
@@ -50,14 +50,17 @@ class Directions:
     value: np.ndarray
     """At reference temperature, shape (n_axes, features)."""
     spread: np.ndarray
-    """How it differs at other temperatures and severities, shape (n_axes, vectors, features)."""
+    """Its variation with temperature and severity, shape (n_axes, vectors, features)."""
 
     def isolator(self, *, temperature_varies: bool, **options: Any) -> ChangeIsolator:
-        """An isolator by these directions, not fitted.
+        """Make an isolator with these directions, not yet fitted.
 
         Args:
-            temperature_varies: Whether the temperature is given as one more feature, the last.
-            options: For `ChangeIsolator`.
+            temperature_varies: Whether the temperature is added as the last feature.
+            options: Options of `ChangeIsolator`.
+
+        Returns:
+            The isolator.
         """
         extra = int(temperature_varies)
         return ChangeIsolator(
@@ -75,15 +78,18 @@ class WearModel:
     features: FrictionFeatures
     """Friction terms of the nominal cycle."""
     mean_torque: Directions
-    """Of `Observed.mean_torque`."""
+    """Directions of `Observed.mean_torque`."""
     friction: Directions
-    """Of `Observed.friction`."""
+    """Directions of `Observed.friction`."""
 
     def isolators(self, *, temperature_varies: bool) -> dict[str, ChangeIsolator]:
-        """Our isolators, not fitted.
+        """Make our isolators, not yet fitted.
 
         Args:
-            temperature_varies: Whether the temperature is measured, and says something.
+            temperature_varies: Whether the temperature is measured and varies.
+
+        Returns:
+            The isolators by name.
         """
         n_axes = len(self.mean_torque.value)
         own = np.zeros((n_axes, n_axes))
@@ -96,12 +102,21 @@ class WearModel:
 
 
 def _widened(vectors: np.ndarray, extra: int) -> np.ndarray:
-    """Zeros for features that wear does not move."""
+    """Vectors with additional zeros for features that wear does not move."""
     return np.concatenate([vectors, np.zeros((*vectors.shape[:-1], extra))], axis=-1)
 
 
 def isolator_input(name: str, seen: Observed, *, temperature_varies: bool) -> np.ndarray:
-    """What an isolator is given of the reductions, shape (cycles, features)."""
+    """Select the features that an isolator uses.
+
+    Args:
+        name: Name of the isolator.
+        seen: Reductions of consecutive cycles.
+        temperature_varies: Whether the temperature is added as the last feature.
+
+    Returns:
+        Shape (cycles, features), in the units of the reductions.
+    """
     torque = np.nan_to_num(seen.mean_torque)
     if name == OWN_TORQUE:
         return torque
@@ -120,10 +135,16 @@ def _steps(reference: float) -> list[tuple[float, float]]:
 
 
 def wear_points(robot: Robot, effect: str) -> list[Condition]:
-    """Conditions whose cycles `wear_model` and `wear_slopes` need, in their order.
+    """List the conditions whose cycles `wear_model` and `wear_slopes` need, in their order.
 
-    The first one has a heavier payload; then come, for each step, the healthy robot and each axis
-    worn.
+    The first one has a heavier payload. Then each step has the healthy robot and each worn axis.
+
+    Args:
+        robot: The healthy robot.
+        effect: Effect that is considered as wear.
+
+    Returns:
+        The conditions.
     """
     reference = robot.friction_temperature
     conditions = [Condition(reference, _HEAVIER)]
@@ -137,7 +158,7 @@ def wear_points(robot: Robot, effect: str) -> list[Condition]:
 
 
 def wear_model(robot: Robot, cycles: np.ndarray, window: ArrayLike = SPEED_WINDOW) -> WearModel:
-    """Take friction terms and directions from nominal cycles.
+    """Compute friction terms and directions of wear from nominal cycles.
 
     Args:
         robot: The healthy robot.
@@ -146,7 +167,7 @@ def wear_model(robot: Robot, cycles: np.ndarray, window: ArrayLike = SPEED_WINDO
         window: Speed window of the mean torque, shape (2,) or (n_axes, 2), in [rad/s].
 
     Returns:
-        What the model says of wear.
+        The friction terms and directions.
     """
     heavy, nominal, *_ = cycles
     friction = robot.ids("actuator", "friction")
@@ -159,10 +180,13 @@ def wear_model(robot: Robot, cycles: np.ndarray, window: ArrayLike = SPEED_WINDO
 
 
 def wear_slopes(reduced: np.ndarray) -> Directions:
-    """Directions of a reduction.
+    """Compute the directions of a reduction.
 
     Args:
-        reduced: Of the cycles at `wear_points` but the first, shape (cycles, features).
+        reduced: Reduced cycles at all `wear_points` except the first, shape (cycles, features).
+
+    Returns:
+        The directions, with their spread.
     """
     steps = _steps(0.0)
     here, cold, warm, further = (

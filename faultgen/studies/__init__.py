@@ -1,1 +1,1 @@
-"""Studies: where generated data meets the methods of `analysis`."""
+"""Studies: here generated data are analysed with the methods of `analysis`."""

@@ -1,8 +1,9 @@
-"""What robots' own histories say 1 to 25 days before a failure: trained, and column by column.
+"""How well robots' own histories predict a failure 1 to 25 days ahead, with and without training.
 
-A classifier that is as good 25 days ahead as on the last day recognises a worn gearbox; it does not
-know when the gearbox will fail. A column that is as good without training shows how much of the
-result is in the data rather than in the method. So both stand beside the trained method.
+A classifier that is as good 25 days ahead as on the last day recognises a worn gearbox, but does
+not know when the gearbox will fail. A column that is as good without training shows how much of the
+result comes from the data rather than from the method. The trained method is therefore reported
+together with both.
 """
 
 from __future__ import annotations
@@ -25,27 +26,27 @@ from faultgen.fleet.data import Fleet
 
 OWN = "own history"
 OWN_EVENTS = "own history and events"
-"""Names of our classifiers, in place of a combination; listed as LR. The second also reads the
-event log, which the thesis' classifiers do not."""
+"""Names of our classifiers in place of a combination; they are listed as LR. The second one also
+uses the event log, which the thesis' classifiers do not."""
 
 FARTHER = (10, 25)
-"""Days ahead beyond those of the thesis."""
+"""Days ahead that are studied in addition to those of the thesis."""
 
 DAYS = 10
-"""Of data for each horizon, thesis 5.3.3."""
+"""Days of data for each horizon, thesis 5.3.3."""
 
 UNTRAINED = (*FEATURES, "events more frequent", *PLAIN)
-"""Columns whose AUC is given without training; the last two need no method."""
+"""Columns whose AUC is reported without training. The last two need no method."""
 
 Prepared = list[tuple[np.ndarray, np.ndarray]]
 """Days, from 0, and rows of each robot."""
 
 
 def histories(fleet: Fleet) -> Prepared:
-    """Rows of `UNTRAINED` of every robot.
+    """Compute the rows of `UNTRAINED` of every robot.
 
     Raises:
-        InputError: A robot has too short a history.
+        InputError: The history of a robot is too short.
     """
     out = []
     for robot in fleet.robots:
@@ -60,12 +61,16 @@ def histories(fleet: Fleet) -> Prepared:
 
 
 def rows_before(fleet: Fleet, prepared: Prepared, horizon: int) -> list[np.ndarray]:
-    """Rows of each robot for one horizon: ten days that end so many days before the last.
+    """Select the rows of each robot for one horizon: ten days, `horizon` days before the last day.
 
     Args:
-        fleet: Robots.
-        prepared: Their rows.
-        horizon: Days ahead; the last day minus this is the last day used.
+        fleet: The robots.
+        prepared: Days and rows of each robot.
+        horizon: Days ahead. The last day that is used is this long before the last day of the
+            fleet.
+
+    Returns:
+        Rows of each robot, shape (rows, columns) each, in the units of the prepared rows.
 
     Raises:
         InputError: A robot has no row in these days.
@@ -83,20 +88,20 @@ def rows_before(fleet: Fleet, prepared: Prepared, horizon: int) -> list[np.ndarr
 def days_ahead(
     fleet: Fleet, horizons: tuple[int, ...], *, seed: int, workers: int = 1
 ) -> tuple[dict[tuple[int, str], PairResult], list[dict[str, Any]]]:
-    """AUC of both classifiers of robots' own histories, and of each of their columns untrained.
+    """Compute the AUC of both classifiers of robots' own histories, and of each untrained column.
 
     Args:
         fleet: At least three failing and three normal robots.
-        horizons: Days ahead; those of `FARTHER` are added where the records are long enough.
-        seed: Root of all draws.
-        workers: Processes; no effect on the results.
+        horizons: Days ahead. Those of `FARTHER` are added if the records are long enough.
+        seed: Root seed of all random draws.
+        workers: Number of processes. It has no effect on the results.
 
     Returns:
-        Pairs left out, by days ahead and classifier; and of each column of `UNTRAINED` and horizon
-        the mean AUC over the same pairs.
+        Results of leaving out pairs, by days ahead and classifier; and for each horizon and column
+        of `UNTRAINED` the mean AUC over the same pairs.
 
     Raises:
-        InputError: A robot has too short a history.
+        InputError: The history of a robot is too short.
     """
     failed = np.array([robot.failed for robot in fleet.robots])
     prepared = histories(fleet)

@@ -1,4 +1,4 @@
-"""Figures of a study, as files."""
+"""Files with the figures of a study."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from matplotlib.figure import Figure
 from faultgen.analysis.plots import style
 
 Figures = dict[str, Callable[[dict[str, Any]], Figure]]
-"""What draws each figure of a study's result, by name."""
+"""Functions that draw each figure of a study's result, by name."""
 
 
 def draw(figures: Figures, result: dict[str, Any], folder: Path) -> None:
     """Draw all figures of a study.
 
     Args:
-        figures: What draws each.
-        result: Of the study.
-        folder: Where the PNG files go.
+        figures: Function that draws each figure.
+        result: Result of the study.
+        folder: Folder for the PNG files.
     """
     folder.mkdir(parents=True, exist_ok=True)
     for name, make in figures.items():

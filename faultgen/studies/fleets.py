@@ -1,4 +1,4 @@
-"""The fleets that studies are of, where no other is given."""
+"""Default fleets of the studies."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ _DAILY = Production(samples_a_day=(1, 1))
 
 
 def study_fleet(name: str, seed: int, quick: bool) -> FleetPlan | None:
-    """The plan of a study's fleet; None for a study that simulates its own data.
+    """Return the plan of a study's fleet; None for a study that simulates its own data.
 
     Args:
-        name: Of the study.
-        seed: Root of all draws.
-        quick: Whether a small one will do.
+        name: Name of the study.
+        seed: Root seed of all random draws.
+        quick: Whether to use a small fleet.
+
+    Returns:
+        The plan, or None.
     """
     if name == "events":
         robots, failing = (12, 6) if quick else (48, 24)

@@ -1,4 +1,4 @@
-"""Whole studies, one a chapter of the thesis: from simulation to tables and figures."""
+"""Whole studies, one per chapter of the thesis: from simulation to tables and figures."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ STUDIES = {
 """Name and content of every study."""
 
 REPORT_SEED = 2026
-"""Root seed of the figures in docs/. Methods were developed on others."""
+"""Root seed of the results in docs/. Methods were developed with other seeds."""
 
 
 Parts = tuple[
@@ -35,7 +35,7 @@ Parts = tuple[
     Callable[[dict[str, Any]], str],
     Figures,
 ]
-"""Run, goals, tables, figures."""
+"""Functions of a study: run, goals, tables, figures."""
 
 
 def run_study(
@@ -51,17 +51,17 @@ def run_study(
 
     Args:
         name: Name of the study.
-        out: Folder for the results; what is there already is used again.
-        quick: Fewer seeds.
-        seed: Root of all draws.
-        workers: Processes; no effect on the results.
-        fleet: Folder of a fleet, for the studies that are of one; default: one of their own.
+        out: Folder for the results. Intermediate files that it already contains are used again.
+        quick: Whether to use fewer seeds.
+        seed: Root seed of all random draws.
+        workers: Number of processes. It has no effect on the results.
+        fleet: Folder of a fleet, for the studies that use one. Default: a fleet is simulated.
 
     Returns:
         The results.
 
     Raises:
-        InputError: There is no such study, or a fleet is wrong or given in vain.
+        InputError: There is no such study, a fleet is not suitable, or the study does not use one.
     """
     if name not in STUDIES:
         raise InputError(f"unknown study '{name}': choose {', '.join(STUDIES)}")

@@ -1,9 +1,9 @@
 """Thesis chapter 2 on a fleet: is a pattern in the event log 30 days before a failure real?
 
-Each robot has its own PCA of five components, of the daily counts of 67 events in its first 28
-days; T2 and Q of all days that follow are held against their limits. The thesis looked at one robot
-that failed. Here as many fail as do not, so that a pattern before failure can be held against what
-robots do that never fail.
+Each robot has its own PCA of five components. It is fitted to the daily counts of 67 events in the
+first 28 days. T2 and Q of all later days are compared with their limits. The thesis studied one
+robot that failed. Here as many robots fail as do not, so that a pattern before a failure can be
+compared with what robots show that never fail.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from faultgen.evaluation.shares import share
 from faultgen.fleet import Fleet, FleetRobot
 
 TRAINING = 28
-"""Days that PCA is fitted to, as in the thesis."""
+"""Number of days to which PCA is fitted, as in the thesis."""
 
 COMPONENTS = 5
-"""Of PCA, as in the thesis."""
+"""Number of principal components, as in the thesis."""
 
 BEFORE = 32
-"""Days before failure in which the thesis sees the pattern."""
+"""Number of days before failure in which the thesis sees the pattern."""
 
 NEVER = -1
-"""Days of warning where there was none."""
+"""Days of warning if there was no warning."""
 
 _SUPERVISED = ("motion_supervision", "motor_torque_limit")  # friction shows in these
 _CONFIDENCE = 0.95
@@ -47,19 +47,22 @@ DETECTORS = {
     "supervision, charted": "EWMA of the square root of the supervisions of the worst axis, "
     "set up on 28 days that were not fitted",
 }
-"""What gives a warning: the thesis' statistics, and two charts of ours."""
+"""Detectors that give a warning: the thesis' statistics, and two charts of ours."""
 
 
 def run_events(fleet: Fleet, *, seed: int = 2026, workers: int = 1) -> dict[str, Any]:
-    """Statistics of every robot's days, warnings, and whether failing robots differ.
+    """Compute statistics and warnings of every robot, and whether failing robots differ.
 
     Args:
-        fleet: Failing robots and others, of more than 88 days.
-        seed: Not used: nothing is drawn.
-        workers: Not used: it takes seconds.
+        fleet: Failing robots and others, with more than 88 days.
+        seed: Not used, because nothing is random.
+        workers: Not used, because it takes only seconds.
+
+    Returns:
+        Results for JSON.
 
     Raises:
-        InputError: The fleet has no robot of one kind, or its records are too short.
+        InputError: All robots fail or none does, or the records are too short.
     """
     fails = sum(robot.failed for robot in fleet.robots)
     if not 0 < fails < len(fleet.robots):
@@ -118,7 +121,7 @@ def _look(robot: FleetRobot, fleet: Fleet) -> dict[str, Any]:
 
 
 def _often(above: np.ndarray) -> np.ndarray:
-    """Days on which three of the last seven are above; none of the training counts."""
+    """Days on which three of the last seven are above the limit; days of training do not count."""
     above = above & (np.arange(len(above)) >= TRAINING)
     recent = np.convolve(above, np.ones(7))[: len(above)]
     return np.asarray(recent >= 3)
@@ -148,7 +151,7 @@ def _lead(above: np.ndarray) -> int:
 
 
 def _exceeding(seen: list[dict[str, Any]], failed: np.ndarray) -> dict[str, Any]:
-    """Share of days above the limits, in the days before failure and before these."""
+    """Share of days above the limits, in the days before failure and earlier."""
     told = {}
     for name in ("T2", "Q"):
         above = np.array([one[name] for one in seen]) > 1
@@ -162,7 +165,7 @@ def _exceeding(seen: list[dict[str, Any]], failed: np.ndarray) -> dict[str, Any]
 
 
 def _rise(values: np.ndarray, failed: np.ndarray) -> dict[str, Any]:
-    """Rise of a statistic in the last 32 days over the days before, failing against healthy."""
+    """Rise of a statistic in the last 32 days over earlier days, for failing and healthy robots."""
     log = np.log(values + 1e-9)
     rise = np.median(log[:, -BEFORE:], axis=1) - np.median(log[:, TRAINING:-BEFORE], axis=1)
     return {
@@ -174,7 +177,7 @@ def _rise(values: np.ndarray, failed: np.ndarray) -> dict[str, Any]:
 
 
 def _warnings(seen: list[dict[str, Any]], failed: np.ndarray, name: str) -> dict[str, Any]:
-    """Warnings before failures, and what robots do in the same days that do not fail."""
+    """Warnings before failures, and warnings in the same days of robots that do not fail."""
     lead = np.array([_lead(one["alarms"][name]) for one in seen])
     warned = lead != NEVER
     healthy = np.array([one["alarms"][name] for one in seen])[~failed]

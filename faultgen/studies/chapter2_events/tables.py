@@ -1,4 +1,4 @@
-"""Tables of the study `events`, with the thesis' findings beside."""
+"""Tables of the study `events`, with the thesis' findings for comparison."""
 
 from __future__ import annotations
 

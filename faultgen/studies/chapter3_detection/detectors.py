@@ -1,4 +1,4 @@
-"""Detectors on hourly torque samples: each gives a score an hour, the higher the less normal."""
+"""Detectors on hourly torque samples. Each gives a score per hour; higher means less normal."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ _DAY = 24
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """What a detector says of each hour after the training."""
+    """Scores of a detector for each hour after the training."""
 
     score: np.ndarray
     """Shape (hours,)."""
     axis: np.ndarray
-    """Axis that it blames, from 0, shape (hours,)."""
+    """Axis that the detector names, from 0, shape (hours,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,17 +47,20 @@ class Divergences:
     """The thesis' statistics of a record."""
 
     divergence: np.ndarray
-    """KL of each hour and axis, training included, shape (hours, n_axes), in [bit]."""
+    """KL of each hour and axis, including the training, shape (hours, n_axes), in [bit]."""
     monitor: PCAMonitor
     """Fitted on the training hours."""
 
     @classmethod
     def of(cls, record: Record, training: int) -> Divergences:
-        """Histograms and PCA of thesis 3.4.
+        """Compute histograms and PCA of thesis 3.4.
 
         Args:
-            record: Training and test.
+            record: Training and test hours.
             training: Number of training hours at its start.
+
+        Returns:
+            The statistics.
         """
         torque = record.torque
         healthy = torque[:training].reshape(-1, torque.shape[2])
@@ -76,10 +79,10 @@ def score(
         robot: The robot, for the directions of wear.
         record: Training and test hours.
         training: Number of training hours at its start.
-        temperature_varies: Whether the temperature says something.
+        temperature_varies: Whether the temperature varies, so that detectors should use it.
 
     Returns:
-        By detector.
+        Scores by detector.
     """
     kl = Divergences.of(record, training)
     healthy, test = kl.divergence[:training], kl.divergence[training:]
@@ -138,7 +141,7 @@ def _wear(
 
 
 def alarms(over: np.ndarray) -> int:
-    """Number of alarms: as many hours over the threshold as are a day or more apart."""
+    """Count alarms. Hours above the threshold are separate alarms if a day or more apart."""
     count, quiet_until = 0, 0
     for hour in np.flatnonzero(over).tolist():
         if hour >= quiet_until:
@@ -148,14 +151,14 @@ def alarms(over: np.ndarray) -> int:
 
 
 def threshold(healthy: list[np.ndarray], per_month: float) -> float:
-    """Lowest threshold with at most so many alarms in 720 healthy hours.
+    """Find the lowest threshold that gives at most the allowed number of alarms in healthy records.
 
     Args:
-        healthy: Scores of healthy records.
-        per_month: Alarms in 720 hours that are allowed.
+        healthy: Scores of healthy records, shape (hours,) each.
+        per_month: Allowed number of alarms in 720 hours.
 
     Returns:
-        Alarm where the score is above it.
+        The threshold. A score above it is an alarm.
     """
     allowed = per_month * sum(len(s) for s in healthy) / 720
     levels = np.unique(np.concatenate(healthy))

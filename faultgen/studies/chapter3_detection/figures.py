@@ -39,7 +39,7 @@ def _divergence(result: dict[str, Any]) -> Figure:
 
 
 def _charts(result: dict[str, Any]) -> Figure:
-    """Figure 3-3, and T² beside Q."""
+    """Figure 3-3, with T² in addition to Q."""
     example = result["example"]
     figure, panels = plt.subplots(2, 1, figsize=(8, 5.6), sharex=True)
     plot_control_chart(panels[0], example["t2"], example["t2_limits"], "T²")
@@ -64,7 +64,7 @@ def _scores(result: dict[str, Any]) -> Figure:
 
 
 def _delay(result: dict[str, Any]) -> Figure:
-    """Delay against false alarms, and how often the right axis is blamed."""
+    """Delay against false alarms, and how often the right axis is named."""
     figure, panels = plt.subplots(2, len(NOISES), figsize=(10, 6), sharex=True, sharey="row")
     for column, noise in zip(panels.T, NOISES, strict=True):
         for number, name in enumerate(_SHOWN):
@@ -94,4 +94,4 @@ FIGURES: Figures = {
     "scores": _scores,
     "detection_delay": _delay,
 }
-"""What draws each figure, by name."""
+"""Functions that draw each figure, by name."""

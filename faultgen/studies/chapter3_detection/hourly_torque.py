@@ -26,7 +26,7 @@ _TURNING = 0.3  # share of the Stribeck velocity; a slower axis creeps
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """What is recorded of some hours."""
+    """Data that are recorded over some hours."""
 
     torque: np.ndarray
     """Motor torque, shape (hours, samples, n_axes), in [N m]."""
@@ -52,7 +52,8 @@ class HourlyMonitored:
     directions: Directions
     """Change of `Record.places` with the severity of each axis."""
     turning: np.ndarray
-    """Axes that turn at some place; of the others friction cannot be told. Shape (n_axes,)."""
+    """Axes that turn at some sample of the cycle. The friction of the others cannot be observed.
+    Shape (n_axes,)."""
 
     def record(self, sensors: Sensors, severity: np.ndarray, rng: np.random.Generator) -> Record:
         """Record consecutive hours.
@@ -87,7 +88,7 @@ class HourlyMonitored:
 
 @lru_cache(maxsize=4)
 def hourly_monitored(path: Path) -> HourlyMonitored:
-    """A robot and task from the file of its surrogate."""
+    """Load a robot and task from the file of its surrogate."""
     surrogate = Surrogate.load(path)
     robot = load_robot(surrogate.robot_path)
     cycles = surrogate.at(wear_points(robot, surrogate.effect))

@@ -1,7 +1,8 @@
-"""Study `detection`, thesis chapter 3: from which hour on is wear detected and located?
+"""Study `detection`, thesis chapter 3: when is wear detected, and on which axis?
 
-PUMA 560, three one-minute tasks; 120 healthy hours, then 120 in which one axis wears by eq. 3.7.
-The thesis' procedure is followed first; then all detectors are compared at equal false alarms.
+The robot is a PUMA 560 with three one-minute tasks. After 120 healthy hours, one axis wears by
+eq. 3.7 for another 120 hours. First the thesis' procedure is followed. Then all detectors are
+compared at equal rates of false alarms.
 """
 
 from __future__ import annotations
@@ -42,29 +43,31 @@ TASKS = ("chapter3_task1", "chapter3_task2", "chapter3_task3")
 NOISES = ("thesis", "realistic")
 WEARS = (0.10, 0.20)
 TRAINING = 120
-"""Hours."""
+"""Hours of training."""
 WORN = 120
 """Hours in which wear grows."""
 MONTH = 720
-"""Hours."""
+"""Hours of a month."""
 RATES = (10.0, 3.0, 1.0, 0.3, 0.1)
-"""False alarms a month at which detectors are compared."""
+"""False alarms per month at which detectors are compared."""
 OPERATING = 0.1
-"""The one at which they are told cell by cell."""
+"""The rate for which results are reported cell by cell."""
 IN_A_ROW = 3
-"""Hours above the 95 % limit for the thesis' procedure to detect: assumed, it does not say."""
+"""Number of successive hours above the 95 % limit after which the thesis' procedure detects:
+assumed, because the thesis does not state it."""
 
 _CALIBRATION, _HEALTHY, _WEAR = range(3)
 
 
 @dataclass(frozen=True)
 class Size:
-    """How much is drawn for each task and noise."""
+    """Amount of random data for each task and noise."""
 
     seeds: int
-    """Runs of each worn axis and wear."""
+    """Number of runs for each worn axis and wear."""
     months: int
-    """Healthy months to set thresholds on, and as many others to count false alarms in."""
+    """Number of healthy months from which thresholds are found, and of other months in which false
+    alarms are counted."""
 
 
 FULL = Size(seeds=10, months=40)
@@ -77,10 +80,10 @@ def run_detection(
     """Run the study.
 
     Args:
-        out: Folder for simulated cycles, which are used again by the next call.
-        size: How much is drawn.
-        seed: Root of all draws.
-        workers: Processes; no effect on the results.
+        out: Folder for simulated cycles, which the next call uses again.
+        size: Amount of random data.
+        seed: Root seed of all random draws.
+        workers: Number of processes. It has no effect on the results.
 
     Returns:
         Results for JSON.
@@ -206,7 +209,7 @@ def _thesis_procedure(robot: HourlyMonitored, record: Record, axis: int) -> dict
 def _thesis_false_alarms(
     healthy: dict[tuple[str, str, int, int], Any], size: Size
 ) -> list[dict[str, Any]]:
-    """How the thesis' procedure does on healthy months."""
+    """False alarms of the thesis' procedure in healthy months."""
     rows = []
     for task in TASKS:
         for noise in NOISES:

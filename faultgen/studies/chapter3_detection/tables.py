@@ -1,4 +1,4 @@
-"""Tables of the study `detection`, with the thesis' figures beside."""
+"""Tables of the study `detection`, with the thesis' values for comparison."""
 
 from __future__ import annotations
 

@@ -1,9 +1,10 @@
 """Signals of thesis chapter 4: 60 days of one robot as input of principal components.
 
-A set is 40 days of training and 20 of test; the last five of these are left out. Of each part by
-itself (the first measurement of a histogram is the part's own first) come three signals: raw,
-absolute differences to the day before, and both side by side. Linear trends are taken out of each
-part, so that robots at different levels can be told by one another's components.
+A set consists of 40 days of training and 20 of test, of which the last five are omitted. Each part
+is processed alone, and the reference of its histograms is its own first measurement. There are
+three signals: raw, absolute differences to the day before, and both combined. Linear trends are
+removed from each part, so that the components of one robot can be used for another robot at a
+different level.
 """
 
 from __future__ import annotations
@@ -24,10 +25,10 @@ SET, TRAIN, TEST = 60, 40, 15
 SIGNALS = ("raw", "difference", "combined")
 
 FAILED, NORMAL = 7, 3
-"""Robots of the thesis' design."""
+"""Numbers of robots in the thesis' design."""
 
 EVENTS = 13
-"""Kinds of events that the thesis found with all robots, and takes."""
+"""Number of kinds of events that the thesis found with all robots and used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,7 @@ class TrainingSet:
     first: int
     """Day of the record with which the set begins, from 0."""
     train: dict[str, np.ndarray]
-    """By signal, shape (rows, columns); differences have a row less."""
+    """Training rows by signal, shape (rows, columns). Differences have one row less."""
     test: dict[str, np.ndarray]
     """The same of the test part."""
     test_day: dict[str, np.ndarray]
@@ -49,16 +50,18 @@ class TrainingSet:
 
 
 def training_sets(fleet: Fleet) -> list[TrainingSet]:
-    """The thesis' 13 sets: last 60 days of seven failing robots, first and last of three others.
+    """Make the thesis' 13 sets of 60 days.
+
+    They are the last days of seven failing robots, and the first and last days of three others.
 
     Args:
-        fleet: Its first seven failing and three normal robots are used.
+        fleet: The fleet. Its first seven failing and three normal robots are used.
 
     Returns:
         Seven sets of failing robots, then six of normal ones.
 
     Raises:
-        InputError: There are fewer robots or days, or a robot ran on too few of them.
+        InputError: There are too few robots or days, or a robot ran on too few of them.
     """
     failing = [robot for robot in fleet.robots if robot.failed][:FAILED]
     normal = [robot for robot in fleet.robots if not robot.failed][:NORMAL]
@@ -80,7 +83,7 @@ def training_sets(fleet: Fleet) -> list[TrainingSet]:
 
 
 def _common_events(robots: list[FleetRobot]) -> np.ndarray:
-    """Kinds of events that all robots have, the most frequent 13 at most."""
+    """Kinds of events that all robots have, at most the 13 most frequent."""
     totals = np.array([robot.events.sum(axis=0) for robot in robots])
     common = np.flatnonzero((totals > 0).all(axis=0))
     order = np.argsort(-totals[:, common].sum(axis=0), kind="stable")
@@ -124,6 +127,6 @@ def _signals(series: Daily, others: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _without_trend(values: np.ndarray) -> np.ndarray:
-    """Linear trends taken out; what is then left of a constant is rounding, and 0."""
+    """Remove linear trends. What then remains of a constant is rounding, and is set to 0."""
     left = detrend(values, axis=0)
     return np.where(np.abs(left).max(axis=0) > 1e-9 * np.abs(values).max(axis=0), left, 0.0)

@@ -1,8 +1,8 @@
 """Study `training-data`, thesis chapter 4: whose data, and which signal, should PCA learn from?
 
-Principal components of 40 days of one robot are asked about 15 days of another (one to many, OTM)
-or of the same robot (one to one, OTO). What failing and normal robots leave off the components, Q,
-is told by three descriptors, and these are compared by a factorial ANOVA and by GLMs.
+Principal components of 40 days of one robot are applied to 15 days of another (one to many, OTM) or
+of the same robot (one to one, OTO). Q is what the components do not explain. Three descriptors of Q
+are compared between failing and normal robots by a factorial ANOVA and by GLMs.
 """
 
 from __future__ import annotations
@@ -26,14 +26,15 @@ from faultgen.studies.chapter4_training_data.signals import (
 from faultgen.studies.chapter4_training_data.thesis import FACTORS
 
 SHARE = 0.90
-"""Of the variance that components explain."""
+"""Share of the variance that the components explain."""
 
 CONFIDENCE = 0.95
-"""Of the limit of Q."""
+"""Confidence of the limit of Q."""
 
 DESCRIPTORS: dict[str, Family] = {"variation": "gamma", "above": "poisson", "lead": "poisson"}
-"""Coefficient of variation of Q, number of days above its limit, days left when the first of these
-is seen (0 if none is; the five days left out come on top): family of the GLM of each."""
+"""Family of the GLM of each descriptor: coefficient of variation of Q, number of days above its
+limit, and days that remain when the first of these occurs (0 if there is none; the five omitted
+days are added)."""
 
 CUTS = (10, 12, 13, TEST)
 """Days of the test part, from its first."""
@@ -48,9 +49,9 @@ def run_training(
 
     Args:
         fleet: At least seven failing and three normal robots, 120 days.
-        quick: Two lengths of the test part rather than four.
-        seed: Not used: nothing is drawn.
-        workers: Not used: it takes seconds.
+        quick: Whether to use two lengths of the test part instead of four.
+        seed: Not used, because nothing is random.
+        workers: Not used, because it takes only seconds.
 
     Returns:
         Results for JSON.
@@ -136,19 +137,19 @@ def _row(case: dict[str, Any], days: int) -> dict[str, Any]:
 
 
 def describe(q: np.ndarray, day: np.ndarray, limit: float, days: int) -> dict[str, float | int]:
-    """The three descriptors of a series of Q.
+    """Compute the three descriptors of a series of Q.
 
     Args:
         q: Q, shape (rows,).
         day: Day of each row, from 0. Same shape.
-        limit: Of Q.
-        days: How many days count.
+        limit: Limit of Q.
+        days: Number of days that are used.
 
     Returns:
         "variation", "above" and "lead", see `DESCRIPTORS`.
 
     Raises:
-        InputError: Q is zero throughout, or never varies.
+        InputError: Q is always zero, or never varies.
     """
     counted = q[day < days]
     if len(counted) < 2 or np.ptp(counted) == 0:

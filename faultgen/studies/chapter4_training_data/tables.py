@@ -1,4 +1,4 @@
-"""Tables of the study `training-data`, with the thesis' figures beside."""
+"""Tables of the study `training-data`, with the thesis' values for comparison."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NAMES = {
     "above": "days above the limit of Q",
     "lead": "lead time [d]",
 }
-"""Of the descriptors."""
+"""Names of the descriptors."""
 
 _ANOVA_TABLES = {"variation": "4.2", "above": "4.3", "lead": "4.4"}
 _MODEL_TABLES = {"variation": "4.6", "lead": "4.8", "above": "4.10"}
@@ -30,7 +30,7 @@ _TERM_TABLES = {"variation": "4.7", "lead": "4.9", "above": "4.11"}
 
 
 def goals(result: dict[str, Any]) -> Rows:
-    """What the thesis found, and whether it is found again."""
+    """The thesis' findings, and whether they are confirmed."""
     rows = []
     for name, (source, signal, _) in FOUND.items():
         found = _found(result, name, TEST)

@@ -1,4 +1,4 @@
-"""Numbers of thesis chapter 4, to stand beside ours."""
+"""Numbers of thesis chapter 4, for comparison with ours."""
 
 from __future__ import annotations
 

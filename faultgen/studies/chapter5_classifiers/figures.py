@@ -74,7 +74,7 @@ def _box(cell: dict[str, Any]) -> dict[str, Any]:
 
 
 def _horizons(result: dict[str, Any]) -> Figure:
-    """Mean AUC over days ahead, of what is known at several."""
+    """Mean AUC over days ahead, for methods with results at several horizons."""
     figure, axes = plt.subplots(figsize=(7, 3.6))
     lines: dict[tuple[str, str], list[tuple[int, float]]] = {}
     for cell in result["cells"]:
@@ -114,7 +114,7 @@ def _speed(result: dict[str, Any]) -> Figure:
 
 
 def _importance(result: dict[str, Any]) -> Figure:
-    """AUC lost by shuffling each measurement of each axis."""
+    """Loss of AUC if a measurement of an axis is shuffled."""
     shown = list(dict.fromkeys(row["classifier"] for row in result["importance"]))
     figure, panels = plt.subplots(1, len(shown), figsize=(5.2 * len(shown), 3.4), squeeze=False)
     for axes, classifier in zip(panels[0], shown, strict=True):

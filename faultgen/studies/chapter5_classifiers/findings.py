@@ -1,4 +1,4 @@
-"""What the study `classifiers` finds in its areas under the curve: tests, intervals, task."""
+"""Findings of the study `classifiers` from its areas under the curve: tests and intervals."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WITHOUT_DIFFERENCES = "+estM+var3+pca"
 LONGER_WINDOWS = "+estM+diff+var5+pca"
 
 Auc = dict[tuple[str, str], np.ndarray]
-"""By combination and classifier, shape (failing, normal)."""
+"""AUC by combination and classifier, shape (failing, normal) each."""
 
 
 def _groups(auc: Auc, classifier: str) -> dict[str, np.ndarray]:
@@ -30,12 +30,28 @@ def _groups(auc: Auc, classifier: str) -> dict[str, np.ndarray]:
 
 
 def compared(auc: Auc, classifier: str) -> Comparison:
-    """Procedure 2 over all combinations of table 5.2."""
+    """Compare all combinations of table 5.2 by procedure 2.
+
+    Args:
+        auc: AUC of all pairs by combination and classifier.
+        classifier: Name of the classifier.
+
+    Returns:
+        The comparison.
+    """
     return compare(_groups(auc, classifier))
 
 
 def overall(classifier: str, found: Comparison) -> dict[str, Any]:
-    """Whether combinations differ at all."""
+    """Summarise whether combinations differ at all.
+
+    Args:
+        classifier: Name of the classifier.
+        found: Its comparison, from `compared`.
+
+    Returns:
+        A row for the tables.
+    """
     return {
         "classifier": classifier,
         "levene": found.levene,
@@ -46,7 +62,16 @@ def overall(classifier: str, found: Comparison) -> dict[str, Any]:
 
 
 def over_control(auc: Auc, classifier: str, found: Comparison) -> list[dict[str, Any]]:
-    """Each combination against none: change of the mean and p of procedure 2."""
+    """Compare each combination with no preprocessing: change of the mean and p of procedure 2.
+
+    Args:
+        auc: AUC of all pairs by combination and classifier.
+        classifier: Name of the classifier.
+        found: Its comparison, from `compared`.
+
+    Returns:
+        One row per combination.
+    """
     groups = _groups(auc, classifier)
     control = groups["control"]
     return [
@@ -62,7 +87,15 @@ def over_control(auc: Auc, classifier: str, found: Comparison) -> list[dict[str,
 
 
 def pairs(auc: Auc, comparisons: Mapping[str, Comparison]) -> list[dict[str, Any]]:
-    """Tables A.2 and A.3, from the comparison of each classifier."""
+    """Compare combinations with and without each step, as in tables A.2 and A.3.
+
+    Args:
+        auc: AUC of all pairs by combination and classifier.
+        comparisons: Comparison of each classifier, from `compared`.
+
+    Returns:
+        One row per step, pair of combinations and classifier.
+    """
     rows = []
     for classifier, found in comparisons.items():
         groups = _groups(auc, classifier)
@@ -91,7 +124,16 @@ def _ratio(over: float, under: float) -> float | None:
 
 
 def headlines(auc: Auc, classifiers: Sequence[str], seed: int) -> list[dict[str, Any]]:
-    """What each step adds to the thesis' pair, with an interval over robots."""
+    """Compute what each step adds to the thesis' pair, with an interval over robots.
+
+    Args:
+        auc: AUC of all pairs by combination and classifier.
+        classifiers: Names of the classifiers.
+        seed: Seed of the bootstrap.
+
+    Returns:
+        One row per step and classifier.
+    """
     rows = []
     for step, pair in HEADLINE.items():
         for classifier in classifiers:
@@ -103,7 +145,15 @@ def headlines(auc: Auc, classifiers: Sequence[str], seed: int) -> list[dict[str,
 
 
 def windows(auc: Auc, classifiers: Sequence[str]) -> list[dict[str, Any]]:
-    """Windows of three days against windows of five."""
+    """Compare windows of three days with windows of five.
+
+    Args:
+        auc: AUC of all pairs by combination and classifier.
+        classifiers: Names of the classifiers.
+
+    Returns:
+        One row per classifier.
+    """
     names = (FULL_CHAIN, LONGER_WINDOWS)
     rows = []
     for classifier in classifiers:
@@ -115,7 +165,16 @@ def windows(auc: Auc, classifiers: Sequence[str]) -> list[dict[str, Any]]:
 
 
 def invariance(fleet: Fleet, auc: Auc, classifiers: Sequence[str]) -> list[dict[str, Any]]:
-    """Does the mean AUC of a robot depend on how fast, or how hard, it works?"""
+    """Test whether the mean AUC of a robot depends on how fast, or with how much torque, it works.
+
+    Args:
+        fleet: The robots.
+        auc: AUC of all pairs by combination and classifier.
+        classifiers: Names of the classifiers.
+
+    Returns:
+        One row per quantity, combination and classifier.
+    """
     series = [daily(robot) for robot in fleet.robots]
     failed = np.array([robot.failed for robot in fleet.robots])
     rows = []

@@ -1,8 +1,8 @@
-"""Study `classifiers`, thesis chapter 5: does preprocessing help to foresee gearbox failures?
+"""Study `classifiers`, thesis chapter 5: does preprocessing help to predict gearbox failures?
 
-Robots of a fleet, half of which fail on its last day; ten days of data that end 1, 3 or 5 days
+Half of the robots of a fleet fail on its last day. The data are ten days that end 1, 3 or 5 days
 before. Every classifier is trained and tested by leaving out pairs of robots (procedure 1), and
-preprocessings are compared by procedure 2; a classifier of our own stands beside them.
+preprocessings are compared by procedure 2. A classifier of our own is reported for comparison.
 """
 
 from __future__ import annotations
@@ -32,24 +32,24 @@ from faultgen.studies.chapter5_classifiers.findings import (
 from faultgen.studies.classifiers_ahead import days_ahead, rows_before
 
 HORIZON = 3
-"""Days ahead of which tables and tests tell."""
+"""Days ahead for the tables and tests."""
 
 
 @dataclass(frozen=True)
 class Size:
-    """How much is compared."""
+    """Amount of comparisons."""
 
     combinations: tuple[str, ...]
-    """At the horizon of the tables."""
+    """Combinations at the horizon of the tables."""
     others: tuple[str, ...]
-    """At the other horizons."""
+    """Combinations at the other horizons."""
     classifiers: tuple[str, ...]
     horizons: tuple[int, ...]
     """Days ahead."""
     robots: int | None
-    """Of each kind at most; all, if None."""
+    """Largest number of robots of each kind; None for all."""
     importance: tuple[str, ...]
-    """Classifiers whose measurements are shuffled."""
+    """Classifiers for which the importance of measurements is computed."""
 
 
 FULL = Size(
@@ -77,9 +77,9 @@ def run_classifiers(
 
     Args:
         fleet: At least three failing and three normal robots.
-        size: How much is compared.
-        seed: Root of all draws.
-        workers: Processes; no effect on the results, but on the time told.
+        size: Amount of comparisons.
+        seed: Root seed of all random draws.
+        workers: Number of processes. It affects only the reported time.
 
     Returns:
         Results for JSON.
@@ -140,12 +140,16 @@ def run_classifiers(
 
 
 def horizon_rows(fleet: Fleet, name: str, horizon: int) -> list[np.ndarray]:
-    """Rows of each robot for one horizon: ten days that end so many days before the last.
+    """Compute the rows of each robot for one horizon: ten days, `horizon` days before the last day.
 
     Args:
-        fleet: Robots.
-        name: Preprocessing.
-        horizon: Days ahead, T - horizon being the last day used.
+        fleet: The robots.
+        name: Name of the preprocessing.
+        horizon: Days ahead. The last day that is used is this long before the last day of the
+            fleet.
+
+    Returns:
+        Rows of each robot, shape (rows, columns) each, see `prepare` for the units.
 
     Raises:
         InputError: A robot has no row in these days.
@@ -181,7 +185,7 @@ def _failed(fleet: Fleet) -> np.ndarray:
 def _importance(
     fleet: Fleet, classifiers: Sequence[str], seed: int, workers: int
 ) -> list[dict[str, Any]]:
-    """AUC lost by shuffling a measurement of one axis, and of all axes."""
+    """Loss of AUC if a measurement of one axis, or of all axes, is shuffled."""
     combination = Combination.of(FULL_CHAIN)
     n_axes = fleet.robots[0].torque_indicator.shape[1]
     groups = combination.columns(n_axes)

@@ -1,4 +1,4 @@
-"""Numbers of thesis chapter 5 and its appendix, to stand beside ours."""
+"""Numbers of thesis chapter 5 and its appendix, for comparison with ours."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ HEADLINE: dict[str, tuple[str, str]] = {
     "estM": ("+diff+var3+pca", "+estM+diff+var3+pca"),
     "pca": ("+estM+diff", "+estM+diff+pca"),
 }
-"""Pair by which the thesis tells how much each step improves, 5.4.1 to 5.4.4."""
+"""Pair from which the thesis states how much each step improves, 5.4.1 to 5.4.4."""
 
 WINDOWS_P = {"LR": 0.957, "SVM": 0.217, "RF": 0.667, "ES": 0.124}
 """P of equal means with windows of three and of five days, 5.4.2."""

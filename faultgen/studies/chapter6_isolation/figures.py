@@ -121,4 +121,4 @@ FIGURES: Figures = {
     "accuracy": _accuracy,
     "severity": _severity,
 }
-"""What draws each figure, by name."""
+"""Functions that draw each figure, by name."""

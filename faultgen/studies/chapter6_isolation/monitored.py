@@ -1,7 +1,7 @@
-"""A robot under monitoring: as many series of cycles as a study needs.
+"""A monitored robot: as many series of cycles as a study needs.
 
-Cycles come from a surrogate, and are disturbed and measured as in a run of `faultgen generate`: the
-same seed draws the same temperature, payload and noise.
+Cycles come from a surrogate. They are disturbed and measured as in a run of `faultgen generate`:
+the same seed draws the same temperature, payload and noise.
 
     monitored = Monitored.of(build_surrogate("irb6700", "spot_weld"))
     seen = monitored.observe(get_sensors("realistic"), severity, np.random.default_rng(1))
@@ -25,7 +25,7 @@ _BLOCK = 25  # cycles put together at once; bounds the memory
 
 @dataclass(frozen=True, eq=False)
 class Monitored:
-    """A robot and task, and what its model says of wear."""
+    """A robot and task, with the wear model."""
 
     surrogate: Surrogate
     """Cycles free of noise."""
@@ -36,18 +36,18 @@ class Monitored:
 
     @classmethod
     def of(cls, surrogate: Surrogate) -> Monitored:
-        """Take the wear model from the surrogate's own cycles."""
+        """Compute the wear model from the surrogate's own cycles."""
         robot = load_robot(surrogate.robot_path)
         model = wear_model(robot, surrogate.at(wear_points(robot, surrogate.effect)))
         return cls(surrogate, model, robot.friction_temperature)
 
     def observe(self, sensors: Sensors, severity: np.ndarray, rng: np.random.Generator) -> Observed:
-        """Reductions of consecutive cycles.
+        """Reduce consecutive cycles.
 
         Args:
             sensors: Noise and disturbance.
-            severity: Of each cycle and axis, shape (cycles, n_axes).
-            rng: Source of randomness; used as a run of `faultgen generate` uses that of its seed.
+            severity: Severity of each cycle and axis, shape (cycles, n_axes).
+            rng: Source of randomness, used in the same order as in a run of `faultgen generate`.
 
         Returns:
             The reductions.

@@ -59,7 +59,16 @@ class Block:
         return runs + [(PAIR, pair, k) for pair in pairs for k in range(self.pairs)]
 
     def rng(self, role: int, axes: tuple[int, ...], number: int) -> np.random.Generator:
-        """A stream for one run that depends on nothing else."""
+        """Make a random generator for one run that depends on nothing else.
+
+        Args:
+            role: Role of the run, such as WORN.
+            axes: Worn axes, from 0.
+            number: Number of the run.
+
+        Returns:
+            The generator.
+        """
         place = f"{self.robot} {self.task} {self.noise}".encode()
         where = int.from_bytes(hashlib.sha256(place).digest()[:4])
         return np.random.default_rng([self.seed, where, role, *(a + 1 for a in axes), number])
@@ -92,17 +101,17 @@ def growth() -> np.ndarray:
 
 @lru_cache(maxsize=2)
 def monitored(path: Path) -> Monitored:
-    """A robot and task from the file of its surrogate; kept for the blocks that follow."""
+    """Load a robot and task from the file of its surrogate, and keep it for the next blocks."""
     return Monitored.of(Surrogate.load(path))
 
 
 def make_series(block: Block, surrogate: Path, folder: Path) -> Series:
-    """Draw all series of a block, or read them if they are there.
+    """Draw all series of a block, or read them if they exist.
 
     Args:
-        block: What to draw.
+        block: The block.
         surrogate: File of the surrogate of its robot and task.
-        folder: Where series are kept.
+        folder: Folder in which series are kept.
 
     Returns:
         The series.

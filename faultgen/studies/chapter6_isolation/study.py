@@ -1,8 +1,8 @@
-"""Study `isolation`, thesis chapter 6: which axis is worn, by every method, under several noises.
+"""Study `isolation`, thesis chapter 6: which axis is worn, according to each method and noise?
 
-Both robots and three tasks; one axis or two wear by up to 20 %. Cycles are interpolated between
-simulated ones (`faultgen.simulation.surrogate`), so that every seed has its own temperatures,
-payloads and noise at the cost of an addition.
+Both robots perform three tasks while one axis or two wear by up to 20 %. Cycles are interpolated
+between simulated ones (`faultgen.simulation.surrogate`). Every seed can then have its own
+temperatures, payloads and noise at little cost.
 """
 
 from __future__ import annotations
@@ -46,16 +46,16 @@ CONTROLS = ("as measured", "cycles shuffled", "time reversed", "noise with a tre
 
 @dataclass(frozen=True)
 class Size:
-    """How much is drawn for each robot, task and noise."""
+    """Amount of random data for each robot, task and noise."""
 
     reference: int
     """Healthy runs to learn from, of 100 cycles."""
     healthy: int
     """Healthy runs to test on, at `realistic` noise; as many as `worn` at others."""
     worn: int
-    """Runs of each worn axis, which are the seeds of the study."""
+    """Number of runs for each worn axis, which are the seeds of the study."""
     pairs: int
-    """Runs of each pair of worn axes, at `realistic` noise."""
+    """Number of runs for each pair of worn axes, at `realistic` noise."""
 
 
 FULL = Size(reference=20, healthy=100, worn=20, pairs=7)
@@ -68,10 +68,10 @@ def run_isolation(
     """Run the study.
 
     Args:
-        out: Folder for simulated cycles and series, which are used again by the next call.
-        size: How much is drawn.
-        seed: Root of all draws.
-        workers: Processes; no effect on the results.
+        out: Folder for simulated cycles and series, which the next call uses again.
+        size: Amount of random data.
+        seed: Root seed of all random draws.
+        workers: Number of processes. It has no effect on the results.
 
     Returns:
         Results for JSON: rows of counts by robot, task, noise, level and method.
@@ -241,7 +241,7 @@ def _our_methods(
 
 
 def _severity(answers: list[Answer], truth: list[tuple[int, int]], wear: float) -> dict[str, Any]:
-    """Error of the severity of the worn axis, and how often its interval holds."""
+    """Error of the severity of the worn axis, and how often its interval contains the truth."""
     errors = [a.severity[axis] - wear for a, (_, axis) in zip(answers, truth, strict=True)]
     inside = [
         a.interval[axis, 0] <= wear <= a.interval[axis, 1]
@@ -284,7 +284,7 @@ def _bins(series: Series, cuts: list[tuple[float, int]]) -> list[dict]:
 
 
 def _controls(series: Series, block: Block) -> list[dict]:
-    """What the thesis' isolators name when cause, or the order of cycles, is taken away."""
+    """Answers of the thesis' isolators without cause, or without the order of cycles."""
     n = _cycles_to(0.10)
     torque = np.nan_to_num(series.mean_torque)[:, :n]
     rng = np.random.default_rng([block.seed, 99])

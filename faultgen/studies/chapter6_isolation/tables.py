@@ -1,4 +1,4 @@
-"""Tables of the study `isolation`, with the thesis' figures beside."""
+"""Tables of the study `isolation`, with the thesis' values for comparison."""
 
 from __future__ import annotations
 
@@ -44,7 +44,15 @@ def _thesis_6_1() -> dict[tuple[str, int], list[tuple[float, float]]]:
 
 
 def pooled(rows: Rows, **where: Any) -> dict[str, Any]:
-    """Counts of all rows with these values, as one share with its interval."""
+    """Add the counts of all rows with given values, as one share with its interval.
+
+    Args:
+        rows: Rows with the counts "right" and "total".
+        where: Values that a row must have, by name.
+
+    Returns:
+        The share, as in `share`.
+    """
     chosen = [row for row in rows if all(row[name] == value for name, value in where.items())]
     return share(sum(row["right"] for row in chosen), sum(row["total"] for row in chosen))
 
