@@ -23,8 +23,8 @@ ESTIMATES = ("estimated speed", "estimated torque")
 DIVERGENCES = ("KL speed", "KL angle", "KL torque")
 
 
-class Record(Protocol):
-    """Monitoring data of one robot."""
+class TorqueRecord(Protocol):
+    """Monitoring data of one robot: only its torque."""
 
     @property
     def day(self) -> np.ndarray:
@@ -37,6 +37,10 @@ class Record(Protocol):
     @property
     def torque_histogram(self) -> np.ndarray:
         """Share of time in each bin of the torque, shape (samples, n_axes, bins)."""
+
+
+class Record(TorqueRecord, Protocol):
+    """Monitoring data of one robot."""
 
     @property
     def speed_histogram(self) -> np.ndarray:

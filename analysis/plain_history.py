@@ -9,12 +9,11 @@ A classifier that is not better than these numbers has learned nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .daily import day_of
+from .daily import TorqueRecord, day_of
 from .own_history import FEWEST, LATE, rms_torque
 
 Floats = NDArray[np.floating]
@@ -24,22 +23,6 @@ PLAIN = ("last week's torque over the first week's", "unsteadiness of the torque
 """Columns of `plain_history`."""
 
 _WEEK = 7
-
-
-class TorqueRecord(Protocol):
-    """Monitoring data of one robot: the part that `plain_history` reads."""
-
-    @property
-    def day(self) -> np.ndarray:
-        """Time of each sample [d], shape (samples,); a sample at 2.0 belongs to the day before."""
-
-    @property
-    def production(self) -> np.ndarray:
-        """Share of time in which the robot produced, shape (samples,)."""
-
-    @property
-    def torque_histogram(self) -> np.ndarray:
-        """Share of time in each bin of the torque, shape (samples, n_axes, bins)."""
 
 
 def plain_history(record: TorqueRecord) -> tuple[Ints, Floats]:

@@ -25,7 +25,8 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from faultgen.dataset.experiment import make_experiment, plan_runs, to_toml
+from faultgen.dataset.experiment import make_experiment, to_toml
+from faultgen.dataset.planning import plan_runs
 from faultgen.dataset.run import make_run
 from faultgen.robot import load_robot
 from faultgen.simulation.motion import plan

@@ -15,6 +15,7 @@ import argparse
 import numpy as np
 from joblib import Parallel, delayed
 
+from faultgen.effects import Applied
 from faultgen.monitoring.reductions import mean_abs_torque
 from faultgen.monitoring.sensors import get_sensors
 from faultgen.simulation.state import Condition
@@ -48,10 +49,12 @@ def _errors(surrogate: Surrogate, count: int, workers: int) -> tuple[np.ndarray,
     conditions = []
     for number in range(count):
         axes = rng.choice(surrogate.n_axes, 1 + number % 2, replace=False)
-        wear = tuple((int(axis) + 1, float(rng.uniform(0, 0.2))) for axis in axes)
+        wear = tuple(
+            Applied(surrogate.effect, int(axis) + 1, float(rng.uniform(0, 0.2))) for axis in axes
+        )
         temperature = 40 + sensors.temperature_wander * rng.standard_normal()
         load = 1 + sensors.payload_scatter * rng.standard_normal()
-        conditions.append(Condition(float(temperature), float(load), surrogate.effect, wear))
+        conditions.append(Condition(float(temperature), float(load), wear))
     where = surrogate.robot_path, surrogate.task_path, surrogate.sample_period
     truth = np.stack(
         Parallel(n_jobs=workers)(delayed(simulate_at)(*where, each) for each in conditions)

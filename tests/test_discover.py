@@ -173,6 +173,11 @@ def test_sensitivities_are_kept(files, tiny_robot_path, tmp_path, monkeypatch):
     second = discovered(files, tiny_robot_path, "worn", cache=tmp_path)
     assert len(count) - before < before / 3
     assert first["effects"] == second["effects"]
+    for kept in tmp_path.iterdir():  # damaged files are not believed
+        content = bytearray(kept.read_bytes())
+        content[len(content) // 2] ^= 1
+        kept.write_bytes(content)
+    assert discovered(files, tiny_robot_path, "worn", cache=tmp_path)["effects"] == first["effects"]
 
 
 def test_names_of_files_and_robots_do_not_matter(files, tiny_robot_path, tmp_path):

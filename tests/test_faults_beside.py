@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import faultgen
-from faultgen.dataset.experiment import make_experiment, plan_runs, to_toml
+from faultgen.dataset.experiment import make_experiment, to_toml
+from faultgen.dataset.planning import plan_runs
 from faultgen.effects import Applied
 from faultgen.errors import InputError
 from faultgen.simulation.nominal import nominal

@@ -14,8 +14,9 @@ import pytest
 
 import faultgen.dataset.sweep as sweep
 import faultgen.system.files as files
-from faultgen.dataset.experiment import make_experiment, plan_runs
+from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.manifest import Manifest
+from faultgen.dataset.planning import plan_runs
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.storage import RunWriter
 from faultgen.dataset.sweep import generate

@@ -6,12 +6,18 @@ import pytest
 from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
+from faultgen.effects import Applied
 from faultgen.errors import InputError
 from faultgen.monitoring.sensors import get_sensors
 from faultgen.robot import COULOMB, load_robot
 from faultgen.simulation.state import Condition, machine_at
 from faultgen.simulation.surrogate import Surrogate, build_surrogate, simulate_at, surrogate_file
 from faultgen.studies.chapter6_isolation.monitored import Monitored
+
+
+def worn(*axes):
+    """Friction wear of the given severity on each axis."""
+    return tuple(Applied("friction_wear", axis, severity) for axis, severity in axes)
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +35,8 @@ def surrogate(where):
     [
         Condition(40.0 + 5.0),
         Condition(60.0, 1.03),
-        Condition(45.0, 1.0, "friction_wear", ((2, 0.1),)),
-        Condition(45.0, 1.0, "friction_wear", ((1, 0.2),)),
+        Condition(45.0, 1.0, worn((2, 0.1))),
+        Condition(45.0, 1.0, worn((1, 0.2))),
     ],
 )
 def test_a_node_is_the_simulation(surrogate, where, condition):
@@ -43,10 +49,8 @@ def test_between_nodes_the_error_is_below_the_noise(surrogate, where):
     """Temperature, payload and wear of both axes at once, as in a run; noise is 1 % of the mean."""
     rng = np.random.default_rng(5)
     for _ in range(6):
-        wear = ((1, rng.uniform(0, 0.2)), (2, rng.uniform(0, 0.2)))
-        condition = Condition(
-            40 + rng.uniform(-8, 12), rng.uniform(0.98, 1.02), "friction_wear", wear
-        )
+        wear = worn((1, rng.uniform(0, 0.2)), (2, rng.uniform(0, 0.2)))
+        condition = Condition(40 + rng.uniform(-8, 12), rng.uniform(0.98, 1.02), wear)
         error = surrogate.at([condition])[0, 2] - simulate_at(*where, condition)[2]
         assert np.all(np.sqrt(np.mean(error**2, axis=0)) < 0.3 * 0.01 * surrogate.mean_torque)
         # the error is no more than a part of what the condition changes
@@ -65,7 +69,7 @@ def test_below_the_range_of_the_friction_law_nothing_changes(surrogate):
     ("condition", "message"),
     [
         (Condition(70.0), "temperature must be within"),
-        (Condition(40.0, 1.0, "friction_wear", ((1, 0.25),)), "severity must be within"),
+        (Condition(40.0, 1.0, worn((1, 0.25))), "severity must be within"),
     ],
 )
 def test_outside_of_the_grid_is_refused(surrogate, condition, message):
@@ -77,7 +81,7 @@ def test_written_and_read_again(surrogate, tmp_path):
     """A surrogate from a file gives the same cycles."""
     surrogate.save(tmp_path / "cycles" / "s.h5")
     again = Surrogate.load(tmp_path / "cycles" / "s.h5")
-    condition = Condition(41.0, 1.01, "friction_wear", ((1, 0.07),))
+    condition = Condition(41.0, 1.01, worn((1, 0.07)))
     np.testing.assert_array_equal(again.at([condition]), surrogate.at([condition]))
     assert again.sample_period == 0.004 and again.task_path == surrogate.task_path
     (tmp_path / "bad.h5").write_text("no")

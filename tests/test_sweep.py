@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import faultgen.dataset.sweep as sweep
-from faultgen.dataset.experiment import make_experiment, plan_runs, to_toml
+from faultgen.dataset.experiment import make_experiment, to_toml
+from faultgen.dataset.planning import plan_runs
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
 from faultgen.effects import EFFECTS, get_effect

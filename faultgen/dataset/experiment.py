@@ -4,15 +4,12 @@ An experiment is a TOML file. An entry such as robot, task, effect, axis or seve
 or a list of values, and the dataset has a run for every combination of these values.
 
     experiment = load_experiment("experiment.toml")
-    runs = plan_runs(experiment)
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 import tomllib
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -27,22 +24,13 @@ from pydantic import (
     model_validator,
 )
 
-from faultgen.dataset.faults import (
-    beside_of,
-    check_severity,
-    default_severity,
-    list_faults,
-    window_of,
-)
+from faultgen.dataset.severity import check_severity, default_severity
 from faultgen.dataset.wear import severities
-from faultgen.effects import HEALTHY, Applied, get_effect
+from faultgen.effects import HEALTHY, get_effect
 from faultgen.effects.base import DEFAULT_FRACTION
 from faultgen.errors import InputError
 from faultgen.monitoring.sensors import get_sensors
-from faultgen.robot import load_robot
-from faultgen.simulation.stepping import decimation
 from faultgen.system.reading import read_text
-from faultgen.tasks import load_task
 
 SCHEMA_VERSION = 2
 """Version of the layout of run files."""
@@ -258,68 +246,6 @@ class Experiment(BaseModel):
         return () if self.signals == "none" else tuple(self.signals)
 
 
-_OPTIONAL = ("parameters", "beside", "speed_window")  # not in the id of a run without them
-
-
-@dataclass(frozen=True, kw_only=True)
-class Run:
-    """The parameters of one run.
-
-    Together with the model and the task, they determine every byte of the run's file.
-    """
-
-    robot: str
-    task: str
-    effect: str
-    axes: tuple[int, ...]
-    severity: float
-    schedule: str | tuple[float, ...]
-    cycles: int
-    sensors: str
-    seed: int
-    sample_period: float
-    signals: tuple[str, ...]
-    thin: int
-    parameters: tuple[tuple[str, int | float | str], ...] = ()
-    """Parameters of the effect that differ from their defaults."""
-    beside: tuple[tuple[str, int, float, tuple[tuple[str, int | float | str], ...]], ...] = ()
-    """Effect, axis, final severity and parameters of each further effect in the run."""
-    speed_window: tuple[tuple[float, float], ...] = ()
-    """Low and high motor speed of each axis [rad/s]; empty for the task's default."""
-    model_sha256: str
-    task_sha256: str
-    schema_version: int = SCHEMA_VERSION
-
-    @property
-    def id(self) -> str:
-        """Hash of the parameters, 16 hexadecimal digits.
-
-        It does not depend on the folders in which the files of the robot and the task are stored.
-        """
-        told = {k: v for k, v in asdict(self).items() if v or k not in _OPTIONAL}
-        told |= {"robot": Path(self.robot).stem, "task": Path(self.task).stem}
-        text = json.dumps(told, sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-    @property
-    def faults(self) -> list[Applied]:
-        """Every fault of the run with its final severity: the main effect and the further ones."""
-        own = [
-            Applied(self.effect, axis, self.severity, dict(self.parameters)) for axis in self.axes
-        ]
-        return own + [Applied(name, axis, s, dict(more)) for name, axis, s, more in self.beside]
-
-    @property
-    def label(self) -> str:
-        """A short description of the run for messages."""
-        fault = HEALTHY
-        if self.axes:
-            axes = "+".join(map(str, self.axes))
-            fault = f"{self.effect} {self.severity:g} on axis {axes}"
-            fault += "".join(f" + {name} {s:g} on axis {a}" for name, a, s, _ in self.beside)
-        return f"{Path(self.robot).stem} {Path(self.task).stem} {fault} seed {self.seed}"
-
-
 def load_experiment(path: str | Path) -> Experiment:
     """Read an experiment file.
 
@@ -390,68 +316,3 @@ def _inline(value: Any) -> str:
     if isinstance(value, list):
         return f"[{', '.join(map(_inline, value))}]"
     return json.dumps(value, ensure_ascii=False)
-
-
-def plan_runs(experiment: Experiment) -> list[Run]:
-    """List all runs of an experiment in a fixed order, each of them once.
-
-    Args:
-        experiment: The experiment.
-
-    Returns:
-        The runs.
-
-    Raises:
-        InputError: A robot, task or axis does not exist, an effect cannot act on it, a severity is
-            too large for it, the sample period does not fit, or there are too many runs.
-    """
-    runs: dict[str, Run] = {}
-    first = True
-    schedule = experiment.schedule
-    for robot_name in experiment.robot:
-        robot = load_robot(robot_name)
-        decimation(robot.model.opt.timestep, experiment.sample_period)
-        faults = list_faults(experiment, robot)
-        window = window_of(experiment, robot)
-        count = len(faults) * experiment.repetitions * len(experiment.task)
-        if count > MOST_RUNS:
-            raise InputError(
-                f"experiment: has {count} runs, but a dataset can have at most {MOST_RUNS}"
-            )
-        for task_name in experiment.task:
-            task = load_task(robot.name, task_name)
-            digest = hashlib.sha256(task.model_dump_json().encode()).hexdigest()
-            for repetition in range(experiment.repetitions):
-                for effect, axes, severity in faults:
-                    seed = experiment.seed + repetition
-                    # the healthy runs of the first robot and task have the seeds as given
-                    if not experiment.paired and (axes or not first):
-                        seed = _own_seed(seed, robot.sha256, digest, effect, axes, severity)
-                    run = Run(
-                        robot=robot_name,
-                        task=task_name,
-                        effect=effect,
-                        axes=axes,
-                        severity=severity,
-                        schedule=schedule if isinstance(schedule, str) else tuple(schedule),
-                        cycles=experiment.cycles,
-                        sensors=experiment.sensors,
-                        seed=seed,
-                        sample_period=experiment.sample_period,
-                        signals=experiment.kept_signals,
-                        thin=experiment.thin,
-                        parameters=tuple(sorted(experiment.parameters.get(effect, {}).items())),
-                        beside=beside_of(experiment, axes),
-                        speed_window=window,
-                        model_sha256=robot.sha256,
-                        task_sha256=digest,
-                    )
-                    runs.setdefault(run.id, run)
-            first = False
-    return list(runs.values())
-
-
-def _own_seed(*parts: Any) -> int:
-    """A seed for one run alone. It has 53 bits, which every reader of JSON keeps exactly."""
-    digest = hashlib.sha256(json.dumps(parts).encode()).digest()
-    return int.from_bytes(digest[:8], "little") >> 11

@@ -2,81 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
-from faultgen.effects import HEALTHY, Applied, Effect, get_effect
-from faultgen.effects.base import DEFAULT_FRACTION
+from faultgen.dataset.experiment import Experiment
+from faultgen.effects import HEALTHY, Applied, get_effect
 from faultgen.errors import InputError
 from faultgen.robot import Robot
 from faultgen.simulation.plant import check_axis
 
-if TYPE_CHECKING:
-    from faultgen.dataset.experiment import Experiment
-
 Fault: TypeAlias = tuple[str, tuple[int, ...], float]
 """Effect, axes and final severity of a run."""
-
-
-def default_severity(effects: Mapping[str, Effect]) -> list[float] | dict[str, list[float]]:
-    """Return the severities of an experiment that gives none.
-
-    Args:
-        effects: The effects of the experiment, by name.
-
-    Returns:
-        One list for all effects if the severity of every effect is a fraction of its nominal value;
-        else a list for each effect, by name.
-    """
-    if all(effect.units == "1" for effect in effects.values()):
-        return [DEFAULT_FRACTION]
-    return {name: [effect.default] for name, effect in effects.items()}
-
-
-def check_severity(
-    effects: Mapping[str, Effect],
-    severity: list[float] | dict[str, list[float]],
-    schedule: str | list[float],
-) -> None:
-    """Refuse severities that make no sense in the units of their effects.
-
-    Args:
-        effects: The effects of an experiment, by name.
-        severity: Final severities: one list for all effects, or a list for each effect.
-        schedule: Name of the schedule, or the severity of each cycle.
-
-    Raises:
-        InputError: One list is given for effects of different units, an effect has no severity, or
-            a severity is too large.
-    """
-    if isinstance(severity, dict):
-        for name in severity:
-            if name not in effects:
-                raise InputError(f"severity: '{name}' is not among the effects of this experiment")
-        for name in effects:
-            if name not in severity:
-                raise InputError(f"severity: no value is given for the effect {name}")
-    elif len({effect.units for effect in effects.values()}) > 1:
-        given = "severity" if isinstance(schedule, str) else "schedule"
-        units = ", ".join(f"{name} is in {_unit(one)}" for name, one in effects.items())
-        entry = ", ".join(f"{name} = {one.default:g}" for name, one in effects.items())
-        flag = ",".join(f"{name}={one.default:g}" for name, one in effects.items())
-        raise InputError(
-            f"{given}: effects of different units ({units}) need severities of their own; write, "
-            f"for example, severity = {{{entry}}}, or on the command line --severity {flag}"
-        )
-    for name, effect in effects.items():
-        own = severity[name] if isinstance(severity, dict) else severity
-        largest = max(own if isinstance(schedule, str) else schedule, default=0.0)
-        if largest > effect.largest:
-            raise InputError(
-                f"severity: {name} must be at most {effect.largest:g} ({effect.unit}), "
-                f"not {largest:g}"
-            )
-
-
-def _unit(effect: Effect) -> str:
-    return "fractions" if effect.units == "1" else effect.units
 
 
 def list_faults(experiment: Experiment, robot: Robot) -> list[Fault]:
@@ -114,10 +49,7 @@ def list_faults(experiment: Experiment, robot: Robot) -> list[Fault]:
     for name, worn_axes, severity in found:
         peak = severity if isinstance(experiment.schedule, str) else max(experiment.schedule)
         own = [Applied(name, axis, peak) for axis in worn_axes]
-        beside = [
-            Applied(one, axis, final) for one, axis, final, _ in beside_of(experiment, worn_axes)
-        ]
-        _check_faults(own + beside, robot)
+        _check_faults([*own, *beside_of(experiment, worn_axes)], robot)
     return list(found)
 
 
@@ -137,9 +69,7 @@ def _check_faults(faults: list[Applied], robot: Robot) -> None:
             )
 
 
-def beside_of(
-    experiment: Experiment, axes: tuple[int, ...]
-) -> tuple[tuple[str, int, float, tuple[tuple[str, int | float | str], ...]], ...]:
+def beside_of(experiment: Experiment, axes: tuple[int, ...]) -> tuple[Applied, ...]:
     """List the further effects of one run of an experiment.
 
     Args:
@@ -147,10 +77,10 @@ def beside_of(
         axes: Axes on which the main effect of the run acts; empty for a healthy run.
 
     Returns:
-        Effect, axis, final severity and parameters of each further effect; empty for a healthy run.
+        The further effects with their final severities; empty for a healthy run.
     """
     return tuple(
-        (one.effect, axis, one.severity, tuple(sorted(one.parameters.items())))
+        Applied(one.effect, axis, one.severity, one.parameters)
         for one in experiment.beside
         for axis in ((one.axis,) if one.axis is not None and axes else axes)
     )

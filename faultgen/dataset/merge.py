@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,9 @@ import h5py
 import numpy as np
 
 from faultgen.dataset.reader import Dataset
-from faultgen.errors import StorageFailed
-from faultgen.system.files import damage, new_hdf5, open_verified, publish, temporary_name, verify
+from faultgen.errors import InputError, StorageFailed
+from faultgen.system.files import publish, temporary_name, verify
+from faultgen.system.hdf5 import new_hdf5, open_verified
 
 
 def merge(dataset: Dataset) -> Path:
@@ -36,7 +38,7 @@ def merge(dataset: Dataset) -> Path:
     path = dataset.path / "dataset.h5"
     sums = {run.id: verify(run.path) for run in dataset.runs}
     content = hashlib.sha256(json.dumps([sums, dataset.missing]).encode()).hexdigest()
-    if path.is_file() and not damage(path):
+    with suppress(InputError):  # a missing or damaged file is replaced
         with open_verified(path) as file:
             if file.attrs.get("content_sha256") == content:
                 return path

@@ -25,7 +25,8 @@ from faultgen.dataset.manifest import EXPERIMENT, Manifest
 from faultgen.errors import InputError
 from faultgen.provenance import Provenance
 from faultgen.system.arrays import plain_value
-from faultgen.system.files import damage, file_sha256, open_verified
+from faultgen.system.files import damage, file_sha256
+from faultgen.system.hdf5 import open_verified
 
 
 @dataclass(frozen=True)

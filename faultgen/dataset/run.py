@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import tee
 from pathlib import Path
 
 import numpy as np
 
-from faultgen.dataset.experiment import Run
+from faultgen.dataset.planning import Run
 from faultgen.dataset.run_file import create_arrays, growth_of, run_attributes, shares_of
 from faultgen.dataset.storage import RunWriter
-from faultgen.effects import Applied
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.monitoring.reductions import monitor
 from faultgen.monitoring.sensors import Surroundings, get_sensors, measure, surroundings
@@ -93,12 +93,9 @@ def _machines(run: Run, robot: Robot, around: Surroundings) -> Iterator[Machine]
         now = Condition(
             temperature=float(temperature),
             payload_factor=float(load),
-            effect=run.effect,
-            wear=tuple((axis, float(severity)) for axis in run.axes),
-            parameters=run.parameters,
-            beside=tuple(
-                Applied(name, axis, final * share, dict(parameters))
-                for name, axis, final, parameters in run.beside
+            faults=(
+                *(replace(one, severity=float(severity)) for one in run.own_faults),
+                *(replace(one, severity=one.severity * share) for one in run.beside),
             ),
         )
         if now != before:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from faultgen.dataset.experiment import Run
+from faultgen.dataset.planning import Run
 from faultgen.dataset.storage import RunWriter
 from faultgen.dataset.wear import severities
 from faultgen.effects import get_effect
@@ -105,8 +105,13 @@ def run_attributes(run: Run, nominal: Nominal) -> dict[str, Any]:
         "parameters": json.dumps(dict(run.parameters)),
         "beside": json.dumps(
             [
-                {"effect": name, "axis": axis, "severity": final, "parameters": dict(parameters)}
-                for name, axis, final, parameters in run.beside
+                {
+                    "effect": one.effect,
+                    "axis": one.axis,
+                    "severity": one.severity,
+                    "parameters": dict(sorted(one.parameters.items())),
+                }
+                for one in run.beside
             ]
         ),
         "cycles": run.cycles,

@@ -18,7 +18,8 @@ import h5py
 import numpy as np
 
 from faultgen.errors import StorageFailed
-from faultgen.system.files import new_hdf5, publish, temporary_name
+from faultgen.system.files import publish, temporary_name
+from faultgen.system.hdf5 import new_hdf5
 
 _COMPRESSION: dict[str, Any] = {
     "compression": "gzip",

@@ -20,10 +20,10 @@ from filelock import FileLock, Timeout
 from joblib import delayed
 from tqdm import tqdm
 
-from faultgen.dataset.experiment import Experiment, Run, load_experiment, plan_runs, to_toml
+from faultgen.dataset.experiment import Experiment, load_experiment, to_toml
 from faultgen.dataset.manifest import EXPERIMENT, Manifest
 from faultgen.dataset.merge import merge
-from faultgen.dataset.planning import check_runs
+from faultgen.dataset.planning import Run, check_runs, plan_runs
 from faultgen.dataset.reader import Dataset, open_dataset
 from faultgen.dataset.run import make_run
 from faultgen.dataset.run_file import run_provenance

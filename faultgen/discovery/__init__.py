@@ -12,7 +12,7 @@ from faultgen.discovery.checks import Finding, check_recording
 from faultgen.discovery.read import read_recording
 from faultgen.discovery.recording import Recording, write_recording
 from faultgen.discovery.replay import Replay, replay, settled
-from faultgen.discovery.workflow import Discovery, discover_from_files, investigate
+from faultgen.discovery.workflow import Discovery, investigate
 
 __all__ = [
     "Discovery",
@@ -20,7 +20,6 @@ __all__ = [
     "Recording",
     "Replay",
     "check_recording",
-    "discover_from_files",
     "investigate",
     "read_recording",
     "replay",

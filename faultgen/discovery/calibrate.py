@@ -21,15 +21,14 @@ from faultgen.discovery.candidates import (
     NUMBERS,
     Term,
     applied,
-    apply_inertia,
     check_names,
     effect_terms,
-    inertia_terms,
     widened,
 )
 from faultgen.discovery.evidence import FREE, Evidence
 from faultgen.discovery.fit import differences
 from faultgen.discovery.friction_discrepancy import form_columns, form_terms
+from faultgen.discovery.inertia import apply_inertia, inertia_terms
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regression import Problem, plain, pose
 from faultgen.discovery.replay import Replay

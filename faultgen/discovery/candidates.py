@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from faultgen.effects import EFFECTS, Applied, Effect
 from faultgen.effects.friction import no_static_friction
@@ -78,6 +77,10 @@ mass."""
 SAME_MOTIONS = 0.01
 """Tolerance between two recordings of one robot, as a share of the tolerance between a robot and
 its model: assumed."""
+
+
+LINK_TOLERANCE = 0.03
+"""How far the mass, size and place of links may be off, as a fraction: assumed."""
 
 
 @dataclass(frozen=True)
@@ -197,7 +200,7 @@ def tolerance(name: str, robot: Robot, axis: int) -> float:
     if name == "torque_offset":
         friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")[axis - 1]]
         own = friction[OFFSET] * np.sin(friction[OFFSET + 2])
-        return float(np.hypot(small, _OFF * own))
+        return float(np.hypot(small, LINK_TOLERANCE * own))
     joint_side = name in ("gravity_spring", "wrist_coupling_friction")
     return small * ratio if joint_side else small
 
@@ -345,90 +348,6 @@ def periodic_terms(robot: Robot, name: str, axis: int, order: float) -> tuple[Te
         return Term(name, axis, 10 * _PROBE * size, size, (("order", order), ("phase", phase)))
 
     return one(0.0), one(np.pi / 2)
-
-
-_COMPONENTS = 10
-_OFF = 0.03  # of mass, size and place of links: assumed
-
-
-def inertia_terms(robot: Robot) -> list[Term]:
-    """List ten terms for each link that moves, and for the payload.
-
-    Source: pseudo-inertia of Wensing, Kim and Slotine (2018). Its upper triangular factor is
-    perturbed as in Rucker and Wensing (2022), so that every value describes a body that can exist.
-    """
-    spec = robot.spec()
-    terms = []
-    for link, body in enumerate(_bodies(spec, robot), start=1):
-        if body.mass < MASSLESS:
-            continue  # nothing that could be scaled; a payload is points then
-        size = _size(body)
-        for k in range(_COMPONENTS):
-            tolerance = 0.5 * _OFF if k in _DIAGONAL else _OFF
-            tolerance = 2 * _OFF * size if k in _SHIFT else tolerance
-            terms.append(Term(INERTIA, link, 2 * tolerance, tolerance, (("component", float(k)),)))
-    return terms
-
-
-_PAIRS = ((0, 0), (1, 1), (2, 2), (3, 3), (0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
-_DIAGONAL = (0, 1, 2, 3)
-_SHIFT = (7, 8, 9)
-
-
-def _bodies(spec: mujoco.MjSpec, robot: Robot) -> list[mujoco.MjsBody]:
-    bodies = [spec.joint(f"joint{axis}").parent for axis in range(1, robot.n_axes + 1)]
-    payload = spec.body("payload")
-    return bodies if payload is None else [*bodies, payload]
-
-
-def _size(body: mujoco.MjsBody) -> float:
-    """Possible error of a link's centre of mass, divided by the tolerance [m]."""
-    gyration = float(np.sqrt(np.sum(body.inertia) / 2 / max(body.mass, 1e-9)))
-    return max(gyration, float(np.linalg.norm(body.ipos)))
-
-
-def apply_inertia(spec: mujoco.MjSpec, robot: Robot, changes: Sequence[tuple[Term, float]]) -> None:
-    """Change the inertias of links in place.
-
-    Args:
-        spec: The robot's specification, which is changed.
-        robot: The unchanged robot, from which the links are identified.
-        changes: Inertia terms and their values.
-    """
-    bodies = _bodies(spec, robot)
-    for link, body in enumerate(bodies, start=1):
-        factor = np.eye(4)
-        for term, value in changes:
-            if term.axis == link:
-                factor[_PAIRS[int(dict(term.parameters)["component"])]] += value
-        if np.any(factor != np.eye(4)):
-            _transform(body, factor)
-
-
-_THIN = 1e-9
-"""Smallest allowed second moment of a body as a share of the sum of all, and smallest allowed share
-of its mass."""
-
-
-def _transform(body: mujoco.MjsBody, factor: np.ndarray) -> None:
-    """Change the pseudo-inertia P about the centre of mass to F P F', that of a possible body."""
-    inertia = np.array(body.inertia)
-    second = np.diag(np.append(inertia.sum() / 2 - inertia, body.mass))
-    second = factor @ second @ factor.T
-    mass = max(second[3, 3], _THIN * body.mass)
-    shift = second[:3, 3] / mass
-    about = second[:3, :3] - mass * np.outer(shift, shift)
-    # second moments are positive: then moments of inertia are, and none exceeds the sum of others
-    moments, axes = np.linalg.eigh(about)
-    moments = np.maximum(moments, _THIN * max(moments.sum(), inertia.sum()))
-    if np.linalg.det(axes) < 0:
-        axes[:, 0] *= -1
-    w, x, y, z = body.iquat
-    frame = Rotation.from_quat([x, y, z, w])
-    turned = (frame * Rotation.from_matrix(axes)).as_quat()
-    body.ipos = np.array(body.ipos) + frame.apply(shift)
-    body.iquat = turned[[3, 0, 1, 2]]
-    body.mass, body.inertia = float(mass), moments.sum() - moments
 
 
 def with_tolerance(terms: Sequence[Term], factor: float) -> list[Term]:

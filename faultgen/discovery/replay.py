@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from faultgen.discovery.candidates import INERTIA, Term, applied, apply_inertia
+from faultgen.discovery.candidates import INERTIA, Term, applied
+from faultgen.discovery.inertia import apply_inertia
 from faultgen.discovery.recording import Recording
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import Robot

@@ -8,8 +8,8 @@ sensitivities, which can be kept in a folder.
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,9 @@ from tqdm import tqdm
 from faultgen.discovery.candidates import Term
 from faultgen.discovery.replay import Replay
 from faultgen.effects.temperature import friction_ratios
-from faultgen.errors import SimulationFailed
+from faultgen.errors import InputError, SimulationFailed
 from faultgen.provenance import provenance
+from faultgen.system.arrays import read_arrays, write_arrays
 from faultgen.system.parallel import in_parallel
 
 TEMPERATURE = "temperature_friction"
@@ -135,9 +136,11 @@ def kept_runs(files: Sequence[Path | None], calls: Sequence[Any], workers: int) 
     Returns:
         The array of each call, with the shape that the call returns, in the order of the calls.
     """
-    known: dict[int, np.ndarray] = {
-        k: np.load(file) for k, file in enumerate(files) if file is not None and file.is_file()
-    }
+    known: dict[int, np.ndarray] = {}
+    for k, file in enumerate(files):
+        if file is not None and file.is_file():
+            with suppress(InputError):  # a damaged file is replaced
+                known[k] = read_arrays(file)[0]["torque"]
     todo = [k for k in range(len(calls)) if k not in known]
     if todo:
         done = in_parallel([calls[k] for k in todo], min(workers, len(todo)))
@@ -148,11 +151,7 @@ def kept_runs(files: Sequence[Path | None], calls: Sequence[Any], workers: int) 
             known[k] = result
             file = files[k]
             if file is not None:
-                file.parent.mkdir(parents=True, exist_ok=True)
-                part = file.with_suffix(f".{os.getpid()}")
-                with part.open("wb") as out:
-                    np.save(out, result)
-                part.replace(file)
+                write_arrays(file, {"torque": result}, {})
     return [known[k] for k in range(len(calls))]
 
 
@@ -201,4 +200,4 @@ def kept_in(folder: Path | None, replay: Replay, what: bytes) -> Path | None:
     content.update(np.ascontiguousarray(motion).tobytes())
     content.update(repr((recording.segments, recording.sample_period, recording.side)).encode())
     content.update(what)
-    return folder / f"{content.hexdigest()[:32]}.npy"
+    return folder / f"{content.hexdigest()[:32]}.h5"

@@ -1,50 +1,46 @@
 """From a recording to a named effect and a model that contains it.
 
-result, found = discover_from_files("measured.h5", "puma560", healthy="healthy.h5")
-result["verdict"], result["effects"]
+recording, warnings = usable("measured.h5", robot)
+found = investigate(recording, robot)
+found.answer.verdict
 """
 
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from faultgen.discovery.candidates import (
-    OPTIONAL,
     ORDERS,
     PERIODIC,
     SAME_MOTIONS,
     Term,
-    check_names,
     effect_terms,
-    inertia_terms,
     periodic_terms,
     widened,
     with_tolerance,
 )
 from faultgen.discovery.checks import check_recording
 from faultgen.discovery.friction_discrepancy import form_columns, form_terms
+from faultgen.discovery.inertia import inertia_terms
 from faultgen.discovery.next_experiment import Experiment, next_experiment
 from faultgen.discovery.noise import is_same_noise
 from faultgen.discovery.order_analysis import find_orders
 from faultgen.discovery.read import read_recording
 from faultgen.discovery.recording import Recording, low_passed
-from faultgen.discovery.regression import Problem, counted, plain, pose
-from faultgen.discovery.replay import Replay, relative_error
+from faultgen.discovery.regression import Problem, plain, pose
+from faultgen.discovery.replay import Replay
 from faultgen.discovery.result import AMBIGUOUS, Answer
 from faultgen.discovery.selection import Choice, choose
 from faultgen.discovery.sensitivities import columns, own_columns
 from faultgen.discovery.verdict import answer
-from faultgen.effects import EFFECTS
-from faultgen.errors import InputError, SimulationFailed
-from faultgen.robot import Robot, load_robot
+from faultgen.errors import InputError
+from faultgen.robot import Robot
 
 LONGEST = 3600.0
 """Longest recording that can be used [s]. It is simulated again for every term."""
@@ -62,88 +58,6 @@ class Discovery:
     """The answer."""
     experiment: Experiment | None
     """A motion that distinguishes what this recording cannot distinguish."""
-
-
-def discover_from_files(
-    measured: str | Path,
-    robot: str | Path,
-    healthy: str | Path | None = None,
-    validate: str | Path | None = None,
-    *,
-    workers: int = 1,
-    exclude: Collection[str] = (),
-    include: Collection[str] = (),
-    width: float = 1.0,
-    steady: bool = False,
-    low_pass: float | None = None,
-    cache: str | Path | None = None,
-) -> tuple[dict[str, Any], Discovery]:
-    """Find the effect that a measured robot has and that its model, or its healthy twin, lacks.
-
-    Args:
-        measured: Recording of the robot, see docs/measured.md.
-        robot: Name of the robot, or path of its MJCF.
-        healthy: Recording of the same motions before the change. None: the model is calibrated on
-            the recording itself, and an effect has to be larger than the tolerances of the model.
-        validate: Recording of other motions with the effect. It is used for scoring only.
-        workers: Number of processes. It has no effect on the result.
-        exclude: Effects that are not considered.
-        include: Optional effects that are considered, of `candidates.OPTIONAL`.
-        width: How uncertain the model's parameters (`candidates.NUMBERS`) are, as a multiple of the
-            default. Use more than 1 for a model that is only roughly known. `calibrate` finds it.
-        steady: Whether long-lasting errors get full weight, see `regression.plain`. Otherwise a
-            part of them is treated as drifting noise. Use it for recordings that were filtered.
-        low_pass: Cut-off frequency [Hz] of a filter for recordings without a reference, in which
-            the measured position is followed, see `low_passed`. None: they are not filtered.
-        cache: Folder in which sensitivities are kept for other recordings of the same program.
-
-    Returns:
-        The content of ``discovery.json``, and the results from which it was made.
-
-    Raises:
-        InputError: A recording or an option cannot be used, or the two recordings do not contain
-            the same motions.
-        SimulationFailed: The model diverges on the recorded motion.
-    """
-    started = time.monotonic()
-    check_names("include", include, OPTIONAL)
-    check_names("exclude", exclude, EFFECTS)
-    check_positive("width", width)
-    if low_pass is not None:
-        check_positive("low-pass", low_pass)
-    model = load_robot(str(robot))
-    recording, warnings = usable(measured, model, low_pass)
-    twin = None
-    if healthy is not None:
-        twin, more = usable(healthy, model, low_pass)
-        warnings += more
-        check_same_motion(recording, twin)
-    other = None
-    if validate is not None:
-        other, more = usable(validate, model, low_pass)
-        warnings += more
-    with threadpool_limits(limits=1):
-        found = investigate(
-            recording,
-            model,
-            twin,
-            workers=workers,
-            exclude=exclude,
-            include=include,
-            width=width,
-            steady=steady,
-            cache=_path(cache),
-        )
-        result = _result(found)
-        if other is not None:
-            try:
-                result["gap"]["validation"] = _validation(found, other)
-            except (InputError, SimulationFailed) as error:  # what was found is not lost
-                result["gap"]["validation"] = None
-                warnings.append(f"{validate}: not scored: {error}")
-    result["warnings"] = [*warnings, *_on_noise(found.problem), *found.answer.lacks]
-    result["seconds"] = round(time.monotonic() - started, 1)
-    return result, found
 
 
 def investigate(
@@ -231,18 +145,6 @@ def _check_followed(recording: Recording, twin: Recording) -> None:
         )
 
 
-def _on_noise(problem: Problem) -> list[str]:
-    """A line for the report about noise that the two recordings share."""
-    if not problem.shared.any():
-        return []
-    axes = ", ".join(str(axis + 1) for axis in np.flatnonzero(problem.shared))
-    return [
-        f"axis {axes}: the recording and its healthy twin differ by far less than the noise in "
-        "each, as runs of one dataset with paired = true do; they are compared as if each had "
-        "noise of its own, and runs with paired = false are the better test"
-    ]
-
-
 def _waves(robot: Robot, name: str, exclude: Collection[str]) -> list[Term]:
     """Terms of a periodic effect at the orders that are always probed."""
     axes = range(1, robot.n_axes + 1) if name not in exclude else ()
@@ -279,10 +181,6 @@ def _with_orders(problem: Problem, workers: int, exclude: Collection[str]) -> Pr
         problem.gap,
         twin=problem.twin,
     )
-
-
-def _path(folder: str | Path | None) -> Path | None:
-    return None if folder is None else Path(folder)
 
 
 def check_positive(what: str, value: float) -> None:
@@ -372,37 +270,6 @@ def check_same_motion(worn: Recording, twin: Recording) -> None:
             f"{worn.source} and {twin.source}: not the same motions, sample by sample; record the "
             "same program from the same start, with the same sample period"
         )
-
-
-def _result(found: Discovery) -> dict[str, Any]:
-    result = found.answer.contract()
-    if found.experiment is not None:
-        result["next_experiment"] = {
-            "task": found.experiment.task,
-            "file": "next_experiment.toml",
-            "separates": [{"effect": e, "axis": a} for e, a in found.experiment.separates],
-            "distance": found.experiment.distance,
-            "now": found.experiment.now,
-        }
-    return result
-
-
-def _validation(found: Discovery, validate: Recording) -> dict[str, float]:
-    """Errors of the model, never of a twin, on motions that were not used before.
-
-    Raises:
-        InputError: No sample of the recording can be used.
-        SimulationFailed: The model diverges on these motions.
-    """
-    problem = found.problem
-    replay = Replay(validate, problem.robot)
-    inside = counted(validate, problem.robot, twin=False)
-
-    def gap(changes: list[tuple[Term, float]]) -> float:
-        error = validate.torque - replay.torque(changes)
-        return relative_error(error**2, validate, inside)
-
-    return {"before": gap([]), "after": gap(found.answer.changes)}
 
 
 def dump(result: dict[str, Any]) -> str:

@@ -54,7 +54,7 @@ class Applied:
     """From 1."""
     severity: float
     """In the unit of the effect."""
-    parameters: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)
     """Parameters that differ from the effect's defaults."""
 
 

@@ -31,9 +31,7 @@ from faultgen.effects import (
 )
 from faultgen.effects.base import HEALTHY, Effect
 from faultgen.errors import InputError
-
-GROUP = "faultgen.effects"
-"""Entry points of packages that add effects."""
+from faultgen.provenance import PLUGINS
 
 _OWN = tuple(
     effect
@@ -64,7 +62,7 @@ def _catalogue() -> dict[str, Effect]:
         InputError: An entry point cannot be loaded, is no effect, or takes a name that exists.
     """
     found = {effect.name: effect for effect in _OWN}
-    for point in entry_points(group=GROUP):
+    for point in entry_points(group=PLUGINS):
         try:
             loaded = point.load()
         except Exception as error:  # whatever the code of another package raises

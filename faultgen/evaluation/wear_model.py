@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from faultgen.analysis.friction_features import FrictionFeatures
 from faultgen.analysis.isolation import ChangeIsolator
+from faultgen.effects import Applied
 from faultgen.monitoring.reductions import SPEED_WINDOW, mean_abs_torque
 from faultgen.robot import STRIBECK_VELOCITY, Robot
 from faultgen.simulation.state import Condition
@@ -151,7 +152,7 @@ def wear_points(robot: Robot, effect: str) -> list[Condition]:
     for temperature, severity in _steps(reference):
         conditions.append(Condition(temperature))
         conditions += [
-            Condition(temperature, 1.0, effect, ((axis, severity),))
+            Condition(temperature, 1.0, (Applied(effect, axis, severity),))
             for axis in range(1, robot.n_axes + 1)
         ]
     return conditions

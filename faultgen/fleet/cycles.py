@@ -189,8 +189,8 @@ def simulate_program(unit: Unit, program: Program) -> Cycles:
     def run(
         temperature: float, payload: float = 0.0, effects: Sequence[Applied] = ()
     ) -> tuple[np.ndarray, Cycle]:
-        beside = (*unit.deviations, *effects)
-        machine = machine_at(robot, healthy, Condition(temperature, 1 + payload, beside=beside))
+        condition = Condition(temperature, 1 + payload, (*unit.deviations, *effects))
+        machine = machine_at(robot, healthy, condition)
         (cycle,) = simulate(robot, control, [machine], sample_period=SAMPLE_PERIOD)
         return np.stack([cycle.motor_torque, cycle.motor_position - set_points]), cycle
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from faultgen.system.files import write_text
+from faultgen.system.files import write_bytes, write_text
 
 _DIGITS = 17
 """Number of decimal digits with which every double is read back exactly."""
@@ -94,7 +94,7 @@ def write_model(path: Path, xml: str, assets: Mapping[str, bytes]) -> None:
         target = path.parent / file
         if not target.exists():
             target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_bytes(content)
+            write_bytes(target, content)
     write_text(path, xml)
 
 

@@ -6,11 +6,28 @@ result["verdict"], result["effects"]
 
 from __future__ import annotations
 
+import time
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
-from faultgen.discovery.workflow import discover_from_files
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from faultgen.discovery.candidates import OPTIONAL, Term, check_names
+from faultgen.discovery.recording import Recording
+from faultgen.discovery.regression import Problem, counted
+from faultgen.discovery.replay import Replay, relative_error
+from faultgen.discovery.workflow import (
+    Discovery,
+    check_positive,
+    check_same_motion,
+    investigate,
+    usable,
+)
+from faultgen.effects import EFFECTS
+from faultgen.errors import InputError, SimulationFailed
+from faultgen.robot import load_robot
 
 
 def discover(
@@ -60,21 +77,93 @@ def discover(
             recordings of the same motions.
         SimulationFailed: The model diverges on the recorded motion.
     """
-    result, found = discover_from_files(
-        measured,
-        robot,
-        healthy,
-        validate,
-        workers=workers,
-        exclude=exclude,
-        include=include,
-        width=width,
-        steady=steady,
-        low_pass=low_pass,
-        cache=cache,
-    )
+    started = time.monotonic()
+    check_names("include", include, OPTIONAL)
+    check_names("exclude", exclude, EFFECTS)
+    check_positive("width", width)
+    if low_pass is not None:
+        check_positive("low-pass", low_pass)
+    model = load_robot(str(robot))
+    recording, warnings = usable(measured, model, low_pass)
+    twin = None
+    if healthy is not None:
+        twin, more = usable(healthy, model, low_pass)
+        warnings += more
+        check_same_motion(recording, twin)
+    other = None
+    if validate is not None:
+        other, more = usable(validate, model, low_pass)
+        warnings += more
+    with threadpool_limits(limits=1):
+        found = investigate(
+            recording,
+            model,
+            twin,
+            workers=workers,
+            exclude=exclude,
+            include=include,
+            width=width,
+            steady=steady,
+            cache=_path(cache),
+        )
+        result = _result(found)
+        if other is not None:
+            try:
+                result["gap"]["validation"] = _validation(found, other)
+            except (InputError, SimulationFailed) as error:  # what was found is not lost
+                result["gap"]["validation"] = None
+                warnings.append(f"{validate}: not scored: {error}")
+    result["warnings"] = [*warnings, *_on_noise(found.problem), *found.answer.lacks]
+    result["seconds"] = round(time.monotonic() - started, 1)
     if out is not None:
         from faultgen.report.discovery_report import write_discovery
 
         write_discovery(Path(out), result, found)
     return result
+
+
+def _on_noise(problem: Problem) -> list[str]:
+    """A line for the report about noise that the two recordings share."""
+    if not problem.shared.any():
+        return []
+    axes = ", ".join(str(axis + 1) for axis in np.flatnonzero(problem.shared))
+    return [
+        f"axis {axes}: the recording and its healthy twin differ by far less than the noise in "
+        "each, as runs of one dataset with paired = true do; they are compared as if each had "
+        "noise of its own, and runs with paired = false are the better test"
+    ]
+
+
+def _path(folder: str | Path | None) -> Path | None:
+    return None if folder is None else Path(folder)
+
+
+def _result(found: Discovery) -> dict[str, Any]:
+    result = found.answer.contract()
+    if found.experiment is not None:
+        result["next_experiment"] = {
+            "task": found.experiment.task,
+            "file": "next_experiment.toml",
+            "separates": [{"effect": e, "axis": a} for e, a in found.experiment.separates],
+            "distance": found.experiment.distance,
+            "now": found.experiment.now,
+        }
+    return result
+
+
+def _validation(found: Discovery, validate: Recording) -> dict[str, float]:
+    """Errors of the model, never of a twin, on motions that were not used before.
+
+    Raises:
+        InputError: No sample of the recording can be used.
+        SimulationFailed: The model diverges on these motions.
+    """
+    problem = found.problem
+    replay = Replay(validate, problem.robot)
+    inside = counted(validate, problem.robot, twin=False)
+
+    def gap(changes: list[tuple[Term, float]]) -> float:
+        error = validate.torque - replay.torque(changes)
+        return relative_error(error**2, validate, inside)
+
+    return {"before": gap([]), "after": gap(found.answer.changes)}

@@ -13,20 +13,14 @@ from faultgen.simulation.plant import Machine, assemble
 
 @dataclass(frozen=True)
 class Condition:
-    """Temperature, payload and effects with which a cycle is simulated."""
+    """Temperature, payload and faults with which a cycle is simulated."""
 
     temperature: float
     """Temperature of all gearboxes [deg C]."""
     payload_factor: float = 1.0
     """Mass of the payload divided by its nominal mass."""
-    effect: str = ""
-    """Name of the effect by which axes wear; empty if no axis is worn."""
-    wear: tuple[tuple[int, float], ...] = ()
-    """Number of each worn axis, from 1, and its severity."""
-    parameters: tuple[tuple[str, int | float | str], ...] = ()
-    """Parameters of the effect that differ from their defaults."""
-    beside: tuple[Applied, ...] = ()
-    """Further effects."""
+    faults: tuple[Applied, ...] = ()
+    """Every effect on every axis, with its severity in this cycle."""
 
 
 def machine_at(robot: Robot, healthy: mujoco.MjSpec, condition: Condition) -> Machine:
@@ -53,7 +47,4 @@ def machine_at(robot: Robot, healthy: mujoco.MjSpec, condition: Condition) -> Ma
     if payload is not None and condition.payload_factor != 1:
         payload.mass *= condition.payload_factor
         payload.inertia *= condition.payload_factor
-    own = dict(condition.parameters)
-    effects = [Applied(condition.effect, axis, severity, own) for axis, severity in condition.wear]
-    effects += condition.beside
-    return assemble(robot, effects, temperature=condition.temperature, spec=spec)
+    return assemble(robot, condition.faults, temperature=condition.temperature, spec=spec)

@@ -27,6 +27,7 @@ import numpy as np
 from joblib import delayed
 from tqdm import tqdm
 
+from faultgen.effects import Applied
 from faultgen.effects.temperature import TEMPERATURE_RANGE
 from faultgen.errors import InputError
 from faultgen.provenance import provenance
@@ -151,8 +152,8 @@ class Surrogate:
         """
         severity = np.zeros((len(conditions), self.n_axes))
         for row, condition in zip(severity, conditions, strict=True):
-            for axis, value in condition.wear:
-                row[axis - 1] = value
+            for fault in condition.faults:
+                row[fault.axis - 1] = fault.severity
         temperature = np.array([condition.temperature for condition in conditions])
         payload = np.array([condition.payload_factor for condition in conditions])
         return self.cycles(temperature, payload, severity)
@@ -217,7 +218,7 @@ def _conditions(temperatures: np.ndarray, n_axes: int, effect: str) -> list[Cond
     conditions = [Condition(t) for t in temperatures.tolist()]
     conditions += [Condition(t, 1 + load) for t in coarse for load in _LOAD]
     conditions += [
-        Condition(t, 1.0, effect, ((axis, severity),))
+        Condition(t, 1.0, (Applied(effect, axis, severity),))
         for t in coarse
         for axis in range(1, n_axes + 1)
         for severity in _WEAR

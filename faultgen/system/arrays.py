@@ -16,7 +16,8 @@ import h5py
 import numpy as np
 
 from faultgen.errors import InputError, StorageFailed
-from faultgen.system.files import named_failures, new_hdf5, rename, temporary_name
+from faultgen.system.files import named_failures, rename, temporary_name
+from faultgen.system.hdf5 import new_hdf5
 
 _CONTENT = "content_sha256"
 
