@@ -30,7 +30,7 @@ from measured_data import (
 from scipy.signal import butter, decimate, filtfilt
 
 from faultgen.discovery import Recording, Replay, investigate
-from faultgen.discovery.calibrate import WIDTHS, calibrate, changed, refined
+from faultgen.discovery.calibrate import PRIOR_SCALES, calibrate, changed, refined
 from faultgen.discovery.candidates import INERTIA, PAYLOAD, Term, payload_of
 from faultgen.discovery.fit import changes_of
 from faultgen.discovery.regression import plain, rolling
@@ -117,18 +117,23 @@ def emps(data: Path, out: Path) -> None:
     robot = load_robot(EXAMPLES / "emps" / "emps.xml")
     train, test = (read_emps(data / "emps", name) for name in ("identification", "validation"))
     asked = {"include": EMPS_OPTIONAL, "exclude": EMPS_KNOWN}
-    tried = {w: investigate(train, robot, width=w, **asked) for w in WIDTHS}  # type: ignore[arg-type]
+    tried = {w: investigate(train, robot, prior_scale=w, **asked) for w in PRIOR_SCALES}  # type: ignore[arg-type]
     scores = {w: one.choice.best.score for w, one in tried.items()}
     # the narrowest that predicts as well
     width = min(w for w, score in scores.items() if score < min(scores.values()) + SURE)
-    print("error of blocks that were not fitted, and penalty, by width:", scores, "chosen:", width)
+    print(
+        "error of blocks that were not fitted, and penalty, by prior scale:",
+        scores,
+        "chosen:",
+        width,
+    )
     found = tried[width]
     best = found.choice.best
     print("verdict:", found.answer.verdict)
     effects = changes_of(found.problem, best)
     for (term, value), error in zip(effects, best.errors, strict=True):
         print(f"- {term.name} {value:.4g} +- {error:.2g} {dict(term.parameters)}")
-    following = investigate(emps_followed(train), robot, width=width, **asked)  # type: ignore[arg-type]
+    following = investigate(emps_followed(train), robot, prior_scale=width, **asked)  # type: ignore[arg-type]
     problem = plain(following.problem)
     print("\n| model | train | test | closed loop, train | position | test | position |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
@@ -146,9 +151,9 @@ def emps(data: Path, out: Path) -> None:
         print(f"| {name} | " + " | ".join(f"{x:.3g}" for x in row) + " |", flush=True)
         if start:
             model = changed(robot, changes)
-            large = [(t, v) for t, v in changes if abs(v) > 0.5 * t.tolerance]
+            large = [(t, v) for t, v in changes if abs(v) > 0.5 * t.prior_std]
             told = ", ".join(f"{t.name} {v:.4g}" for t, v in large)
-    print("\nlast, off by more than half the tolerance:", told)
+    print("\nlast, off by more than half the prior_std:", told)
     out.mkdir(parents=True, exist_ok=True)
     (out / "emps_model.xml").write_text(model.xml)
     result = found.answer.contract() | {"warnings": [], "seconds": 0.0}
@@ -232,7 +237,7 @@ def ur10e(data: Path, out: Path) -> None:
     model = found.robot
     out.mkdir(parents=True, exist_ok=True)
     (out / "ur10e_calibrated.xml").write_text(model.xml)
-    print("held-out error by width:", found.held_out, "chosen:", found.width)
+    print("held-out error by prior scale:", found.held_out, "chosen:", found.prior_scale)
     print("gains:", np.round(model.torque_gain, 3))
     for run in ("unloaded_14harm_feb19", "unloaded_15harm_feb19", "test_50s_feb12"):
         recording = read_ur10e(folder, run)
@@ -242,7 +247,12 @@ def ur10e(data: Path, out: Path) -> None:
         recording = as_modelled(read_ur10e(folder, run), model)
         for width in (1.0, 0.3, 0.1):
             result = investigate(
-                recording, model, width=width, steady=True, exclude=UR10E_LEFT_OUT, cache=cache
+                recording,
+                model,
+                prior_scale=width,
+                white_noise=True,
+                exclude=UR10E_LEFT_OUT,
+                cache=cache,
             )
             told, best = result.answer, result.choice.best
             print(f"\n{run}, width {width}: {told.verdict}; alternatives {told.alternatives}")
@@ -261,7 +271,7 @@ def ur10e(data: Path, out: Path) -> None:
             gains, first = best.evidence.gains(left, best.terms)
             for k in np.argsort(-gains)[:6]:
                 term = problem.terms[left[k][0]]
-                print(f"  next: {term.key} {first[k] * term.tolerance:.3g}, gain {gains[k]:.1f}")
+                print(f"  next: {term.key} {first[k] * term.prior_std:.3g}, gain {gains[k]:.1f}")
             if width == 0.3:
                 summary = told.contract() | {"warnings": [], "seconds": 0.0}
                 write_discovery(out / run, summary, result)
@@ -363,8 +373,8 @@ def xl330(data: Path, out: Path) -> None:
         found = investigate(
             recording,
             models[gain],
-            width=10.0,
-            steady=True,
+            prior_scale=10.0,
+            white_noise=True,
             include=("low_speed_friction",),
             exclude=XL330_LEFT_OUT,
         )

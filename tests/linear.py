@@ -25,9 +25,9 @@ def linear(problem, values=(), *, noise=1.0, seed=0, twin=None, terms=None, raw=
     rng = np.random.default_rng(seed)
     size = noise * problem.noise.deviation
     torque = problem.base + size * rng.standard_normal(problem.base.shape)
-    gap = torque - problem.base
+    residual = torque - problem.base
     for index, value in dict(values).items():
-        gap = gap + value * raw[index]
+        residual = residual + value * raw[index]
 
     def simulate(changes=(), disturbance=None):
         total = problem.base.copy()
@@ -37,8 +37,8 @@ def linear(problem, values=(), *, noise=1.0, seed=0, twin=None, terms=None, raw=
 
     replay = SimpleNamespace(
         torque=simulate,
-        recording=replace(problem.recording, torque=problem.base + gap),
+        recording=replace(problem.recording, torque=problem.base + residual),
         robot=problem.robot,
     )
     twin = problem.twin if twin is None else twin
-    return pose(replay, terms, problem.base, raw, gap, twin=twin)
+    return pose(replay, terms, problem.base, raw, residual, twin=twin)

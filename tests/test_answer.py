@@ -14,7 +14,7 @@ from faultgen.discovery.certainty import LEVEL, certainty
 from faultgen.discovery.fit import fit
 from faultgen.discovery.replay import Replay, settled
 from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE
-from faultgen.discovery.selection import MIMICKED, SIMILAR, Choice, choose
+from faultgen.discovery.selection import SIMILAR, Choice, choose
 from faultgen.discovery.verdict import answer
 from faultgen.effects import get_effect
 from faultgen.simulation.motion import plan
@@ -41,14 +41,14 @@ def at(problem, name, axis, **parameters):
 
 def value_of(problem, index, gain):
     """Value of a term which, freed, takes a gain off the misfit where there is no noise."""
-    tolerance = problem.terms[index].tolerance
-    unit = problem.evidence(tolerance * problem.raw[index].astype(float))
+    prior_std = problem.terms[index].prior_std
+    unit = problem.evidence(prior_std * problem.raw[index].astype(float))
     (taken,), _ = unit.gains([(index,)])
-    return tolerance * float(np.sqrt(gain / taken))
+    return prior_std * float(np.sqrt(gain / taken))
 
 
 def small(problem, *names):
-    """A problem with few terms, so that nothing but them can explain a gap."""
+    """A problem with few terms, so that nothing but them can explain a residual."""
     indices = [at(problem, name, axis) for name, axis in names]
     return linear(problem, terms=[problem.terms[k] for k in indices], raw=problem.raw[indices])
 
@@ -67,11 +67,12 @@ def test_what_other_things_look_like_has_to_be_surer_without_a_twin(
     posed, name, gain, is_named, twin
 ):
     """A spring is looked like by wrong links, an offset by nothing: of equal gains one is named."""
-    assert "gravity_spring" in MIMICKED and "torque_offset" not in MIMICKED
+    assert get_effect("gravity_spring").prior.imitated
+    assert not get_effect("torque_offset").prior.imitated
     problem = small(posed[twin], (name, 2))
     value = value_of(problem, 0, gain)
-    # no noise is in the gap, so that the gain is what was asked for
-    quiet = replace(problem, gap=value * problem.raw[0].astype(float))
+    # no noise is in the residual, so that the gain is what was asked for
+    quiet = replace(problem, residual=value * problem.raw[0].astype(float))
     found = choose(quiet)
     assert bool(found.best.groups) == is_named[twin]
     assert found.fits[0].misfit - fit(quiet, [(0,)]).misfit == pytest.approx(gain, rel=0.02)
@@ -174,7 +175,7 @@ def test_intervals_hold_the_severity_as_often_as_they_say(posed, over):
     held = []
     for _ in range(150):
         noise = over * problem.noise.deviation * rng.standard_normal(clean.shape)
-        case = replace(problem, gap=clean + noise)
+        case = replace(problem, residual=clean + noise)
         known = certainty(case, fit(case, [(0,)]), 0)
         assert known.low < known.severity < known.high and known.absent > 9
         held.append(known.low <= true <= known.high)
@@ -201,7 +202,7 @@ def test_intervals_follow_a_law_that_bends(posed, name, law):
     unit = problem.evidence(shape).energy.sum()  # squared whitened size of a unit
     width = 1.96 / np.sqrt(unit)
     true = 4 * width
-    bent = replace(bent, gap=true * shape)
+    bent = replace(bent, residual=true * shape)
     found = fit(bent, [(0,)])
     known = certainty(bent, found, 0)
     for end, sign in ((known.low, -1), (known.high, 1)):

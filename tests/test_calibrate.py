@@ -13,14 +13,14 @@ from faultgen.discovery import Replay, write_recording
 from faultgen.discovery import calibrate as calibration
 from faultgen.discovery.calibrate import calibrate, changed, replaying
 from faultgen.discovery.candidates import (
-    OPTIONAL,
     Term,
     applied,
     effect_terms,
-    inertia_terms,
+    names_by_use,
     payload_terms,
-    widened,
+    with_model_scale,
 )
+from faultgen.discovery.inertia import inertia_terms
 from faultgen.discovery.recording import low_passed
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
@@ -58,9 +58,9 @@ def test_low_speed_friction_has_a_width_where_the_model_has_none(tiny_robot):
 
 
 def test_effects_on_request_are_no_candidates_without(tiny_robot):
-    assert not {t.name for t in effect_terms(tiny_robot)} & set(OPTIONAL)
-    asked = {t.name for t in effect_terms(tiny_robot, include=OPTIONAL)}
-    assert set(OPTIONAL) <= asked
+    optional = set(names_by_use("on request"))
+    assert optional and not {t.name for t in effect_terms(tiny_robot)} & optional
+    assert optional <= {t.name for t in effect_terms(tiny_robot, include=optional)}
 
 
 def massless(robot):
@@ -98,17 +98,17 @@ def test_a_payload_moves_along_any_axis_of_the_flange(tiny_robot):
 
 def test_numbers_get_wider_and_nothing_else(tiny_robot):
     terms = effect_terms(tiny_robot)
-    for old, new in zip(terms, widened(terms, 10.0, known=["rotor_inertia"]), strict=True):
+    for old, new in zip(terms, with_model_scale(terms, 10.0, known=["rotor_inertia"]), strict=True):
         wide = old.name in ("coulomb_friction", "viscous_friction", "torque_offset")
         wide |= old.name == "torque_constant"
-        assert new.tolerance == pytest.approx((10.0 if wide else 1.0) * old.tolerance)
+        assert new.prior_std == pytest.approx((10.0 if wide else 1.0) * old.prior_std)
 
 
 def test_a_rough_model_is_calibrated(measured, tiny_robot):
     """Numbers off by 30 to 40 % come back, on motions whose reference was not recorded."""
     recording = replace(measured([("viscous_friction", 2, 0.4)], 3), reference_position=None)
     found = calibrate(recording, tiny_robot, exclude=["torque_constant"])
-    assert found.width > 1
+    assert found.prior_scale > 1
     assert found.values["viscous_friction"][2] == pytest.approx(0.4, rel=0.2)
     friction = tiny_robot.ids("actuator", "friction")[1]
     ratio = found.robot.model.actuator_damping[friction]
@@ -185,7 +185,9 @@ def test_what_was_fitted_is_kept_where_a_model_of_it_diverges(
 
     monkeypatch.setattr(calibration, "replaying", sometimes)
     recording = measured([("viscous_friction", 2, 0.4)], 3)
-    found = calibrate(recording, tiny_robot, widths=[10.0], exclude=["torque_constant", "inertia"])
+    found = calibrate(
+        recording, tiny_robot, prior_scales=[10.0], exclude=["torque_constant", "inertia"]
+    )
     friction = tiny_robot.ids("actuator", "friction")[1]
     own, given = (one.model.actuator_damping[friction] for one in (found.robot, tiny_robot))
     fitted = found.values["viscous_friction"][2]
@@ -202,7 +204,7 @@ def test_a_link_of_full_inertia_is_calibrated(measured, tiny_robot):
     given = Robot("given", tiny_robot.xml.replace(plain, full))
     recording = measured([("viscous_friction", 2, 0.4)], 3)
     models = [
-        calibrate(recording, robot, widths=[10.0], exclude=["torque_constant"]).robot.model
+        calibrate(recording, robot, prior_scales=[10.0], exclude=["torque_constant"]).robot.model
         for robot in (tiny_robot, given)
     ]
     before = tiny_robot.model.body("link2").mass[0]

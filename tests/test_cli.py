@@ -228,3 +228,12 @@ def test_ctrl_c_stops_cleanly(tmp_path):
     assert process.returncode == 130
     assert said.endswith("faultgen: interrupted; run the same command again to continue\n")
     assert not list(tmp_path.glob("out/runs/*.h5"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [(["--width", "3"], "--prior-scale"), (["--steady"], "--white-noise")]
+)
+def test_a_renamed_option_is_refused_with_its_new_name(old, new, tmp_path):
+    done = faultgen("discover", tmp_path / "x.h5", "--robot", "puma560", *old)
+    assert done.returncode == 2
+    assert done.stderr.strip().endswith(f"No such option: {old[0]}; it is now called {new}")

@@ -103,7 +103,7 @@ def test_what_cannot_be_used_is_refused(files, tiny_robot_path, measured, tmp_pa
     [
         ({"include": ["nonsense"]}, "include: unknown name 'nonsense'; choose low_speed_friction"),
         ({"exclude": ["nonsense"]}, "exclude: unknown name 'nonsense'; choose backlash"),
-        ({"width": float("nan")}, "width: must be a positive number, not nan"),
+        ({"prior_scale": float("nan")}, "prior-scale: must be a positive number, not nan"),
         ({"low_pass": -3.0}, "low-pass: must be a positive number, not -3"),
     ],
 )

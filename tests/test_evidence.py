@@ -12,22 +12,22 @@ PARTS = [slice(0, 40), slice(40, 100), slice(100, 160)]
 def data():
     rng = np.random.default_rng(0)
     columns = rng.normal(size=(7, 160, 2))
-    gap = 3 * columns[2] + 0.5 * columns[5] + rng.normal(size=(160, 2))
-    return columns, gap, Evidence.of(columns, gap, PARTS)
+    residual = 3 * columns[2] + 0.5 * columns[5] + rng.normal(size=(160, 2))
+    return columns, residual, Evidence.of(columns, residual, PARTS)
 
 
-def ridge(columns, gap, weight):
+def ridge(columns, residual, weight):
     """Minimum over b of |g - X b|^2 + b' W b, written out."""
-    x, y = columns.reshape(len(columns), -1).T, gap.ravel()
+    x, y = columns.reshape(len(columns), -1).T, residual.ravel()
     value = np.linalg.solve(x.T @ x + np.diag(weight), x.T @ y)
     return value, float(np.sum((y - x @ value) ** 2) + value @ (weight * value))
 
 
 def test_a_fit_is_the_minimum_of_its_misfit(data):
-    columns, gap, evidence = data
+    columns, residual, evidence = data
     weight = np.ones(7)
     weight[[2, 4]] = FREE
-    expected, least = ridge(columns, gap, weight)
+    expected, least = ridge(columns, residual, weight)
     value, inverse, misfit = evidence.solve(free=[2, 4])
     np.testing.assert_allclose(value, expected, rtol=1e-9)
     assert misfit == pytest.approx(least, rel=1e-9)
@@ -54,13 +54,13 @@ def test_gains_are_those_of_fits(data):
 
 
 def test_a_part_is_predicted_from_the_others(data):
-    columns, gap, evidence = data
+    columns, residual, evidence = data
     errors = evidence.held_out(free=[2])
     weight = np.ones(7)
     weight[2] = FREE
     others = np.r_[0:40, 100:160]
-    value, _ = ridge(columns[:, others], gap[others], weight)
-    left = gap[PARTS[1]] - np.tensordot(value, columns[:, PARTS[1]], axes=1)
+    value, _ = ridge(columns[:, others], residual[others], weight)
+    left = residual[PARTS[1]] - np.tensordot(value, columns[:, PARTS[1]], axes=1)
     assert errors[1] == pytest.approx(np.sum(left**2), rel=1e-9)
 
 
@@ -72,18 +72,18 @@ def test_a_true_term_is_worth_more_than_any_other(data):
 
 
 def test_a_free_term_may_be_far_off(data):
-    """Thousands of tolerances, as differences of twins are: not drawn towards zero."""
+    """Thousands of its prior_std, as differences of twins are: not drawn towards zero."""
     columns, _, _ = data
-    gap = 5000 * columns[3]
-    value, _, misfit = Evidence.of(columns, gap, PARTS).solve(free=[3])
+    residual = 5000 * columns[3]
+    value, _, misfit = Evidence.of(columns, residual, PARTS).solve(free=[3])
     assert value[3] == pytest.approx(5000, rel=1e-6)
     assert misfit < 1
 
 
 def test_columns_and_gaps_are_replaced(data):
     """As if all products had been computed anew."""
-    columns, gap, evidence = data
-    other, moved = columns.copy(), gap + columns[1]
+    columns, residual, evidence = data
+    other, moved = columns.copy(), residual + columns[1]
     new = {2: columns[0] - columns[2], 4: 2 * columns[3]}
     for term, column in new.items():
         other[term] = column
@@ -95,12 +95,12 @@ def test_columns_and_gaps_are_replaced(data):
 
 def test_a_score_is_the_held_out_misfit_and_the_penalty(data):
     """Sets are compared by what others than they have to be off by, too, written out."""
-    columns, gap, evidence = data
+    columns, residual, evidence = data
     free = [2]
     weight = np.ones(7)
     weight[free] = FREE
-    value, _ = ridge(columns, gap, weight)
+    value, _ = ridge(columns, residual, weight)
     penalty = float(np.sum(np.delete(value, free) ** 2))
-    assert penalty > 0.2  # term 5 is off by half its tolerance
+    assert penalty > 0.2  # term 5 is off by half its prior standard deviation
     expected = evidence.held_out(free).sum() + penalty
     assert evidence.score(free) == pytest.approx(expected, rel=1e-9)

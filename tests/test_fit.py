@@ -20,7 +20,7 @@ TERMS = [
 
 @pytest.fixture
 def pose():
-    """A problem of white noise: how severities become torque, and a gap."""
+    """A problem of white noise: how severities become torque, and a residual."""
     rng = np.random.default_rng(0)
     shapes = 20 * rng.normal(size=(len(TERMS), COUNT, 1))
 
@@ -35,15 +35,15 @@ def pose():
             return total
 
         raw = np.array([torque([(t, t.step)]) / t.step for t in TERMS], np.float32)
-        gap = torque(list(zip(TERMS, true, strict=True))) + rng.normal(size=(COUNT, 1))
+        residual = torque(list(zip(TERMS, true, strict=True))) + rng.normal(size=(COUNT, 1))
         ones = np.ones((COUNT, 1), bool)
-        scale = np.array([t.tolerance for t in TERMS], np.float32)[:, None, None]
+        scale = np.array([t.prior_std for t in TERMS], np.float32)[:, None, None]
         noise = Autoregression(np.zeros((1, 1)), np.ones(1))
         problem = Problem(
             replay=SimpleNamespace(torque=torque, recording=None, robot=None),
             terms=TERMS,
             base=np.zeros((COUNT, 1)),
-            gap=gap,
+            residual=residual,
             inside=ones,
             parts=parts,
             scoring=[2],

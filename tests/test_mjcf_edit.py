@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from faultgen.discovery.candidates import apply_inertia, inertia_terms
+from faultgen.discovery.inertia import apply_inertia, inertia_terms
 from faultgen.effects import get_effect
 from faultgen.mjcf.edit import mjcf_text, write_model
 from faultgen.robot import Robot
@@ -50,8 +50,8 @@ def test_a_link_changes_the_same_in_any_form(given):
     terms = inertia_terms(given)
     assert {term.axis for term in terms} == {1, 2, 3}
     for old, new in zip(inertia_terms(plain), terms, strict=True):
-        assert new.tolerance == pytest.approx(old.tolerance, rel=1e-4)
-    changes = [(term, 3 * term.tolerance * rng.normal()) for term in terms]
+        assert new.prior_std == pytest.approx(old.prior_std, rel=1e-4)
+    changes = [(term, 3 * term.prior_std * rng.normal()) for term in terms]
     models = []
     for robot in (given, plain):
         spec = robot.spec()
@@ -94,7 +94,7 @@ def test_impossible_links_are_made_possible_and_written(tiny_robot):
     for size in (1.0, 30.0, 300.0):
         for _ in range(20):
             spec = tiny_robot.spec()
-            changes = [(term, size * term.tolerance * rng.normal()) for term in terms]
+            changes = [(term, size * term.prior_std * rng.normal()) for term in terms]
             changes += [(terms[k], -1.0) for k in rng.integers(len(terms), size=3)]
             apply_inertia(spec, tiny_robot, changes)
             spec.compile()

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 RUST = """
-from faultgen.effects import Effect
+from faultgen.effects import Effect, Prior
 
 
 def _edit(spec, axis, severity):
@@ -23,6 +23,7 @@ EFFECTS = [
         signature="torque in proportion to speed",
         element="damping of the friction element",
         source="made up for a test",
+        prior=Prior(std=0.05, steps=(0.1,)),
         edit=_edit,
     )
 ]

@@ -6,47 +6,63 @@ import pytest
 
 from faultgen.discovery.candidates import (
     INERTIA,
-    NO_COLUMN,
-    OPTIONAL,
-    apply_inertia,
     effect_terms,
-    inertia_terms,
+    names_by_use,
     periodic_terms,
-    with_tolerance,
+    with_prior_scale,
 )
-from faultgen.effects import EFFECTS
+from faultgen.discovery.inertia import apply_inertia, inertia_terms
+from faultgen.effects import Effect, Prior
+from faultgen.errors import InputError
 from faultgen.robot import load_robot
-
-LEFT_OUT = {"brake_drag", "torque_ripple", "transmission_error", *OPTIONAL, *NO_COLUMN}
 
 
 def test_every_effect_is_a_term_of_every_axis_that_can_have_it():
     robot = load_robot("puma560")
     keys = {term.key for term in effect_terms(robot)}
-    assert {name for name, _ in keys} == set(EFFECTS) - LEFT_OUT
+    assert {name for name, _ in keys} == set(names_by_use("always"))
     assert keys >= {("viscous_friction", axis) for axis in range(1, 7)}
     assert {axis for name, axis in keys if name == "payload_mass"} == {6}
     without = {term.name for term in effect_terms(robot, exclude=["backlash"])}
     assert "backlash" not in without
-    assert len({name for name, _ in keys}) == 21
-    assert set(NO_COLUMN) <= set(EFFECTS)
+
+
+@pytest.mark.parametrize(
+    ("prior", "message"),
+    [
+        ({}, "effect rust: has no prior, which states"),
+        ({"prior": 0.1}, "effect rust: prior must be a Prior, not float"),
+        ({"prior": Prior(steps=(0.1,))}, "effect rust: prior: std must be positive"),
+        ({"prior": Prior(std=0.1)}, "effect rust: prior: give either steps or steps_in_std"),
+        ({"prior": Prior(use="never")}, "effect rust: prior: use = 'never' needs a reason"),
+        (
+            {"prior": Prior(use="on request", std=1.0, steps=(0.1,))},
+            "effect rust: prior: use = 'on request' needs a reason",
+        ),
+    ],
+)
+def test_an_effect_states_what_discovery_assumes(prior, message):
+    """Nothing is guessed: an effect without a complete record is refused by name."""
+    facts = {"description": "-", "unit": "-", "signature": "-", "element": "-", "source": "-"}
+    with pytest.raises(InputError, match=message):
+        Effect(name="rust", **facts, **prior)
 
 
 def test_tolerances_and_steps_are_positive(tiny_robot):
     terms = effect_terms(tiny_robot) + inertia_terms(tiny_robot)
     terms += periodic_terms(tiny_robot, "torque_ripple", 1, 3.5)
-    assert all(term.tolerance > 0 and term.step > 0 for term in terms)
-    assert with_tolerance(terms, 0.1)[3].tolerance == pytest.approx(0.1 * terms[3].tolerance)
+    assert all(term.prior_std > 0 and term.step > 0 for term in terms)
+    assert with_prior_scale(terms, 0.1)[3].prior_std == pytest.approx(0.1 * terms[3].prior_std)
 
 
 def test_inertias_are_those_of_bodies_that_exist(tiny_robot):
-    """Any values, far beyond the tolerances, give a model that compiles."""
+    """Any values, far beyond the prior standard deviations, give a model that compiles."""
     rng = np.random.default_rng(1)
     terms = inertia_terms(tiny_robot)
     assert {term.axis for term in terms} == {1, 2, 3}  # two links and the payload
     for _ in range(20):
         spec = tiny_robot.spec()
-        apply_inertia(spec, tiny_robot, [(t, 10 * t.tolerance * rng.normal()) for t in terms])
+        apply_inertia(spec, tiny_robot, [(t, 10 * t.prior_std * rng.normal()) for t in terms])
         model = spec.compile()
         a, b, c = np.sort(model.body_inertia[1:], axis=1).T
         assert (model.body_mass[1:] > 0).all() and (a > 0).all() and (a + b >= c * (1 - 1e-6)).all()

@@ -21,6 +21,10 @@ __all__ = ["data", "fleet", "judge", "lists", "main"]
 _INTERRUPTED = 130
 
 
+RENAMED = {"--width": "--prior-scale", "--steady": "--white-noise"}
+"""New names of options that once had another name."""
+
+
 def main() -> None:
     """Run the command line and exit with its status."""
     # when interrupted, two processes of joblib may clear up the same folder, and one complains
@@ -49,7 +53,11 @@ def main() -> None:
         if message.startswith("Usage:"):  # no command given: the help page
             print(message)
             sys.exit(2)
-        _fail(" ".join(message.split()), 2)
+        renamed = RENAMED.get(getattr(error, "option_name", ""))
+        message = " ".join(message.split())
+        if renamed:
+            message = f"{message.removesuffix('.')}; it is now called {renamed}"
+        _fail(message, 2)
     sys.exit(status if isinstance(status, int) else 0)
 
 

@@ -155,14 +155,14 @@ def discover(
             "several effects."
         ),
     ] = None,
-    width: Annotated[
+    prior_scale: Annotated[
         float,
         typer.Option(
             help="How uncertain the model's parameters are, as a multiple of the default. "
             "Choose more than 1 for a model that is only roughly known."
         ),
     ] = 1.0,
-    steady: Annotated[
+    white_noise: Annotated[
         bool,
         typer.Option(
             help="Give long-lasting errors full weight instead of treating part of them as "
@@ -202,8 +202,8 @@ def discover(
         out=out,
         workers=worker_count(workers),
         include=include or (),
-        width=width,
-        steady=steady,
+        prior_scale=prior_scale,
+        white_noise=white_noise,
         low_pass=low_pass,
         cache=cache,
     )
@@ -274,7 +274,7 @@ def calibrate(
     for warning in warnings:
         print(f"faultgen: {warning}", file=sys.stderr)
     found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))
-    result = {"width": found.width, "held_out": found.held_out, "values": found.values}
+    result = {"prior_scale": found.prior_scale, "held_out": found.held_out, "values": found.values}
     write_text(out.with_suffix(".json"), json.dumps({**result, "lacks": found.lacks}, indent=1))
     write_model(out, found.robot.xml, found.robot.assets)
     for line in found.lacks:
@@ -282,6 +282,6 @@ def calibrate(
     if as_json:
         print_json(result)
         return
-    print(f"assumed uncertainty of the parameters: {found.width:g} times the default")
+    print(f"assumed uncertainty of the parameters: {found.prior_scale:g} times the default")
     for name, values in found.values.items():
         print(f"{name}: " + ", ".join(f"axis {k} {v:+.3g}" for k, v in values.items()))

@@ -5,7 +5,7 @@ Each stage can be used alone:
 recording = read_recording("measured.h5")
 for finding in check_recording(recording, load_robot("puma560")):
     print(finding)
-gap = recording.torque - replay(recording, robot)
+residual = recording.torque - replay(recording, robot)
 """
 
 from faultgen.discovery.checks import Finding, check_recording

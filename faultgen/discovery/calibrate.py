@@ -4,8 +4,8 @@ calibrated = calibrate(read_recording("measured.h5"), load_robot("model.xml"))
 Path("calibrated.xml").write_text(calibrated.robot.xml)
 
 The model's own numbers (`candidates.NUMBERS`) get the same columns as in discovery, and wider
-priors. Cross-validation chooses the width: parts of the recording are left out of the fit, and the
-width that predicts them best is used.
+priors. Cross-validation chooses the prior scale, a factor of the priors: parts of the recording are
+left out of the fit, and the scale that predicts them best is used.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from faultgen.discovery.candidates import (
     applied,
     check_names,
     effect_terms,
-    widened,
+    with_model_scale,
 )
 from faultgen.discovery.evidence import FREE, Evidence
 from faultgen.discovery.fit import differences
-from faultgen.discovery.friction_discrepancy import form_columns, form_terms
+from faultgen.discovery.friction_discrepancy import discrepancy_sensitivities, discrepancy_terms
 from faultgen.discovery.inertia import apply_inertia, inertia_terms
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regression import Problem, plain, pose
 from faultgen.discovery.replay import Replay
-from faultgen.discovery.sensitivities import columns
+from faultgen.discovery.sensitivities import sensitivities
 from faultgen.effects import get_effect
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.mjcf.edit import mjcf_text
 from faultgen.robot import Robot
 
-WIDTHS = (1.0, 3.0, 10.0, 30.0, 100.0)
-"""Prior widths that are tried, as multiples of the default tolerances."""
+PRIOR_SCALES = (1.0, 3.0, 10.0, 30.0, 100.0)
+"""Prior scales that are tried, as multiples of the default prior standard deviations."""
 
 CARRIED = "torque_constant"
 """Effect for which MJCF has no element. The robot's `torque_gain` represents it."""
@@ -59,10 +59,10 @@ class Calibrated:
 
     robot: Robot
     """The model. The logged torque has to be multiplied by its `torque_gain`."""
-    width: float
-    """The chosen prior width, as a multiple of the default tolerances."""
+    prior_scale: float
+    """The chosen scale, as a multiple of the default prior standard deviations."""
     held_out: dict[float, float]
-    """Mean squared whitened error of the parts that were left out of the fit, by width."""
+    """Mean squared whitened error of the parts that were left out of the fit, by prior scale."""
     values: dict[str, dict[int, float]]
     """Severity of each fitted number by name and axis, without the inertias."""
     lacks: tuple[str, ...] = ()
@@ -73,7 +73,7 @@ def calibrate(
     recording: Recording,
     robot: Robot,
     *,
-    widths: Sequence[float] = WIDTHS,
+    prior_scales: Sequence[float] = PRIOR_SCALES,
     exclude: Collection[str] = (),
     known: Collection[str] = (),
     workers: int = 1,
@@ -84,10 +84,11 @@ def calibrate(
     Args:
         recording: The measured data.
         robot: The model.
-        widths: Prior widths to choose from, as multiples of the default tolerances.
+        prior_scales: Prior scales to choose from, as multiples of the default prior standard
+            deviations.
         exclude: Numbers that are not changed.
-        known: Numbers that keep their default tolerances. Either the masses or the torque constants
-            should be known, because motions can hardly distinguish the two.
+        known: Numbers that keep their default prior standard deviations. Either the masses or the
+            torque constants should be known, because motions can hardly distinguish the two.
         workers: Number of processes. It has no effect on the result.
         cache: Folder in which sensitivities are kept.
 
@@ -103,23 +104,34 @@ def calibrate(
     replay = Replay(recording, robot)
     terms = [t for t in effect_terms(robot, exclude) if t.name in NUMBERS]
     terms += inertia_terms(robot) if INERTIA not in exclude else []
-    base, raw = columns(replay, terms, workers=workers, cache=cache)
-    forms = form_terms(robot)
-    raw = np.concatenate([raw, form_columns(replay, forms, base, workers=workers, cache=cache)])
+    base, raw = sensitivities(replay, terms, workers=workers, cache=cache)
+    forms = discrepancy_terms(robot)
+    raw = np.concatenate(
+        [raw, discrepancy_sensitivities(replay, forms, base, workers=workers, cache=cache)]
+    )
     terms += forms
-    gap = recording.torque - base
+    residual = recording.torque - base
     try:
-        problem = pose(replay, widened(terms, max(widths), known), base, raw, gap, twin=False)
+        problem = pose(
+            replay,
+            with_model_scale(terms, max(prior_scales), known),
+            base,
+            raw,
+            residual,
+            twin=False,
+        )
     except ValueError as error:
         raise InputError(f"{recording.source}: {error}") from None
     problem = replace(problem, scoring=[])
     count = max(int(problem.inside.sum()), 1)
     held_out = {}
-    for width in widths:
-        errors = _with_tolerances(problem, widened(terms, width, known)).evidence().held_out([])
-        held_out[width] = float(errors.sum()) / count
-    best = min(held_out, key=lambda width: held_out[width])
-    chosen = refined(plain(_with_tolerances(problem, widened(terms, best, known))))
+    for scale in prior_scales:
+        errors = (
+            _with_priors(problem, with_model_scale(terms, scale, known)).evidence().held_out([])
+        )
+        held_out[scale] = float(errors.sum()) / count
+    best = min(held_out, key=lambda scale: held_out[scale])
+    chosen = refined(plain(_with_priors(problem, with_model_scale(terms, best, known))))
     changes = [(term, value) for term, value in chosen if term.name in NUMBERS]
     values: dict[str, dict[int, float]] = {}
     for term, value in changes:
@@ -135,10 +147,10 @@ def calibrate(
     return Calibrated(robot, best, held_out, values, (f"the model is the given one: {_WHY}",))
 
 
-def _with_tolerances(problem: Problem, new: list[Term]) -> Problem:
-    """Return the same problem with other tolerances."""
+def _with_priors(problem: Problem, new: list[Term]) -> Problem:
+    """Return the same problem with other prior standard deviations."""
     pairs = zip(new, problem.terms, strict=True)
-    scale = np.array([a.tolerance / b.tolerance for a, b in pairs], np.float32)
+    scale = np.array([a.prior_std / b.prior_std for a, b in pairs], np.float32)
     return replace(problem, terms=new, white=problem.white * scale[:, None, None])
 
 
@@ -149,14 +161,14 @@ def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[
     new slopes.
 
     Args:
-        problem: The gap and the terms.
+        problem: The residual and the terms.
         start: Effects without a prior, and the values from which they start. All other terms have
             their priors.
 
     Returns:
         Terms and values with the smallest misfit. Terms of `friction_discrepancy` are not included.
     """
-    scale = np.array([term.tolerance for term in problem.terms])
+    scale = np.array([term.prior_std for term in problem.terms])
     weight, value = np.ones(len(scale)), np.zeros(len(scale))
     form = np.array([not (t.is_effect or t.name == INERTIA) for t in problem.terms])
     at = {(t.key, t.parameters): index for index, t in enumerate(problem.terms)}
@@ -177,7 +189,7 @@ def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[
         torque = simulate(value)
         misfit = np.inf
         if torque is not None:
-            left = problem.evidence(problem.gap - torque)
+            left = problem.evidence(problem.residual - torque)
             misfit = float(left.energy.sum() + (weight * value**2).sum())
         if torque is not None and misfit < best[0]:
             done = misfit > (1 - _SETTLED) * best[0]
@@ -187,7 +199,7 @@ def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[
             far = [k for k in np.argsort(-np.abs(value * ~form))[:_ANEW] if abs(value[k]) >= 0.5]
             slopes = differences(simulate, value, torque, {int(k): -0.05 * value[k] for k in far})
             by_unit = {k: slope / scale[k] for k, slope in slopes.items()}
-            local = problem.evidence(problem.gap - torque, by_unit)
+            local = problem.evidence(problem.residual - torque, by_unit)
         else:
             damping = max(10 * damping, 0.1)
         if local is None:

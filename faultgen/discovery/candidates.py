@@ -1,7 +1,8 @@
 """What may differ between a robot and its model: effects, and parameters with a wrong value.
 
-Each term is one number that is zero in the model. Its tolerance is the standard deviation of this
-number among healthy robots. An effect is missing if its term is further from zero than that.
+Each term is one number that is zero in the model. Its prior standard deviation is the standard
+deviation of this number among healthy robots. An effect is missing if its term is further from zero
+than that.
 """
 
 from __future__ import annotations
@@ -12,11 +13,10 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from faultgen.effects import EFFECTS, Applied, Effect
-from faultgen.effects.friction import no_static_friction
+from faultgen.effects import EFFECTS, Applied
 from faultgen.effects.structure import MASSLESS
 from faultgen.errors import InputError
-from faultgen.robot import COULOMB, OFFSET, STRIBECK_VELOCITY, Robot
+from faultgen.robot import Robot
 
 INERTIA = "inertia"
 """Name of the terms of a link's mass, centre of mass and inertia."""
@@ -25,48 +25,11 @@ FORM = "friction_form"
 """Name of the terms for friction near zero speed that differs from the model's law. These terms are
 not simulated as changes of the model."""
 
-FRICTION = (
-    "coulomb_friction",
-    "friction_wear",
-    "static_friction",
-    "stribeck_velocity",
-    "viscous_friction",
-    "quadratic_viscous_friction",
-)
-"""Kinds of friction that depend on speed."""
-
-PERIODIC = ("torque_ripple", "transmission_error")
-"""Effects that are probed at the orders that are found in a recording."""
-
 ORDERS = (1.0, 2.0, 4.0, 6.0)
 """Orders at which periodic effects are always probed, in cycles per motor turn. They are typical of
 rotors, pole pairs and wave generators. Other orders are probed if they are found in a recording."""
 
-OPTIONAL = ("viscous_asymmetry", "low_speed_friction")
-"""Effects that are candidates only if the user asks for them."""
-
-NO_COLUMN = (
-    "seizing_spot",
-    "tooth_damage",
-    "winding_fault",
-    "loose_tool",
-    "torque_sensor_gain",
-    "encoder_quantisation",
-    "sensor_dropout",
-    "sensor_stuck",
-)
-"""Effects that are not candidates because there is no column for them yet. For some of them an
-angle, a phase or random values would have to be searched for. Others act on sensors, which a replay
-does not simulate."""
-
-NUMBERS = (
-    "coulomb_friction",
-    "viscous_friction",
-    "torque_offset",
-    "rotor_inertia",
-    "torque_constant",
-    INERTIA,
-)
+NUMBERS = (*(one.name for one in EFFECTS.values() if one.prior.in_every_model), INERTIA)
 """Parameters that every model has. In a model that is only roughly known, their errors are
 larger."""
 
@@ -75,12 +38,8 @@ PAYLOAD = "payload_mass"
 mass."""
 
 SAME_MOTIONS = 0.01
-"""Tolerance between two recordings of one robot, as a share of the tolerance between a robot and
-its model: assumed."""
-
-
-LINK_TOLERANCE = 0.03
-"""How far the mass, size and place of links may be off, as a fraction: assumed."""
+"""Prior standard deviation between two recordings of one robot, as a share of the prior standard
+deviation between a robot and its model: assumed."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +52,7 @@ class Term:
     """Axis, from 1. For inertias it is the number of the link, and the payload is the last one."""
     step: float
     """Severity with which the effect is probed."""
-    tolerance: float
+    prior_std: float
     """Standard deviation of the severity among healthy robots: assumed."""
     parameters: tuple[tuple[str, float], ...] = ()
     """Further parameters of the effect."""
@@ -109,55 +68,13 @@ class Term:
         return self.name not in (INERTIA, FORM)
 
 
-# Standard deviation of healthy robots about their model, as severities of the catalogue: assumed.
-# Numbers of a data sheet are off by some per cent; what a model lacks is small in a new robot.
-_FRACTIONS = {
-    "coulomb_friction": 0.035,
-    "friction_wear": 0.002,  # coulomb and static have their own
-    "static_friction": 0.15,
-    "stribeck_velocity": 0.15,
-    "viscous_friction": 0.05,
-    "quadratic_viscous_friction": 0.003,
-    "friction_asymmetry": 0.003,
-    "temperature_friction": 0.005,
-    "gear_stiffness": 0.1,
-    "stiffness_hardening": 1.0,
-    "rotor_inertia": 0.035,
-    "torque_constant": 0.002,
-    "load_friction": 0.0003,
-    "payload_mass": 0.035,
-    "payload_offset": 2e-3,
-    "backlash": 2e-6,
-    "delay": 6e-4,
-    "viscous_asymmetry": 0.01,
-    "low_speed_friction": 0.01,
-}
-# Coupled wrists rub on the sum or on the difference of two speeds, by how they are built.
-_VARIANTS: dict[str, tuple[tuple[tuple[str, float], ...], ...]] = {
-    "wrist_coupling_friction": ((("ratio", 1.0),), (("ratio", -1.0),)),
-}
-_WIDTHS = (0.3, 1.0, 3.0, 10.0, 30.0)  # of low-speed friction, in Stribeck velocities
 _POINTS = 0.02  # mass of a payload that the model says is none [kg]: assumed
 _ARM = 0.1  # distance of the points [m]
-_MASTERING = 2e-4  # of an encoder's zero [rad]
-_ACROSS = 3e-4  # of a centre of mass, as seen on healthy development robots [m]
-_TURNED = 0.1  # angle of the payload about the last axis, one with its encoder's zero [rad]
-BENT = {
-    "backlash": (2e-5, 3e-4, 2e-3),
-    "gear_stiffness": (0.02, 0.2),
-    "stribeck_velocity": (0.3, 2.0),
-}
-"""Severities with which strongly nonlinear effects are probed."""
 
-_PROBE = 100  # tolerances that effects which are a torque are probed with
-# Of the motor torque limit, for effects that are a torque; transmission error by its torque.
-_OF_TORQUE = {
-    "torque_offset": 2e-4,
-    "torque_ripple": 2e-5,
-    "transmission_error": 2e-5,
-    "gravity_spring": 4e-5,
-    "wrist_coupling_friction": 1e-4,
-}
+
+def names_by_use(use: str) -> list[str]:
+    """List the effects of the catalogue with one kind of use, see `Prior.use`."""
+    return [effect.name for effect in EFFECTS.values() if effect.prior.use == use]
 
 
 def check_names(what: str, given: Collection[str], known: Collection[str]) -> None:
@@ -176,55 +93,6 @@ def check_names(what: str, given: Collection[str], known: Collection[str]) -> No
             raise InputError(f"{what}: unknown name '{name}'; choose {', '.join(sorted(known))}")
 
 
-def tolerance(name: str, robot: Robot, axis: int) -> float:
-    """Return the standard deviation of an effect's severity among healthy robots: assumed.
-
-    Args:
-        name: Effect.
-        robot: The robot.
-        axis: Axis, from 1.
-
-    Returns:
-        Standard deviation, in the unit of the effect.
-    """
-    if name == "encoder_offset":
-        return _TURNED if axis == robot.n_axes else _zero(robot, axis)
-    if name in _FRACTIONS:
-        return _FRACTIONS[name]
-    limit = min(float(robot.motor_torque_limit[axis - 1]), _largest_friction(robot, axis))
-    small = _OF_TORQUE.get(name, 4e-4) * limit
-    ratio = abs(float(robot.gear_ratio[axis - 1]))
-    if name == "transmission_error":
-        gearbox = robot.ids("tendon", "gearbox")[axis - 1]
-        return small * ratio / float(robot.model.tendon_stiffness[gearbox])
-    if name == "torque_offset":
-        friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")[axis - 1]]
-        own = friction[OFFSET] * np.sin(friction[OFFSET + 2])
-        return float(np.hypot(small, LINK_TOLERANCE * own))
-    joint_side = name in ("gravity_spring", "wrist_coupling_friction")
-    return small * ratio if joint_side else small
-
-
-def _zero(robot: Robot, axis: int) -> float:
-    """Tolerance of an encoder's zero [rad].
-
-    It covers errors of mastering, and errors of the centre of mass. A centre of mass that is
-    shifted across the arm looks like another zero, and more so if it is near the axis.
-    """
-    model = robot.model
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    joint = model.joint(f"joint{axis}").id
-    lever = data.subtree_com[model.jnt_bodyid[joint]] - data.xanchor[joint]
-    return float(np.hypot(_MASTERING, _ACROSS / max(float(np.linalg.norm(lever)), _ACROSS)))
-
-
-def _largest_friction(robot: Robot, axis: int) -> float:
-    """Torque limit that is assumed for a motor without a limit [N m]."""
-    friction = robot.ids("actuator", "friction")[axis - 1]
-    return 20 * float(robot.model.actuator_biasprm[friction, COULOMB])
-
-
 def effect_terms(
     robot: Robot, exclude: Collection[str] = (), include: Collection[str] = ()
 ) -> list[Term]:
@@ -233,18 +101,16 @@ def effect_terms(
     Args:
         robot: The robot.
         exclude: Effects that are not considered.
-        include: Effects of `OPTIONAL` that are considered.
+        include: Effects with the use "on request" that are considered.
 
     Returns:
-        The terms, with their tolerances.
+        The terms, with their prior standard deviations.
     """
     payload = robot.spec().body("payload") is not None
     terms = []
     for effect in EFFECTS.values():
-        name = effect.name
-        if name in (*exclude, *PERIODIC, *NO_COLUMN) or effect.same_as:
-            continue
-        if name in OPTIONAL and name not in include:
+        name, prior = effect.name, effect.prior
+        if name in exclude or not (prior.use == "always" or name in include):
             continue
         if name.startswith("payload") and not payload:
             continue
@@ -252,23 +118,12 @@ def effect_terms(
             terms += payload_terms(robot) if name == PAYLOAD else []
             continue
         for axis in effect.axes(robot.n_axes):
-            size = tolerance(name, robot, axis)
             terms += [
-                Term(name, axis, step, size, parameters)
-                for step in _steps(effect, size)
-                for parameters in _kinds(robot, name, axis)
+                Term(name, axis, step, prior.std_on(robot, axis), tuple(parameters.items()))
+                for step in prior.steps_on(robot, axis)
+                for parameters in prior.variants_on(robot, axis)
             ]
     return terms
-
-
-def _kinds(robot: Robot, name: str, axis: int) -> list[tuple[tuple[str, float], ...]]:
-    """Further parameters with which an effect is probed."""
-    if name in _VARIANTS:
-        return list(_VARIANTS[name])
-    bias = robot.model.actuator_biasprm[robot.ids("actuator", "friction")[axis - 1]]
-    if name != "low_speed_friction" or not no_static_friction(bias):
-        return [()]
-    return [(("width", float(width * bias[STRIBECK_VELOCITY])),) for width in _WIDTHS]
 
 
 def _massless(robot: Robot) -> bool:
@@ -323,59 +178,55 @@ def applied(changes: Sequence[tuple[Term, float]]) -> list[Applied]:
     return made
 
 
-def _steps(effect: Effect, size: float) -> tuple[float, ...]:
-    """Severities that are large enough to be seen. Strongly nonlinear effects have several."""
-    if effect.name in BENT:
-        return BENT[effect.name]
-    return (effect.step,) if effect.name in _FRACTIONS else (_PROBE * size,)
-
-
 def periodic_terms(robot: Robot, name: str, axis: int, order: float) -> tuple[Term, Term]:
     """Return the sine and the cosine term of a periodic effect at one order.
 
     Args:
         robot: The robot.
-        name: Effect, one of `PERIODIC`.
+        name: Effect with the use "periodic".
         axis: Axis, from 1.
         order: Cycles per motor turn.
 
     Returns:
         Two terms whose phases differ by a quarter of a cycle.
     """
-    size = tolerance(name, robot, axis)
+    prior = EFFECTS[name].prior
+    (step,), size = prior.steps_on(robot, axis), prior.std_on(robot, axis)
 
     def one(phase: float) -> Term:
-        return Term(name, axis, 10 * _PROBE * size, size, (("order", order), ("phase", phase)))
+        return Term(name, axis, step, size, (("order", order), ("phase", phase)))
 
     return one(0.0), one(np.pi / 2)
 
 
-def with_tolerance(terms: Sequence[Term], factor: float) -> list[Term]:
-    """Return the same terms with all tolerances multiplied by a factor.
+def with_prior_scale(terms: Sequence[Term], factor: float) -> list[Term]:
+    """Return the same terms with all prior standard deviations multiplied by a factor.
 
     Args:
         terms: The terms.
-        factor: Factor of the tolerances.
+        factor: Factor of the prior standard deviations.
 
     Returns:
         New terms in the same order.
     """
-    return [replace(term, tolerance=factor * term.tolerance) for term in terms]
+    return [replace(term, prior_std=factor * term.prior_std) for term in terms]
 
 
-def widened(terms: Sequence[Term], factor: float, known: Collection[str] = ()) -> list[Term]:
-    """Return the same terms with the tolerances of the model's own numbers multiplied by a factor.
+def with_model_scale(
+    terms: Sequence[Term], factor: float, known: Collection[str] = ()
+) -> list[Term]:
+    """Return the same terms with scaled priors of the numbers that every model has.
 
     Args:
         terms: All terms.
-        factor: Factor of the tolerances of `NUMBERS`.
-        known: Numbers that keep their tolerances.
+        factor: Factor of the prior standard deviations of `NUMBERS`.
+        known: Numbers that keep their prior standard deviations.
 
     Returns:
         New terms in the same order.
     """
     names = set(NUMBERS) - set(known)
     return [
-        replace(term, tolerance=factor * term.tolerance) if term.name in names else term
+        replace(term, prior_std=factor * term.prior_std) if term.name in names else term
         for term in terms
     ]

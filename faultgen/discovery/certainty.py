@@ -47,7 +47,7 @@ def overdispersion(problem: Problem, fitted: Fit) -> float:
     """Return the misfit of a fit divided by the misfit that noise alone would give.
 
     Args:
-        problem: The gap and the terms.
+        problem: The residual and the terms.
         fitted: The set of effects.
 
     Returns:
@@ -61,7 +61,7 @@ def certainty(problem: Problem, fitted: Fit, place: int) -> Certainty:
     """Compute the interval of one effect while all other effects and numbers are fitted again.
 
     Args:
-        problem: The gap and the terms.
+        problem: The residual and the terms.
         fitted: The set of effects.
         place: Position of the effect in the set, from 0.
 
@@ -91,7 +91,7 @@ def certainty(problem: Problem, fitted: Fit, place: int) -> Certainty:
         change = problem.change([(problem.terms[t], v) for t, v in pairs])
         if change is None:
             return np.inf
-        _, _, misfit = problem.evidence(problem.gap - change).solve(held=terms)
+        _, _, misfit = problem.evidence(problem.residual - change).solve(held=terms)
         return max(misfit - fitted.misfit, 0.0) / over
 
     effect = get_effect(problem.terms[terms[start]].name)
@@ -108,7 +108,7 @@ def certainty(problem: Problem, fitted: Fit, place: int) -> Certainty:
 def _covariance(problem: Problem, fitted: Fit) -> np.ndarray:
     """Covariance of the values of all effects, to first order."""
     _, inverse, _ = fitted.evidence.solve(free=fitted.terms)
-    scale = np.array([problem.terms[t].tolerance for t in fitted.terms])
+    scale = np.array([problem.terms[t].prior_std for t in fitted.terms])
     return inverse[np.ix_(fitted.terms, fitted.terms)] * np.outer(scale, scale)
 
 

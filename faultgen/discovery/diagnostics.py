@@ -1,4 +1,4 @@
-"""Where a gap occurs: by axis and motion regime, and whether the remaining error has a pattern."""
+"""Where a residual occurs, by axis and motion regime, and patterns in the error that remains."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ FALSE_DISCOVERIES = 0.05
 """Expected share of false discoveries among the reported regimes."""
 
 _AFTER = 0.1  # time that counts as a reversal after a change of direction [s]
-_ENRICHED = 1.3  # intensity of a gap in a regime over that of its axis, to be told
+_ENRICHED = 1.3  # intensity of a residual in a regime over that of its axis, to be told
 
 
 @dataclass(frozen=True)
 class Share:
-    """The share of a gap that occurs in one regime."""
+    """The share of a residual that occurs in one regime."""
 
     axis: int
     """From 1."""
     regime: str
     """Name of the regime; 'all' is the whole axis."""
     share: float
-    """Share of the squared gap of all axes, where the gap is in units of the noise."""
+    """Share of the squared residual of all axes, where the residual is in units of the noise."""
     intensity: float
-    """Mean squared gap in the regime divided by the mean squared gap of the axis."""
+    """Mean squared residual in the regime divided by the mean squared residual of the axis."""
     p_value: float
     """Probability that noise alone causes this much, corrected for the number of regimes."""
 
@@ -88,7 +88,7 @@ def _top_third(values: np.ndarray, among: np.ndarray, share: float = 1 / 3) -> n
 
 
 def where(problem: Problem, error: np.ndarray) -> list[Share]:
-    """Compute the share of a gap that occurs on each axis and in each regime.
+    """Compute the share of a residual that occurs on each axis and in each regime.
 
     Args:
         problem: The recording.
@@ -272,7 +272,7 @@ def _unsteady(motion: Kinematics, axis: int, rows: np.ndarray, error: np.ndarray
     answer, *_ = np.linalg.lstsq(design, squares, rcond=None)
     fitted = design @ answer
     explained = float(np.sum((fitted - squares.mean()) ** 2))
-    # squares of noise have a variance of 2; less means that the gap lacks some of its noise
+    # squares of noise have a variance of 2; less means that the residual lacks some of its noise
     scatter = max(float(np.mean((squares - squares.mean()) ** 2)), 2.0)
     statistic = explained / scatter
     excess = max(float((fitted - fitted.min()).sum()), 0.0)

@@ -1,9 +1,10 @@
-"""Which terms explain a gap if every term may differ from zero a little?
+"""Which terms explain a residual if every term may differ from zero a little?
 
-The whitened gap is g = X b + n. Each column of X belongs to one term, and n is white noise. In a
-healthy robot each b is normal, with the tolerance of its term as standard deviation. A term that
-is considered as a missing effect has no prior: it is free. Columns are in units of the tolerance,
-so that the prior covariance of b is the unit matrix. The misfit of a set of free terms is
+The whitened residual is g = X b + n. Each column of X belongs to one term, and n is white noise. In
+a healthy robot each b is normal, with the prior standard deviation of its term as standard
+deviation. A term that is considered as a missing effect has no prior: it is free. Columns are in
+units of the prior_std, so that the prior covariance of b is the unit matrix. The misfit of a set of
+free terms is
 
     min over b of |g - X b|^2 + sum of b^2 over the terms that are not in the set.
 
@@ -20,27 +21,28 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 FREE = 1e-8
-"""Weight of the prior of a free term: it allows values of 10000 tolerances."""
+"""Weight of the prior of a free term: it allows values of 10000 prior standard deviations."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Inner products of whitened columns and the gap, for each separate recording."""
+    """Inner products of whitened columns and the residual, for each separate recording."""
 
     gram: np.ndarray
     """Shape (parts, terms, terms)."""
     right: np.ndarray
-    """Products of the columns with the gap, shape (parts, terms)."""
+    """Products of the columns with the residual, shape (parts, terms)."""
     energy: np.ndarray
-    """Product of the gap with itself, shape (parts,)."""
+    """Product of the residual with itself, shape (parts,)."""
 
     @staticmethod
-    def of(columns: np.ndarray, gap: np.ndarray, parts: Sequence[slice]) -> Evidence:
+    def of(columns: np.ndarray, residual: np.ndarray, parts: Sequence[slice]) -> Evidence:
         """Compute the inner products.
 
         Args:
-            columns: Whitened, in units of the tolerances, shape (terms, samples, n_axes).
-            gap: Whitened, shape (samples, n_axes).
+            columns: Whitened, in units of the prior standard deviations, shape (terms, samples,
+                n_axes).
+            residual: Whitened, shape (samples, n_axes).
             parts: Samples of each separate recording.
 
         Returns:
@@ -51,14 +53,16 @@ class Evidence:
             x = columns[:, part].reshape(len(columns), -1).astype(float)
             gram.append(x @ x.T)
         nothing = np.zeros((len(gram), len(columns)))
-        return Evidence(np.array(gram), nothing, nothing[:, 0]).against(columns, gap, parts)
+        return Evidence(np.array(gram), nothing, nothing[:, 0]).against(columns, residual, parts)
 
-    def against(self, columns: np.ndarray, gap: np.ndarray, parts: Sequence[slice]) -> Evidence:
-        """Return the inner products of the same columns with another gap.
+    def against(
+        self, columns: np.ndarray, residual: np.ndarray, parts: Sequence[slice]
+    ) -> Evidence:
+        """Return the inner products of the same columns with another residual.
 
         Args:
             columns: The same columns as for `of`, shape (terms, samples, n_axes).
-            gap: The other gap, whitened, shape (samples, n_axes).
+            residual: The other residual, whitened, shape (samples, n_axes).
             parts: Samples of each separate recording.
 
         Returns:
@@ -66,7 +70,7 @@ class Evidence:
         """
         right, energy = [], []
         for part in parts:
-            y = gap[part].ravel()
+            y = residual[part].ravel()
             right.append(columns[:, part].reshape(len(columns), -1) @ y.astype(columns.dtype))
             energy.append(float(y.astype(float) @ y))
         return Evidence(self.gram, np.array(right, float), np.array(energy))
@@ -75,7 +79,7 @@ class Evidence:
         self,
         new: dict[int, np.ndarray],
         columns: np.ndarray,
-        gap: np.ndarray,
+        residual: np.ndarray,
         parts: Sequence[slice],
     ) -> Evidence:
         """Return the inner products with other columns for some terms.
@@ -83,7 +87,7 @@ class Evidence:
         Args:
             new: New whitened column of each such term, shape (samples, n_axes).
             columns: All columns before the change, shape (terms, samples, n_axes).
-            gap: Whitened, shape (samples, n_axes).
+            residual: Whitened, shape (samples, n_axes).
             parts: Samples of each separate recording.
 
         Returns:
@@ -98,7 +102,7 @@ class Evidence:
                 for other, again in own.items():
                     products[other] = column @ again
                 gram[k, term] = gram[k, :, term] = products
-                right[k, term] = column @ gap[part].ravel()
+                right[k, term] = column @ residual[part].ravel()
         return Evidence(gram, right, self.energy)
 
     def only(self, parts: Sequence[int]) -> Evidence:
@@ -116,8 +120,8 @@ class Evidence:
             held: Terms that stay zero.
 
         Returns:
-            Values in units of the tolerances, shape (terms,); their posterior covariance, shape
-            (terms, terms); and the misfit.
+            Values in units of the prior standard deviations, shape (terms,); their posterior
+            covariance, shape (terms, terms); and the misfit.
         """
         weight = np.ones(len(self.right[0]))
         weight[list(free)] = FREE
@@ -141,7 +145,7 @@ class Evidence:
 
         Returns:
             Decrease of the misfit for each group, shape (groups,), and the fitted value of the
-            first term of each group in units of its tolerance, shape (groups,).
+            first term of each group in units of its prior_std, shape (groups,).
         """
         value, inverse, _ = self.solve(free)
         gain, first = np.zeros(len(groups)), np.zeros(len(groups))

@@ -1,4 +1,4 @@
-"""Fits of sets of effects by re-simulation. All other terms may vary within their tolerances."""
+"""Fits of sets of effects by re-simulation. All other terms may vary within their priors."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from faultgen.discovery.candidates import BENT, PAYLOAD, PERIODIC, Term
+from faultgen.discovery.candidates import PAYLOAD, Term
 from faultgen.discovery.evidence import Evidence
 from faultgen.discovery.regression import Problem
 from faultgen.effects import get_effect
@@ -22,7 +22,7 @@ _CLOSE = 0.02  # change of a value, over the value, at which a fit has converged
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A set of effects and how well it explains the gap."""
+    """A set of effects and how well it explains the residual."""
 
     groups: tuple[Group, ...]
     """The effects."""
@@ -33,7 +33,7 @@ class Fit:
     change: np.ndarray
     """Simulated change of the torque by the effects, shape (samples, n_axes)."""
     evidence: Evidence
-    """Inner products with the gap that remains, on the parts for fitting."""
+    """Inner products with the residual that remains, on the parts for fitting."""
     misfit: float
     """Squared whitened error plus the term of the prior."""
     score: float
@@ -66,7 +66,7 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
     the simulation explains less than these slopes predict, new slopes are computed at each step.
 
     Args:
-        problem: The gap and the terms.
+        problem: The residual and the terms.
         groups: The set of effects. It may be empty.
         start: Values from which the fit starts, shape (terms,). None: the linear estimate.
 
@@ -74,11 +74,11 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
         The fit, or None if no severity within the bounds of an effect explains anything.
     """
     terms = [term for group in groups for term in group]
-    scale = np.array([problem.terms[t].tolerance for t in terms])
+    scale = np.array([problem.terms[t].prior_std for t in terms])
     evidence = problem.evidence()
     if not terms:
         _, _, misfit = evidence.solve()
-        return _done(problem, (), np.empty(0), np.zeros_like(problem.gap), evidence, misfit)
+        return _done(problem, (), np.empty(0), np.zeros_like(problem.residual), evidence, misfit)
 
     def simulate(value: np.ndarray) -> np.ndarray | None:
         pairs = zip(terms, value.tolist(), strict=True)
@@ -92,15 +92,15 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
     if not np.any(value):
         return None
     told = np.tensordot(value.astype(np.float32), problem.raw[terms], axes=1)
-    _, _, expected = problem.evidence(problem.gap - told).solve(held=terms)
+    _, _, expected = problem.evidence(problem.residual - told).solve(held=terms)
     _, _, nothing = evidence.solve(held=terms)
-    straight = all(problem.terms[t].name not in BENT for t in terms)
+    straight = all(len(get_effect(problem.terms[t].name).prior.steps) < 2 for t in terms)
     best: tuple[float, np.ndarray, np.ndarray, Evidence] | None = None
     for _ in range(_STEPS):
         change = simulate(value)
         here = np.inf
         if change is not None:
-            evidence = problem.evidence(problem.gap - change)
+            evidence = problem.evidence(problem.residual - change)
             _, _, here = evidence.solve(held=terms)
         if best is None:
             if not here < nothing:  # the first step was too long
@@ -114,7 +114,7 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
                 steps = {k: -0.02 * v or problem.terms[terms[k]].step for k, v in enumerate(value)}
                 slopes = differences(simulate, value, change, steps)
                 by_term = {terms[k]: slope for k, slope in slopes.items()}
-                evidence = problem.evidence(problem.gap - change, by_term)
+                evidence = problem.evidence(problem.residual - change, by_term)
             best = here, value, change, evidence
             solution, _, _ = evidence.solve(free=terms)
             delta = solution[terms] * scale
@@ -162,7 +162,7 @@ def changes_of(problem: Problem, fitted: Fit) -> list[tuple[Term, float]]:
     """List the terms of a set and their values.
 
     Args:
-        problem: The gap and the terms.
+        problem: The residual and the terms.
         fitted: The set of effects.
 
     Returns:
@@ -175,7 +175,7 @@ def first_of(problem: Problem, fitted: Fit, count: int) -> Fit:
     """Return the first effects of a set, with the severities that they have in the whole set.
 
     Args:
-        problem: The gap and the terms.
+        problem: The residual and the terms.
         fitted: The whole set of effects.
         count: Number of effects to keep.
 
@@ -205,7 +205,7 @@ def _done(
     misfit: float,
 ) -> Fit:
     terms = [term for group in groups for term in group]
-    scale = np.array([problem.terms[t].tolerance for t in terms])
+    scale = np.array([problem.terms[t].prior_std for t in terms])
     _, inverse, _ = evidence.solve(free=terms)
     errors = scale * np.sqrt(np.diag(inverse)[terms]) if terms else np.empty(0)
     return Fit(groups, value, errors, change, evidence, misfit, evidence.score(terms))
@@ -215,7 +215,7 @@ def bounds_of(problem: Problem, terms: Sequence[int]) -> tuple[np.ndarray, np.nd
     """Return the bounds of the values of terms.
 
     Args:
-        problem: The gap and the terms.
+        problem: The residual and the terms.
         terms: Indices of the terms.
 
     Returns:
@@ -228,7 +228,7 @@ def bounds_of(problem: Problem, terms: Sequence[int]) -> tuple[np.ndarray, np.nd
 def _range(term: Term) -> tuple[float, float]:
     """Smallest and largest severity."""
     effect = get_effect(term.name)
-    if term.name in PERIODIC:  # sine and cosine
+    if get_effect(term.name).prior.use == "periodic":  # sine and cosine
         return -effect.largest, effect.largest
     if term.name == PAYLOAD and term.parameters:  # points, of which only the sum is a mass
         return -np.inf, np.inf

@@ -26,19 +26,19 @@ _SPEEDS = ((0.1, 0.3), (0.3, 0.2))
 # Departures after a reversal, where the bristles turn over: lengths [rad, motor], likewise.
 _ANGLES = ((0.01, 1.0), (0.03, 1.0), (0.1, 1.0), (0.3, 0.3))
 _STEP = 0.1  # share of a shape that is put in
-_TOLERANCES = tuple(size for _, size in (*_EXPONENTS, *_SPEEDS, *_ANGLES))  # assumed
+_PRIOR_STDS = tuple(size for _, size in (*_EXPONENTS, *_SPEEDS, *_ANGLES))  # assumed
 
 
-def form_terms(robot: Robot) -> list[Term]:
+def discrepancy_terms(robot: Robot) -> list[Term]:
     """List the terms for the departures of each axis' friction from the law."""
     return [
-        Term(FORM, axis, 1.0, tolerance, (("shape", float(k)),))
+        Term(FORM, axis, 1.0, prior_std, (("shape", float(k)),))
         for axis in range(1, robot.n_axes + 1)
-        for k, tolerance in enumerate(_TOLERANCES)
+        for k, prior_std in enumerate(_PRIOR_STDS)
     ]
 
 
-def form_columns(
+def discrepancy_sensitivities(
     replay: Replay,
     terms: list[Term],
     base: np.ndarray,
@@ -52,7 +52,7 @@ def form_columns(
 
     Args:
         replay: The recording and the model.
-        terms: Terms of `form_terms`.
+        terms: Terms of `discrepancy_terms`.
         base: Torque of the unchanged model, shape (samples, n_axes).
         workers: Number of processes. It has no effect on the result.
         cache: Folder in which results are kept for the next recording of the same program.
@@ -81,7 +81,7 @@ def _shapes(replay: Replay) -> np.ndarray:
     friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")]
     coulomb = friction[:, COULOMB]
     height = friction[:, STICTION] - coulomb
-    shapes = np.empty((len(_TOLERANCES), *motor.shape))
+    shapes = np.empty((len(_PRIOR_STDS), *motor.shape))
     for part in recording.parts:
         velocity = np.gradient(motor[part], recording.sample_period, axis=0)
         slow = np.abs(velocity) / friction[:, STRIBECK_VELOCITY]

@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from faultgen.discovery.candidates import INERTIA, LINK_TOLERANCE, Term
+from faultgen.discovery.candidates import INERTIA, Term
+from faultgen.effects.prior import LINK_STD
 from faultgen.effects.structure import MASSLESS
 from faultgen.robot import Robot
 
@@ -28,9 +29,9 @@ def inertia_terms(robot: Robot) -> list[Term]:
             continue  # nothing that could be scaled; a payload is points then
         size = _size(body)
         for k in range(_COMPONENTS):
-            tolerance = 0.5 * LINK_TOLERANCE if k in _DIAGONAL else LINK_TOLERANCE
-            tolerance = 2 * LINK_TOLERANCE * size if k in _SHIFT else tolerance
-            terms.append(Term(INERTIA, link, 2 * tolerance, tolerance, (("component", float(k)),)))
+            prior_std = 0.5 * LINK_STD if k in _DIAGONAL else LINK_STD
+            prior_std = 2 * LINK_STD * size if k in _SHIFT else prior_std
+            terms.append(Term(INERTIA, link, 2 * prior_std, prior_std, (("component", float(k)),)))
     return terms
 
 
@@ -46,7 +47,7 @@ def _bodies(spec: mujoco.MjSpec, robot: Robot) -> list[mujoco.MjsBody]:
 
 
 def _size(body: mujoco.MjsBody) -> float:
-    """Possible error of a link's centre of mass, divided by the tolerance [m]."""
+    """Possible error of a link's centre of mass, divided by the prior standard deviation [m]."""
     gyration = float(np.sqrt(np.sum(body.inertia) / 2 / max(body.mass, 1e-9)))
     return max(gyration, float(np.linalg.norm(body.ipos)))
 

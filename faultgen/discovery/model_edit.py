@@ -1,6 +1,6 @@
 """The model with the found effects in it, simulated before any of its errors is reported.
 
-The gap after calibration, and after each effect, is the error of this model on the recorded
+The residual after calibration, and after each effect, is the error of this model on the recorded
 motion. A recording of other motions is compared with the same model in the same way.
 """
 
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultgen.discovery.calibrate import SHARES, replaying
-from faultgen.discovery.candidates import INERTIA, PERIODIC, Term
+from faultgen.discovery.candidates import INERTIA, Term
 from faultgen.discovery.fit import Fit, changes_of
 from faultgen.discovery.regression import Problem
 from faultgen.discovery.replay import relative_error
@@ -27,7 +27,7 @@ class Built:
     changes: list[tuple[Term, float]]
     """All changes of the model."""
     left: np.ndarray
-    """Torque of the gap that remains, simulated, shape (samples, n_axes)."""
+    """Torque of the residual that remains, simulated, shape (samples, n_axes)."""
     share: float
     """Share of the calibrated changes that the model contains."""
 
@@ -39,9 +39,10 @@ def build(problem: Problem, fitted: Fit, solution: np.ndarray) -> Built:
     for fitting is no larger than with the effects alone.
 
     Args:
-        problem: The gap and the terms.
+        problem: The residual and the terms.
         fitted: The set of effects.
-        solution: Value of every term in tolerances, shape (terms,); 0 for the effects of the set.
+        solution: Value of every term in prior standard deviations, shape (terms,); 0 for the
+            effects of the set.
 
     Returns:
         The model that was built.
@@ -55,7 +56,7 @@ def build_stable(
     """Build a model that also replays the recording after it was written to a file and read again.
 
     Args:
-        problem: The gap and the terms.
+        problem: The residual and the terms.
         fitted: The set of effects.
         solution: As for `build`.
 
@@ -75,14 +76,14 @@ def build_stable(
 def _candidates(problem: Problem, fitted: Fit, solution: np.ndarray) -> Iterator[Built]:
     """Models with smaller and smaller shares of the calibrated changes, then the effects alone."""
     effects = changes_of(problem, fitted)
-    alone = Built(effects, problem.gap - fitted.change, 0.0)
+    alone = Built(effects, problem.residual - fitted.change, 0.0)
     numbers = _numbers(problem, solution)
     limit = _fitting_error(problem, alone.left)
     for share in SHARES if numbers else ():
         changes = effects + [(term, share * value) for term, value in numbers]
         change = problem.change(changes)
-        if change is not None and _fitting_error(problem, problem.gap - change) <= limit:
-            yield Built(changes, problem.gap - change, share)
+        if change is not None and _fitting_error(problem, problem.residual - change) <= limit:
+            yield Built(changes, problem.residual - change, share)
     yield alone
 
 
@@ -91,7 +92,7 @@ def _numbers(problem: Problem, solution: np.ndarray) -> list[tuple[Term, float]]
     if problem.twin:
         return []
     pairs = zip(problem.terms, solution.tolist(), strict=True)
-    values = [(term, value * term.tolerance) for term, value in pairs if abs(value) > 1e-3]
+    values = [(term, value * term.prior_std) for term, value in pairs if abs(value) > 1e-3]
     return [(term, value) for term, value in values if _possible(term, value)]
 
 
@@ -103,7 +104,7 @@ def _possible(term: Term, value: float) -> bool:
     if not term.is_effect:
         return term.name == INERTIA
     effect = get_effect(term.name)
-    return term.name not in PERIODIC and effect.smallest < value < effect.largest
+    return effect.prior.use != "periodic" and effect.smallest < value < effect.largest
 
 
 def _fitting_error(problem: Problem, left: np.ndarray) -> float:

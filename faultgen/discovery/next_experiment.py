@@ -46,7 +46,7 @@ def next_experiment(problem: Problem, choice: Choice) -> Experiment | None:
     explanations is furthest apart (Hunter and Reiner 1965, with refitted severities).
 
     Args:
-        problem: The gap and the terms.
+        problem: The residual and the terms.
         choice: The answer and its rivals.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Noise of a gap, estimated from its changes over a few samples."""
+"""Noise of a residual, estimated from its changes over a few samples."""
 
 from __future__ import annotations
 
@@ -71,8 +71,8 @@ class Autoregression:
         return out
 
 
-def noise_of(gap: np.ndarray, inside: np.ndarray, parts: Sequence[slice]) -> Autoregression:
-    """Estimate the noise of a gap that also contains effects.
+def noise_of(residual: np.ndarray, inside: np.ndarray, parts: Sequence[slice]) -> Autoregression:
+    """Estimate the noise of a residual that also contains effects.
 
     Effects change slowly compared with the sample period, except for jumps, which `inside` should
     exclude. Second differences remove what changes slowly. For a first-order autoregression, their
@@ -80,7 +80,7 @@ def noise_of(gap: np.ndarray, inside: np.ndarray, parts: Sequence[slice]) -> Aut
     autocovariances, s^2 m^k / (1 - m^2).
 
     Args:
-        gap: Shape (samples, n_axes), in any unit.
+        residual: Shape (samples, n_axes), in any unit.
         inside: Samples that may be used, same shape.
         parts: Samples of each separate recording.
 
@@ -90,12 +90,12 @@ def noise_of(gap: np.ndarray, inside: np.ndarray, parts: Sequence[slice]) -> Aut
     Raises:
         ValueError: An axis has fewer than 50 usable samples.
     """
-    axes = gap.shape[1]
+    axes = residual.shape[1]
     memory, innovation = np.zeros(axes), np.zeros(axes)
     for axis in range(axes):
         squares, products = [], []
         for part in parts:
-            x, use = gap[part, axis], inside[part, axis]
+            x, use = residual[part, axis], inside[part, axis]
             second = x[2:] - 2 * x[1:-1] + x[:-2]
             usable = use[2:] & use[1:-1] & use[:-2]
             squares.append(second[usable] ** 2)
@@ -134,7 +134,7 @@ def _memory(ratio: float) -> float:
 def autoregression(
     residual: np.ndarray, inside: np.ndarray, parts: Sequence[slice], order: int = 8
 ) -> Autoregression:
-    """Fit an autoregression to the residual of a gap.
+    """Fit an autoregression to the error that remains.
 
     White plus coloured noise is an autoregression of infinite order. Eight steps are close enough:
     patterns over seconds in healthy robots then occur as often as they should. With three steps

@@ -1,4 +1,4 @@
-"""Periodic effects of unknown order: how many cycles per motor turn does a gap show?"""
+"""Periodic effects of unknown order: how many cycles per motor turn does a residual show?"""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MOST = 2  # orders an axis
 
 @dataclass(frozen=True)
 class Order:
-    """A periodic component of a gap."""
+    """A periodic component of a residual."""
 
     axis: int
     """From 1."""
@@ -80,7 +80,7 @@ def _orders(axis: int, turns: np.ndarray, error: np.ndarray, classes: np.ndarray
             rows = classes == kind
             binned = np.bincount(index[rows], weights=left[rows])
             power = np.abs(np.fft.rfft(binned, length)) ** 2
-            # noise has a mean square of 1; less means that the gap lacks some of its noise
+            # noise has a mean square of 1; less means that the residual lacks some of its noise
             strength += 2 * power / max(float(left[rows] @ left[rows]), rows.sum())
         strength[outside] = 0
         k = int(np.argmax(strength))

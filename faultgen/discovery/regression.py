@@ -1,4 +1,4 @@
-"""A gap prepared for regression: masked and whitened, with one column for each term."""
+"""A residual prepared for regression: masked and whitened, with one column for each term."""
 
 from __future__ import annotations
 
@@ -37,15 +37,18 @@ class Kinematics:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A gap and the terms that may explain it. Arrays of samples have shape (samples, n_axes)."""
+    """A residual and the terms that may explain it.
+
+    Arrays of samples have shape (samples, n_axes).
+    """
 
     replay: Replay
     """The recording and the model."""
     terms: list[Term]
-    """All terms, with the tolerances of this comparison."""
+    """All terms, with the prior standard deviations of this comparison."""
     base: np.ndarray
     """Torque of the unchanged model."""
-    gap: np.ndarray
+    residual: np.ndarray
     """Torque that is to be explained."""
     inside: np.ndarray
     """Samples that are used."""
@@ -56,13 +59,14 @@ class Problem:
     raw: np.ndarray
     """Change of the torque per unit of each term, shape (terms, samples, n_axes)."""
     noise: Autoregression
-    """Noise of the gap."""
+    """Noise of the residual."""
     trust: np.ndarray
     """Weight of each sample: 1, or less where models of friction are usually wrong."""
     white: np.ndarray
-    """Whitened columns in units of the tolerances, shape (terms, samples, n_axes)."""
+    """Whitened columns in units of the prior standard deviations, shape (terms, samples,
+    n_axes)."""
     twin: bool
-    """Whether the gap is the difference of two recordings."""
+    """Whether the residual is the difference of two recordings."""
     shared: np.ndarray
     """Axes on which the two recordings have the same noise, which cancels in their difference;
     shape (n_axes,)."""
@@ -91,7 +95,7 @@ class Problem:
 
     def samples(self, parts: Sequence[int]) -> np.ndarray:
         """Samples of some parts, as a mask of shape (samples,)."""
-        return samples_of([self.parts[p] for p in parts], len(self.gap))
+        return samples_of([self.parts[p] for p in parts], len(self.residual))
 
     def change(self, changes: Changes) -> np.ndarray | None:
         """Simulate by how much changes of the model change its torque.
@@ -115,32 +119,32 @@ class Problem:
 
     @cached_property
     def _nominal(self) -> Evidence:
-        return Evidence.of(self.white, self.whiten(self.gap), self._slices)
+        return Evidence.of(self.white, self.whiten(self.residual), self._slices)
 
     @property
     def _slices(self) -> list[slice]:
         return [self.parts[p] for p in self.fitting]
 
     def evidence(
-        self, gap: np.ndarray | None = None, slopes: dict[int, np.ndarray] | None = None
+        self, residual: np.ndarray | None = None, slopes: dict[int, np.ndarray] | None = None
     ) -> Evidence:
         """Compute inner products on the parts for fitting.
 
         Args:
-            gap: Another gap than that of the problem, shape (samples, n_axes).
+            residual: Another residual than that of the problem, shape (samples, n_axes).
             slopes: Other columns for some terms, per unit of the term, shape (samples, n_axes)
                 each.
 
         Returns:
             The inner products.
         """
-        if gap is None:
+        if residual is None:
             return self._nominal
-        target = self.whiten(gap)
+        target = self.whiten(residual)
         evidence = self._nominal.against(self.white, target, self._slices)
         if not slopes:
             return evidence
-        white = {t: self.whiten(c) * self.terms[t].tolerance for t, c in slopes.items()}
+        white = {t: self.whiten(c) * self.terms[t].prior_std for t, c in slopes.items()}
         return evidence.replaced(white, self.white, target, self._slices)
 
 
@@ -201,11 +205,11 @@ def pose(
     terms: Sequence[Term],
     base: np.ndarray,
     raw: np.ndarray,
-    gap: np.ndarray,
+    residual: np.ndarray,
     *,
     twin: bool,
 ) -> Problem:
-    """Estimate the noise of a gap, and whiten the gap and all columns with it.
+    """Estimate the noise of a residual, and whiten the residual and all columns with it.
 
     The noise is an autoregression of what no combination of the terms explains. If this is larger
     in slow motion than at speed, samples in slow motion get less weight, because there the friction
@@ -218,11 +222,11 @@ def pose(
         terms: All terms.
         base: Torque of the unchanged model, shape (samples, n_axes).
         raw: Columns, shape (terms, samples, n_axes).
-        gap: Torque that is to be explained, shape (samples, n_axes).
-        twin: Whether the gap is the difference of two recordings.
+        residual: Torque that is to be explained, shape (samples, n_axes).
+        twin: Whether the residual is the difference of two recordings.
 
     Returns:
-        The gap and the terms, ready for fitting.
+        The residual and the terms, ready for fitting.
 
     Raises:
         ValueError: Too little of the recording can be used.
@@ -230,18 +234,20 @@ def pose(
     recording, robot = replay.recording, replay.robot
     parts = blocks(recording)
     inside = counted(recording, robot, twin=twin)
-    if not (inside & samples_of([parts[p] for p in for_scoring(parts)], len(gap))[:, None]).any():
+    if not (
+        inside & samples_of([parts[p] for p in for_scoring(parts)], len(residual))[:, None]
+    ).any():
         raise ValueError("nothing moves in the last fifth, which is kept for scoring")
     steady = inside & ~near_reversal(recording, robot)
-    tolerances = np.array([term.tolerance for term in terms], np.float32)[:, None, None]
-    scale = tolerances[:, 0, 0]
+    prior_stds = np.array([term.prior_std for term in terms], np.float32)[:, None, None]
+    scale = prior_stds[:, 0, 0]
 
     mask = inside.astype(np.float32)
 
     def unexplained(x: np.ndarray, by: Autoregression) -> np.ndarray:
         """What no combination of the terms explains."""
         white = [by.whiten(y, parts) * mask for y in (raw, x)]
-        evidence = Evidence.of(white[0] * tolerances, white[1], parts)
+        evidence = Evidence.of(white[0] * prior_stds, white[1], parts)
         value, _, _ = evidence.solve(free=range(len(terms)))
         return x - np.tensordot((value * scale).astype(np.float32), raw, axes=1)
 
@@ -249,12 +255,12 @@ def pose(
         first = noise_of(x, steady, parts)
         return autoregression(unexplained(x, first), steady, parts)
 
-    noise = noise_in(gap)
+    noise = noise_in(residual)
     shared = np.zeros(robot.n_axes, bool)
     if twin:
-        shared = shared_noise(recording.torque, recording.torque - gap, parts)
+        shared = shared_noise(recording.torque, recording.torque - residual, parts)
     if shared.any():  # what neither the model nor the samples before foretell of the healthy one
-        healthy = recording.torque - gap
+        healthy = recording.torque - residual
         own, plainly = noise_in(healthy - base), autoregression(healthy, steady, parts)
         white = replace(plainly, coefficients=0 * plainly.coefficients)
         own = own.replaced(white, white.innovation < own.innovation).times(np.sqrt(2))
@@ -262,21 +268,21 @@ def pose(
         noise = noise.replaced(own, shared)
     torque = np.sqrt(np.mean(recording.torque**2, axis=0))
     noise = replace(noise, innovation=np.maximum(noise.innovation, _EXACT * torque))
-    left = noise.whiten(unexplained(gap, noise), parts)
+    left = noise.whiten(unexplained(residual, noise), parts)
     trust = _trust(recording, robot, left, inside)
     weight = (mask * trust).astype(np.float32)
     return Problem(
         replay=replay,
         terms=list(terms),
         base=base,
-        gap=gap,
+        residual=residual,
         inside=inside,
         parts=parts,
         scoring=for_scoring(parts),
         raw=raw,
         noise=noise,
         trust=trust,
-        white=noise.whiten(raw, parts) * weight * tolerances,
+        white=noise.whiten(raw, parts) * weight * prior_stds,
         twin=twin,
         shared=shared,
     )
@@ -293,8 +299,8 @@ def plain(problem: Problem) -> Problem:
     longer = noise.deviation / noise.innovation  # root of the samples that one is worth
     white = Autoregression(0 * noise.coefficients, noise.deviation * longer)
     new = replace(problem, noise=white, trust=np.ones_like(problem.trust))
-    tolerances = np.array([term.tolerance for term in problem.terms], np.float32)
-    return replace(new, white=new.whiten(problem.raw) * tolerances[:, None, None])
+    prior_stds = np.array([term.prior_std for term in problem.terms], np.float32)
+    return replace(new, white=new.whiten(problem.raw) * prior_stds[:, None, None])
 
 
 def rolling(recording: Recording, robot: Robot) -> np.ndarray:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultgen.discovery.candidates import FRICTION, PAYLOAD, Term
+from faultgen.discovery.candidates import PAYLOAD, Term
 from faultgen.discovery.certainty import overdispersion
 from faultgen.discovery.fit import Fit, Group, fit
 from faultgen.discovery.regression import Problem
@@ -31,22 +31,9 @@ robots one reaches 17.5, and all others stay at 14 or below."""
 SURE = 21.0
 """The same without a twin. Healthy robots reach 16."""
 
-MIMICKED = (
-    "backlash",
-    "encoder_offset",
-    "gear_stiffness",
-    "gravity_spring",
-    "load_friction",
-    "rotor_inertia",
-    "temperature_friction",
-    "torque_ripple",
-    "wrist_coupling_friction",
-)
-"""Effects that look like deviations of the friction law or wrong links if there is no twin."""
-
-SURE_MIMICKED = 35.0
-"""Amount by which those effects must reduce the misfit without a twin. Of 152 healthy development
-robots one reaches 37, two reach 32, and all others stay at 24 or below."""
+SURE_IMITATED = 35.0
+"""The same without a twin for effects that wrong friction or links imitate (`Prior.imitated`). Of
+152 healthy development robots one reaches 37, two reach 32, and all others stay at 24 or below."""
 
 COMPANION = 0.1
 """Smallest share for a second kind of speed-dependent friction on one axis. The friction of a real
@@ -65,7 +52,7 @@ class Choice:
     """The chosen set of effects and its rivals."""
 
     problem: Problem
-    """The gap on which sets were compared."""
+    """The residual on which sets were compared."""
     fits: tuple[Fit, ...]
     """The empty set, and then the set after each effect that was added."""
     best: Fit
@@ -90,10 +77,10 @@ def groups_of(problem: Problem) -> list[Group]:
 
 
 def choose(problem: Problem) -> Choice:
-    """Find the set of effects that explains a gap.
+    """Find the set of effects that explains a residual.
 
     Args:
-        problem: The gap and the terms.
+        problem: The residual and the terms.
 
     Returns:
         The chosen set and its rivals.
@@ -145,7 +132,8 @@ class _Search:
         """Amount by which an effect must reduce the misfit."""
         if self.problem.twin:
             return SURE_TWIN
-        return SURE_MIMICKED if self._term(group).name in MIMICKED else SURE
+        imitated = get_effect(self._term(group).name).prior.imitated
+        return SURE_IMITATED if imitated else SURE
 
     def is_better(self, new: Fit, current: Fit) -> bool:
         """Whether a set reduces the misfit by the amount that its new effects require."""
@@ -162,9 +150,9 @@ class _Search:
         return [group for group in self.candidates if which(group) not in taken]
 
     def _allowed(self, group: Group, first: float) -> bool:
-        """Whether a value of the first term, in tolerances, lies within the effect's bounds."""
+        """Whether a value of the first term, in its prior_std, is within the effect's bounds."""
         term = self._term(group)
-        return len(group) > 1 or first * term.tolerance > get_effect(term.name).smallest
+        return len(group) > 1 or first * term.prior_std > get_effect(term.name).smallest
 
     def addition(self, current: Fit) -> Fit | None:
         """The set with one more candidate: the one that best predicts held-out recordings."""
@@ -192,16 +180,17 @@ class _Search:
         return None
 
     def _is_companion(self, current: Fit, group: Group) -> bool:
-        """Whether an axis already has another kind of speed-dependent friction."""
+        """Whether an axis already has another effect of the same group."""
         term = self._term(group)
+        own = get_effect(term.name).prior.group
         has = [self._term(g) for g in current.groups]
-        return term.name in FRICTION and any(
-            one.name in FRICTION and one.axis == term.axis for one in has
+        return bool(own) and any(
+            get_effect(one.name).prior.group == own and one.axis == term.axis for one in has
         )
 
     def _start(self, current: Fit, group: Group) -> np.ndarray:
         solution, _, _ = current.evidence.solve(free=[*current.terms, *group])
-        return np.array([solution[t] * self.problem.terms[t].tolerance for t in group])
+        return np.array([solution[t] * self.problem.terms[t].prior_std for t in group])
 
     def pruned(self, new: Fit) -> Fit:
         """Return the set without effects that have become superfluous."""

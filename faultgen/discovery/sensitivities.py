@@ -32,7 +32,7 @@ recording."""
 _FOLLOWS = ("static_friction", "stribeck_velocity", "viscous_friction")
 
 
-def columns(
+def sensitivities(
     replay: Replay,
     terms: Sequence[Term],
     *,
@@ -73,7 +73,7 @@ def columns(
     return base, np.array(changes, np.float32)
 
 
-def own_columns(
+def own_sensitivities(
     replay: Replay,
     terms: Sequence[Term],
     base: np.ndarray,
@@ -90,7 +90,7 @@ def own_columns(
         terms: Terms to probe.
         base: Torque of the unchanged model, shape (samples, n_axes).
         workers: Number of processes. It has no effect on the result.
-        cache: Folder as in `columns`.
+        cache: Folder as in `sensitivities`.
 
     Returns:
         Shape (terms, samples, n_axes), per unit of each term. Only the term's own axis is not zero.

@@ -1,10 +1,10 @@
-"""The verdict on a gap: nothing missing, effects named, ambiguous, or unknown effect."""
+"""The verdict on a residual: nothing missing, effects named, ambiguous, or unknown effect."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from faultgen.discovery.candidates import FRICTION, PAYLOAD, PERIODIC, Term, payload_of
+from faultgen.discovery.candidates import PAYLOAD, Term, payload_of
 from faultgen.discovery.certainty import certainty
 from faultgen.discovery.diagnostics import Pattern, patterns, where
 from faultgen.discovery.fit import Fit, first_of
@@ -13,14 +13,15 @@ from faultgen.discovery.regression import Problem
 from faultgen.discovery.replay import relative_error, relative_errors
 from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE, UNKNOWN, UNLIKELY, Answer, Named
 from faultgen.discovery.selection import Choice
+from faultgen.effects import get_effect
 
 LEFT = 0.05
-"""If at least this share of a gap remains with a pattern, the effects do not explain the gap:
-chosen on development cases."""
+"""If at least this share of a residual remains with a pattern, the effects do not explain the
+residual: chosen on development cases."""
 
 OPEN, OPEN_NOISE = 0.1, 1.5
-"""Share of an axis' squared gap to its twin, and RMS over that of the noise, beyond which a gap is
-not considered explained: assumed."""
+"""Share of an axis' squared residual to its twin, and RMS over that of the noise, beyond which a
+residual is not considered explained: assumed."""
 
 BAND = {
     "time": 0.004,
@@ -40,7 +41,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     """Judge the chosen set of effects.
 
     Args:
-        problem: The gap and the terms.
+        problem: The residual and the terms.
         choice: The chosen set and its rivals.
 
     Returns:
@@ -52,12 +53,12 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     white = problem.whiten(left)
     own = [(problem.terms[t].axis, problem.white[t]) for t in best.terms]
     found = patterns(problem, white, problem.fitting, own)
-    shown = left + best.change  # the gap that is to be explained, less calibration
+    shown = left + best.change  # the residual that is to be explained, less calibration
     white_shown = problem.whiten(shown)
     shares = where(problem, white_shown)
     p_value = significance(problem, problem.whiten(without))
     noise = np.broadcast_to(problem.noise.deviation, left.shape)
-    open_ = [_score(problem, x)[1] for x in (problem.gap, left, noise)]
+    open_ = [_score(problem, x)[1] for x in (problem.residual, left, noise)]
     is_open = problem.twin and _is_open(*open_)
     verdict = _verdict(problem, choice, found, white_shown, is_open)
     known = verdict in (NAMED, AMBIGUOUS)
@@ -65,7 +66,9 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     basic = build(problem, empty, base_values)
     chosen = (best, values) if known else (empty, base_values)
     built, robot, lacks = build_stable(problem, *chosen)
-    before, calibrated, after = (_score(problem, x) for x in (problem.gap, basic.left, built.left))
+    before, calibrated, after = (
+        _score(problem, x) for x in (problem.residual, basic.left, built.left)
+    )
     # an error holds the noise, so that the noise of an axis is no larger than any of its errors
     floor = np.min([open_[2], before[1], calibrated[1], after[1]], axis=0)
     return Answer(
@@ -96,14 +99,14 @@ def answer(problem: Problem, choice: Choice) -> Answer:
 
 
 def _left(problem: Problem, fitted: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """Torque that a set and the calibration do not explain, and all values in tolerances."""
+    """Torque that a set and the calibration do not explain, and all values in their prior_std."""
     free = fitted.terms
     solution, _, _ = fitted.evidence.solve(free)
     solution = solution.copy()
     solution[free] = 0.0  # at the fit already
-    scale = np.array([term.tolerance for term in problem.terms])
+    scale = np.array([term.prior_std for term in problem.terms])
     explained = np.tensordot((solution * scale).astype(np.float32), problem.raw, axes=1)
-    return problem.gap - fitted.change - explained, solution
+    return problem.residual - fitted.change - explained, solution
 
 
 def _scored(problem: Problem) -> np.ndarray:
@@ -167,14 +170,14 @@ def _verdict(
         return UNKNOWN if strange else NONE
     if is_open or _contrived(problem, choice.best):
         return UNKNOWN
-    gap = max(float((white[problem.inside] ** 2).sum()) - problem.inside.sum(), 1.0)
-    if strange and strange[0].strength > LEFT * gap:
+    residual = max(float((white[problem.inside] ** 2).sum()) - problem.inside.sum(), 1.0)
+    if strange and strange[0].strength > LEFT * residual:
         return UNKNOWN
     return AMBIGUOUS if choice.rivals else NAMED
 
 
 def _is_open(before: list[float], after: list[float], floor: list[float]) -> bool:
-    """Whether the gap of an axis is not explained on motions that were not used for fitting."""
+    """Whether the residual of an axis is not explained on motions that were kept for scoring."""
     was, left, noise = (np.square(x) for x in (before, after, floor))
     return bool(np.any((left > OPEN_NOISE**2 * noise) & (left - noise > OPEN * (was - noise))))
 
@@ -187,10 +190,11 @@ def _contrived(problem: Problem, best: Fit) -> bool:
     kinds = []
     for group in best.groups:
         term = problem.terms[group[0]]
-        if term.name in FRICTION:
-            kinds.append(("friction", term.axis))
-        elif term.parameters and term.name in PERIODIC:
-            kinds.append(("periodic", term.axis))
+        prior = get_effect(term.name).prior
+        if prior.group:
+            kinds.append((prior.group, term.axis))
+        elif prior.use == "periodic":
+            kinds.append((prior.use, term.axis))
     return len(set(kinds)) < len(kinds)
 
 
@@ -267,7 +271,7 @@ def _parameters(problem: Problem, best: Fit, place: int) -> dict[str, float]:
 def _told(
     problem: Problem, fitted: Fit, changes: list[tuple[Term, float]]
 ) -> dict[str, dict[str, float]]:
-    """Calibrated numbers that differ from the model by more than half their tolerance."""
+    """Calibrated numbers that differ from the model by more than half their prior_std."""
     named = {problem.terms[t].key for t in fitted.terms}
     told: dict[str, dict[str, float]] = {}
     if problem.twin:
@@ -275,6 +279,6 @@ def _told(
     for term, value in changes:
         if not term.is_effect or term.parameters or term.key in named:
             continue
-        if abs(value) > 0.5 * term.tolerance:
+        if abs(value) > 0.5 * term.prior_std:
             told.setdefault(term.name, {})[str(term.axis)] = value
     return told

@@ -17,16 +17,16 @@ import numpy as np
 
 from faultgen.discovery.candidates import (
     ORDERS,
-    PERIODIC,
     SAME_MOTIONS,
     Term,
     effect_terms,
+    names_by_use,
     periodic_terms,
-    widened,
-    with_tolerance,
+    with_model_scale,
+    with_prior_scale,
 )
 from faultgen.discovery.checks import check_recording
-from faultgen.discovery.friction_discrepancy import form_columns, form_terms
+from faultgen.discovery.friction_discrepancy import discrepancy_sensitivities, discrepancy_terms
 from faultgen.discovery.inertia import inertia_terms
 from faultgen.discovery.next_experiment import Experiment, next_experiment
 from faultgen.discovery.noise import is_same_noise
@@ -37,8 +37,9 @@ from faultgen.discovery.regression import Problem, plain, pose
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.result import AMBIGUOUS, Answer
 from faultgen.discovery.selection import Choice, choose
-from faultgen.discovery.sensitivities import columns, own_columns
+from faultgen.discovery.sensitivities import own_sensitivities, sensitivities
 from faultgen.discovery.verdict import answer
+from faultgen.effects import EFFECTS
 from faultgen.errors import InputError
 from faultgen.robot import Robot
 
@@ -51,7 +52,7 @@ class Discovery:
     """All results of a discovery, for reports and further questions."""
 
     problem: Problem
-    """The gap and the terms."""
+    """The residual and the terms."""
     choice: Choice
     """The chosen set of effects and its rivals."""
     answer: Answer
@@ -68,8 +69,8 @@ def investigate(
     workers: int = 1,
     exclude: Collection[str] = (),
     include: Collection[str] = (),
-    width: float = 1.0,
-    steady: bool = False,
+    prior_scale: float = 1.0,
+    white_noise: bool = False,
     cache: Path | None = None,
 ) -> Discovery:
     """Run all stages on recordings that were already checked.
@@ -80,11 +81,12 @@ def investigate(
         twin: Recording of the same motions before the change, or None.
         workers: Number of processes. It has no effect on the result.
         exclude: Effects that are not considered.
-        include: Optional effects that are considered, of `candidates.OPTIONAL`.
-        width: How uncertain the model's parameters (`candidates.NUMBERS`) are, as a multiple of the
-            default. Use more than 1 for a model that is only roughly known. `calibrate` finds it.
-        steady: Whether long-lasting errors get full weight, see `regression.plain`. Otherwise a
-            part of them is treated as drifting noise. Use it for recordings that were filtered.
+        include: Optional effects that are considered, with the use "on request".
+        prior_scale: How uncertain the model's parameters (`candidates.NUMBERS`) are, as a multiple
+            of the default. Use more than 1 for a model that is only roughly known. `calibrate`
+            finds it.
+        white_noise: Whether long-lasting errors get full weight, see `regression.plain`. Otherwise
+            a part of them is treated as drifting noise. Use it for recordings that were filtered.
         cache: Folder in which sensitivities are kept.
 
     Returns:
@@ -98,29 +100,30 @@ def investigate(
         _check_followed(recording, twin)
     replay = Replay(recording, robot)
     terms = effect_terms(robot, exclude, include) + inertia_terms(robot)
-    terms += _waves(robot, "transmission_error", exclude)
-    base, raw = columns(replay, terms, workers=workers, cache=cache)
-    forms = form_terms(robot)
-    ripples = _waves(robot, "torque_ripple", exclude)
+    waves = _waves(robot, exclude)
+    own = [term for term in waves if EFFECTS[term.name].prior.own_axis_only]
+    terms += [term for term in waves if term not in own]
+    base, raw = sensitivities(replay, terms, workers=workers, cache=cache)
+    discrepancy = discrepancy_terms(robot)
     raw = np.concatenate(
         [
             raw,
-            form_columns(replay, forms, base, workers=workers, cache=cache),
-            own_columns(replay, ripples, base, workers=workers, cache=cache),
+            discrepancy_sensitivities(replay, discrepancy, base, workers=workers, cache=cache),
+            own_sensitivities(replay, own, base, workers=workers, cache=cache),
         ]
     )
-    terms += forms + ripples
-    gap = recording.torque - (base if twin is None else twin.torque)
+    terms += discrepancy + own
+    residual = recording.torque - (base if twin is None else twin.torque)
     if twin is not None:
-        terms = with_tolerance(terms, SAME_MOTIONS)
-    elif width != 1:
-        terms = widened(terms, width)
+        terms = with_prior_scale(terms, SAME_MOTIONS)
+    elif prior_scale != 1:
+        terms = with_model_scale(terms, prior_scale)
     try:
-        problem = pose(replay, terms, base, raw, gap, twin=twin is not None)
+        problem = pose(replay, terms, base, raw, residual, twin=twin is not None)
     except ValueError as error:
         raise InputError(f"{recording.source}: {error}") from None
     problem = _with_orders(problem, workers, exclude)
-    choice = choose(plain(problem) if steady else problem)
+    choice = choose(plain(problem) if white_noise else problem)
     told = answer(problem, choice)
     experiment = next_experiment(problem, choice) if told.verdict == AMBIGUOUS else None
     return Discovery(problem, choice, told, experiment)
@@ -145,40 +148,41 @@ def _check_followed(recording: Recording, twin: Recording) -> None:
         )
 
 
-def _waves(robot: Robot, name: str, exclude: Collection[str]) -> list[Term]:
-    """Terms of a periodic effect at the orders that are always probed."""
-    axes = range(1, robot.n_axes + 1) if name not in exclude else ()
+def _waves(robot: Robot, exclude: Collection[str]) -> list[Term]:
+    """Terms of the periodic effects at the orders that are always probed."""
     return [
         term
+        for name in names_by_use("periodic")
+        if name not in exclude
         for order in ORDERS
-        for axis in axes
+        for axis in range(1, robot.n_axes + 1)
         for term in periodic_terms(robot, name, axis, order)
     ]
 
 
 def _with_orders(problem: Problem, workers: int, exclude: Collection[str]) -> Problem:
-    """The problem with additional periodic effects, at the orders that the gap shows."""
+    """The problem with additional periodic effects, at the orders that the residual shows."""
     solution, _, _ = problem.evidence().solve()
-    error = problem.whiten(problem.gap) - np.tensordot(solution, problem.white, axes=1)
+    error = problem.whiten(problem.residual) - np.tensordot(solution, problem.white, axes=1)
     known = {(t.axis, dict(t.parameters).get("order")) for t in problem.terms}
     new: list[Term] = []
     for found in find_orders(problem, error):
         if (found.axis, round(found.order, 2)) in known:
             continue
-        for name in PERIODIC:
+        for name in names_by_use("periodic"):
             if name not in exclude:
                 new += periodic_terms(problem.robot, name, found.axis, found.order)
     if not new:
         return problem
-    _, raw = columns(problem.replay, new, workers=workers)
+    _, raw = sensitivities(problem.replay, new, workers=workers)
     if problem.twin:
-        new = with_tolerance(new, SAME_MOTIONS)
+        new = with_prior_scale(new, SAME_MOTIONS)
     return pose(
         problem.replay,
         [*problem.terms, *new],
         problem.base,
         np.concatenate([problem.raw, raw]),
-        problem.gap,
+        problem.residual,
         twin=problem.twin,
     )
 

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import mujoco
 import numpy as np
 
+from faultgen.effects.prior import Prior, check_prior
 from faultgen.errors import InputError
 
 if TYPE_CHECKING:
@@ -151,6 +152,8 @@ class Effect:
     """Largest severity that is sensible."""
     smallest: float = 0.0
     """Smallest severity that is sensible; negative if the effect has two directions."""
+    prior: Prior = None  # type: ignore[assignment]  # required: refused with its name when made
+    """What discovery assumes about the effect. It is required."""
     step: float = 0.1
     """Severity for sensitivities: its effect is clearly visible and still nearly linear."""
     parameters: Mapping[str, Any] = field(default_factory=dict)
@@ -182,6 +185,14 @@ class Effect:
     None if nothing changes in time."""
     interval: float = 2e-3
     """Time between those calls [s]."""
+
+    def __post_init__(self) -> None:
+        """Refuse an effect without a complete prior.
+
+        Raises:
+            InputError: The prior is missing or incomplete. The message names the effect.
+        """
+        check_prior(self.name, self.prior)
 
     @property
     def in_fractions(self) -> bool:

@@ -17,11 +17,16 @@ import numpy as np
 
 from faultgen.effects.base import FRACTION, Effect
 from faultgen.effects.elements import ONE_WAY, add_one_way_damper
-from faultgen.robot import COULOMB, OFFSET, STICTION, STRIBECK_VELOCITY
+from faultgen.effects.prior import Prior, torque_offset_std
+from faultgen.robot import COULOMB, OFFSET, STICTION, STRIBECK_VELOCITY, Robot
 
 QUADRATIC_SPEED = 100.0
 """Motor speed at which quadratic viscous friction is stated [rad/s]: assumed."""
 
+SPEED_FRICTION = "friction of speed"
+"""Group of the effects that change how friction depends on speed."""
+
+_WIDTHS = (0.3, 1.0, 3.0, 10.0, 30.0)  # of low-speed friction, in Stribeck velocities
 _STRIBECK = "LuGre friction with Stribeck curve, thesis eq. 6.3"
 
 
@@ -183,6 +188,14 @@ def add_offset(spec: mujoco.MjSpec, axis: int, severity: float) -> None:
     actuator.biasprm[OFFSET + 2] = math.pi / 2
 
 
+def _widths(robot: Robot, axis: int) -> list[dict[str, float]]:
+    """Widths of low-speed friction to probe: many if the model has no Stribeck curve."""
+    bias = robot.model.actuator_biasprm[robot.ids("actuator", "friction")[axis - 1]]
+    if not no_static_friction(bias):
+        return [{}]
+    return [{"width": float(width * bias[STRIBECK_VELOCITY])} for width in _WIDTHS]
+
+
 EFFECTS = (
     Effect(
         name="friction_wear",
@@ -190,6 +203,7 @@ EFFECTS = (
         unit=FRACTION,
         signature="more torque against the motion, the same at every speed",
         element="friction{i}, dcmotor lugre: coulomb and static",
+        prior=Prior(std=0.002, steps=(0.1,), group=SPEED_FRICTION),
         source="thesis 6.3.1; " + _STRIBECK,
         smallest=-0.9,
         edit=scale_coulomb_and_static,
@@ -200,6 +214,7 @@ EFFECTS = (
         unit=FRACTION,
         signature="more torque against the motion, the same at every speed",
         element="friction{i}, dcmotor lugre: coulomb and static by the same torque",
+        prior=Prior(std=0.035, steps=(0.1,), group=SPEED_FRICTION, in_every_model=True),
         source="thesis eq. 3.7; " + _STRIBECK,
         smallest=-0.9,
         edit=scale_coulomb,
@@ -210,6 +225,7 @@ EFFECTS = (
         unit=FRACTION,
         signature="more torque when starting, reversing and creeping",
         element="friction{i}, dcmotor lugre: static",
+        prior=Prior(std=0.15, steps=(0.1,), group=SPEED_FRICTION),
         source=_STRIBECK,
         smallest=-0.9,
         edit=scale_static,
@@ -220,6 +236,7 @@ EFFECTS = (
         unit=FRACTION,
         signature="more torque against the motion, in proportion to speed",
         element="friction{i}, dcmotor damping",
+        prior=Prior(std=0.05, steps=(0.1,), group=SPEED_FRICTION, in_every_model=True),
         source="thesis eq. 6.3",
         smallest=-0.9,
         edit=scale_viscous,
@@ -230,6 +247,7 @@ EFFECTS = (
         unit=FRACTION,
         signature="more torque against the motion at low speed, about the Stribeck velocity",
         element="friction{i}, dcmotor lugre: Stribeck velocity",
+        prior=Prior(std=0.15, steps=(0.3, 2.0), group=SPEED_FRICTION),
         source=_STRIBECK,
         smallest=-0.9,
         edit=scale_stribeck_velocity,
@@ -240,6 +258,7 @@ EFFECTS = (
         unit=f"fraction of Coulomb friction, at {QUADRATIC_SPEED:g} rad/s motor side",
         signature="more torque against the motion at high speed, in proportion to its square",
         element="friction{i}, dcmotor damping, second coefficient",
+        prior=Prior(std=0.003, steps=(0.1,), group=SPEED_FRICTION),
         source="w |w| term of extended friction models; the reference speed is assumed",
         smallest=-1.0,
         edit=add_quadratic_viscous,
@@ -250,6 +269,7 @@ EFFECTS = (
         unit="fraction of Coulomb friction, where the motor turns forward",
         signature="more torque against the motion in one direction, none in the other",
         element="friction{i}, dcmotor lugre and cogging without poles",
+        prior=Prior(std=0.003, steps=(0.1,)),
         source="direction-dependent friction of the EMPS benchmark (Janot et al. 2019)",
         smallest=-0.9,
         edit=add_asymmetry,
@@ -260,6 +280,12 @@ EFFECTS = (
         unit="fraction of viscous friction, where the motor turns forward",
         signature="more torque against the motion in one direction, in proportion to speed",
         element="viscous_asymmetry{i}, short-circuited dcmotor with a force of one sign",
+        prior=Prior(
+            use="on request",
+            reason="other effects of friction imitate it in most motions",
+            std=0.01,
+            steps=(0.1,),
+        ),
         source="viscous friction by direction, as the EMPS shows (docs/discovery_emps.md)",
         smallest=-0.9,
         edit=add_viscous_asymmetry,
@@ -270,6 +296,13 @@ EFFECTS = (
         unit="fraction of Coulomb friction, at standstill",
         signature="more or less torque against the motion below the Stribeck velocity",
         element="friction{i}, dcmotor lugre: static, and Stribeck velocity",
+        prior=Prior(
+            use="on request",
+            reason="the friction law of most models covers low speed already",
+            std=0.01,
+            steps=(0.1,),
+            variants=_widths,
+        ),
         source=_STRIBECK,
         smallest=-0.9,
         parameters={"width": None},
@@ -283,6 +316,7 @@ EFFECTS = (
         motor_torque=True,
         signature="the same torque at all times, also at rest",
         element="friction{i}, dcmotor cogging without poles",
+        prior=Prior(std=torque_offset_std, steps_in_std=100, in_every_model=True),
         source="definition",
         smallest=-10.0,
         step=0.01,
@@ -296,6 +330,7 @@ EFFECTS = (
         motor_torque=True,
         signature="more torque against the motion, the same at every speed",
         element="friction{i}, dcmotor lugre: coulomb and static by the same torque",
+        prior=Prior(use="never", reason="coulomb_friction changes the robot in the same way"),
         source="definition",
         same_as="coulomb_friction",
         step=0.01,

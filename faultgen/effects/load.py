@@ -12,6 +12,7 @@ import numpy as np
 
 from faultgen.effects.base import Effect, Moment, Place, Update
 from faultgen.effects.elements import ToldFriction, add_told_friction
+from faultgen.effects.prior import Prior
 from faultgen.mjcf.gearbox import Gearbox
 
 
@@ -61,6 +62,7 @@ EFFECTS = (
         unit="fraction of the gearbox's torque, motor side (N m a N m)",
         signature="more torque against the motion where the gearbox carries more",
         element="load_friction{i}, passive dcmotor lugre, told the load between steps",
+        prior=Prior(std=0.0003, steps=(0.03,), imitated=True),
         source="load term of Bittencourt et al. 2010, F_c + 0.023 |load|",
         largest=1.0,
         step=0.03,

@@ -9,6 +9,7 @@ import numpy as np
 
 from faultgen.effects.base import Effect, last_axis
 from faultgen.effects.elements import add_tendon
+from faultgen.effects.prior import Prior
 from faultgen.effects.structure import MASSLESS, payload_body
 from faultgen.errors import InputError
 
@@ -61,6 +62,7 @@ EFFECTS = (
         signature="strikes and ringing where the payload's weight and inertia change sign along "
         "the play",
         element="slide loose_tool_x (y, z) of the payload, tendon springlength (dead band)",
+        prior=Prior(use="never", reason="its play would have to be searched for"),
         source="sliding mass between elastic stops; their 60 Hz and 5 % damping are assumed, so "
         "that the smallest play has elastic stops too",
         largest=0.05,

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from faultgen.effects.base import FRACTION, Effect, Place
+from faultgen.effects.prior import Prior
 from faultgen.errors import InputError
 
 if TYPE_CHECKING:
@@ -89,6 +90,7 @@ EFFECTS = (
         unit=FRACTION,
         signature="more torque in proportion to acceleration",
         element="body of motor{i}, inertia",
+        prior=Prior(std=0.035, steps=(0.1,), in_every_model=True, imitated=True),
         source="definition",
         smallest=-0.9,
         edit=scale_rotor_inertia,
@@ -99,6 +101,7 @@ EFFECTS = (
         unit="fraction of nominal that is lost, below 1",
         signature="every torque of the axis is larger in the log, by the same factor",
         element="drive{i}, gains and limit; control and log",
+        prior=Prior(std=0.002, steps=(0.05,), in_every_model=True),
         source="torque = (1 - severity) of the logged one; magnets lose 0.1 to 0.2 % a kelvin",
         largest=0.9,
         smallest=-1.0,

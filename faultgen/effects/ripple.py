@@ -10,6 +10,7 @@ import numpy as np
 
 from faultgen.effects.base import Effect, Place
 from faultgen.effects.elements import add_cogging, add_tendon, gear_ratio
+from faultgen.effects.prior import Prior, of_gearbox_angle, of_motor_torque
 from faultgen.errors import InputError
 
 if TYPE_CHECKING:
@@ -142,6 +143,13 @@ EFFECTS = (
         motor_torque=True,
         signature="a sine over the motor's angle, at all speeds, also at rest",
         element="torque_ripple{i}, passive dcmotor with cogging",
+        prior=Prior(
+            use="periodic",
+            std=of_motor_torque(2e-5),
+            steps_in_std=1000,
+            imitated=True,
+            own_axis_only=True,
+        ),
         source="amplitude sin(order q_m + phase); 0.5 to 2 % of the rated torque are usual",
         step=0.01,
         parameters=_WAVE,
@@ -155,6 +163,7 @@ EFFECTS = (
         slide_units="m",
         signature="a sine over the motor's angle, strongest where it meets a resonance",
         element="transmission_error{i}, four passive dcmotors with cogging",
+        prior=Prior(use="periodic", std=of_gearbox_angle(2e-5), steps_in_std=1000),
         source="kinematic error of harmonic drives, 0.3 to 1 arc minute, twice a motor turn",
         largest=0.01,
         step=3e-5,

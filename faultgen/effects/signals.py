@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from faultgen.effects.base import Effect, Place
+from faultgen.effects.prior import Prior, encoder_zero_std
 
 if TYPE_CHECKING:
     from faultgen.simulation.cycle import Cycle
@@ -83,6 +84,7 @@ EFFECTS = (
         slide_units="m",
         signature="gravity of another pose, on this axis and those before it",
         element="control and log of position",
+        prior=Prior(std=encoder_zero_std, steps_in_std=100, imitated=True),
         source="definition",
         largest=0.5,
         smallest=-0.5,
@@ -97,6 +99,7 @@ EFFECTS = (
         units="s",
         signature="torque shifts in time: a gap in proportion to the change of torque",
         element="control of drive{i}",
+        prior=Prior(std=6e-4, steps=(2e-3,)),
         source="definition",
         largest=0.1,
         smallest=-0.1,

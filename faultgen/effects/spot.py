@@ -12,6 +12,7 @@ import numpy as np
 
 from faultgen.effects.base import Effect, Moment, Place, Update
 from faultgen.effects.elements import ToldFriction, add_told_friction, numbered
+from faultgen.effects.prior import Prior
 from faultgen.errors import InputError
 
 
@@ -82,6 +83,7 @@ EFFECTS = (
         unit="fraction of Coulomb friction, at the centre of the spot",
         signature="more torque against the motion about one angle of the joint",
         element="seizing_spot{i}, passive dcmotor lugre, told the joint's angle between steps",
+        prior=Prior(use="never", reason="the place of the spot would have to be searched for"),
         source="position-dependent Coulomb friction; its form, a raised cosine "
         "(1 + cos(2 pi (q - angle) / width)) / 2, is assumed; angle and width in rad",
         step=0.3,

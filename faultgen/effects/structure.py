@@ -7,6 +7,7 @@ import numpy as np
 
 from faultgen.effects.base import FRACTION, Effect, last_axis
 from faultgen.effects.base import MASSLESS as MASSLESS
+from faultgen.effects.prior import Prior, of_joint_torque
 from faultgen.errors import InputError
 
 _POINT = 0.01  # radius of gyration of a point [m]: assumed
@@ -97,6 +98,7 @@ EFFECTS = (
         payload=0.0,
         signature="gravity and inertia on several axes, by the pose",
         element="body payload, mass and inertia",
+        prior=Prior(std=0.035, steps=(0.1,)),
         source="definition",
         smallest=-0.9,
         parameters={"x": 0.0, "y": 0.0, "z": 0.0},
@@ -111,6 +113,7 @@ EFFECTS = (
         payload=MASSLESS,
         signature="gravity on the wrist by the tool's orientation",
         element="body payload, inertial pos",
+        prior=Prior(std=2e-3, steps=(0.02,)),
         source="definition",
         largest=2.0,
         smallest=-2.0,
@@ -127,6 +130,7 @@ EFFECTS = (
         slide_units="N/m",
         signature="torque in proportion to the angle of the joint, at all speeds",
         element="joint{i}, stiffness",
+        prior=Prior(std=of_joint_torque(4e-5), steps_in_std=100, imitated=True),
         source="linear spring",
         largest=1e6,
         smallest=-1e6,

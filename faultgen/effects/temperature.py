@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from faultgen.effects.base import Effect, Moment, Place, Temperature, Update
+from faultgen.effects.prior import Prior
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY
 
 _STRIBECK_HEIGHT = (-2.5e-2, 1.6e-3)
@@ -119,6 +120,7 @@ EFFECTS = (
         unit="share of the law, as power of its ratios (1 = the law as published)",
         signature="more viscous friction when cold, more friction at low speed when warm",
         element="friction{i}, dcmotor lugre and damping; between steps where temperature changes",
+        prior=Prior(std=0.005, steps=(0.3,), imitated=True),
         source="Bittencourt et al. 2010, as in docs/physics.md",
         largest=3.0,
         smallest=-1.0,

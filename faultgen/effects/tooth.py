@@ -10,6 +10,7 @@ from scipy.stats import binom
 
 from faultgen.effects.base import Effect, Place
 from faultgen.effects.elements import add_cogging, add_tendon, gear_ratio
+from faultgen.effects.prior import Prior
 from faultgen.effects.ripple import motor_order, with_error
 from faultgen.errors import InputError
 
@@ -122,6 +123,7 @@ EFFECTS = (
         slide_units="m",
         signature="a short pulse and its ringing at one angle of the shaft, once a turn",
         element="tooth_damage{i}, two passive dcmotors with cogging for each harmonic of the pulse",
+        prior=Prior(use="never", reason="the place of the tooth would have to be searched for"),
         source="displacement of a damaged tooth as a local transmission error; its form, "
         "cos(x / 2)^(2 m), and width at half height [rad of the shaft] are assumed",
         largest=0.01,

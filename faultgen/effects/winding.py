@@ -14,6 +14,7 @@ import numpy as np
 
 from faultgen.effects.base import Effect, Moment, Place, Update
 from faultgen.effects.elements import add_cogging, numbered
+from faultgen.effects.prior import Prior
 from faultgen.errors import InputError
 from faultgen.robot import OFFSET
 
@@ -91,6 +92,7 @@ EFFECTS = (
         "proportion to torque",
         element="winding_ripple{i}, winding_loss{i}, passive dcmotors with cogging, told the "
         "torque of drive{i} between steps",
+        prior=Prior(use="never", reason="the phase of the winding would have to be searched for"),
         source="torque = (1 - severity (1 + cos(2 p q_m + phase)) / 3) of the logged one: three "
         "phases with sinusoidal flux and current; 4 pole pairs are assumed",
         largest=1.0,

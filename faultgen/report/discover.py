@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from faultgen.discovery.candidates import OPTIONAL, Term, check_names
+from faultgen.discovery.candidates import Term, check_names, names_by_use
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regression import Problem, counted
 from faultgen.discovery.replay import Replay, relative_error
@@ -40,8 +40,8 @@ def discover(
     workers: int = 1,
     exclude: Collection[str] = (),
     include: Collection[str] = (),
-    width: float = 1.0,
-    steady: bool = False,
+    prior_scale: float = 1.0,
+    white_noise: bool = False,
     low_pass: float | None = None,
     cache: str | Path | None = None,
 ) -> dict[str, Any]:
@@ -58,11 +58,13 @@ def discover(
             next experiment. With None, no files are written.
         workers: Number of processes. The result does not depend on it.
         exclude: Names of effects that are not considered.
-        include: Names of effects that are considered only on request, of `candidates.OPTIONAL`.
-        width: How uncertain the model's parameters (`candidates.NUMBERS`) are, as a multiple of the
-            default. It is above 1 for a model that is only roughly known. `calibrate` finds it.
-        steady: Whether long-lasting errors get full weight. Otherwise part of them is treated as
-            drifting noise. Use it for recordings that were filtered; see `regression.plain`.
+        include: Names of effects that are considered only on request, with the use
+            "on request".
+        prior_scale: How uncertain the model's parameters (`candidates.NUMBERS`) are, as a multiple
+            of the default. It is above 1 for a model that is only roughly known. `calibrate` finds
+            it.
+        white_noise: Whether long-lasting errors get full weight. Otherwise part of them is treated
+            as drifting noise. Use it for recordings that were filtered; see `regression.plain`.
         low_pass: Cut-off frequency [Hz] of a low-pass filter for recordings without a reference
             position, in which the simulation follows the measured position. With None, they are
             not filtered.
@@ -78,9 +80,9 @@ def discover(
         SimulationFailed: The model diverges on the recorded motion.
     """
     started = time.monotonic()
-    check_names("include", include, OPTIONAL)
+    check_names("include", include, names_by_use("on request"))
     check_names("exclude", exclude, EFFECTS)
-    check_positive("width", width)
+    check_positive("prior-scale", prior_scale)
     if low_pass is not None:
         check_positive("low-pass", low_pass)
     model = load_robot(str(robot))
@@ -102,8 +104,8 @@ def discover(
             workers=workers,
             exclude=exclude,
             include=include,
-            width=width,
-            steady=steady,
+            prior_scale=prior_scale,
+            white_noise=white_noise,
             cache=_path(cache),
         )
         result = _result(found)

@@ -217,7 +217,7 @@ def _steps(result: dict[str, Any]) -> Figure:
 
 def _overlay(found: Discovery) -> Figure:
     problem, told = found.problem, found.answer
-    gap = problem.gap
+    gap = problem.residual
     n_axes = gap.shape[1]
     time = np.arange(len(gap)) * problem.recording.sample_period
     explained = gap - told.left_torque
@@ -252,7 +252,7 @@ def _maps(found: Discovery) -> Figure:
     """Mean error over joint angle and motor speed, before and after, in units of the noise."""
     problem, told = found.problem, found.answer
     motion = problem.motion
-    n_axes = problem.gap.shape[1]
+    n_axes = problem.residual.shape[1]
     with style():
         figure, grid = plt.subplots(n_axes, 2, figsize=(9, 1.5 * n_axes + 0.6), squeeze=False)
         for axis in range(n_axes):
@@ -264,7 +264,7 @@ def _maps(found: Discovery) -> Figure:
             edges = [np.linspace(v.min(), v.max() + 1e-9, 25) for v in (x, y)]
             number = np.histogram2d(x, y, edges)[0]
             shown = []
-            for torque in (problem.gap, told.left_torque):
+            for torque in (problem.residual, told.left_torque):
                 z = torque[rows, axis] / problem.noise.deviation[axis]
                 total = np.histogram2d(x, y, edges, weights=z)[0]
                 shown.append(np.where(number >= 3, total / np.maximum(number, 1), np.nan))
