@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
+from statsmodels.stats.multitest import multipletests
 
 from .entropy import entropy_left, entropy_left_counted
 from .symbols import Bins, Floats, coded, finite
@@ -266,7 +267,7 @@ def effective_net_transfer_entropy(
             )
             value[i, j], p_value[i, j] = te.value, te.p_value
     adjusted, pairs = np.ones_like(p_value), ~np.eye(len(rows), dtype=bool)
-    adjusted[pairs] = _holm(p_value[pairs])
+    adjusted[pairs] = multipletests(p_value[pairs], method="holm")[1]
     return EffectiveNetTransferEntropy(
         net=value - value.T, p_value=p_value, adjusted_p_value=adjusted
     )
@@ -279,15 +280,6 @@ def _shuffled(x: NDArray, shuffles: int, block: int | None, rng: Generator) -> N
     first = rng.integers(block, size=(shuffles, 1))  # blocks begin elsewhere each time
     number = (np.arange(len(x)) + first) // block
     return x[np.argsort(number + rng.random(number.shape), axis=1)]
-
-
-def _holm(p_value: Floats) -> Floats:
-    """Holm's adjustment of p-values. Shape (tests,) to (tests,)."""
-    order = np.argsort(p_value)
-    steps = np.maximum.accumulate(np.arange(len(order), 0, -1) * p_value[order])
-    adjusted = np.empty_like(p_value)
-    adjusted[order] = np.minimum(steps, 1.0)
-    return adjusted
 
 
 def _past(symbols: NDArray, length: int, first: int, size: int) -> NDArray:
