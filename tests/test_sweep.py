@@ -1,8 +1,10 @@
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +14,7 @@ import pytest
 
 import faultgen.dataset.sweep as sweep
 from faultgen.dataset.experiment import make_experiment, to_toml
+from faultgen.dataset.manifest import Manifest
 from faultgen.dataset.planning import plan_runs
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
@@ -407,6 +410,41 @@ def test_experiments_survive_being_written_out(small, made):
     assert experiment == small(sensors="realistic", paired=True)
     planned = json.loads((made / "runs.json").read_text())["runs"]
     assert list(planned) == [run.id for run in plan_runs(experiment)]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"robot": ['tab\t "quote" \\ line\n \x7f Käse/x.xml', "puma560"]},
+        {"schedule": [0.1 + 0.2, 1e-300, 5e-324, 1.0], "cycles": 4},
+        {"severity": {"friction_wear": [1 / 3], "backlash": [1e-9]}, "axis": [[1], [2, 3]]}
+        | {"effect": ["friction_wear", "backlash"], "speed_window": [[0.0, 1.5], [0.1, 2.0]]},
+        {"seed": 2**63 - 1, "signals": [], "parameters": {}, "beside": []},
+        {"effect": "torque_ripple", "parameters": {"torque_ripple": {"order": 4}}}
+        | {"beside": [{"effect": "backlash", "severity": 1e-3, "axis": 1}]},
+    ],
+)
+def test_every_entry_survives_being_written_out(small, changes):
+    """Strings, numbers, lists and tables are read back exactly as they were."""
+    experiment = small(**changes)
+    content = experiment.model_dump()
+    again = make_experiment(tomllib.loads(to_toml(experiment)))
+    assert again == experiment and again.model_dump() == content
+
+
+def test_the_way_in_which_an_experiment_is_written_does_not_matter(small, made, tmp_path):
+    """A dataset whose experiment.toml has other line breaks is intact, and its runs are kept."""
+    folder = Path(shutil.copytree(made, tmp_path / "out"))
+    written = folder / "experiment.toml"
+    text = written.read_text()
+    written.write_text(text.replace("\n    ", " ").replace(",\n]", "]"))
+    assert written.read_text() != text
+    manifest = Manifest.read(folder)
+    replace(manifest, experiment_sha256=file_sha256(written)).write(folder)
+    assert open_dataset(folder).damaged() == {}
+    summary = generate(small(sensors="realistic", paired=True), folder, progress=False)
+    assert (summary.done, summary.kept) == (0, 3)
+    assert contents(folder) == contents(made)
 
 
 @pytest.mark.parametrize(

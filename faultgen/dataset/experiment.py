@@ -8,11 +8,11 @@ or a list of values, and the dataset has a run for every combination of these va
 
 from __future__ import annotations
 
-import json
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import tomli_w
 from pydantic import (
     BaseModel,
     BeforeValidator,
@@ -303,16 +303,4 @@ def to_toml(experiment: Experiment) -> str:
     entries = experiment.model_dump(exclude_none=True)
     if not isinstance(experiment.schedule, str):
         del entries["severity"]  # the array has it
-    for name in ("parameters", "beside"):
-        if not entries[name]:
-            del entries[name]
-    return "".join(f"{name} = {_inline(value)}\n" for name, value in entries.items())
-
-
-def _inline(value: Any) -> str:
-    """A TOML value; tables in one line."""
-    if isinstance(value, dict):
-        return f"{{{', '.join(f'{key} = {_inline(one)}' for key, one in value.items())}}}"
-    if isinstance(value, list):
-        return f"[{', '.join(map(_inline, value))}]"
-    return json.dumps(value, ensure_ascii=False)
+    return tomli_w.dumps(entries)
