@@ -326,7 +326,7 @@ def test_what_was_found_is_kept_where_a_later_stage_fails(
     def fails(*_):
         raise RuntimeError("no figure")
 
-    monkeypatch.setattr(discovery_report, "_report", fails)
+    monkeypatch.setattr(discovery_report, "discovery_page", fails)
     with pytest.raises(RuntimeError, match="no figure"):
         discovered(files, tiny_robot_path, "worn", out=tmp_path / "out")
     kept = json.loads((tmp_path / "out" / "discovery.json").read_text())

@@ -17,12 +17,14 @@ import sys
 from pathlib import Path
 import faultgen, faultgen.robots
 from faultgen.analysis import net_transfer_entropy
+from faultgen.report.page import page
 from faultgen.robot import load_robot, robot_names
 from faultgen.tasks import task_names
 assert robot_names() == ["irb6700", "puma560"], robot_names()
 assert len(task_names("puma560")) == 6
 assert load_robot("irb6700").n_axes == 6
 assert callable(net_transfer_entropy)
+assert "<html" in page("base.html")
 print(Path(faultgen.__file__).parent)
 """
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import html
+from collections.abc import Iterator
 from pathlib import Path
 
 import matplotlib
@@ -26,22 +26,10 @@ from faultgen.effects import get_effect
 from faultgen.evaluation.isolate import isolate
 from faultgen.evaluation.observed_runs import one_series
 from faultgen.evaluation.outcomes import Isolation, table
-from faultgen.report.page import image, page
+from faultgen.report.page import image, markdown, page
 from faultgen.system.files import write_text
 
 _LINES = 4  # worn runs drawn for an axis
-_WEAR_CAPTION = (
-    "Mean |motor torque| of each cycle, as stored, one panel for each axis: the healthy robot and "
-    f"up to {_LINES} runs in which that axis wears. Only samples within the speed window of the "
-    "dataset count, by default motor speeds of 50 to 120 rad/s. A line that leaves the healthy one "
-    "shows wear. A panel is empty if no sample is within the window."
-)
-_ISOLATION_CAPTION = (
-    "Left and middle: net transfer entropy between the axes over all cycles of a healthy and of a "
-    "worn run, for one draw of the noise. The axis with the largest row is named as worn; note "
-    "that a healthy robot, too, has such an axis. Right: share of runs in which the worn axis is "
-    "named, with 95 % intervals, for one effect."
-)
 
 
 def write_report(folder: str | Path, result: Isolation | None = None) -> Path:
@@ -56,36 +44,36 @@ def write_report(folder: str | Path, result: Isolation | None = None) -> Path:
     """
     dataset = open_dataset(folder)
     result = result or isolate(dataset, progress=False)
-    parts = [f"<h1>Dataset {html.escape(dataset.path.resolve().name)}</h1>", _content(dataset)]
-    for robot, task in _places(dataset):
-        parts.append(f"<h2>{html.escape(robot)}, {html.escape(task)}</h2>")
-        here = _runs_at(dataset, robot, task)
-        parts.append(image(_wear_figure(here), _WEAR_CAPTION))
-        parts.append(image(_isolation_figure(here, result, robot, task), _ISOLATION_CAPTION))
-    parts.append("<h2>Which axis is worn?</h2>" + _markdown_table(table(result)))
     toml = dataset.path / "experiment.toml"
-    if toml.is_file():
-        parts.append(
-            f"<h2>Experiment that made this dataset</h2><pre>{html.escape(toml.read_text())}</pre>"
-        )
+    text = page(
+        "dataset.html",
+        name=dataset.path.resolve().name,
+        found=len(dataset.runs),
+        planned=len(dataset.planned),
+        cycles=sum(int(run["cycles"]) for run in dataset.runs),
+        failed=list(dataset.failed.values()),
+        lines=_LINES,
+        places=[
+            {
+                "robot": robot,
+                "task": task,
+                "wear": image(_wear_figure(here)),
+                "isolation": image(_isolation_figure(here, result, robot, task)),
+            }
+            for robot, task, here in _places(dataset)
+        ],
+        answers=markdown(table(result)),
+        experiment=toml.read_text(encoding="utf-8") if toml.is_file() else None,
+    )
     path = dataset.path / "report.html"
-    write_text(path, page(f"faultgen: {dataset.path.name}", "\n".join(parts)))
+    write_text(path, text)
     return path
 
 
-def _content(dataset: Dataset) -> str:
-    cycles = sum(int(run["cycles"]) for run in dataset.runs)
-    lines = [f"{len(dataset.runs)} of {len(dataset.planned)} runs, {cycles} cycles in all."]
-    lines += [f"Failed: {html.escape(reason)}" for reason in dataset.failed.values()]
-    return "<p>" + "<br>".join(lines) + "</p>"
-
-
-def _places(dataset: Dataset) -> list[tuple[str, str]]:
-    return list(dict.fromkeys((run["robot"], run["task"]) for run in dataset.runs))
-
-
-def _runs_at(dataset: Dataset, robot: str, task: str) -> list[StoredRun]:
-    return [run for run in dataset.runs if (run["robot"], run["task"]) == (robot, task)]
+def _places(dataset: Dataset) -> Iterator[tuple[str, str, list[StoredRun]]]:
+    """Each robot and task with its runs."""
+    for place in dict.fromkeys((run["robot"], run["task"]) for run in dataset.runs):
+        yield *place, [run for run in dataset.runs if (run["robot"], run["task"]) == place]
 
 
 def _wear_figure(runs: list[StoredRun]) -> Figure:
@@ -145,15 +133,3 @@ def _isolation_figure(runs: list[StoredRun], result: Isolation, robot: str, task
         else:
             grid[2].axis("off")
     return figure
-
-
-def _markdown_table(text: str) -> str:
-    """Turn lines of Markdown that contain a table into HTML."""
-    out: list[str] = []
-    rows = [line for line in text.splitlines() if line.startswith("|")]
-    for number, line in enumerate(row for row in rows if not row.startswith("| ---")):
-        cell = "th" if number == 0 else "td"
-        cells = [part.strip() for part in line.strip("|").split("|")]
-        out.append("<tr>" + "".join(f"<{cell}>{html.escape(c)}</{cell}>" for c in cells) + "</tr>")
-    said = [html.escape(line) for line in text.splitlines() if line and not line.startswith("|")]
-    return "<p>" + "<br>".join(said) + "</p><table>" + "\n".join(out) + "</table>"

@@ -1,54 +1,62 @@
-"""Self-contained HTML pages."""
+"""Self-contained HTML pages, made from the templates in the folder ``templates``."""
 
 from __future__ import annotations
 
 import base64
-import html
 import io
+from typing import Any
 
 import matplotlib.pyplot as plt
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markdown_it import MarkdownIt
+from markupsafe import Markup
 from matplotlib.figure import Figure
 
-_PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
-body {{ font: 15px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto }}
-table {{ border-collapse: collapse; font-size: 13px; margin: 1rem 0 }}
-th, td {{ border: 1px solid #ccc; padding: .2rem .5rem; text-align: left }}
-figure {{ margin: 1rem 0 }} figcaption {{ color: #555; font-size: 13px }}
-th {{ background: #f2f2f2 }} img {{ max-width: 100% }} pre {{ background: #f6f6f6; padding: 1rem }}
-</style></head><body>
-{body}
-</body></html>
-"""
+_TEMPLATES = Environment(
+    loader=PackageLoader("faultgen.report"),
+    autoescape=True,
+    undefined=StrictUndefined,  # a value that is not given is an error, not an empty text
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
 
 
-def page(title: str, body: str) -> str:
-    """Make a complete HTML page with its style.
+def page(template: str, **values: Any) -> str:
+    """Make a complete HTML page.
 
     Args:
-        title: Title of the page, in plain text.
-        body: Content of the page, in HTML.
+        template: Name of a file in the folder ``templates``.
+        values: Values of the names that the template uses. Texts are plain text, except those that
+            `markdown` returns.
 
     Returns:
         The HTML of the page.
     """
-    return _PAGE.format(title=html.escape(title), body=body)
+    return _TEMPLATES.get_template(template).render(values)
 
 
-def image(figure: Figure, caption: str) -> str:
-    """Turn a figure into HTML that contains the image itself, and close the figure.
+def image(figure: Figure) -> str:
+    """Turn a figure into an address that contains the image itself, and close the figure.
 
     Args:
         figure: The figure.
-        caption: Its caption, in plain text.
 
     Returns:
-        The HTML of the figure.
+        A data URI with the image as PNG.
     """
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
     plt.close(figure)
-    data = base64.b64encode(buffer.getvalue()).decode()
-    text = html.escape(caption)
-    shown = f'<img alt="{text}" src="data:image/png;base64,{data}">'
-    return f"<figure>{shown}<figcaption>{text}</figcaption></figure>"
+    return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}"
+
+
+def markdown(text: str) -> Markup:
+    """Turn Markdown into HTML.
+
+    Args:
+        text: Paragraphs and tables in Markdown. HTML within it is shown as it is written.
+
+    Returns:
+        The HTML, which templates do not escape again.
+    """
+    return Markup(MarkdownIt("js-default", {"breaks": True}).render(text))
