@@ -17,6 +17,8 @@ from pathlib import Path
 import numpy as np
 from faultgen.analysis import PCAMonitor
 
+from faultgen.evaluation.markdown import table
+
 FAULT_START = 160  # row of 960 in each test series
 # Number of components: 11 is that of the published table, 25 and 29 come from parallel analysis,
 # `parallel_analysis`. PCA with 29 tells what more components do without lags.
@@ -80,11 +82,16 @@ def main() -> None:
     published = np.loadtxt(Path(__file__).parent / "tep_published.csv", delimiter=",")[:, 1:]
     tables = [published] + [missed(m.fit(train), healthy, faulty) for m in MONITORS.values()]
     names = ["published", *MONITORS]
-    print("| fault | " + " | ".join(f"{name}: T2 | Q" for name in names) + " |")
-    print("|---" * (1 + 2 * len(names)) + "|")
-    rows = np.hstack(tables)
-    for label, row in [*enumerate(rows, 1), ("mean", rows.mean(axis=0))]:
-        print(f"| {label} | " + " | ".join(f"{share:.3f}" for share in row) + " |")
+    shares = np.hstack(tables)
+    print(
+        table(
+            ["fault", *(f"{name}: {chart}" for name in names for chart in ("T2", "Q"))],
+            [
+                [label, *(f"{share:.3f}" for share in row)]
+                for label, row in [*enumerate(shares, 1), ("mean", shares.mean(axis=0))]
+            ],
+        )
+    )
     off = np.abs(tables[1] - published)
     print(f"\nPCA off the published table: mean {off.mean(axis=0)}, largest {off.max(axis=0)}")
     print("Parallel analysis:", {lags: parallel_analysis(train, lags) for lags in (0, 1, 2)})

@@ -13,6 +13,7 @@ from collections.abc import Iterable
 import mujoco
 import numpy as np
 
+from faultgen.evaluation.markdown import table
 from faultgen.monitoring.reductions import SPEED_WINDOW
 from faultgen.robot import COULOMB, STICTION, Robot, load_robot
 from faultgen.simulation.arm import Arm
@@ -109,15 +110,15 @@ def tracking(motion: Motion, cycle: Cycle) -> tuple[np.ndarray, np.ndarray, np.n
     return motor - reference, off[0], off[1]
 
 
-def row(*cells: str | float | Iterable[float], digits: int = 2) -> str:
-    """Return a line of a Markdown table.
+def row(*cells: str | float | Iterable[float], digits: int = 2) -> list[str]:
+    """Return a row of a table.
 
     Args:
         cells: Texts, numbers or arrays. Each element of an array is a cell.
         digits: Digits after the point.
 
     Returns:
-        The line.
+        The cells of the row.
     """
     out = []
     for cell in cells:
@@ -125,12 +126,7 @@ def row(*cells: str | float | Iterable[float], digits: int = 2) -> str:
             out.append(cell)
         else:
             out += [f"{v + 0.0:.{digits}f}" for v in np.atleast_1d(np.asarray(cell, float))]
-    return "| " + " | ".join(out) + " |"
-
-
-def header(*cells: str) -> str:
-    """Head of a markdown table."""
-    return row(*cells) + "\n|" + "---|" * len(cells)
+    return out
 
 
 def spread(mean: Iterable[float], deviation: Iterable[float]) -> list[str]:
@@ -170,56 +166,63 @@ def main(name: str) -> None:
     cycles = {task: cycle_of(motion, robot.model) for task, motion in motions.items()}
 
     print("### Range of each axis over the cycle [% of its design range]\n")
-    print(header("task", "cycle [s]", *axes))
+    rows = []
     for task, motion in motions.items():
         span = np.ptp(motion(np.arange(0, motion.period, SAMPLE_PERIOD))[0], axis=0)
-        print(row(task, f"{motion.period:.2f}", 100 * span / np.ptp(robot.joint_range, axis=1)))
+        share = span / np.ptp(robot.joint_range, axis=1)
+        rows.append(row(task, f"{motion.period:.2f}", 100 * share))
+    print(table(["task", "cycle [s]", *axes], rows))
 
     print("\n### Share of the cycle with motor speed in 50..120 rad/s [%]\n")
-    print(header("task", *axes))
-    for task, motion in motions.items():
-        print(row(task, 100 * motion.window_share, digits=1))
+    rows = [row(task, 100 * motion.window_share, digits=1) for task, motion in motions.items()]
+    print(table(["task", *axes], rows))
 
     print("\n### Peak motor torque [% of the limit]\n")
-    print(header("task", *axes))
+    rows = []
     for task, cycle in cycles.items():
         share = np.abs(cycle.motor_torque).max(axis=0) / robot.motor_torque_limit
-        print(row(task, 100 * share, digits=0))
+        rows.append(row(task, 100 * share, digits=0))
+    print(table(["task", *axes], rows))
 
     print("\n### Tracking: motor error over gear ratio, rms / peak [mrad]; tool error [mm]\n")
-    print(header("task", *axes, "tool by motors, rms / peak", "tool by joints, rms / peak"))
+    rows = []
     for task, motion in motions.items():
         error, driven, real = tracking(motion, cycles[task])
         pairs = zip(1e3 * rms(error), 1e3 * np.abs(error).max(axis=0), strict=True)
         tool = [f"{1e3 * rms(d):.1f} / {1e3 * d.max():.1f}" for d in (driven, real)]
-        print(row(task, *[f"{r:.2f} / {p:.2f}" for r, p in pairs], *tool))
+        rows.append(row(task, *[f"{r:.2f} / {p:.2f}" for r, p in pairs], *tool))
+    tools = ["tool by motors, rms / peak", "tool by joints, rms / peak"]
+    print(table(["task", *axes, *tools], rows))
 
     print("\n### Mean ± s.d. of |motor torque| in 50..120 rad/s, and 20 % more friction [N m]\n")
-    print(header("task", "", *axes))
+    rows = []
     for task in [task for task in THESIS if task in motions]:
         mean, deviation = window_torque(cycles[task])
         more = [
             window_torque(cycle_of(motions[task], worn(robot, i + 1)))[0][i] - mean[i]
             for i in range(robot.n_axes)
         ]
-        print(row(task, "ours", *spread(mean, deviation)))
-        print(row("", "ours, increment", *[f"{v:+.2f}" for v in more]))
+        rows.append(row(task, "ours", *spread(mean, deviation)))
+        rows.append(row("", "ours, increment", *[f"{v:+.2f}" for v in more]))
         if name == "irb6700":
             means, deviations, increments = THESIS[task]
             gap = [""] * (robot.n_axes - len(increments))
-            print(row("", "thesis", *spread(means, deviations)))
-            print(row("", "thesis, increment", *[f"{v:+.2f}" for v in increments], *gap))
+            rows.append(row("", "thesis", *spread(means, deviations)))
+            rows.append(row("", "thesis, increment", *[f"{v:+.2f}" for v in increments], *gap))
+    print(table(["task", "", *axes], rows))
 
     slow = {task: cycle for task, cycle in cycles.items() if task.startswith("chapter3")}
     if slow:
         print("\n### Joint torque = motor torque x |gear ratio| [N m]; CV is of the samples\n")
-        print(header("task", "", *axes))
+        rows = []
         for task, cycle in slow.items():
             torque = np.abs(cycle.motor_torque * robot.gear_ratio)
             sampled = torque[:: round(10 / SAMPLE_PERIOD)]
-            print(row(task, "largest", torque.max(axis=0)))
-            print(row("", "largest of a sample every 10 s", sampled.max(axis=0)))
-            print(row("", "CV", sampled.std(axis=0) / np.maximum(sampled.mean(axis=0), 1e-9)))
+            rows.append(row(task, "largest", torque.max(axis=0)))
+            rows.append(row("", "largest of a sample every 10 s", sampled.max(axis=0)))
+            cv = sampled.std(axis=0) / np.maximum(sampled.mean(axis=0), 1e-9)
+            rows.append(row("", "CV", cv))
+        print(table(["task", "", *axes], rows))
 
 
 if __name__ == "__main__":

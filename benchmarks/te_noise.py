@@ -16,6 +16,7 @@ from faultgen.analysis import net_transfer_entropy, quantile_symbols
 from faultgen.dataset.reader import StoredRun, open_dataset
 from faultgen.dataset.wear import severities
 from faultgen.evaluation.isolate import METHODS
+from faultgen.evaluation.markdown import table
 
 SEEDS = range(2000, 2040)
 NOISE = (0.0, 1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
@@ -92,20 +93,18 @@ def entropy_rate(x: np.ndarray, bins: int) -> float:
     return entropy(pairs) - entropy(singles)
 
 
-def row(label: str, cases: list[tuple[np.ndarray, int]]) -> str:
-    """Return a line of the table: how often each method names the right axis.
+def row(label: str, cases: list[tuple[np.ndarray, int]]) -> list[str]:
+    """Return a row of the table: how often each method names the right axis.
 
     Args:
         label: First cell.
         cases: Each series with its worn axis.
 
     Returns:
-        The line.
+        The cells of the row.
     """
-    shares = [
-        np.mean([method(x) == worn for x, worn in cases]) * 100 for method in METHODS.values()
-    ]
-    return f"| {label} | " + " | ".join(f"{share:.0f}" for share in shares) + " |"
+    shares = [np.mean([method(x) == worn for x, worn in cases]) for method in METHODS.values()]
+    return [label, *(f"{100 * share:.0f}" for share in shares)]
 
 
 def main() -> None:
@@ -121,37 +120,25 @@ def main() -> None:
     ]
     clean = [(series(run), int(run["axis"]) - 1, number) for number, run in enumerate(runs)]
     print(f"{options.robot}, {len(runs)} worn runs, {100 * LEVEL:g} % wear, {len(SEEDS)} draws\n")
-    print(
-        "| noise on each cycle's mean | "
-        + " | ".join(METHODS)
-        + " |\n| --- |"
-        + " --- |" * len(METHODS)
-    )
+    rows = []
     for share in NOISE:
         cases = [
             (noisy(x, share, [seed, number]), worn)
             for x, worn, number in clean
             for seed in (SEEDS if share else SEEDS[:1])
         ]
-        print(row(f"{100 * share:g} %", cases))
-    print(
-        "\n| control, noise 0.03 % | "
-        + " | ".join(METHODS)
-        + " |\n| --- |"
-        + " --- |" * len(METHODS)
-    )
+        rows.append(row(f"{100 * share:g} %", cases))
+    print(table(["noise on each cycle's mean", *METHODS], rows))
     draws = [(x, worn, number, seed) for x, worn, number in clean for seed in SEEDS]
     share = 3e-4
-    print(row("as simulated", [(noisy(x, share, [s, k]), w) for x, w, k, s in draws]))
-    print(
-        row(
-            "cycles shuffled",
-            [(shuffled(noisy(x, share, [s, k]), s), w) for x, w, k, s in draws],
-        )
-    )
-    print(row("time reversed", [(noisy(x, share, [s, k])[::-1], w) for x, w, k, s in draws]))
-    alone = [(noisy(uncoupled(x, w), share, [s, k]), w) for x, w, k, s in draws]
-    print(row("worn axis alone, no coupling", alone))
+    controls = {
+        "as simulated": [(noisy(x, share, [s, k]), w) for x, w, k, s in draws],
+        "cycles shuffled": [(shuffled(noisy(x, share, [s, k]), s), w) for x, w, k, s in draws],
+        "time reversed": [(noisy(x, share, [s, k])[::-1], w) for x, w, k, s in draws],
+        "worn axis alone, no coupling": [
+            (noisy(uncoupled(x, w), share, [s, k]), w) for x, w, k, s in draws
+        ],
+    }
     trend = severities("exponential", 0.2, 100)[: len(clean[0][0])]
     made = []
     for seed in SEEDS:
@@ -159,7 +146,9 @@ def main() -> None:
             x = 1 + 0.01 * np.random.default_rng([seed, worn, 9]).standard_normal((len(trend), 6))
             x[:, worn] += trend
             made.append((x, worn))
-    print(row("white noise, 10 % trend on one axis", made))
+    controls["white noise, 10 % trend on one axis"] = made
+    rows = [row(label, cases) for label, cases in controls.items()]
+    print("\n" + table(["control, noise 0.03 %", *METHODS], rows))
     correlations = []
     for x, _, k, s in draws:
         seen = noisy(x, share, [s, k])

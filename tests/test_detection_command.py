@@ -3,6 +3,8 @@
 Also what both `detect` and `isolate` say of runs that are too short.
 """
 
+import re
+
 import numpy as np
 import pytest
 
@@ -37,7 +39,7 @@ def test_wear_is_detected_and_the_healthy_robot_stands_beside(made):
     for method in {row["method"] for row in result.results}:
         assert cells[method, 0.1]["alarms"] <= cells[method, 0.2]["alarms"]
     text = detection_table(result)
-    assert "300 cycles" in text and "| 20 % |" in text
+    assert "300 cycles" in text and re.search(r"\| 20 % +\|", text)
 
 
 def test_stored_noise_learns_from_other_seeds(made):
@@ -61,7 +63,8 @@ def test_what_is_missing_is_said(made):
     assert any(FRICTION in reason for reason in bare.left_out.values())
     other = detect(made("other", effect="backlash", severity=1e-3), seeds=2, progress=False)
     text = detection_table(other)
-    assert "backlash: our isolators look for friction wear" in text and "| 0.001 rad |" in text
+    assert "backlash: our isolators look for friction wear" in text
+    assert re.search(r"\| 0.001 rad +\|", text)
     assert np.isfinite([row["share"] for row in other.results]).all()
 
 

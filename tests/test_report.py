@@ -7,6 +7,7 @@ import jinja2
 import matplotlib.pyplot as plt
 import pytest
 
+from faultgen.evaluation.markdown import table
 from faultgen.report import discovery_report
 from faultgen.report.page import image, markdown, page
 
@@ -107,3 +108,15 @@ def test_figures_are_closed():
     figure = plt.figure(figsize=(1, 1))
     assert image(figure).startswith("data:image/png;base64,")
     assert not plt.fignum_exists(figure.number)
+
+
+def test_tables_of_results_are_aligned_markdown():
+    """Cells are shown as they are: no number is rounded or read again."""
+    text = table(["name", "p"], [["a", "0.50"], ["longer", 1e-9]])
+    lines = text.splitlines()
+    assert len({len(line) for line in lines}) == 1
+    assert [re.split(r"\s*\|\s*", line)[1:3] for line in lines[2:]] == [
+        ["a", "0.50"],
+        ["longer", "1e-09"],
+    ]
+    assert markdown(text).count("<tr>") == 3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import blind_discovery
@@ -243,7 +244,7 @@ def test_scores(tmp_path: Path) -> None:
     assert rows["clean robots given an effect"].value == 0.0
     none = {row.measure: row for row in score(truth, silent)}
     assert none["effect and axis right, first answer, >= 2 x limit"].value == 0.0
-    assert "| measure |" in markdown(list(rows.values()))
+    assert "| measure " in markdown(list(rows.values()))
 
 
 @pytest.mark.slow
@@ -261,7 +262,7 @@ def test_a_trial_from_end_to_end(tmp_path: Path) -> None:
     assert not runner.invoke(blind_discovery.app, ["run", trial, "--function", function]).exit_code
     scored = runner.invoke(blind_discovery.app, ["score", trial])
     assert scored.exit_code == 0, scored.output
-    assert "| clean robots given an effect | 0.0 %" in scored.output
+    assert re.search(r"\| clean robots given an effect +\| 0.0 %", scored.output)
     assert (tmp_path / "trial" / "confusion.png").is_file()
 
 

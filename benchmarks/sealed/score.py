@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from statsmodels.stats.proportion import proportion_confint
 
+from faultgen.evaluation.markdown import table
+
 Answer = dict[str, Any]
 """Content of a discovery.json, with ``seconds``; verdict 'failed' where it raised."""
 Truth = dict[str, Any]
@@ -270,6 +272,6 @@ def confusion(
 
 def markdown(rows: Iterable[Row]) -> str:
     """The rows as a table."""
-    lines = ["| measure | value (95 % interval) | cases |", "| --- | --- | --- |"]
-    lines += [f"| {row.measure} | {row.shown()} | {row.count} |" for row in rows]
-    return "\n".join(lines) + "\n"
+    cells = [[row.measure, row.shown(), row.count] for row in rows]
+    head = ["measure", "value (95 % interval)", "cases"]
+    return table(head, cells) + "\n"

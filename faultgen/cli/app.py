@@ -66,14 +66,14 @@ def print_json(value: Any) -> None:
 
 
 def print_table(rows: list[dict[str, Any]]) -> None:
-    """Print rows as an aligned table, with the keys of the first row as its header."""
-    if not rows:
-        return
-    names = list(rows[0])
-    cells = [names, *[[str(row[name]) for name in names] for row in rows]]
-    widths = [max(len(line[i]) for line in cells) for i in range(len(names))]
-    for line in cells:
-        print("  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip())
+    """Print rows as an aligned table, with the keys of the first row as its header.
+
+    Args:
+        rows: Cells of each row by name of the column.
+    """
+    from tabulate import tabulate
+
+    print(tabulate(rows, "keys", tablefmt="plain", disable_numparse=True))
 
 
 def worker_count(given: int | None) -> int:

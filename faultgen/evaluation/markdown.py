@@ -5,19 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from tabulate import tabulate
+
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """Return a Markdown table. Cells are converted by str.
+    """Return a Markdown table whose columns are aligned, so that it is legible in a terminal too.
 
     Args:
         head: Names of the columns.
-        rows: Cells of each row.
+        rows: Cells of each row, which are shown as str shows them.
 
     Returns:
         The table.
     """
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
+    return tabulate(rows, head, tablefmt="github", disable_numparse=True)
 
 
 def goals_table(goals: Sequence[dict[str, Any]]) -> str:
