@@ -226,7 +226,7 @@ def grouped_splits(y: ArrayLike, groups: ArrayLike, seed: int) -> Splits:
 
     Returns:
         Indices of the training and validation rows of three folds, or of two if a class has only
-        two robots.
+        two robots. Shape (rows of the fold,) each.
 
     Raises:
         ValueError: A class has fewer than two robots.

@@ -317,11 +317,25 @@ class ChangeIsolator(BaseEstimator):
         )
 
     def predict(self, series: Sequence[ArrayLike]) -> NDArray[np.bool_]:
-        """Axes named in each of several series, shape (series, n_axes); see `isolate`."""
+        """Name the worn axes of each of several series.
+
+        Args:
+            series: Series as for `isolate`.
+
+        Returns:
+            Whether each axis is named. Shape (series, n_axes).
+        """
         return np.array([self.isolate(x).worn for x in series])
 
     def predict_proba(self, series: Sequence[ArrayLike]) -> Floats:
-        """Probability of wear in each of several series, shape (series, n_axes)."""
+        """Compute the probability of wear of each axis in each of several series.
+
+        Args:
+            series: Series as for `isolate`.
+
+        Returns:
+            The probabilities. Shape (series, n_axes).
+        """
         return np.array([self.isolate(x).probability for x in series])
 
     def _with_powers(self, x: Floats) -> Floats:

@@ -14,7 +14,15 @@ _USUAL = 0.95  # share of healthy cycles whose condition is known well enough
 
 
 class Condition:
-    """A measured condition, predicted from the features that wear does not move."""
+    """A measured condition, predicted from the features that wear does not move.
+
+    Args:
+        healthy: Features of healthy cycles, one of which is the condition. Shape (cycles,
+            features).
+        directions: By how much a severity of 1 of each axis moves the features. Shape (n_axes,
+            features).
+        column: Index of the feature that is the condition.
+    """
 
     _DEGREE = 4
 
@@ -39,11 +47,25 @@ class Condition:
         self.usual = float(np.quantile(self._leverage(powers), _USUAL))
 
     def value(self, x: Floats) -> Floats:
-        """Predict the condition of each cycle, in units of its spread, shape (cycles,)."""
+        """Predict the condition of each cycle.
+
+        Args:
+            x: Features of cycles. Shape (cycles, features); further columns are ignored.
+
+        Returns:
+            The condition in units of its spread in healthy cycles. Shape (cycles,).
+        """
         return (x[:, : self.features] - self.mean) / self.scale @ self.weights
 
     def powers(self, x: Floats) -> Floats:
-        """Square and higher powers of the predicted condition, shape (cycles, degree - 1)."""
+        """Compute the square and the higher powers of the predicted condition.
+
+        Args:
+            x: Features of cycles, as for `value`.
+
+        Returns:
+            The powers, from the square on. Shape (cycles, degree - 1).
+        """
         return self._design(self.value(x))[:, 2:]
 
     def outside(self, x: Floats) -> float:

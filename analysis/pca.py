@@ -163,7 +163,14 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         return self._scaled(X) @ self.components_.T
 
     def t2(self, X: ArrayLike) -> Floats:
-        """Compute Hotelling's T2 of rows, see `transform`. Shape (samples,), without unit."""
+        """Compute Hotelling's T2 of rows.
+
+        Args:
+            X: Rows. Shape (samples, variables), in the units of the fit.
+
+        Returns:
+            T2, without unit. Shape (samples,).
+        """
         return np.sum(self.transform(X) ** 2 / self._variances(), axis=1)
 
     def q(self, X: ArrayLike) -> Floats:
@@ -254,7 +261,14 @@ class PCAMonitor(OutlierMixin, TransformerMixin, BaseEstimator):
         return -np.maximum(t2 / t2_limit, self._q(z) / np.maximum(q_limit, rounding))
 
     def decision_function(self, X: ArrayLike) -> Floats:
-        """Compute `score_samples` minus `offset_`: negative if not normal. Shape (samples,)."""
+        """Compute `score_samples` minus `offset_`.
+
+        Args:
+            X: Rows. Shape (samples, variables), in the units of the fit.
+
+        Returns:
+            Negative values for rows that are not normal. Shape (samples,).
+        """
         return self.score_samples(X) - self.offset_
 
     def predict(self, X: ArrayLike) -> NDArray[np.int_]:

@@ -223,7 +223,14 @@ class DailyPCA(TransformerMixin, BaseEstimator):
         return self
 
     def transform(self, X: ArrayLike) -> Floats:
-        """Compute the scores of each day. Shape (rows, days * components)."""
+        """Compute the scores of each day.
+
+        Args:
+            X: Rows. Shape (rows, days * columns).
+
+        Returns:
+            The scores, day after day. Shape (rows, days * components).
+        """
         by_day = self._by_day(np.asarray(X, dtype=float))
         return np.hstack([self.pca_.transform(by_day[:, k]) for k in range(self.days)])
 

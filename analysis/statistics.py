@@ -181,8 +181,11 @@ class Difference:
     """Difference of two means with its interval."""
 
     mean: float
+    """The difference, in the unit of the values."""
     low: float
+    """Lower end of the interval."""
     high: float
+    """Upper end of the interval."""
 
 
 def difference_over_robots(

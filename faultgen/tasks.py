@@ -62,10 +62,15 @@ class Task(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     name: str
+    """Name of the task."""
     robot: str
+    """Name of the robot that does it."""
     description: str
+    """What the robot does, in one sentence."""
     start: Pose
+    """Pose in which a cycle begins and ends."""
     move: Annotated[list[Move], Field(min_length=1)]
+    """Moves of a cycle, one after another."""
 
 
 def task_names(robot: str) -> list[str]:

@@ -36,17 +36,29 @@ class Run:
     """
 
     robot: str
+    """Name of the robot, or path of its MJCF file."""
     task: str
+    """Name of the task, or path of its file."""
     effect: str
+    """Name of the main effect; 'healthy' if there is none."""
     axes: tuple[int, ...]
+    """Axes on which the main effect acts, from 1; empty for the healthy robot."""
     severity: float
+    """Final severity of the main effect, in its unit."""
     schedule: str | tuple[float, ...]
+    """Name of the wear schedule, or the severity of each cycle."""
     cycles: int
+    """Number of cycles."""
     sensors: str
+    """Name of the preset of sensor noise and disturbances."""
     seed: int
+    """Seed of all random numbers of the run."""
     sample_period: float
+    """Time between samples [s]."""
     signals: tuple[str, ...]
+    """Names of the sampled signals that the file keeps."""
     thin: int
+    """The file keeps only every n-th sample, n being this number."""
     parameters: tuple[tuple[str, int | float | str], ...] = ()
     """Parameters of the effect that differ from their defaults."""
     beside: tuple[Applied, ...] = ()
@@ -54,8 +66,11 @@ class Run:
     speed_window: tuple[tuple[float, float], ...] = ()
     """Low and high motor speed of each axis [rad/s]; empty for the task's default."""
     model_sha256: str
+    """Hash of the robot's model."""
     task_sha256: str
+    """Hash of the task's file."""
     schema_version: int = SCHEMA_VERSION
+    """Version of the layout of the file."""
 
     @property
     def id(self) -> str:

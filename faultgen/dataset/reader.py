@@ -34,7 +34,9 @@ class StoredRun:
     """One run of a dataset."""
 
     id: str
+    """Id of the run, 16 hexadecimal digits."""
     path: Path
+    """Path of the run file."""
 
     @cached_property
     def attributes(self) -> dict[str, Any]:
@@ -80,6 +82,7 @@ class Dataset:
     """A dataset folder."""
 
     path: Path
+    """Path of the folder."""
 
     @cached_property
     def manifest(self) -> Manifest:

@@ -49,10 +49,13 @@ class Motion:
     """One cycle of a task: joint angles as a periodic function of time."""
 
     robot: Robot
+    """The robot that does the task."""
     task: Task
+    """The task."""
     period: float
     """Duration of a cycle [s]."""
     pieces: tuple[_Piece, ...]
+    """Moves and pauses in the order of time."""
 
     def __call__(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Compute the motion of the joints at given times.
