@@ -212,11 +212,11 @@ def effective_transfer_entropy(
     alone = entropy_left(y[:-1], y[1:], size)
     raw = max(0.0, float(alone - entropy_left(y[:-1] * size + x[:-1], y[1:], size)))
     # Integers of the machine's own size are permuted and counted fastest, small ones are sorted so.
-    shuffled = _shuffled(x.astype(np.intp), shuffles, block, rng)[:, :-1]
+    sources = shuffled(x.astype(np.intp), shuffles, block, rng)[:, :-1]
     if size**3 <= 8 * len(x):
-        left = entropy_left_counted(shuffled, y.astype(np.intp), size)
+        left = entropy_left_counted(sources, y.astype(np.intp), size)
     else:
-        left = entropy_left(y[:-1] * size + shuffled.astype(x.dtype), y[1:], size)
+        left = entropy_left(y[:-1] * size + sources.astype(x.dtype), y[1:], size)
     by_chance = np.maximum(alone - left, 0.0)
     mean, reached = float(by_chance.mean()), int(np.sum(by_chance >= raw - _TIE))
     return EffectiveTransferEntropy(
@@ -273,8 +273,19 @@ def effective_net_transfer_entropy(
     )
 
 
-def _shuffled(x: NDArray, shuffles: int, block: int | None, rng: Generator) -> NDArray:
-    """Permutations of a series, all samples or within blocks. Shape (shuffles, samples)."""
+def shuffled(x: NDArray, shuffles: int, block: int | None, rng: Generator) -> NDArray:
+    """Permute a series at random, as a whole or within blocks.
+
+    Args:
+        x: The series. Shape (samples,).
+        shuffles: Number of permutations.
+        block: Number of samples in a block. The blocks of each permutation begin elsewhere. With
+            None, all samples are permuted.
+        rng: Random generator.
+
+    Returns:
+        The permutations. Shape (shuffles, samples).
+    """
     if block is None:
         return rng.permuted(np.broadcast_to(x, (shuffles, len(x))), axis=1)
     first = rng.integers(block, size=(shuffles, 1))  # blocks begin elsewhere each time

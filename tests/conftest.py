@@ -151,8 +151,11 @@ def measured(tiny_robot, tmp_path_factory):
 @pytest.fixture(autouse=True)
 def legends_have_a_place(monkeypatch):
     """No figure searches for the best place of its legend: on a busy machine that takes seconds."""
+    place = matplotlib.legend.Legend.set_loc
 
-    def search(self, *args):
-        raise AssertionError("give this legend a place instead of loc='best'")
+    def checked(self, loc=None):
+        chosen = matplotlib.rcParams["legend.loc"] if loc is None and self.isaxes else loc
+        assert chosen not in ("best", 0), "give this legend a place instead of loc='best'"
+        place(self, loc)
 
-    monkeypatch.setattr(matplotlib.legend.Legend, "_find_best_position", search)
+    monkeypatch.setattr(matplotlib.legend.Legend, "set_loc", checked)

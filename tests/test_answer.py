@@ -138,15 +138,15 @@ def test_the_next_experiment_is_the_motion_that_tells_most(posed, monkeypatch, o
     fitted = replace(fit(problem, []), groups=(mine,), values=np.array([own[2]]))
     fitted = replace(fitted, errors=np.array([0.1]))
     choice = Choice(problem, (fitted,), fitted, tuple((0, g, 2.0) for g in others))
-    library = list(motions._library(problem))
+    library = list(motions.library(problem))
     assert len(library) >= 3
     distances = {}
     for name, toml in library:
-        replay = Replay(motions._recording(problem, name, toml), problem.robot)
+        replay = Replay(motions.planned_recording(problem, name, toml), problem.robot)
         distances[name] = closest(problem, mine, [own[2]], others, replay)
     best = max(distances, key=distances.get)
     for turned in (library, library[::-1], library[1:] + library[:1]):
-        monkeypatch.setattr(motions, "_library", lambda problem, turned=turned: iter(turned))
+        monkeypatch.setattr(motions, "library", lambda problem, turned=turned: iter(turned))
         found = motions.next_experiment(problem, choice)
         assert found.task == best
         assert found.distance == pytest.approx(distances[best], rel=1e-6)

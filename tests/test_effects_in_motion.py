@@ -270,7 +270,7 @@ def test_chunks_do_not_matter_to_what_acts_between_steps(tiny_robot, control, mo
     """However many steps are recorded at once, the result is the same, bit for bit."""
     effects = [("load_friction", 1, 0.05), ("torque_ripple", 1, 0.01)]
     whole, _ = run(tiny_robot, control, *effects, cycles=2, period=0.003)
-    monkeypatch.setattr(module, "_CHUNK", 84)
+    monkeypatch.setattr(module, "CHUNK", 84)
     parts, _ = run(tiny_robot, control, *effects, cycles=2, period=0.003)
     np.testing.assert_array_equal(channels(whole), channels(parts))
 

@@ -19,7 +19,7 @@ from faultgen.fleet.cycles import (
     simulate_program,
 )
 from faultgen.fleet.damage import GearboxLife
-from faultgen.fleet.events import _MOST, Strain, count_events, event_names
+from faultgen.fleet.events import Strain, count_events, event_names
 from faultgen.fleet.plan import parse_fleet
 from faultgen.fleet.record import record_robot, simulate_robot
 from faultgen.fleet.robot_instance import draw_unit
@@ -28,6 +28,8 @@ from faultgen.monitoring.reductions import LIFE_EXPONENT
 from faultgen.simulation.plant import assemble
 from faultgen.simulation.servo import control_signal
 from faultgen.simulation.stepping import simulate
+
+MOST = 20.0  # events of a kind of an axis that a robot stores on a day
 
 SMALL = {
     "robots": 2,
@@ -222,10 +224,10 @@ def test_rule_based_events_follow_the_rule(failing):
     days = [strain(0.1)] * 200 + [strain(0.16)] * 200
     counts = count_events(unit.robot(), days, calendar, np.random.default_rng(4))
     column = event_names().index("motion_supervision_4")
-    assert counts[200:, column].mean() == pytest.approx(_MOST * (1 - np.exp(-500 / _MOST)), rel=0.1)
+    assert counts[200:, column].mean() == pytest.approx(MOST * (1 - np.exp(-500 / MOST)), rel=0.1)
     assert counts[:200, column].mean() < 2.0
     stops = counts[:, event_names().index("program_stopped")]
-    assert stops[200:].mean() > stops[:200].mean() + 5 * 0.9 * _MOST
+    assert stops[200:].mean() > stops[:200].mean() + 5 * 0.9 * MOST
 
 
 def test_motors_get_hot_half_as_often_as_their_gearboxes(failing):
@@ -242,7 +244,7 @@ def test_motors_get_hot_half_as_often_as_their_gearboxes(failing):
         return counts[100:, columns].mean() - counts[:100, columns].mean()
 
     # the usual 40 deg C and the margin of 6 K: every second of 24 hours, less what is put up with
-    assert mean("gearbox_temperature") == pytest.approx(_MOST * (1 - np.exp(-12 / _MOST)), rel=0.03)
+    assert mean("gearbox_temperature") == pytest.approx(MOST * (1 - np.exp(-12 / MOST)), rel=0.03)
     assert mean("motor_temperature") == pytest.approx(0.5 * mean("gearbox_temperature"), rel=0.05)
     assert mean("position_deviation") > 10
     assert mean("speed_deviation") == pytest.approx(0.3 * mean("position_deviation"), rel=0.05)

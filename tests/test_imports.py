@@ -140,3 +140,55 @@ def test_unknown_names_are_errors():
 
     with pytest.raises(AttributeError, match="no attribute 'generator'"):
         _ = faultgen.generator
+
+
+LATER = {
+    "test_change_isolator.py",
+    "test_classifiers_study.py",
+    "test_events_study.py",
+    "test_isolation.py",
+    "test_studies.py",
+}
+
+
+def private_names(tree):
+    """Private names of other modules that code uses: imported, looked up, or given as a text."""
+    theirs = {"self", "cls", *sys.stdlib_module_names}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            used = [alias.name for alias in node.names]
+        elif isinstance(node, ast.Attribute):
+            root = node.value.id if isinstance(node.value, ast.Name) else None
+            used = [] if root in theirs else [node.attr]
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith(("setattr", "getattr")):
+            texts = [one.value for one in node.args if isinstance(one, ast.Constant)]
+            used = [text.rpartition(".")[2] for text in texts if isinstance(text, str)]
+        else:
+            continue
+        yield from (name for name in used if name.startswith("_") and not name.startswith("__"))
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "from faultgen.tasks import load_task, _hidden",
+        "import faultgen.tasks as tasks; tasks._hidden()",
+        "isolator.fit(x)._hidden",
+        'monkeypatch.setattr(tasks, "_hidden", None)',
+        'monkeypatch.setattr("faultgen.tasks._hidden", None)',
+        'getattr(tasks, "_hidden")',
+    ],
+)
+def test_uses_of_private_names_are_found(code):
+    assert list(private_names(ast.parse(code))) == ["_hidden"]
+    assert list(private_names(ast.parse(code.replace("_hidden", "__name__")))) == []
+
+
+def test_tests_use_public_names_only():
+    """A test that needs a private name would break when code is rewritten that still works."""
+    found = {
+        path.name: names
+        for path in sorted((ROOT / "tests").rglob("*.py"))
+        if path.name not in LATER and (names := set(private_names(ast.parse(path.read_text()))))
+    }
+    assert found == {}

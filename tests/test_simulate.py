@@ -34,7 +34,7 @@ def test_samples_are_those_of_plain_stepping(tiny_robot, swing):
     (cycle,) = simulate(tiny_robot, control, [model], sample_period=0.004)
     batch = mujoco.batch.Batch(model, 1, 1)
     lead = min(len(control), round(module.LEAD_IN / step))
-    module._start(tiny_robot, batch, control[len(control) - lead])
+    module.start_on_reference(tiny_robot, batch, control[len(control) - lead])
     data = batch.get_data(0)
     for row in control[len(control) - lead :]:
         data.ctrl[:] = row
@@ -61,7 +61,7 @@ def test_chunks_do_not_matter(tiny_robot, swing, monkeypatch):
     """However many steps are recorded at once, the result is the same, bit for bit."""
     models = [tiny_robot.model] * 2
     whole = [channels(c) for c in simulate(tiny_robot, swing[1], models, sample_period=0.004)]
-    monkeypatch.setattr(module, "_CHUNK", 84)
+    monkeypatch.setattr(module, "CHUNK", 84)
     parts = [channels(c) for c in simulate(tiny_robot, swing[1], models, sample_period=0.004)]
     np.testing.assert_array_equal(whole, parts)
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from filelock import FileLock
 
 import faultgen.dataset.sweep as sweep
 from faultgen.dataset.experiment import make_experiment, to_toml
@@ -396,7 +397,7 @@ def test_damaged_manifests_are_told(tmp_path):
 def test_two_generators_do_not_share_a_folder(small, tmp_path):
     """The second one is refused as long as the first one writes."""
     with (
-        sweep._locked(tmp_path),
+        FileLock(tmp_path / ".lock"),
         pytest.raises(InputError, match="another process is writing there"),
     ):
         generate(small(), tmp_path, progress=False)

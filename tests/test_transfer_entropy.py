@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from faultgen.analysis.symbols import quantile_symbols
 from faultgen.analysis.transfer_entropy import (
-    _shuffled,
     effective_net_transfer_entropy,
     effective_transfer_entropy,
     isolate_axis,
     net_transfer_entropy,
+    shuffled,
     transfer_entropy,
     transfer_entropy_matrix,
 )
@@ -353,9 +353,9 @@ def test_shuffles_within_blocks_find_a_driven_pair():
 
 def test_blocks_keep_their_samples():
     """Samples move by less than a block, and all of them stay."""
-    shuffled = _shuffled(np.arange(23), 200, 5, np.random.default_rng(34))
-    np.testing.assert_array_equal(np.sort(shuffled, axis=1), np.tile(np.arange(23), (200, 1)))
-    moved = np.abs(shuffled - np.arange(23))
+    drawn = shuffled(np.arange(23), 200, 5, np.random.default_rng(34))
+    np.testing.assert_array_equal(np.sort(drawn, axis=1), np.tile(np.arange(23), (200, 1)))
+    moved = np.abs(drawn - np.arange(23))
     assert moved.max() == 4
     assert (moved > 0).any(axis=0).all(), "blocks begin elsewhere, so that no sample is stuck"
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from importlib import resources
 
 import numpy as np
+import tomli_w
 
 from faultgen.discovery.fit import Group
 from faultgen.discovery.recording import Recording
@@ -58,9 +59,9 @@ def next_experiment(problem: Problem, choice: Choice) -> Experiment | None:
         own, values, _ = members[place]
         pairs.append((own, values, rival, max(worse, 0.0)))
     best: Experiment | None = None
-    for name, toml in _library(problem) if pairs else ():
+    for name, toml in library(problem) if pairs else ():
         try:
-            replay = Replay(_recording(problem, name, toml), problem.robot)
+            replay = Replay(planned_recording(problem, name, toml), problem.robot)
             base = replay.torque()
             distances = [
                 _distance(problem, replay, base, own, values, rival)
@@ -100,7 +101,20 @@ def _distance(
     return float(np.linalg.norm(target - others @ answer))
 
 
-def _recording(problem: Problem, name: str, toml: str) -> Recording:
+def planned_recording(problem: Problem, name: str, toml: str) -> Recording:
+    """Plan a motion, as a recording whose torque is not yet known.
+
+    Args:
+        problem: The recording whose side, sample period and mean temperature are taken over.
+        name: Name of the task.
+        toml: Content of the task file.
+
+    Returns:
+        The recording, with a torque of 0.
+
+    Raises:
+        InputError: The robot cannot do the task.
+    """
     robot = problem.robot
     task = Task(**{"name": name, "robot": robot.name, **tomllib.loads(toml)})
     motion = plan(task, robot)
@@ -121,8 +135,8 @@ def _recording(problem: Problem, name: str, toml: str) -> Recording:
     )
 
 
-def _library(problem: Problem) -> Iterator[tuple[str, str]]:
-    """Names and texts of safe motions."""
+def library(problem: Problem) -> Iterator[tuple[str, str]]:
+    """Names and task files of safe motions: those of the robot, and three within the recording."""
     robot = problem.robot
     for name in task_names(robot.name):
         load_task(robot.name, name)
@@ -138,11 +152,15 @@ def _own(problem: Problem, robot: Robot) -> Iterator[tuple[str, str]]:
     low, middle, high = np.quantile(joints, [0.15, 0.5, 0.85], axis=0)
 
     def task(text: str, moves: list[tuple[np.ndarray, float, float]]) -> str:
-        lines = [f'description = "{text}"', "[start]", f"joints = {_list(middle)}"]
-        for pose, speed, dwell in [*moves, (middle, 0.5, 0.2)]:
-            lines += ["", "[[move]]", f"joints = {_list(pose)}", f"speed = {speed}"]
-            lines += [f"dwell = {dwell}"] if dwell else []
-        return "\n".join(lines) + "\n"
+        content = {
+            "description": text,
+            "start": {"joints": _rounded(middle)},
+            "move": [
+                {"joints": _rounded(pose), "speed": speed, "dwell": dwell}
+                for pose, speed, dwell in [*moves, (middle, 0.5, 0.2)]
+            ],
+        }
+        return tomli_w.dumps(content)
 
     slow = middle + 0.2 * (high - low)
     yield (
@@ -156,5 +174,5 @@ def _own(problem: Problem, robot: Robot) -> Iterator[tuple[str, str]]:
     yield "poses", task("Rests in poses of different load, reached from both sides", poses * 2)
 
 
-def _list(values: np.ndarray) -> str:
-    return "[" + ", ".join(f"{value:.3f}" for value in values) + "]"
+def _rounded(values: np.ndarray) -> list[float]:
+    return [round(float(value), 3) for value in values]

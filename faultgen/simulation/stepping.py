@@ -31,7 +31,9 @@ LEAD_IN = 2.0
 """Time that is simulated before the first cycle and not recorded [s]. In this time the robot moves
 as at the end of a cycle."""
 
-_CHUNK = 4000  # steps recorded at once; bounds the memory
+CHUNK = 4000
+"""Number of steps that are recorded at once. It bounds the memory and changes no result."""
+
 _BAD = (
     (mujoco.mjtWarning.mjWARN_BADQPOS, "position"),
     (mujoco.mjtWarning.mjWARN_BADQVEL, "velocity"),
@@ -104,7 +106,7 @@ def simulate(
             stepper.use(machine)
             command = np.ascontiguousarray(machine.command(control, lead > 0))
         if before is None:
-            _start(robot, stepper.batch, command[-lead])  # the first one without a lead
+            start_on_reference(robot, stepper.batch, command[-lead])  # the first one without a lead
             for _ in stepper.run(command[len(command) - lead :], 0, -lead):
                 pass
         yield machine.log(stepper.cycle(command, index + 1))
@@ -134,10 +136,10 @@ class _Stepper:
         self.machine = machine
         self.channels = Channels(self.robot, model)
         # steps between two updates; all of a chunk where there are none
-        self.stride = round(machine.interval / model.opt.timestep) if machine.updates else _CHUNK
+        self.stride = round(machine.interval / model.opt.timestep) if machine.updates else CHUNK
         self.stride = max(1, self.stride)
         whole = math.lcm(self.every, self.stride) if machine.updates else self.every
-        self.chunk = max(1, _CHUNK // whole) * whole
+        self.chunk = max(1, CHUNK // whole) * whole
 
     def _fits(self, model: mujoco.MjModel) -> bool:
         """Whether a model has the same elements as the model of the batch."""
@@ -315,8 +317,14 @@ def _when(cycle: int) -> str:
     return f"cycle {cycle}" if cycle else "before cycle 1"
 
 
-def _start(robot: Robot, batch: Batch, control: np.ndarray) -> None:
-    """Put the robot on its reference, with the gearboxes twisted by the static load there."""
+def start_on_reference(robot: Robot, batch: Batch, control: np.ndarray) -> None:
+    """Put the robot on its reference, with the gearboxes twisted by the static load there.
+
+    Args:
+        robot: The robot.
+        batch: A batch of one simulation of the robot, whose positions and velocities are set.
+        control: Control signal at the start. Shape (n_controls,).
+    """
     model = robot.model
     at = model.actuator_ctrladr[robot.ids("actuator", "drive")]
     motor, speed = control[at], control[at + 1]
