@@ -32,6 +32,7 @@ from faultgen.mjcf.dcmotor import OFFSET as OFFSET
 from faultgen.mjcf.dcmotor import STICTION as STICTION
 from faultgen.mjcf.dcmotor import STRIBECK_VELOCITY as STRIBECK_VELOCITY
 from faultgen.mjcf.edit import resolve_inertias
+from faultgen.mjcf.elements import element_ids
 
 
 @dataclass(frozen=True)
@@ -100,20 +101,25 @@ class Robot:
         limited = model.actuator_forcelimited[drives]
         limit = np.where(limited, model.actuator_forcerange[drives, 1], np.inf)
         put(self, "motor_torque_limit", limit)
-        findings = wrong_elements(self)
+        findings = wrong_elements(model, n)
         ratio = np.array([self._gear_ratio(model, axis, findings) for axis in range(n)])
         put(self, "gear_ratio", ratio)
-        for name, numeric, default, size in (
-            ("motor_velocity_limit", "motor_velocity_limit", np.inf, n),
-            ("joint_acceleration_limit", "joint_acceleration_limit", 5.0, n),
-            ("encoder_counts", "encoder_counts", 0.0, n),
-            ("set_points", "servo_set_points", 1.0, 3),
-            ("torque_gain", "torque_gain", 1.0, n),
-            ("friction_temperature", "friction_temperature", 40.0, 1),
-        ):
-            put(self, name, self._numeric(model, numeric, default, size, findings))
-        put(self, "friction_temperature", float(np.ravel(self.friction_temperature)[0]))
-        self._refuse([*findings, *wrong_numbers(self)])
+        numerics = {
+            name: self._numeric(model, name, default, size, findings)
+            for name, default, size in (
+                ("motor_velocity_limit", np.inf, n),
+                ("joint_acceleration_limit", 5.0, n),
+                ("encoder_counts", 0.0, n),
+                ("servo_set_points", 1.0, 3),
+                ("torque_gain", 1.0, n),
+                ("friction_temperature", 40.0, 1),
+            )
+        }
+        self._refuse([*findings, *wrong_numbers(model, self.xml, n, numerics)])
+        put(self, "set_points", numerics.pop("servo_set_points"))
+        put(self, "friction_temperature", float(numerics.pop("friction_temperature")[0]))
+        for name, values in numerics.items():
+            put(self, name, values)
 
     def _refuse(self, findings: list[str]) -> None:
         if findings:
@@ -171,7 +177,10 @@ class Robot:
             InputError: The model lacks one of the elements.
         """
         where = self.model if model is None else model
-        return np.array([_id(self.name, where, kind, f"{name}{i + 1}") for i in range(self.n_axes)])
+        try:
+            return element_ids(where, kind, name, self.n_axes)
+        except InputError as error:
+            raise InputError(f"robot {self.name}: {error}") from None
 
     def addresses(self, model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray]:
         """Find the indices of the rotors and of the arm joints in qpos and qvel of a model.
@@ -190,7 +199,7 @@ class Robot:
         return motors, joints
 
     def _gear_ratio(self, model: mujoco.MjModel, axis: int, findings: list[str]) -> float:
-        tendon = _id(self.name, model, "tendon", f"gearbox{axis + 1}")
+        tendon = self.ids("tendon", "gearbox")[axis]
         start = model.tendon_adr[tendon]
         wraps = range(start, start + model.tendon_num[tendon])
         joint_wraps = [w for w in wraps if model.wrap_type[w] == int(mujoco.mjtWrap.mjWRAP_JOINT)]
@@ -252,15 +261,3 @@ def load_robot(name_or_path: str | Path) -> Robot:
     xml, assets = read_mjcf(path)
     check_memory(path.stem, xml, assets)
     return Robot(path.stem, xml, assets)
-
-
-def _id(robot: str, model: mujoco.MjModel, kind: str, name: str) -> int:
-    types = {
-        "joint": mujoco.mjtObj.mjOBJ_JOINT,
-        "tendon": mujoco.mjtObj.mjOBJ_TENDON,
-        "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
-    }
-    index = mujoco.mj_name2id(model, types[kind], name)
-    if index < 0:
-        raise InputError(f"robot {robot}: no {kind} named '{name}'")
-    return index

@@ -27,10 +27,10 @@ def modules():
 MODULES = modules()
 
 
-def imports(node, package):
-    """Modules that code imports when it runs, also within functions."""
+def imports(node, package, types=False):
+    """Modules that code imports when it runs, also within functions; or those for types too."""
     for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.dump(child.test):
+        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.dump(child.test) and not types:
             continue
         if isinstance(child, ast.Import):
             yield from (alias.name for alias in child.names)
@@ -40,13 +40,13 @@ def imports(node, package):
                 inner = f"{base}.{alias.name}"
                 yield inner if inner in MODULES else base
         else:
-            yield from imports(child, package)
+            yield from imports(child, package, types)
 
 
-def imported(name):
+def imported(name, types=False):
     path = MODULES[name]
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-    return set(imports(ast.parse(path.read_text()), package)) - {name}
+    return set(imports(ast.parse(path.read_text()), package, types)) - {name}
 
 
 # the package itself re-exports the public names, and nothing imports it
@@ -77,6 +77,14 @@ def test_modules_import_each_other_without_circles():
     """No module needs, directly or not, a module that needs it."""
     assert circle({"a": {"b"}, "b": {"c"}, "c": {"a"}}) == ["a", "b", "c"]
     assert circle(GRAPH) == []
+
+
+def test_types_need_no_circles_either():
+    """Nor does a module name a type of a module that needs it."""
+    graph = {name: imported(name, types=True) & MODULES.keys() for name in GRAPH}
+    guarded = ast.parse("if TYPE_CHECKING:\n    import faultgen.robot")
+    assert list(imports(guarded, "", types=True)) == ["faultgen.robot"]
+    assert circle(graph) == []
 
 
 def folder_of(name):

@@ -6,7 +6,7 @@ All findings are reported at once, so that a user can correct a file in one step
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
@@ -17,9 +17,7 @@ from faultgen.mjcf.dcmotor import (
     STICTION,
     STRIBECK_VELOCITY,
 )
-
-if TYPE_CHECKING:
-    from faultgen.robot import Robot
+from faultgen.mjcf.elements import KINDS, element_ids
 
 SHORTEST_STEP = 1e-5
 """Shortest time step of a model [s]: a cycle of 10 s then has a million steps."""
@@ -57,14 +55,10 @@ def missing_elements(model: mujoco.MjModel, n_axes: int) -> list[str]:
         One finding for each kind of element, with the names that are missing.
     """
     found = []
-    kinds: dict[str, tuple[mujoco.mjtObj, tuple[str, ...]]] = {
-        "joint": (mujoco.mjtObj.mjOBJ_JOINT, ("joint", "motor")),
-        "tendon": (mujoco.mjtObj.mjOBJ_TENDON, ("gearbox",)),
-        "actuator": (mujoco.mjtObj.mjOBJ_ACTUATOR, ("drive", "friction")),
-    }
-    for kind, (code, names) in kinds.items():
+    kinds = {"joint": ("joint", "motor"), "tendon": ("gearbox",), "actuator": ("drive", "friction")}
+    for kind, names in kinds.items():
         wanted = [f"{name}{i + 1}" for i in range(n_axes) for name in names]
-        lacking = [name for name in wanted if mujoco.mj_name2id(model, code, name) < 0]
+        lacking = [name for name in wanted if mujoco.mj_name2id(model, KINDS[kind], name) < 0]
         if lacking:
             shown = ", ".join(f"'{name}'" for name in lacking[:_MOST_SHOWN])
             more = f" and {len(lacking) - _MOST_SHOWN} more" if len(lacking) > _MOST_SHOWN else ""
@@ -72,25 +66,25 @@ def missing_elements(model: mujoco.MjModel, n_axes: int) -> list[str]:
     return found
 
 
-def wrong_elements(robot: Robot) -> list[str]:
+def wrong_elements(model: mujoco.MjModel, n_axes: int) -> list[str]:
     """List the elements that have the name of a robot's element but are of another type.
 
     Args:
-        robot: The robot.
+        model: The compiled model, in which no element is missing.
+        n_axes: Number of axes.
 
     Returns:
         One finding for each element.
     """
-    model = robot.model
     found = []
-    joints = {name: robot.ids("joint", name) for name in ("joint", "motor")}
+    joints = {name: element_ids(model, "joint", name, n_axes) for name in ("joint", "motor")}
     kinds = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
     for name, ids in joints.items():
         for axis, joint in enumerate(ids, start=1):
             if model.jnt_type[joint] not in kinds:
                 found.append(f"joint '{name}{axis}' must be a hinge or slide")
     for name, controls in (("drive", _SERVO), ("friction", _PASSIVE)):
-        for axis, actuator in enumerate(robot.ids("actuator", name), start=1):
+        for axis, actuator in enumerate(element_ids(model, "actuator", name, n_axes), 1):
             on_motor = (
                 model.actuator_trntype[actuator] == int(mujoco.mjtTrn.mjTRN_JOINT)
                 and model.actuator_trnid[actuator, 0] == joints["motor"][axis - 1]
@@ -101,16 +95,20 @@ def wrong_elements(robot: Robot) -> list[str]:
     return found
 
 
-def wrong_numbers(robot: Robot) -> list[str]:
+def wrong_numbers(
+    model: mujoco.MjModel, xml: str, n_axes: int, numerics: Mapping[str, np.ndarray]
+) -> list[str]:
     """List the numbers that no robot can have.
 
     Args:
-        robot: The robot.
+        model: The compiled model, in which no element is missing or wrong.
+        xml: The MJCF text of the model.
+        n_axes: Number of axes.
+        numerics: Values of the ``numeric`` elements by name, or their defaults.
 
     Returns:
         Findings, each with the place of the number and what would be right.
     """
-    model = robot.model
     found = []
     step = model.opt.timestep
     if not SHORTEST_STEP <= step <= LONGEST_STEP:
@@ -118,28 +116,29 @@ def wrong_numbers(robot: Robot) -> list[str]:
     for name in _FINITE:
         if not np.isfinite(getattr(model, name)).all():
             found.append(f"{name} must be finite")
-    for values in re.findall(r'\bsaturation\s*=\s*["\']([^"\']*)', robot.xml):
+    for values in re.findall(r'\bsaturation\s*=\s*["\']([^"\']*)', xml):
         if any(value.startswith("-") for value in values.split()):
             found.append(f"saturation must not be negative, as in '{values}'")
-    low, high = robot.joint_range.T
+    joints = element_ids(model, "joint", "joint", n_axes)
     # a joint may have no limits; limits that are given as 0 0 look the same once compiled
-    width = np.where(np.isinf(high - low), 1.0, high - low)
-    for axis in range(robot.n_axes):
-        given = re.search(rf'<joint\b[^>]*\bname=["\']joint{axis + 1}["\'][^>]*>', robot.xml)
+    width = np.where(model.jnt_limited[joints], np.ptp(model.jnt_range[joints], axis=1), 1.0)
+    for axis in range(n_axes):
+        given = re.search(rf'<joint\b[^>]*\bname=["\']joint{axis + 1}["\'][^>]*>', xml)
         limits = re.search(r'\brange=["\']([^"\']*)', given[0]) if given else None
         if limits:
             first, last = (float(value) for value in limits[1].split())
             width[axis] = min(width[axis], last - first)
-    tendon, friction = robot.ids("tendon", "gearbox"), robot.ids("actuator", "friction")
+    tendon = element_ids(model, "tendon", "gearbox", n_axes)
+    friction = element_ids(model, "actuator", "friction", n_axes)
     bias, bristles = model.actuator_biasprm[friction], model.actuator_dynprm[friction]
     # where there is no dry friction, the parameters of its law do not count
     without = (bias[:, COULOMB] == 0) & (bias[:, STICTION] == 0)
     rules: list[tuple[str, np.ndarray, bool]] = [  # where, values, whether 0 is right
         ("joint{}: width of its range", width, False),
-        ("motor_velocity_limit of axis {}", robot.motor_velocity_limit, False),
-        ("joint_acceleration_limit of axis {}", robot.joint_acceleration_limit, False),
-        ("encoder_counts of axis {}", robot.encoder_counts, True),
-        ("torque_gain of axis {}", robot.torque_gain, False),
+        ("motor_velocity_limit of axis {}", numerics["motor_velocity_limit"], False),
+        ("joint_acceleration_limit of axis {}", numerics["joint_acceleration_limit"], False),
+        ("encoder_counts of axis {}", numerics["encoder_counts"], True),
+        ("torque_gain of axis {}", numerics["torque_gain"], False),
         ("gearbox{}: stiffness", model.tendon_stiffness[tendon], False),
         ("gearbox{}: damping", model.tendon_damping[tendon], True),
         ("friction{}: Coulomb friction", bias[:, COULOMB], True),
@@ -156,6 +155,7 @@ def wrong_numbers(robot: Robot) -> list[str]:
         axis = int(np.flatnonzero(~right)[0])
         needed = "must not be negative" if zero else "must be positive"
         found.append(f"{where.format(axis + 1)} {needed}, not {values[axis]:g}")
-    if not (np.isfinite(robot.set_points).all() and np.isfinite(robot.friction_temperature)):
-        found.append("servo_set_points and friction_temperature must be finite")
+    finite = ("servo_set_points", "friction_temperature")
+    if not all(np.isfinite(numerics[name]).all() for name in finite):
+        found.append(f"{' and '.join(finite)} must be finite")
     return found

@@ -1,0 +1,37 @@
+"""The elements of a model by their names: those of axis i end with the number i."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from faultgen.errors import InputError
+
+KINDS = {
+    "joint": mujoco.mjtObj.mjOBJ_JOINT,
+    "tendon": mujoco.mjtObj.mjOBJ_TENDON,
+    "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
+}
+"""Types of elements in MuJoCo by the names that are used here."""
+
+
+def element_ids(model: mujoco.MjModel, kind: str, name: str, n_axes: int) -> np.ndarray:
+    """Find the ids of the elements ``name1`` ... ``name{n_axes}``.
+
+    Args:
+        model: The compiled model.
+        kind: One of `KINDS`.
+        name: Name of the elements without the number of the axis.
+        n_axes: Number of axes.
+
+    Returns:
+        Ids, shape (n_axes,).
+
+    Raises:
+        InputError: The model lacks one of the elements.
+    """
+    names = [f"{name}{axis}" for axis in range(1, n_axes + 1)]
+    ids = np.array([mujoco.mj_name2id(model, KINDS[kind], one) for one in names])
+    if (ids < 0).any():
+        raise InputError(f"no {kind} named '{names[int(np.argmax(ids < 0))]}'")
+    return ids
