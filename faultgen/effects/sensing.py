@@ -82,7 +82,7 @@ def lose_samples(
     """
     count = len(measured.motor_torque)
     lost = rng.random(count) < place.severity
-    lost[0] = False
+    # a lost sample shows the last one before it that is not lost, and the first sample itself
     return _show(measured, place, np.maximum.accumulate(np.where(lost, 0, np.arange(count))))
 
 
