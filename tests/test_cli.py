@@ -10,6 +10,10 @@ from pathlib import Path
 import pytest
 from conftest import HANG
 
+from faultgen.effects import EFFECTS
+from faultgen.robot import load_robot, robot_names
+from faultgen.tasks import task_names
+
 COMMANDS = ["demo", "robots", "tasks", "effects", "generate", "info", "isolate", "report"]
 
 
@@ -49,17 +53,20 @@ def test_every_command_teaches():
 def test_lists_are_json_too():
     """robots, tasks and effects print the same as a table and as JSON."""
     robots = json.loads(faultgen("robots", "--json").stdout)
-    assert {row["robot"] for row in robots} == {"puma560", "irb6700"}
-    assert len(robots) == 12
+    axes = [(row["robot"], row["axis"]) for row in robots]
+    known = {name: load_robot(name).n_axes for name in robot_names()}
+    assert axes == [(name, axis) for name, n in known.items() for axis in range(1, n + 1)]
     effects = json.loads(faultgen("effects", "--json").stdout)
-    assert {"friction_wear", "viscous_friction"} <= {row["effect"] for row in effects}
+    assert [row["effect"] for row in effects] == list(EFFECTS)
     (ripple,) = (row for row in effects if row["effect"] == "torque_ripple")
     assert ripple["parameters"] == {"order": 2.0, "phase": 0.0, "per": "motor"}
     text = faultgen("effects").stdout
     assert "friction_wear" in text
     assert "order = 2.0, phase = 0.0, per = motor" in text
     tasks = json.loads(faultgen("tasks", "--json").stdout)
-    assert len(tasks) == 9
+    assert [(row["robot"], row["task"]) for row in tasks] == [
+        (name, task) for name in known for task in task_names(name)
+    ]
     assert "chapter3_task1" in faultgen("tasks").stdout
 
 

@@ -5,9 +5,13 @@ from pathlib import Path
 
 from conftest import HANG
 
-from faultgen.robot import load_robot
+from faultgen.dataset.wear import SCHEDULES
+from faultgen.effects import EFFECTS
+from faultgen.fleet.events import event_names
+from faultgen.monitoring.sensors import SENSORS
+from faultgen.robot import load_robot, robot_names
 from faultgen.simulation.motion import plan
-from faultgen.tasks import load_task
+from faultgen.tasks import load_task, task_names
 
 ROOT = Path(__file__).parents[1]
 
@@ -35,6 +39,35 @@ def test_the_task_example_of_the_docs_can_be_planned(tmp_path):
     path.write_text(text)
     motion = plan(load_task("puma560", path), load_robot("puma560"))
     assert 1 < motion.period < 20
+
+
+def test_numbers_and_names_in_the_docs_are_those_of_the_package():
+    """The effects, kinds of events and choices that pages count or list."""
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    text = "\n".join(page.read_text() for page in pages)
+    assert set(re.findall(r"(?:\| effect \||catalogue has) (\d+) effects", text)) == {
+        str(len(EFFECTS))
+    }
+    assert set(re.findall(r"(\d+) kinds of events", text)) == {str(len(event_names()))}
+    readme = (ROOT / "README.md").read_text()
+    for row, names in (
+        ("robot", robot_names()),
+        ("task", {name for robot in robot_names() for name in task_names(robot)}),
+        ("schedule", SCHEDULES),
+        ("sensors", SENSORS),
+    ):
+        (line,) = re.findall(rf"^\| {row} \| (.*)$", readme, re.MULTILINE)
+        told = set(re.findall(r"`(\w+)`", line.replace("`3`", "`chapter3_task2` `chapter3_task3`")))
+        assert told == set(names), row
+
+
+def test_discovery_tells_which_effects_it_never_considers():
+    """The lists are those of the catalogue."""
+    text = (ROOT / "docs" / "discovery.md").read_text()
+    for use, begins in (("never", "Some effects"), ("on request", "`viscous_asymmetry`")):
+        (line,) = re.findall(rf"^- ({begins}.*?(?:sensor_stuck|on request))", text, re.MULTILINE)
+        told = set(re.findall(r"`?(\w+_\w+)`?", line))
+        assert told == {name for name, effect in EFFECTS.items() if effect.prior.use == use}
 
 
 def test_links_lead_somewhere():
