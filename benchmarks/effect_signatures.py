@@ -20,6 +20,7 @@ import typer
 from effect_cases import CASES, MOTIONS, Case
 
 from faultgen.effects import EFFECTS, Applied, Effect
+from faultgen.evaluation.markdown import table
 from faultgen.monitoring.sensors import Measured
 from faultgen.robot import Robot, load_robot
 from faultgen.simulation.cycle import Cycle
@@ -71,7 +72,7 @@ Below the table, each effect has a picture.
 Datasets use values from 0 on; discovery also uses negative ones.
 - The symbols of the equations are explained in [physics](physics.md). \
 "{{i}}" in the name of an element stands for the number of the axis.
-- Chapters and equations of the thesis are cited in the [README](../README.md).
+- Chapters and equations are those of the [thesis](thesis.md).
 
 Each picture compares an IRB 6700 that has the effect with a healthy one in the same motion. \
 The severity is large enough to be seen. \
@@ -213,9 +214,8 @@ def page() -> str:
     lines = [
         *INTRODUCTION.format(count=len(EFFECTS)).splitlines(),
         "",
-        "| effect | severity, range | equation | element | source |",
-        "| --- | --- | --- | --- | --- |",
     ]
+    rows = []
     for name, effect in EFFECTS.items():
         cells = [
             f"[`{name}`](#{name})",
@@ -224,7 +224,8 @@ def page() -> str:
             effect.element,
             effect.source,
         ]
-        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+        rows.append([cell.replace("|", "\\|") for cell in cells])
+    lines.append(table(["effect", "severity, range", "equation", "element", "source"], rows))
     for name, effect in EFFECTS.items():
         given = ", ".join(f"`{key}` = {value}" for key, value in effect.parameters.items())
         text = f"{effect.description[0].upper()}{effect.description[1:]}."

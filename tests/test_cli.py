@@ -122,7 +122,7 @@ def test_info_tells_of_damage(tiny_robot_path, tiny_task_path, tmp_path):
 
 def test_isolate_prints_the_form_of_table_6_2(dataset):
     """Robot and task x wear x method, with intervals, and what is named on the healthy robot."""
-    text = faultgen("isolate", dataset, "--seeds", "3").stdout
+    text = re.sub(" +", " ", faultgen("isolate", dataset, "--seeds", "3").stdout)
     assert "| robot | task | effect | severity | answers |" in text
     for wear in ("1", "5", "10", "15"):
         assert f"| tiny | swing | friction_wear | {wear} % | 6 |" in text

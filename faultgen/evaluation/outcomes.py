@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from faultgen.effects import HEALTHY, get_effect
+from faultgen.evaluation import markdown
 from faultgen.evaluation.shares import wilson
 from faultgen.system.files import write_text
 
@@ -38,11 +39,15 @@ class Tally:
     """Counted answers of one method for one robot, task and level of wear."""
 
     robot: str
+    """Name of the robot."""
     task: str
+    """Name of the task."""
     effect: str
+    """Name of the effect; 'healthy' if there is none."""
     level: float
     """Severity at the last cycle used; 0 for the healthy robot with all of its cycles."""
     method: str
+    """Name of the method."""
     right: int = 0
     """Answers that named a worn axis; on a healthy robot, answers that named none."""
     named: int = 0
@@ -138,11 +143,8 @@ def table(result: Isolation) -> str:
         f"Axis isolated, percent [95 % Wilson interval]; {drawn} '{result.sensors}' noise"
         + ("; thesis' figure after the slash." if beside else "."),
         "",
-        "| robot | task | effect | severity | answers | right by axis, TE 10 bins | "
-        + " | ".join(methods)
-        + " |",
-        "|" + " --- |" * (6 + len(methods)),
     ]
+    body = []
     for robot, task, effect, level in rows:
         first = cells[robot, task, effect, level, methods[0]]
         here = [(m, cells.get((robot, task, effect, level, m))) for m in methods]
@@ -157,18 +159,16 @@ def table(result: Isolation) -> str:
             for axis, count in sorted(first.total_by_axis.items())
         )
         wear = shown_level(effect, level)
-        lines.append(
-            f"| {robot} | {task} | {effect} | {wear} | {first.total} | {by_axis} | "
-            + " | ".join(shown)
-            + " |"
-        )
+        body.append([robot, task, effect, wear, first.total, by_axis, *shown])
+    head = ["robot", "task", "effect", "severity", "answers", "right by axis, TE 10 bins"]
+    lines.append(markdown.table([*head, *methods], body))
     if result.too_short:
         lines += ["", "Not asked, since wear gets there within 4 cycles: " + result.too_short]
     if any(level == 0 for *_, level in rows):
         lines += ["", f"In rows '{HEALTHY}': how often an axis was named though none is worn."]
     for place, axes in result.unobservable.items():
         if axes:
-            lines += [f"{place}: axes {axes} never turn within the speed window; left out."]
+            lines += ["", f"{place}: axes {axes} never turn within the speed window; left out."]
     for place, reason in result.left_out.items():
         lines += ["", f"{place}: {reason}"]
     for said in other_effects(t.effect for t in result.tallies):
