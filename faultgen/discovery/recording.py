@@ -68,17 +68,35 @@ class Recording:
         return [slice(start, end) for start, end in zip(self.segments, ends, strict=True)]
 
     def joint_position(self, gear_ratio: np.ndarray) -> np.ndarray:
-        """Measured position, joint side [rad]. Shape (samples, n_axes)."""
+        """Return the measured position on the joint side.
+
+        Args:
+            gear_ratio: Rotor turns per joint turn. Shape (n_axes,).
+
+        Returns:
+            Position, shape (samples, n_axes), in [rad].
+        """
         return self.position / gear_ratio if self.side == "motor" else self.position
 
     def motor_position(self, gear_ratio: np.ndarray) -> np.ndarray:
-        """Measured position, motor side [rad]. Shape (samples, n_axes)."""
+        """Return the measured position on the motor side.
+
+        Args:
+            gear_ratio: Rotor turns per joint turn. Shape (n_axes,).
+
+        Returns:
+            Position, shape (samples, n_axes), in [rad].
+        """
         return self.position * gear_ratio if self.side == "joint" else self.position
 
     def commanded(self, gear_ratio: np.ndarray) -> np.ndarray:
-        """Commanded position, joint side [rad]; the measured one if none was recorded.
+        """Return the commanded position on the joint side; the measured one if none was recorded.
 
-        Shape (samples, n_axes).
+        Args:
+            gear_ratio: Rotor turns per joint turn. Shape (n_axes,).
+
+        Returns:
+            Position, shape (samples, n_axes), in [rad].
         """
         if self.reference_position is not None:
             return self.reference_position

@@ -94,7 +94,14 @@ class Problem:
         return Kinematics(position, velocity, acceleration)
 
     def samples(self, parts: Sequence[int]) -> np.ndarray:
-        """Samples of some parts, as a mask of shape (samples,)."""
+        """Find the samples of some parts.
+
+        Args:
+            parts: Indices of the parts.
+
+        Returns:
+            Whether each sample belongs to one of them. Shape (samples,).
+        """
         return samples_of([self.parts[p] for p in parts], len(self.residual))
 
     def change(self, changes: Changes) -> np.ndarray | None:
@@ -114,7 +121,14 @@ class Problem:
         return change if np.isfinite(change).all() else None
 
     def whiten(self, x: np.ndarray) -> np.ndarray:
-        """Whiten, mask and weight an array of shape (..., samples, n_axes). The shape stays."""
+        """Whiten, mask and weight an array.
+
+        Args:
+            x: Torques. Shape (..., samples, n_axes), in the unit of the recording's torque.
+
+        Returns:
+            The array in standard deviations of the noise. Same shape.
+        """
         return self.noise.whiten(x, self.parts) * (self.inside * self.trust).astype(x.dtype)
 
     @cached_property

@@ -45,6 +45,12 @@ Prepared = list[tuple[np.ndarray, np.ndarray]]
 def histories(fleet: Fleet) -> Prepared:
     """Compute the rows of `UNTRAINED` of every robot.
 
+    Args:
+        fleet: The robots.
+
+    Returns:
+        Days, shape (days,), and rows, shape (days, columns), of each robot.
+
     Raises:
         InputError: The history of a robot is too short.
     """

@@ -44,6 +44,7 @@ class Size:
     others: tuple[str, ...]
     """Combinations at the other horizons."""
     classifiers: tuple[str, ...]
+    """Names of the classifiers."""
     horizons: tuple[int, ...]
     """Days ahead."""
     robots: int | None

@@ -36,8 +36,11 @@ class Block:
     """All series of one robot, task and noise."""
 
     robot: str
+    """Name of the robot."""
     task: str
+    """Name of the task."""
     noise: str
+    """Name of the preset of sensor noise."""
     seed: int
     """Root of all draws."""
     reference: int
@@ -95,7 +98,11 @@ class Series:
 
 
 def growth() -> np.ndarray:
-    """Wear of the worn axis in each cycle, thesis eq. 6.6; shape (cycles,)."""
+    """Compute the wear of the worn axis, thesis eq. 6.6.
+
+    Returns:
+        Severity of each cycle, a fraction of the nominal friction. Shape (cycles,).
+    """
     return severities("exponential", WEAR, CYCLES)
 
 
