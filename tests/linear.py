@@ -36,6 +36,7 @@ def linear(problem, values=(), *, noise=1.0, seed=0, twin=None, terms=None, raw=
         return total
 
     replay = SimpleNamespace(
+        measured=problem.replay.measured,
         torque=simulate,
         recording=replace(problem.recording, torque=problem.base + residual),
         robot=problem.robot,

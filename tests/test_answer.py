@@ -112,7 +112,7 @@ def closest(problem, own, values, rivals, replay):
 
     def white(pairs):
         change = replay.torque([(problem.terms[t], v) for t, v in pairs]) - base
-        return (problem.noise.whiten(change, replay.recording.parts) * inside).ravel()
+        return (problem.noise.colour.whiten(change, replay.recording.parts) * inside).ravel()
 
     target, distances = white(zip(own, values, strict=True)), []
     for rival in rivals:
@@ -264,7 +264,7 @@ def test_a_model_that_diverges_is_not_written(posed, monkeypatch, fails, share):
     case = linear(problem, {offset: 0.03})
     asked = []
 
-    def sometimes(recording, robot, changes):
+    def sometimes(recording, robot, changes, *, measured=None):
         asked.append(changes)
         return None if len(asked) <= fails else robot
 

@@ -145,7 +145,9 @@ def test_the_order_of_the_catalogue_does_not_matter(files, tiny_robot_path, monk
         (one["effect"], one["axis"]) for one in backward["effects"]
     ]
     for one, other in zip(forward["effects"], backward["effects"], strict=True):
-        assert one["parameters"]["severity"] == pytest.approx(other["parameters"]["severity"])
+        assert one["parameters"]["severity"] == pytest.approx(
+            other["parameters"]["severity"], rel=1e-4
+        )  # the rounding of sums in another order goes through medians
 
 
 def test_without_a_twin(files, tiny_robot_path, measured, tmp_path):

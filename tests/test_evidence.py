@@ -93,14 +93,26 @@ def test_columns_and_gaps_are_replaced(data):
         np.testing.assert_allclose(getattr(made, name), getattr(expected, name), atol=1e-9)
 
 
-def test_a_score_is_the_held_out_misfit_and_the_penalty(data):
-    """Sets are compared by what others than they have to be off by, too, written out."""
+def test_a_score_is_the_density_of_each_recording_given_the_others(data):
+    """The predictive density written out: mean and covariance from the other recordings."""
     columns, residual, evidence = data
-    free = [2]
-    weight = np.ones(7)
-    weight[free] = FREE
-    value, _ = ridge(columns, residual, weight)
-    penalty = float(np.sum(np.delete(value, free) ** 2))
-    assert penalty > 0.2  # term 5 is off by half its prior standard deviation
-    expected = evidence.held_out(free).sum() + penalty
-    assert evidence.score(free) == pytest.approx(expected, rel=1e-9)
+
+    def score(free):
+        weight = np.ones(7)
+        weight[free] = FREE
+        total = 0.0
+        for part in PARTS:
+            use = np.ones(len(residual), bool)
+            use[part] = False
+            others = columns[:, use].reshape(7, -1).astype(float)
+            covariance = np.linalg.inv(others @ others.T + np.diag(weight))
+            value = covariance @ others @ residual[use].ravel()
+            x = columns[:, part].reshape(7, -1).astype(float)
+            spread = np.eye(x.shape[1]) + x.T @ covariance @ x
+            error = residual[part].ravel() - value @ x
+            total += error @ np.linalg.solve(spread, error) + np.linalg.slogdet(spread)[1]
+        value, _ = ridge(columns, residual, weight)
+        return total + float(np.sum(np.delete(value, free) ** 2))
+
+    for free in ([2], [2, 5], []):
+        assert evidence.score(free) == pytest.approx(score(free), rel=1e-6)

@@ -5,9 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from faultgen.discovery.diagnostics import patterns, where
+from faultgen.discovery.diagnostics import where
 from faultgen.discovery.noise import autoregression
 from faultgen.discovery.order_analysis import find_orders
+from faultgen.discovery.patterns import patterns
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regression import Kinematics
 from faultgen.discovery.verdict import significance
@@ -75,14 +76,21 @@ def test_a_pattern_is_found_where_it_is(problem, noise):
     first = patterns(problem, noise, [0, 1])[0]
     assert (first.axis, first.along) == (1, "joint angle")
     assert first.place == pytest.approx(0.4, abs=0.1)
-    assert first.p_value < 1e-10
+    assert first.p_value < 1e-6
 
 
 def test_a_burst_is_found(problem, noise):
-    noise[2500:2550, 1] *= 4
+    noise[2500:2560, 1] += 5
     found = patterns(problem, noise, [0, 1])
     burst = [one for one in found if one.along == "time" and one.axis == 2][0]
     assert burst.p_value < 1e-4 and abs(burst.place - 10.0) < 0.4
+
+
+def test_more_noise_for_a_while_is_no_pattern(problem, noise):
+    """Nor are outliers: neither predicts anything."""
+    noise[2500:2700, 1] *= 2.5
+    noise[100:4000:90, 0] *= 15
+    assert min(one.p_value for one in patterns(problem, noise, [0, 1])) > 1e-3
 
 
 def test_regimes_of_a_one_sided_gap(problem, noise):

@@ -229,6 +229,7 @@ def discover(
         print(f"to distinguish these effects, run the task {out / 'next_experiment.toml'}")
     if result["unexplained"]:
         print(result["unexplained"])
+    print(result["following"])
     gap = result["gap"]
     print(
         f"gap {gap['before']:.4f}, calibrated {gap['calibrated']:.4f}, "

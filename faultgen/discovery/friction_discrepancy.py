@@ -77,7 +77,7 @@ def discrepancy_sensitivities(
 def _shapes(replay: Replay) -> np.ndarray:
     """Friction torque on the rotors for each shape, shape (shapes, samples, n_axes), in [N m]."""
     recording, robot = replay.recording, replay.robot
-    motor = recording.commanded(robot.gear_ratio) * robot.gear_ratio
+    motor = replay.wanted * robot.gear_ratio
     friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")]
     coulomb = friction[:, COULOMB]
     height = friction[:, STICTION] - coulomb

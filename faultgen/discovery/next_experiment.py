@@ -92,7 +92,7 @@ def _distance(
 
     def white(changes: list) -> np.ndarray:
         change = replay.torque(changes) - base
-        return (problem.noise.whiten(change, recording.parts) * inside).ravel()
+        return (problem.noise.colour.whiten(change, recording.parts) * inside).ravel()
 
     terms = problem.terms
     target = white([(terms[t], float(v)) for t, v in zip(own, values, strict=True)])

@@ -11,6 +11,7 @@ import numpy as np
 from faultgen.discovery.candidates import Term
 from faultgen.discovery.evidence import Evidence
 from faultgen.discovery.noise import SHARED, Autoregression, autoregression, noise_of, shared_noise
+from faultgen.discovery.noise_level import Noise, levelled
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.replay import Changes, Replay, settled
 from faultgen.errors import SimulationFailed
@@ -58,7 +59,7 @@ class Problem:
     """Parts that are used neither for fitting nor for the choice of effects."""
     raw: np.ndarray
     """Change of the torque per unit of each term, shape (terms, samples, n_axes)."""
-    noise: Autoregression
+    noise: Noise
     """Noise of the residual."""
     trust: np.ndarray
     """Weight of each sample: 1, or less where models of friction are usually wrong."""
@@ -133,11 +134,12 @@ class Problem:
 
     @cached_property
     def _nominal(self) -> Evidence:
-        return Evidence.of(self.white, self.whiten(self.residual), self._slices)
+        return Evidence.of(self.white, self.whiten(self.residual), self.folds)
 
     @property
-    def _slices(self) -> list[slice]:
-        return [self.parts[p] for p in self.fitting]
+    def folds(self) -> list[slice]:
+        """Periods of the parts for fitting, each of which is predicted from all others."""
+        return divided([self.parts[p] for p in self.fitting])
 
     def evidence(
         self, residual: np.ndarray | None = None, slopes: dict[int, np.ndarray] | None = None
@@ -155,18 +157,21 @@ class Problem:
         if residual is None:
             return self._nominal
         target = self.whiten(residual)
-        evidence = self._nominal.against(self.white, target, self._slices)
+        evidence = self._nominal.against(self.white, target, self.folds)
         if not slopes:
             return evidence
         white = {t: self.whiten(c) * self.terms[t].prior_std for t, c in slopes.items()}
-        return evidence.replaced(white, self.white, target, self._slices)
+        return evidence.replaced(white, self.white, target, self.folds)
 
 
 def blocks(recording: Recording) -> list[slice]:
     """List the parts of a recording. A recording of a single part is divided into blocks."""
     parts = recording.parts
-    if len(parts) > 2:
-        return parts
+    return parts if len(parts) > 2 else divided(parts)
+
+
+def divided(parts: Sequence[slice]) -> list[slice]:
+    """Divide parts into blocks of the same length, at least `_BLOCKS` in total."""
     count = -(-_BLOCKS // len(parts))
     cut = []
     for part in parts:
@@ -225,7 +230,8 @@ def pose(
 ) -> Problem:
     """Estimate the noise of a residual, and whiten the residual and all columns with it.
 
-    The noise is an autoregression of what no combination of the terms explains. If this is larger
+    The noise is estimated from what no combination of the terms explains. Its level may differ
+    between separate recordings, and grow with speed and load. If this is larger
     in slow motion than at speed, samples in slow motion get less weight, because there the friction
     of any real robot differs from a model's. Without a twin, samples at rest and shortly after it
     are not used. On axes on which two recordings have the same noise, the noise of the recording is
@@ -258,16 +264,26 @@ def pose(
 
     mask = inside.astype(np.float32)
 
-    def unexplained(x: np.ndarray, by: Autoregression) -> np.ndarray:
+    def unexplained(x: np.ndarray, by: Autoregression | Noise) -> np.ndarray:
         """What no combination of the terms explains."""
         white = [by.whiten(y, parts) * mask for y in (raw, x)]
         evidence = Evidence.of(white[0] * prior_stds, white[1], parts)
         value, _, _ = evidence.solve(free=range(len(terms)))
         return x - np.tensordot((value * scale).astype(np.float32), raw, axes=1)
 
-    def noise_in(x: np.ndarray) -> Autoregression:
-        first = noise_of(x, steady, parts)
-        return autoregression(unexplained(x, first), steady, parts)
+    drivers = _drivers(recording, robot)
+    torque = np.sqrt(np.mean(recording.torque**2, axis=0))
+
+    def exact(colour: Autoregression) -> Autoregression:
+        """Noise that is no smaller than the errors of simulations."""
+        return replace(colour, innovation=np.maximum(colour.innovation, _EXACT * torque))
+
+    def noise_in(x: np.ndarray) -> Noise:
+        by: Autoregression | Noise = exact(noise_of(x, steady, parts))
+        for _ in range(2):
+            found = levelled(unexplained(x, by), steady, parts, drivers)
+            by = found = found.with_colour(exact(found.colour))
+        return found
 
     noise = noise_in(residual)
     shared = np.zeros(robot.n_axes, bool)
@@ -277,11 +293,11 @@ def pose(
         healthy = recording.torque - residual
         own, plainly = noise_in(healthy - base), autoregression(healthy, steady, parts)
         white = replace(plainly, coefficients=0 * plainly.coefficients)
-        own = own.replaced(white, white.innovation < own.innovation).times(np.sqrt(2))
-        shared &= noise.innovation < SHARED * own.innovation
+        colour = own.colour.replaced(white, white.innovation < own.colour.innovation)
+        own = own.with_colour(colour.times(np.sqrt(2)))
+        shared &= noise.colour.innovation < SHARED * own.colour.innovation
         noise = noise.replaced(own, shared)
-    torque = np.sqrt(np.mean(recording.torque**2, axis=0))
-    noise = replace(noise, innovation=np.maximum(noise.innovation, _EXACT * torque))
+        noise = noise.with_colour(exact(noise.colour))
     left = noise.whiten(unexplained(residual, noise), parts)
     trust = _trust(recording, robot, left, inside)
     weight = (mask * trust).astype(np.float32)
@@ -309,10 +325,12 @@ def plain(problem: Problem) -> Problem:
     This helps to distinguish effects. Values, however, should make the torque right where it is
     steady as well, and white noise gives long-lasting errors their full weight.
     """
-    noise = problem.noise
-    longer = noise.deviation / noise.innovation  # root of the samples that one is worth
-    white = Autoregression(0 * noise.coefficients, noise.deviation * longer)
-    new = replace(problem, noise=white, trust=np.ones_like(problem.trust))
+    colour = problem.noise.colour
+    longer = colour.deviation / colour.innovation  # root of the samples that one is worth
+    white = Autoregression(0 * colour.coefficients, colour.deviation * longer)
+    new = replace(
+        problem, noise=problem.noise.with_colour(white), trust=np.ones_like(problem.trust)
+    )
     prior_stds = np.array([term.prior_std for term in problem.terms], np.float32)
     return replace(new, white=new.whiten(problem.raw) * prior_stds[:, None, None])
 
@@ -355,6 +373,14 @@ def _trust(recording: Recording, robot: Robot, left: np.ndarray, inside: np.ndar
             if rows.sum() >= _FEWEST:
                 trust[rows, axis] = 1 / np.sqrt(max(float(np.mean(left[rows, axis] ** 2)), 1.0))
     return trust
+
+
+def _drivers(recording: Recording, robot: Robot) -> list[np.ndarray]:
+    """Speed and load, with which noise may grow; each of shape (samples, n_axes), not negative."""
+    position = recording.motor_position(robot.gear_ratio)
+    _, velocity, _ = recording.derivatives(position)
+    load, _, _ = recording.derivatives(recording.torque)
+    return [np.abs(velocity), np.abs(load)]
 
 
 def _moving(recording: Recording, robot: Robot) -> np.ndarray:

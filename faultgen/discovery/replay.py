@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import BSpline, make_interp_spline
 
 from faultgen.discovery.candidates import INERTIA, Term, applied
 from faultgen.discovery.inertia import apply_inertia
 from faultgen.discovery.recording import Recording
+from faultgen.discovery.smoothing import smoothed
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import Robot
 from faultgen.simulation.plant import Machine, assemble
@@ -25,17 +27,20 @@ TURN = 0.2
 """Motor angle after which friction no longer depends on how the axis came to rest [rad]: assumed,
 about ten times the reach of the bristles."""
 
+_CORRECTIONS = 2  # times that the tracking error is added to the commands
+_BETTER = 0.98  # torque error, over that with commanded set points, from which a motion is followed
+
 Changes = Sequence[tuple[Term, float]]
 """Terms and their values."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Motion:
-    """A recorded reference as a motion, by cubic splines through its samples."""
+    """A recorded position as a motion, by cubic splines."""
 
     robot: Robot
     period: float
-    spline: CubicSpline
+    spline: BSpline
 
     def __call__(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return self.spline(times), self.spline(times, 1), self.spline(times, 2)
@@ -53,30 +58,100 @@ def _following(robot: Robot) -> Robot:
 class Replay:
     """The motion of a recording, which can be simulated with changes of the model.
 
-    The model's own servo tracks the commanded positions. If they were not recorded, the measured
-    positions replace them. Then all set points are commanded, even those that the servo does not
-    use, because the measured motion has to be followed. The controller is always that of the
+    The model's own servo tracks either the commanded positions or the measured ones. Measured
+    positions are smoothed according to their own noise, and all set points are commanded then, even
+    those that the servo does not use, because the measured motion has to be followed. What the
+    model's servo still lacks in following is added to its commands (iterative learning control,
+    Arimoto 1984). The torque then hardly depends on the servo. The controller is always that of the
     unchanged model.
     """
 
-    def __init__(self, recording: Recording, robot: Robot) -> None:
+    def __init__(self, recording: Recording, robot: Robot, *, measured: bool | None = None) -> None:
         """Compute what the controller commands.
 
         Args:
             recording: The measured data.
             robot: The model.
+            measured: Whether the measured positions are followed. None: if the recording has no
+                commanded ones.
         """
         self.recording = recording
         self.robot = robot
+        self.measured = recording.reference_position is None if measured is None else measured
+        """Whether the measured positions are followed."""
+        self.wanted = recording.commanded(robot.gear_ratio)
+        """Position that the model is to follow, joint side, shape (samples, n_axes)."""
+        if not self.measured:
+            self.controls = self._controls(self.wanted)
+            return
+        position = recording.joint_position(robot.gear_ratio)
+        self.wanted = np.concatenate(
+            [np.stack([smoothed(axis) for axis in position[part].T], 1) for part in recording.parts]
+        )
+        reference = self.wanted
+        self.controls = self._controls(reference)
+        for _ in range(_CORRECTIONS):
+            with suppress(SimulationFailed):
+                reached = self._logged("motor_position", ()) / robot.gear_ratio
+                lag, _, _ = recording.derivatives(self.wanted - reached)  # smoothed: no more noise
+                reference = reference + lag
+                self.controls = self._controls(reference)
+
+    def _controls(self, reference: np.ndarray) -> list[np.ndarray]:
+        """Control signal of each separate recording, for positions of shape (samples, n_axes)."""
+        recording = self.recording
+        robot = _following(self.robot) if self.measured else self.robot
         timestep = robot.model.opt.timestep
-        reference = recording.commanded(robot.gear_ratio)
-        if recording.reference_position is None:
-            robot = _following(robot)
-        self.controls = []
+        controls = []
         for part in recording.parts:
             times = np.arange(part.stop - part.start) * recording.sample_period
-            motion = _Motion(robot, times[-1] + timestep, CubicSpline(times, reference[part]))
-            self.controls.append(control_signal(motion, timestep))  # type: ignore[arg-type]
+            spline = make_interp_spline(times, reference[part])
+            motion = _Motion(robot, times[-1] + timestep, spline)
+            controls.append(control_signal(motion, timestep))  # type: ignore[arg-type]
+        return controls
+
+    @classmethod
+    def suited(cls, recording: Recording, robot: Robot) -> tuple[Replay, str]:
+        """Choose the positions that the model follows, by one simulation of each kind.
+
+        The commanded positions are used if they were recorded, and if the model's servo makes of
+        them about the torque that was measured. The servo of a real robot may differ from that of
+        the model. The measured positions are then the better ones.
+
+        Args:
+            recording: The measured data.
+            robot: The model.
+
+        Returns:
+            The replay, and a sentence that states the choice and the reason.
+
+        Raises:
+            SimulationFailed: The model diverges on the recorded motion.
+        """
+        measured = cls(recording, robot, measured=True)
+        if recording.reference_position is None:
+            return measured, (
+                "the model follows the measured positions, smoothed according to their noise, "
+                "because the recording has no reference_position"
+            )
+        commanded = cls(recording, robot, measured=False)
+        inside = settled(recording, robot)
+        errors = []
+        for replay in (commanded, measured):
+            try:
+                square = (recording.torque - replay.torque()) ** 2
+                errors.append(relative_error(square, recording, inside))
+            except SimulationFailed:
+                errors.append(np.inf)
+        if not np.isfinite(min(errors)):
+            raise SimulationFailed("the model diverges on the recorded motion")
+        told = f"torque error {errors[0]:.3f} with the commanded, {errors[1]:.3f} with the measured"
+        if errors[1] < _BETTER * errors[0]:
+            return measured, (
+                "the model follows the measured positions, because its servo differs from that of "
+                f"the robot ({told} positions)"
+            )
+        return commanded, f"the model's servo follows the commanded positions ({told} positions)"
 
     def torque(self, changes: Changes = (), disturbance: np.ndarray | None = None) -> np.ndarray:
         """Simulate the torque on the recorded motion.

@@ -8,16 +8,21 @@ from typing import Any
 import numpy as np
 
 from faultgen.discovery.candidates import Term
-from faultgen.discovery.diagnostics import Pattern, Share
+from faultgen.discovery.diagnostics import Share
+from faultgen.discovery.patterns import Pattern
 from faultgen.effects import get_effect
 from faultgen.robot import Robot
 
-NONE, NAMED, AMBIGUOUS, UNKNOWN = (
+NONE, NAMED, PARTLY, AMBIGUOUS, UNKNOWN = (
     "no missing effect",
     "named",
+    "partly named",
     "ambiguous",
     "unknown effect",
 )
+
+EXPLAINED = 0.8
+"""Share of what can be explained, before² − floor², below which an answer names only a part."""
 
 UNLIKELY = 1e-4
 """A pattern is reported if the probability that noise causes it is below this value."""
@@ -54,7 +59,7 @@ class Answer:
     """The answer and the numbers on which it is based."""
 
     verdict: str
-    """One of the four verdicts."""
+    """One of the five verdicts."""
     effects: tuple[Named, ...]
     """The effects that were found, in the order in which they were added."""
     alternatives: tuple[tuple[str, int, float], ...]
@@ -136,21 +141,24 @@ class Answer:
 
     def unexplained(self) -> str:
         """Describe the gap that remains, in words."""
-        if self.verdict != UNKNOWN or not self.left:
+        if self.verdict not in (UNKNOWN, PARTLY):
             return ""
+        if self.verdict == PARTLY:
+            could = self.before**2 - self.floor**2
+            share = (self.before**2 - self.after**2) / could
+            open_ = f"{max(1 - share, 0):.0%} of the gap beyond the noise remains"
+        else:
+            open_ = "an effect that is in no catalogue"
         units = {
             "joint angle": "rad",
             "motor turn": "rad of the motor's turn",
             "speed": "rad/s motor side",
             "acceleration": "rad/s^2 motor side",
             "time": "s",
-            "motion": "rad/s motor side",
         }
         told = [
             f"axis {one.axis} along {one.along}, strongest at {one.place:.3g} {units[one.along]}"
             for one in self.left[:3]
             if one.p_value < UNLIKELY
         ]
-        return "a pattern that no effect of the catalogue causes: " + (
-            "; ".join(told) or f"most on axis {self.left[0].axis}"
-        )
+        return open_ + (": a pattern on " + "; ".join(told) if told else "")

@@ -18,9 +18,6 @@ from faultgen.discovery.fit import Fit, Group, fit
 from faultgen.discovery.regression import Problem
 from faultgen.effects import get_effect
 
-MOST = 3
-"""Largest number of effects that are added."""
-
 SHARE = 0.03
 """Smallest share that an effect must have in what all effects explain together."""
 
@@ -88,7 +85,7 @@ def choose(problem: Problem) -> Choice:
     search = _Search(problem)
     current = search.empty
     fits = [current]
-    while len(current.groups) < MOST:
+    while True:
         new = search.addition(current)
         if new is None:
             break

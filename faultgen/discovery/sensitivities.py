@@ -193,11 +193,9 @@ def kept_in(folder: Path | None, replay: Replay, what: bytes) -> Path | None:
     if folder is None:
         return None
     recording = replay.recording
-    reference = recording.reference_position
-    motion = recording.position if reference is None else reference
     made_by = provenance("faultgen.discovery.sensitivities").key
     content = hashlib.sha256(replay.robot.xml.encode() + made_by.encode())
-    content.update(np.ascontiguousarray(motion).tobytes())
+    content.update(np.ascontiguousarray(replay.wanted).tobytes())
     content.update(repr((recording.segments, recording.sample_period, recording.side)).encode())
     content.update(what)
     return folder / f"{content.hexdigest()[:32]}.h5"

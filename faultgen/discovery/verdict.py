@@ -1,27 +1,43 @@
-"""The verdict on a residual: nothing missing, effects named, ambiguous, or unknown effect."""
+"""The verdict on a residual: nothing missing, effects named or partly named, ambiguous, unknown."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from faultgen.discovery.candidates import PAYLOAD, Term, payload_of
 from faultgen.discovery.certainty import certainty
-from faultgen.discovery.diagnostics import Pattern, patterns, where
-from faultgen.discovery.fit import Fit, first_of
+from faultgen.discovery.diagnostics import where
+from faultgen.discovery.fit import Fit, first_of, fit
 from faultgen.discovery.model_edit import build, build_stable
+from faultgen.discovery.patterns import Pattern, patterns
 from faultgen.discovery.regression import Problem
 from faultgen.discovery.replay import relative_error, relative_errors
-from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE, UNKNOWN, UNLIKELY, Answer, Named
+from faultgen.discovery.result import (
+    AMBIGUOUS,
+    EXPLAINED,
+    NAMED,
+    NONE,
+    PARTLY,
+    UNKNOWN,
+    UNLIKELY,
+    Answer,
+    Named,
+)
 from faultgen.discovery.selection import Choice
 from faultgen.effects import get_effect
 
-LEFT = 0.05
-"""If at least this share of a residual remains with a pattern, the effects do not explain the
-residual: chosen on development cases."""
+LARGER = 1.02
+"""Gap with an effect, over that without it, from which the effect counts as refuted: assumed."""
 
-OPEN, OPEN_NOISE = 0.1, 1.5
-"""Share of an axis' squared residual to its twin, and RMS over that of the noise, beyond which a
-residual is not considered explained: assumed."""
+REFUTED = -1.0
+"""Decrease of the error by an effect, over its standard error, from which the effect counts as
+refuted: assumed."""
+
+CONSIDERABLE = 0.25
+"""Squared error beyond that of noise, over that of noise, from which a gap counts as open:
+assumed."""
 
 BAND = {
     "time": 0.004,
@@ -29,7 +45,6 @@ BAND = {
     "motor turn": 0.0025,
     "speed": 0.0026,
     "acceleration": 0.0026,
-    "motion": np.inf,
 }
 """Largest RMS of a pattern, divided by the RMS torque of its axis, that is normal for a calibrated
 model without a twin: 1.35 times the largest of healthy development cases."""
@@ -47,6 +62,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     Returns:
         The answer.
     """
+    choice = confirmed(problem, choice)
     empty, best = choice.fits[0], choice.best
     without, base_values = _left(problem, empty)
     left, values = _left(problem, best)
@@ -57,11 +73,9 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     white_shown = problem.whiten(shown)
     shares = where(problem, white_shown)
     p_value = significance(problem, problem.whiten(without))
-    noise = np.broadcast_to(problem.noise.deviation, left.shape)
-    open_ = [_score(problem, x)[1] for x in (problem.residual, left, noise)]
-    is_open = problem.twin and _is_open(*open_)
-    verdict = _verdict(problem, choice, found, white_shown, is_open)
-    known = verdict in (NAMED, AMBIGUOUS)
+    noise = problem.noise.of_samples()
+    strange = strange_patterns(problem, found)
+    known = bool(best.groups) and not _contrived(problem, best)
     effects, alternatives = _named(problem, choice)
     basic = build(problem, empty, base_values)
     chosen = (best, values) if known else (empty, base_values)
@@ -70,7 +84,14 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         _score(problem, x) for x in (problem.residual, basic.left, built.left)
     )
     # an error holds the noise, so that the noise of an axis is no larger than any of its errors
-    floor = np.min([open_[2], before[1], calibrated[1], after[1]], axis=0)
+    floor = np.min([_score(problem, noise)[1], before[1], calibrated[1], after[1]], axis=0)
+    of_noise = float(np.sqrt(np.mean(floor[_scored(problem).any(axis=0)] ** 2)))
+    if not known:
+        verdict = UNKNOWN if strange else NONE
+    elif _is_part(before[0], after[0], of_noise):
+        verdict = PARTLY
+    else:
+        verdict = AMBIGUOUS if choice.rivals else NAMED
     return Answer(
         verdict=verdict,
         effects=effects if known else (),
@@ -80,7 +101,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         before=before[0],
         calibrated=calibrated[0],
         after=after[0],
-        floor=float(np.sqrt(np.mean(floor[_scored(problem).any(axis=0)] ** 2))),
+        floor=of_noise,
         per_axis=tuple(
             {"axis": k + 1, "before": a, "calibrated": b, "after": c, "floor": d}
             for k, (a, b, c, d) in enumerate(
@@ -96,6 +117,53 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         calibration=_told(problem, chosen[0], built.changes),
         left_torque=built.left,
     )
+
+
+def confirmed(problem: Problem, choice: Choice) -> Choice:
+    """Keep only the effects that shrink the error on the scoring motions.
+
+    An effect is removed if the set without it, fitted again, has a clearly smaller error there.
+    Without the effect, the model's own numbers may explain the same at the price of values that
+    healthy robots do not have, so that an equal error does not refute an effect.
+
+    Args:
+        problem: The residual and the terms.
+        choice: The chosen set and its rivals.
+
+    Returns:
+        The same choice, or one with fewer effects and without rivals.
+    """
+    best = choice.best
+    while best.groups:
+        worst: tuple[float, Fit] | None = None
+        for place in range(len(best.groups)):
+            rest = fit(choice.problem, [g for k, g in enumerate(best.groups) if k != place])
+            if rest is None:
+                continue
+            gain = _gain(problem, rest, best)
+            if gain < REFUTED and (worst is None or gain < worst[0]):
+                worst = gain, rest
+        if worst is None:
+            break
+        best = worst[1]
+    return choice if best is choice.best else replace(choice, best=best, rivals=())
+
+
+def _gain(problem: Problem, without: Fit, fitted: Fit) -> float:
+    """Whitened squared error on the scoring motions that an effect takes away, over its error.
+
+    It is very negative if the gap, which is not whitened, becomes clearly larger.
+    """
+    scored = _scored(problem)
+    errors = [_left(problem, one)[0] for one in (without, fitted)]
+    gaps = [_score(problem, error)[0] for error in errors]
+    if gaps[1] > LARGER * gaps[0]:
+        return -gaps[1] / gaps[0] - 100.0
+    before, after = (problem.whiten(error) ** 2 * scored for error in errors)
+    gain = (before - after).sum(axis=1)
+    length = max(5, round(0.1 / problem.recording.sample_period))
+    blocks = gain[: len(gain) // length * length].reshape(-1, length).sum(axis=1)
+    return float(gain.sum() / max(np.sqrt(np.sum(blocks**2)), 1e-300))
 
 
 def _left(problem: Problem, fitted: Fit) -> tuple[np.ndarray, np.ndarray]:
@@ -158,28 +226,10 @@ def significance(problem: Problem, white: np.ndarray) -> float:
     return float((1 + np.sum(largest >= seen)) / (_DRAWS + 1))
 
 
-def _verdict(
-    problem: Problem,
-    choice: Choice,
-    found: list[Pattern],
-    white: np.ndarray,
-    is_open: bool,
-) -> str:
-    strange = strange_patterns(problem, found)
-    if not choice.best.groups:
-        return UNKNOWN if strange else NONE
-    if is_open or _contrived(problem, choice.best):
-        return UNKNOWN
-    residual = max(float((white[problem.inside] ** 2).sum()) - problem.inside.sum(), 1.0)
-    if strange and strange[0].strength > LEFT * residual:
-        return UNKNOWN
-    return AMBIGUOUS if choice.rivals else NAMED
-
-
-def _is_open(before: list[float], after: list[float], floor: list[float]) -> bool:
-    """Whether the residual of an axis is not explained on motions that were kept for scoring."""
-    was, left, noise = (np.square(x) for x in (before, after, floor))
-    return bool(np.any((left > OPEN_NOISE**2 * noise) & (left - noise > OPEN * (was - noise))))
+def _is_part(before: float, after: float, floor: float) -> bool:
+    """Whether the effects explain only a part of what can be explained, beyond doubt."""
+    open_ = after**2 - floor**2
+    return open_ > (1 - EXPLAINED) * (before**2 - floor**2) and open_ > CONSIDERABLE * floor**2
 
 
 def _contrived(problem: Problem, best: Fit) -> bool:

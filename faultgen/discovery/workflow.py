@@ -59,6 +59,8 @@ class Discovery:
     """The answer."""
     experiment: Experiment | None
     """A motion that distinguishes what this recording cannot distinguish."""
+    following: str
+    """Which positions the model follows, and why."""
 
 
 def investigate(
@@ -98,7 +100,7 @@ def investigate(
     """
     if twin is not None and recording.reference_position is None:
         _check_followed(recording, twin)
-    replay = Replay(recording, robot)
+    replay, following = Replay.suited(recording, robot)
     terms = effect_terms(robot, exclude, include) + inertia_terms(robot)
     waves = _waves(robot, exclude)
     own = [term for term in waves if EFFECTS[term.name].prior.own_axis_only]
@@ -126,7 +128,7 @@ def investigate(
     choice = choose(plain(problem) if white_noise else problem)
     told = answer(problem, choice)
     experiment = next_experiment(problem, choice) if told.verdict == AMBIGUOUS else None
-    return Discovery(problem, choice, told, experiment)
+    return Discovery(problem, choice, told, experiment, following)
 
 
 def _check_followed(recording: Recording, twin: Recording) -> None:

@@ -115,6 +115,7 @@ def discover(
             except (InputError, SimulationFailed) as error:  # what was found is not lost
                 result["gap"]["validation"] = None
                 warnings.append(f"{validate}: not scored: {error}")
+    result["following"] = found.following
     result["warnings"] = [*warnings, *_on_noise(found.problem), *found.answer.lacks]
     result["seconds"] = round(time.monotonic() - started, 1)
     if out is not None:
@@ -161,7 +162,8 @@ def _validation(found: Discovery, validate: Recording) -> dict[str, float]:
         SimulationFailed: The model diverges on these motions.
     """
     problem = found.problem
-    replay = Replay(validate, problem.robot)
+    measured = problem.replay.measured or validate.reference_position is None
+    replay = Replay(validate, problem.robot, measured=measured)
     inside = counted(validate, problem.robot, twin=False)
 
     def gap(changes: list[tuple[Term, float]]) -> float:

@@ -141,7 +141,7 @@ def _maps(found: Discovery) -> Figure:
             number = np.histogram2d(x, y, edges)[0]
             shown = []
             for torque in (problem.residual, told.left_torque):
-                z = torque[rows, axis] / problem.noise.deviation[axis]
+                z = torque[rows, axis] / problem.noise.of_samples()[rows, axis]
                 total = np.histogram2d(x, y, edges, weights=z)[0]
                 shown.append(np.where(number >= 3, total / np.maximum(number, 1), np.nan))
             largest = max(float(np.nanmax(np.abs(shown[0]))), 1e-9)

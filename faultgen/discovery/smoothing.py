@@ -1,0 +1,74 @@
+"""Smoothing of a measured position according to its own noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import solveh_banded
+from scipy.optimize import brentq
+
+_ORDER = 3  # differences that are penalised: acceleration stays continuous and is not drawn to zero
+_NOISE = 5  # differences from which the noise is found
+_RANGE = (-6.0, 14.0)  # common logarithms of the penalties that are tried
+_FEWEST = 20  # samples from which anything is smoothed
+
+
+def noise_of_position(position: np.ndarray) -> float:
+    """Estimate the standard deviation of white noise on a smooth motion.
+
+    Args:
+        position: Shape (samples,), in any unit.
+
+    Returns:
+        The deviation from differences of fifth order, which a motion that is sampled densely hardly
+        has. An encoder that counts has no noise at rest, so that differences of 0 are left out, and
+        so is the largest hundredth, which may be jerks of the motion.
+    """
+    size = np.abs(np.diff(position, _NOISE))
+    size = size[size > 0]
+    if not len(size):
+        return 0.0
+    weights = np.diff(np.eye(_NOISE + 1), _NOISE, axis=0)[0]
+    kept = size[size <= np.quantile(size, 0.99)]
+    return float(np.sqrt(np.mean(kept**2))) / float(np.linalg.norm(weights))
+
+
+def smoothed(position: np.ndarray) -> np.ndarray:
+    """Smooth a position as far as its own noise requires.
+
+    The smoothed position has the smallest third differences of all that depart from the measured
+    one by the noise (Whittaker 1923, with the discrepancy principle of Morozov 1966).
+
+    Args:
+        position: Shape (samples,), equally spaced in time, in any unit.
+
+    Returns:
+        The smoothed position, same shape and unit. A position without noise stays as it is.
+    """
+    noise = noise_of_position(position) if len(position) >= _FEWEST else 0.0
+    if noise <= 1e-12 * max(float(np.ptp(position)), 1e-300):
+        return position
+    bands = _penalty(len(position))
+
+    def at(exponent: float) -> np.ndarray:
+        system = 10.0**exponent * bands
+        system[-1] += 1.0
+        return np.asarray(solveh_banded(system, position))
+
+    def excess(exponent: float) -> float:
+        return float(np.mean((at(exponent) - position) ** 2)) / noise**2 - 1.0
+
+    low, high = _RANGE
+    if excess(low) >= 0:
+        return position
+    return at(high if excess(high) <= 0 else brentq(excess, low, high, xtol=0.05))
+
+
+def _penalty(count: int) -> np.ndarray:
+    """Squared third differences as a symmetric matrix in upper banded form."""
+    weights = np.diff(np.eye(_ORDER + 1), _ORDER, axis=0)[0]
+    bands = np.zeros((_ORDER + 1, count))
+    for start in range(_ORDER + 1):
+        for other in range(start, _ORDER + 1):
+            product = weights[start] * weights[other]
+            bands[_ORDER - (other - start), other : other + count - _ORDER] += product
+    return bands

@@ -1,0 +1,57 @@
+"""Noise whose level differs between recordings, and grows with speed and load."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from faultgen.discovery.noise import typical
+from faultgen.discovery.noise_level import level_of, levelled
+
+COUNT = 6000
+PARTS = [slice(0, 1500), slice(1500, 4000), slice(4000, COUNT)]
+STEADY = np.ones((COUNT, 1), bool)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(8)
+
+
+@pytest.fixture
+def speed(rng):
+    return np.abs(np.sin(np.arange(COUNT) / 150))[:, None]
+
+
+def test_the_level_of_each_recording_is_found(rng, speed):
+    """Coloured noise of three levels becomes white noise of one level."""
+    true = np.repeat([1.0, 4.0, 0.5], [1500, 2500, 2000])[:, None]
+    x = true * lfilter([1], [1, -0.6], rng.normal(size=(COUNT, 1)), axis=0)
+    noise = levelled(x, STEADY, PARTS, [speed])
+    for part, level in zip(PARTS, (1.0, 4.0, 0.5), strict=True):
+        ratio = noise.of_samples()[part].mean() / (level / np.sqrt(1 - 0.36))
+        assert ratio == pytest.approx(1, abs=0.06)
+        assert noise.whiten(x, PARTS)[part].std() == pytest.approx(1, abs=0.06)
+
+
+@pytest.mark.parametrize("share", [0.0, 3.0])
+def test_the_level_grows_with_speed_only_where_it_does(rng, speed, share):
+    true = np.sqrt(1 + share**2 * speed**2)
+    white = true * rng.normal(size=(COUNT, 1))
+    other = rng.uniform(size=(COUNT, 1))
+    level = level_of(white, STEADY, PARTS, [speed, other])
+    if share == 0:
+        for part in PARTS:
+            assert np.ptp(level[part]) == 0
+    assert np.abs(level / true - 1).max() < 0.2
+    assert np.abs(level / true - 1).mean() < 0.06
+
+
+def test_effects_and_outliers_do_not_count_as_noise(rng, speed):
+    """Rare jumps, and values that are mostly zero because they are coarse."""
+    x = rng.normal(size=5000)
+    assert typical(x) == pytest.approx(1, abs=0.05)
+    x[::100] += 100
+    assert typical(x) == pytest.approx(1, abs=0.05)
+    coarse = np.round(rng.normal(size=5000) / 2.5)
+    assert np.median(np.abs(coarse)) == 0
+    assert typical(coarse) == pytest.approx(coarse.std(), rel=0.5)
