@@ -168,6 +168,9 @@ def test_all_that_is_wrong_is_reported_at_once(tiny_robot, tmp_path):
         ('data="1000 1000"', 'data="-1 0"', "encoder_counts of axis 1 must not be negative"),
         ('range="-3 3"', 'range="0 0"', "joint1: width of its range must be positive, not 0"),
         ('range="-3 3"', 'range="3 -3"', "joint1: width of its range must be positive, not -6"),
+        ('range="-3 3"', 'range="nan nan"', "an attribute of the model is NaN"),
+        ('range="-3 3"', 'range="inf inf"', "joint1: width of its range must be positive, not nan"),
+        ('range="-3 3"', "range = '0 0'", "joint1: width of its range must be positive, not 0"),
         ('saturation="2 0 0"', 'saturation="-2 0 0"', "saturation must not be negative"),
         ('saturation="2 0 0"', 'saturation="nan 0 0"', "an attribute of the model is NaN"),
         ('stiffness="20000"', 'stiffness="0"', "gearbox1: stiffness must be positive, not 0"),
@@ -188,6 +191,15 @@ def test_senseless_numbers_are_refused(tiny_robot, tmp_path, monkeypatch, capfd,
     assert "\n" not in str(caught.value)
     assert capfd.readouterr() == ("", "")
     assert not list(folder.iterdir())
+
+
+def test_limits_in_a_comment_or_without_numbers_do_not_count(tiny_robot, tmp_path):
+    """A joint whose range is empty has no limits, and a comment in the file gives none."""
+    comment = '<worldbody><!-- <joint name="joint2" range="nan nan"/> -->'
+    empty = ('axis="0 0 1" range="-3 3"', 'axis="0 0 1" range=""')
+    path = written(tmp_path, tiny_robot, ("<worldbody>", comment), empty)
+    assert np.isinf(load_robot(path).joint_range[0]).all()
+    assert load_robot(path).joint_range[1].tolist() == [-3, 3]
 
 
 HUGE = {

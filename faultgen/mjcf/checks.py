@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -122,12 +123,10 @@ def wrong_numbers(
     joints = element_ids(model, "joint", "joint", n_axes)
     # a joint may have no limits; limits that are given as 0 0 look the same once compiled
     width = np.where(model.jnt_limited[joints], np.ptp(model.jnt_range[joints], axis=1), 1.0)
+    given = _given_ranges(xml)
     for axis in range(n_axes):
-        given = re.search(rf'<joint\b[^>]*\bname=["\']joint{axis + 1}["\'][^>]*>', xml)
-        limits = re.search(r'\brange=["\']([^"\']*)', given[0]) if given else None
-        if limits:
-            first, last = (float(value) for value in limits[1].split())
-            width[axis] = min(width[axis], last - first)
+        if limits := given.get(f"joint{axis + 1}"):
+            width[axis] = np.minimum(width[axis], limits[1] - limits[0])  # nan for "inf inf"
     tendon = element_ids(model, "tendon", "gearbox", n_axes)
     friction = element_ids(model, "actuator", "friction", n_axes)
     bias, bristles = model.actuator_biasprm[friction], model.actuator_dynprm[friction]
@@ -158,4 +157,18 @@ def wrong_numbers(
     finite = ("servo_set_points", "friction_temperature")
     if not all(np.isfinite(numerics[name]).all() for name in finite):
         found.append(f"{' and '.join(finite)} must be finite")
+    return found
+
+
+def _given_ranges(xml: str) -> dict[str, tuple[float, float]]:
+    """Limits of joints as the text of a model gives them, by the name of the joint."""
+    try:
+        joints = list(ElementTree.fromstring(xml).iter("joint"))
+    except ElementTree.ParseError:  # MuJoCo has read it all the same
+        return {}
+    found = {}
+    for joint in joints:
+        limits = [float(value) for value in joint.get("range", "").split()]
+        if limits:  # an empty text gives none
+            found[joint.get("name", "")] = (limits[0], limits[1])
     return found
