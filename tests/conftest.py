@@ -1,3 +1,8 @@
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import matplotlib.legend
 import numpy as np
 import pytest
@@ -8,10 +13,30 @@ from faultgen.robot import Robot, load_robot
 from faultgen.simulation.motion import plan
 from faultgen.simulation.servo import control_signal
 from faultgen.simulation.stepping import simulate
+from faultgen.system.files import file_sha256
 from faultgen.tasks import load_task
 
 HANG = 1800
 """A process that takes longer hangs [s]; no test may depend on how fast or busy the machine is."""
+
+
+def faultgen(*arguments, cwd=None, variables=None) -> subprocess.CompletedProcess[str]:
+    """Run the command faultgen, in a folder and with further environment variables."""
+    return subprocess.run(
+        [sys.executable, "-m", "faultgen.cli", *map(str, arguments)],
+        cwd=cwd,
+        env=os.environ | (variables or {}),
+        capture_output=True,
+        text=True,
+        timeout=HANG,
+    )
+
+
+def contents(folder: Path) -> dict[str, str]:
+    """Checksums of all files of a dataset, by their path in its folder."""
+    found = [path for path in folder.rglob("*") if path.is_file() and path.name != ".lock"]
+    return {str(path.relative_to(folder)): file_sha256(path) for path in found}
+
 
 TWO_AXES = """
 <mujoco model="tiny">

@@ -8,18 +8,13 @@ import time
 from pathlib import Path
 
 import pytest
-from conftest import HANG
+from conftest import HANG, faultgen
 
 from faultgen.effects import EFFECTS
 from faultgen.robot import load_robot, robot_names
 from faultgen.tasks import task_names
 
 COMMANDS = ["demo", "robots", "tasks", "effects", "generate", "info", "isolate", "report"]
-
-
-def faultgen(*arguments, cwd=None):
-    command = [sys.executable, "-m", "faultgen.cli", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=HANG)
 
 
 def flags(tiny_robot_path, tiny_task_path, out, **changes):

@@ -3,14 +3,13 @@
 import json
 import re
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from conftest import contents, faultgen
 
 import faultgen.dataset.sweep as sweep
 import faultgen.system.files as files
@@ -46,20 +45,10 @@ def dataset(intact, tmp_path):
     return Path(shutil.copytree(intact, tmp_path / "out"))
 
 
-def contents(folder):
-    found = [p for p in folder.rglob("*") if p.is_file() and p.name != ".lock"]
-    return {str(p.relative_to(folder)): file_sha256(p) for p in found}
-
-
 def flip(path, at, bit=1):
     content = bytearray(path.read_bytes())
     content[at] ^= bit
     path.write_bytes(content)
-
-
-def command(*arguments):
-    line = [sys.executable, "-m", "faultgen.cli", *map(str, arguments)]
-    return subprocess.run(line, capture_output=True, text=True)
 
 
 def read_all(folder):
@@ -130,7 +119,7 @@ def test_commands_refuse_damaged_files(dataset, reader):
     """One line that names the file; exit status 2, or 1 of `info`, which lists it."""
     path = open_dataset(dataset).runs[0].path
     flip(path, path.stat().st_size // 2)
-    done = command(reader, dataset)
+    done = faultgen(reader, dataset)
     if reader == "info":
         assert done.returncode == 1
         assert f"damaged: runs/{path.name}: differs from its checksum" in done.stdout
@@ -143,7 +132,7 @@ def test_an_altered_list_of_runs_is_not_shown_as_truth(dataset):
     """A changed value in runs.json is noticed, even if the file is still JSON."""
     path = dataset / "runs.json"
     path.write_text(path.read_text().replace('"severity": 0.2', '"severity": 0.3'))
-    done = command("info", dataset)
+    done = faultgen("info", dataset)
     assert done.returncode == 2
     assert re.fullmatch(r"faultgen: .*runs.json: damaged [^\n]*checksum[^\n]*\n", done.stderr)
 
@@ -162,7 +151,7 @@ def test_an_edited_experiment_is_noticed(experiment, dataset):
     path = dataset / "experiment.toml"
     before = path.read_bytes()
     path.write_bytes(before.replace(b"cycles = 3", b"cycles = 4"))
-    done = command("info", dataset)
+    done = faultgen("info", dataset)
     assert done.returncode == 1
     assert "damaged: experiment.toml: is not the experiment that made" in done.stdout
     generate(experiment, dataset, progress=False)
@@ -259,9 +248,9 @@ def test_paths_are_not_part_of_a_run(tiny_robot_path, tiny_task_path, tmp_path, 
     assert ids[1:] == ids[:1] * 3
     monkeypatch.chdir("/")
     assert (
-        command("isolate", tmp_path / "out").stderr == command("isolate", tmp_path / "out").stderr
+        faultgen("isolate", tmp_path / "out").stderr == faultgen("isolate", tmp_path / "out").stderr
     )
-    assert "unknown robot" not in command("isolate", tmp_path / "out").stderr
+    assert "unknown robot" not in faultgen("isolate", tmp_path / "out").stderr
 
 
 def test_runs_of_another_version_are_refused_or_made_again(experiment, dataset, monkeypatch):
@@ -291,10 +280,10 @@ def test_info_reports_runs_of_two_versions(dataset):
     with h5py.File(path, "r+") as file:
         file.attrs["mujoco_version"] = "3.9.9"
     files.checksum_path(path).write_text(file_sha256(path) + "\n")
-    done = command("info", dataset)
+    done = faultgen("info", dataset)
     assert done.returncode == 1
     assert "made by faultgen" in done.stdout
     assert "MuJoCo 3.9.9, code " in done.stdout
     assert "complete and intact" not in done.stdout
-    said = json.loads(command("info", dataset, "--json").stdout)
+    said = json.loads(faultgen("info", dataset, "--json").stdout)
     assert len(said["versions"]) == 2

@@ -1,11 +1,9 @@
 """Effects that a user's own package adds."""
 
 import json
-import os
-import subprocess
-import sys
 
 import pytest
+from conftest import faultgen
 
 RUST = """
 from faultgen.effects import Effect, Prior
@@ -42,30 +40,28 @@ def package(tmp_path):
     return site
 
 
-def faultgen(site, *arguments):
-    command = [sys.executable, "-m", "faultgen.cli", *map(str, arguments)]
-    environment = {**os.environ, "PYTHONPATH": str(site)}
-    return subprocess.run(command, capture_output=True, text=True, env=environment)
+def with_package(site, *arguments):
+    return faultgen(*arguments, variables={"PYTHONPATH": str(site)})
 
 
 def test_an_effect_of_another_package_works_with_several_workers(
     package, tiny_robot_path, tiny_task_path, tmp_path
 ):
     """It is listed, simulated in worker processes and labelled; its code is part of the version."""
-    listed = json.loads(faultgen(package, "effects", "--json").stdout)
+    listed = json.loads(with_package(package, "effects", "--json").stdout)
     assert "rust" in {row["effect"] for row in listed}
     arguments = ["--robot", tiny_robot_path, "--task", tiny_task_path, "--cycles", 2]
     arguments += ["--axis", "1,2", "--effect", "rust", "--workers", 2, "-o", tmp_path / "out"]
-    done = faultgen(package, "generate", *arguments)
+    done = with_package(package, "generate", *arguments)
     assert done.returncode == 0, done.stderr
-    said = json.loads(faultgen(package, "info", tmp_path / "out", "--json").stdout)
+    said = json.loads(with_package(package, "info", tmp_path / "out", "--json").stdout)
     assert [row["effect"] for row in said["runs"]] == ["healthy", "rust", "rust"]
     assert said["complete"]
     assert said["intact"]
     # another law: the runs that are there are not mixed with new ones
     module = package / "my_rust.py"
     module.write_text(RUST.replace("1 + severity", "1 + 2 * severity"))
-    done = faultgen(package, "generate", *arguments)
+    done = with_package(package, "generate", *arguments)
     assert done.returncode == 2
     assert "were made by" in done.stderr
 
@@ -82,7 +78,7 @@ def test_packages_that_cannot_be_used_are_named(package, change, message):
     """One line with the entry point, exit status 2."""
     module = package / "my_rust.py"
     module.write_text(module.read_text().replace(*change))
-    done = faultgen(package, "effects")
+    done = with_package(package, "effects")
     assert done.returncode == 2
     assert message in done.stderr
     assert done.stderr.count("\n") == 1

@@ -8,12 +8,11 @@ import time
 from pathlib import Path
 
 import pytest
+from conftest import HANG
 
 from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
-
-HANG = 900  # s; a limit for hangs only
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX systems")
 

@@ -6,11 +6,11 @@ import subprocess
 import sys
 import tomllib
 from dataclasses import replace
-from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from conftest import contents
 from filelock import FileLock
 
 import faultgen.dataset.sweep as sweep
@@ -21,7 +21,6 @@ from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
 from faultgen.effects import EFFECTS, get_effect
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.system.files import file_sha256
 
 
 @pytest.fixture(scope="session")
@@ -43,11 +42,6 @@ def made(small, tmp_path_factory):
     folder = tmp_path_factory.mktemp("dataset") / "out"
     generate(small(sensors="realistic", paired=True), folder, progress=False)
     return folder
-
-
-def contents(folder: Path) -> dict[str, str]:
-    files = [p for p in folder.rglob("*") if p.is_file() and p.name != ".lock"]
-    return {str(p.relative_to(folder)): file_sha256(p) for p in files}
 
 
 def test_workers_do_not_change_a_byte(small, made, tmp_path):
