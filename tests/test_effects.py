@@ -4,6 +4,7 @@ import pytest
 
 from faultgen.effects import EFFECTS, Applied, get_effect, set_temperature
 from faultgen.errors import InputError
+from faultgen.mjcf.dcmotor import BRISTLE_DAMPING, BRISTLE_STIFFNESS
 from faultgen.monitoring.sensors import Measured
 from faultgen.robot import COULOMB, OFFSET, STICTION, STRIBECK_VELOCITY
 from faultgen.simulation.motion import plan
@@ -216,6 +217,56 @@ def test_payload_and_spring(robot):
     change = force(spec.compile(), position, still) - healthy
     joint = robot.joints[1]
     assert change[joint] == pytest.approx(-400.0 * position[joint], rel=1e-9)
+
+
+def test_inertia_of_a_payload(robot):
+    """It grows with the mass; a payload without mass becomes a small ball where one says."""
+    body = mujoco.mj_name2id(robot.model, mujoco.mjtObj.mjOBJ_BODY, "payload")
+    spec = robot.spec()
+    get_effect("payload_mass").apply(spec, 6, 0.2)
+    worn = spec.compile()
+    np.testing.assert_allclose(
+        worn.body_inertia[body], 1.2 * robot.model.body_inertia[body], rtol=1e-12
+    )
+    for place in ({}, {"x": 0.1, "y": -0.2, "z": 0.3}):
+        spec = robot.spec()
+        payload = spec.body("payload")
+        payload.mass, payload.inertia = 0.0, np.zeros(3)
+        get_effect("payload_mass").apply(spec, 6, 5.0, **place)
+        ball = spec.compile()
+        assert ball.body_mass[body] == 5.0
+        assert ball.body_ipos[body].tolist() == [place.get(name, 0.0) for name in "xyz"]
+        np.testing.assert_allclose(ball.body_inertia[body], 5.0 * 0.01**2, rtol=1e-12)
+
+
+def test_bristles_of_a_coupling_are_those_of_its_axis(robot):
+    """Seen at the joint; where less is held they are softer, so that they bend as far."""
+    axis = 6
+    ratio = robot.gear_ratio[axis - 1]
+    own = robot.ids("actuator", "friction")[axis - 1]
+    coulomb = robot.model.actuator_biasprm[own, COULOMB]
+    bristles = robot.model.actuator_dynprm[own, BRISTLE_STIFFNESS : BRISTLE_DAMPING + 1]
+    for share in (0.1, 1.0, 3.0):  # of the axis' own friction
+        spec = robot.spec()
+        severity = share * coulomb * abs(ratio)
+        get_effect("wrist_coupling_friction").apply(spec, axis, severity)
+        model = spec.compile()
+        added = model.actuator(f"wrist_coupling{axis}").id
+        got = model.actuator_dynprm[added, BRISTLE_STIFFNESS : BRISTLE_DAMPING + 1]
+        np.testing.assert_allclose(got, min(share, 1.0) * ratio**2 * bristles, rtol=1e-9)
+        assert model.actuator_biasprm[added, COULOMB] == pytest.approx(severity)
+
+
+def test_elements_that_are_added_twice_get_a_number(tiny_robot):
+    """The first has the name as it is, and the further ones count from 2."""
+    ripple = [Applied("torque_ripple", 1, 0.01, {"order": n}) for n in (2.0, 3.0, 5.0)]
+    model = assemble(tiny_robot, ripple).model
+    names = [model.actuator(k).name for k in range(model.nactuator)]
+    assert [name for name in names if "ripple" in name] == [
+        "torque_ripple1",
+        "torque_ripple1_2",
+        "torque_ripple1_3",
+    ]
 
 
 def test_payload_effects_belong_to_the_last_axis(robot):

@@ -141,6 +141,22 @@ def test_loss_that_falls_with_temperature_settles_where_heat_is_lost():
     assert out[-1, 0] == pytest.approx(settled)
 
 
+def test_gearboxes_settle_where_the_table_of_losses_says():
+    """At rest T = ambient + R P(T), with P between its nodes on a line, and beyond them constant."""
+    nodes = np.array([30.0, 45.0, 60.0, 80.0])
+    loss = np.array([[90.0, 80.0], [60.0, 75.0], [50.0, 20.0], [10.0, 15.0]])
+    resistance = np.array([0.3, 0.5])
+    reached = []
+    for ambient in (-20.0, 0.0, 10.0, 25.0, 40.0, 75.0):
+        rows = np.full(600, ambient)
+        many = np.tile(loss, (600, 1, 1))
+        settled = temperatures(rows, np.ones(600), many, nodes, resistance, 0.1)[-1]
+        heat = [np.interp(settled[axis], nodes, loss[:, axis]) for axis in (0, 1)]
+        assert settled == pytest.approx(ambient + resistance * heat, abs=1e-6)
+        reached.extend(np.searchsorted(nodes, settled).tolist())
+    assert set(reached) == {0, 1, 2, 3, 4}  # below, in each part, and above
+
+
 def direct(unit, temperature, payload, friction, damage):
     """A cycle at a condition, simulated as such."""
     robot = unit.robot()

@@ -122,6 +122,15 @@ def test_winding_fault(tiny_robot, control, severity):
     assert np.abs(left[:, 1]).max() < 1e-9
 
 
+def test_faults_of_two_phases_of_a_motor_add_up(tiny_robot, control):
+    """Two of the same form are one of their sum, and each acts on the axis that has it."""
+    given = {"pole_pairs": 3, "phase": 0.7}
+    parts = [("winding_fault", axis, size, given) for axis, size in ((1, 0.1), (2, 0.2), (1, 0.3))]
+    sums = [("winding_fault", 1, 0.4, given), ("winding_fault", 2, 0.2, given)]
+    one, other = (run(tiny_robot, control, *effects)[0] for effects in (parts, sums))
+    np.testing.assert_allclose(one.motor_torque, other.motor_torque, atol=1e-8)
+
+
 def test_three_phases_give_the_form_of_a_winding_fault():
     """Currents I cos(x - k 120 deg) against flux of that form, one of them weaker."""
     x = np.linspace(0, 2 * np.pi, 100)

@@ -219,6 +219,16 @@ def test_cycles_are_written_in_their_order(tmp_path):
         writer.put("cycle/severity", 1, np.ones(()))
 
 
+def test_scales_carry_their_names(made):
+    """Readers of netCDF find the name of a dimension in the attribute NAME of its scale."""
+    (run, *_) = open_dataset(made).runs
+    with h5py.File(run.path) as file, h5py.File(made / "dataset.h5") as merged:
+        for name in ("cycle_number", "time", "axis", "bin"):
+            for scale in (file[name], merged[f"runs/{run.id}/{name}"]):
+                assert scale.attrs["CLASS"] == b"DIMENSION_SCALE"
+                assert scale.attrs["NAME"] == name.encode()
+
+
 def test_a_merged_file_follows_its_runs(dataset):
     """It is written again when a run comes or goes, and only then."""
 
