@@ -10,7 +10,7 @@ from faultgen.cli.app import app
 from faultgen.effects import Applied, set_temperature
 from faultgen.errors import InputError
 from faultgen.fleet import FleetPlan, generate_fleet, open_fleet
-from faultgen.fleet.calendar import ROWS, STEP, draw_calendar
+from faultgen.fleet.calendar import _HALL_DAY, _HALL_DAYS, ROWS, STEP, draw_calendar
 from faultgen.fleet.cycles import (
     DAMAGES,
     SAMPLE_PERIOD,
@@ -142,7 +142,7 @@ def test_loss_that_falls_with_temperature_settles_where_heat_is_lost():
 
 
 def test_gearboxes_settle_where_the_table_of_losses_says():
-    """At rest T = ambient + R P(T), with P between its nodes on a line, and beyond them constant."""
+    """At rest T = ambient + R P(T); P is on a line between its nodes, and constant beyond them."""
     nodes = np.array([30.0, 45.0, 60.0, 80.0])
     loss = np.array([[90.0, 80.0], [60.0, 75.0], [50.0, 20.0], [10.0, 15.0]])
     resistance = np.array([0.3, 0.5])
@@ -222,6 +222,61 @@ def test_duty_and_mix(failing):
     assert level[weekday >= 5].mean() == pytest.approx(unit.duty * unit.weekend, rel=0.1)
 
 
+@pytest.mark.parametrize(("shifts", "first"), [(1, 6.0), (2, 6.0), (3, 0.0)])
+def test_shifts_begin_at_their_hour(shifts, first):
+    """One and two shifts begin at six; three fill the day. The break is after four hours."""
+    plan = FleetPlan(**SMALL)
+    unit = replace(draw_unit(plan, 0), shifts=shifts)
+    duty = draw_calendar(plan, unit, 6, np.random.default_rng(3)).duty.reshape(-1, ROWS)
+    assert np.flatnonzero(duty[0])[0] * STEP == pytest.approx(first)
+    still = np.flatnonzero(duty[0][round(first / STEP) :] == 0)[0] * STEP
+    assert still == pytest.approx(4.0)
+
+
+def test_a_calendar_varies_as_it_says():
+    """The hall over the day and from day to day, the parts, and the shares of the programs."""
+    many = {"number": [3, 3], "change": 30.0, "mix": 1e6}
+    plan = FleetPlan(**SMALL | {"days": 2000, "programs": SMALL["programs"] | many})
+    unit = draw_unit(plan, 0)
+    calendar = draw_calendar(plan, unit, 6, np.random.default_rng(5))
+    by_day = calendar.ambient.reshape(-1, ROWS)
+    course = by_day.mean(axis=0)
+    hour = np.arange(ROWS) * STEP
+    warmest = np.cos(2 * np.pi * (hour - 15.6) / 24)  # at 15:36
+    assert course - course.mean() == pytest.approx(_HALL_DAY * warmest, abs=0.05)
+    noon = by_day[:, ROWS // 2]
+    assert noon.std() == pytest.approx(_HALL_DAYS, rel=0.15)
+    assert np.corrcoef(noon[1:], noon[:-1])[0, 1] == pytest.approx(0.8, abs=0.05)
+    parts = calendar.payload / plan.programs.parts
+    assert parts.std() == pytest.approx(1.0, rel=0.05)
+    for largest in (-parts.min(), parts.max()):
+        assert 2.5 < largest < 3.0 + 1e-9
+    moved = np.abs(np.diff(calendar.mix, axis=0)).max(axis=1) > 0.02
+    assert set(np.flatnonzero(moved) + 1) <= set(calendar.changes)
+    assert moved.sum() > 0.9 * np.sum(calendar.changes > 0)
+    assert len(calendar.changes) == pytest.approx(2000 / 30, rel=0.4)
+
+
+def test_robots_of_a_fleet_differ_within_their_limits():
+    """Every number of programs, shifts and samples occurs; friction is 0.4 to 3 times nominal."""
+    scatter = {"coulomb": 0.15, "viscous": 1.5}
+    plan = FleetPlan(robots=60, failing=0, programs={"number": [2, 4]}, scatter=scatter)
+    units = [draw_unit(plan, k) for k in range(60)]
+    assert {len(unit.programs) for unit in units} == {2, 3, 4}
+    assert {unit.shifts for unit in units} == {1, 2, 3}
+    assert {unit.samples_a_day for unit in units} == {1, 2, 3, 4}
+    sizes = {
+        name: np.array(
+            [one.severity for unit in units for one in unit.deviations if one.effect == name]
+        )
+        for name in ("coulomb_friction", "viscous_friction")
+    }
+    assert sizes["coulomb_friction"].std() == pytest.approx(0.15, rel=0.15)
+    assert sizes["coulomb_friction"].mean() == pytest.approx(0.0, abs=0.03)
+    assert sizes["viscous_friction"].min() == -0.6
+    assert sizes["viscous_friction"].max() == 2.0
+
+
 def strain(deviation):
     ones = np.ones(6)
     return Strain(ones, deviation * ones, 1e-3 * ones, 40 * ones, 25.0, 1000.0)
@@ -245,6 +300,24 @@ def test_rule_based_events_follow_the_rule(failing):
     assert counts[:200, column].mean() < 2.0
     stops = counts[:, event_names().index("program_stopped")]
     assert stops[200:].mean() > stops[:200].mean() + 5 * 0.9 * MOST
+
+
+def test_services_and_changes_are_logged_once(failing):
+    """Besides what happens anyway, each adds one event to its day, and none to any other."""
+    unit, _ = failing
+    plan = FleetPlan(**SMALL | {"days": 400})
+    calendar = draw_calendar(plan, unit, 6, np.random.default_rng(3))
+    days = np.arange(400)
+    none = np.zeros(0, int)
+    logged = {"service_done": calendar.services, "program_changed": calendar.changes}
+    without = replace(calendar, services=none, changes=none)
+    counts, before = (
+        count_events(unit.robot(), [strain(0.1)] * 400, one, np.random.default_rng(4))
+        for one in (calendar, without)
+    )
+    for name, column in zip(event_names(), (counts - before).T, strict=True):
+        assert np.array_equal(column, np.isin(days, logged.get(name, none))), name
+    assert len(calendar.services) and len(calendar.changes)
 
 
 def test_motors_get_hot_half_as_often_as_their_gearboxes(failing):
