@@ -324,11 +324,13 @@ def test_what_cannot_be_is_refused(tiny_robot, robot):
 
 
 def test_facts_about_effects():
-    """Ranges enclose the step; an effect in another unit names one that there is."""
+    """Ranges enclose all steps and what healthy robots have; another unit is that of an effect."""
     for effect in EFFECTS.values():
         assert effect.smallest <= 0 < effect.step < effect.largest, effect.name
         assert effect.signed == (effect.smallest < 0)
         assert not effect.same_as or effect.same_as in EFFECTS
         assert effect.edit or effect.command or effect.log or effect.between or effect.sense
+        assert all(0 < step < effect.largest for step in effect.prior.steps), effect.name
+        assert callable(effect.prior.std) or 2 * effect.prior.std < effect.largest, effect.name
     assert get_effect("brake_drag").same_as == "coulomb_friction"
     assert not get_effect("backlash").signed
