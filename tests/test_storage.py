@@ -219,6 +219,17 @@ def test_cycles_are_written_in_their_order(tmp_path):
         writer.put("cycle/severity", 1, np.ones(()))
 
 
+def test_a_run_gives_what_it_holds(made):
+    """Whole arrays and parts of them; the name of one that is not there is told."""
+    worn = open_dataset(made).runs[1]
+    assert worn["axis"] == 1 and "cycle/severity" in worn and "signals/noise" not in worn
+    torque = worn.read("signals/motor_torque")
+    assert torque.shape[::2] == (2, 2)
+    assert np.array_equal(worn.read("signals/motor_torque", np.s_[1, :, 0]), torque[1, :, 0])
+    with pytest.raises(InputError, match=f"{worn.id}.h5: holds no 'signals/noise'"):
+        worn.read("signals/noise")
+
+
 def test_scales_carry_their_names(made):
     """Readers of netCDF find the name of a dimension in the attribute NAME of its scale."""
     (run, *_) = open_dataset(made).runs
