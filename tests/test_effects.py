@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 
 from faultgen.effects import EFFECTS, Applied, get_effect, set_temperature
+from faultgen.effects.temperature import friction_ratios
 from faultgen.errors import InputError
 from faultgen.mjcf.dcmotor import BRISTLE_DAMPING, BRISTLE_STIFFNESS
 from faultgen.monitoring.sensors import Measured
@@ -292,6 +293,14 @@ def test_temperature_follows_the_published_ratios(robot):
     assert hot[STRIBECK_VELOCITY] / cold[STRIBECK_VELOCITY] == pytest.approx(53.6 / 7.54, rel=1e-3)
     damping = [models[t].actuator_damping[actuator] for t in (80.0, 33.0)]
     assert damping[0] / damping[1] == pytest.approx(0.4, abs=0.02)
+
+
+def test_friction_at_the_temperature_of_the_model_is_that_of_the_model():
+    """There all ratios are 1; a change in two steps is the change at once."""
+    for temperature in (30.0, 40.0, 55.0, 80.0):
+        assert friction_ratios(temperature, temperature) == pytest.approx((1.0, 1.0, 1.0))
+    steps = np.multiply(friction_ratios(70.0, 50.0), friction_ratios(50.0, 35.0))
+    assert friction_ratios(70.0, 35.0) == pytest.approx(tuple(steps))
 
 
 def test_unknown_effects_are_refused_with_the_choices():
