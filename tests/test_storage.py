@@ -219,6 +219,18 @@ def test_cycles_are_written_in_their_order(tmp_path):
         writer.put("cycle/severity", 1, np.ones(()))
 
 
+def test_a_lost_list_of_runs_is_written_again(tiny_robot_path, tiny_task_path, dataset):
+    """The run files show which dataset it was: they are kept, and those of another are refused."""
+    before = (dataset / "runs.json").read_bytes()
+    (dataset / "runs.json").unlink()
+    given = {"robot": tiny_robot_path, "task": tiny_task_path, "axis": 1, "cycles": 2}
+    with pytest.raises(InputError, match="holds runs of another dataset"):
+        sweep.generate(make_experiment(given | {"cycles": 3}), dataset, progress=False)
+    summary = sweep.generate(make_experiment(given), dataset, progress=False)
+    assert (summary.done, summary.kept) == (0, 2)
+    assert (dataset / "runs.json").read_bytes() == before
+
+
 def test_a_run_gives_what_it_holds(made):
     """Whole arrays and parts of them; the name of one that is not there is told."""
     worn = open_dataset(made).runs[1]
