@@ -1,6 +1,6 @@
 """Mutation run: how many small errors, put into the code on purpose, do the tests notice?
 
-    python benchmarks/mutation.py [MODULE ...] [--mutants N] [--workers N] [--save FILE]
+    python benchmarks/mutation.py [MODULE ...] [--mutants N] [--workers N] [--save FILE] [--again]
 
 In a copy of the repository, the run changes one place of a module at a time and runs the tests that
 concern this module. A mutant is killed if a test fails or does not end. It survives if all of them
@@ -9,6 +9,8 @@ mutants are drawn at random with a fixed seed, so the same code gives the same m
 
 The run prints the score of each module and its surviving mutants. With --save it also puts the
 result of a module into that JSON file as soon as it has it, and keeps those of other modules there.
+The score of the first run of a module stays in the file. With --again, only the mutants that
+survived according to the file are tried, for example after a test for them was added.
 """
 
 from __future__ import annotations
@@ -50,28 +52,45 @@ def copy_of_repository(folder: Path) -> Path:
 
 
 def try_module(
-    module: str, tests: list[str], number: int, seed: int, folders: list[Path]
+    module: str,
+    tests: list[str],
+    number: int,
+    seed: int,
+    folders: list[Path],
+    before: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Result of one module.
 
     Args:
         module: Path of the module in the repository.
-        tests: Names of its test files.
+        tests: Arguments of pytest, which choose the tests.
         number: How many mutants to draw.
         seed: Decides which, together with the name of the module.
         folders: Copies of the repository, one for each mutant that is tried at the same time.
+        before: Earlier result, of which only the survivors are tried again.
+
+    Raises:
+        RuntimeError: A test fails without any change, or the earlier result is of other mutants.
     """
     start = time.perf_counter()
     source = (folders[0] / module).read_text()
+    digest = hashlib.sha256(source.encode()).hexdigest()
+    if before and (before["source_sha256"], before["seed"]) != (digest, seed):
+        raise RuntimeError("has changed since its mutants were tried; try it without --again")
     # of seed and name, so that a module's mutants do not depend on the other modules
     name = int.from_bytes(hashlib.sha256(module.encode()).digest()[:8])
-    mutants = draw_mutants(source, number, np.random.default_rng([seed, name]))
+    drawn = before["mutants"] if before else number
+    mutants = draw_mutants(source, drawn, np.random.default_rng([seed, name]))
+    outcomes: list[dict[str, Any]] = before["outcomes"] if before else [{} for _ in mutants]
+    chosen = [k for k, one in enumerate(outcomes) if one.get("outcome", "survived") == "survived"]
     told = tests_by_line(folders[0], module, tests)
-    outcomes = try_mutants(module, tests, mutants, told, folders)
+    tried = try_mutants(module, tests, [mutants[k] for k in chosen], told, folders)
+    for k, outcome in zip(chosen, tried, strict=True):
+        outcomes[k] = outcome
     counts = Counter(one["outcome"] for one in outcomes)
     return {
         "tests": tests,
-        "source_sha256": hashlib.sha256(source.encode()).hexdigest(),
+        "source_sha256": digest,
         "seed": seed,
         "mutants": len(outcomes),
         "killed": counts["killed"] + counts["hung"],
@@ -83,16 +102,23 @@ def try_module(
     }
 
 
+def read(path: Path | None) -> dict[str, Any]:
+    """Read the results of all modules that are in a file; none if there is no file."""
+    return json.loads(path.read_text()) if path and path.is_file() else {}
+
+
 def put(path: Path, module: str, result: dict[str, Any]) -> None:
     """Write the result of one module into the file.
 
     Args:
         path: The file.
         module: Name of the module.
-        result: Result of the module.
+        result: Result of the module. If it is the first one, its score is kept as `first_run`.
     """
-    results = json.loads(path.read_text()) if path.is_file() else {}
-    results[module] = result
+    results = read(path)
+    score = {name: result[name] for name in ("mutants", "killed")}
+    first = results[module].get("first_run") if module in results else score
+    results[module] = result | ({"first_run": first} if first else {})
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(dict(sorted(results.items())), indent=1) + "\n")
 
@@ -104,24 +130,28 @@ def main() -> None:
     parser.add_argument("--mutants", type=int, help="Mutants of each module.")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--save", type=Path, help="JSON file to put the results into.")
+    parser.add_argument("--again", action="store_true", help="Try the survivors in that file only.")
     arguments = parser.parse_args()
     config = tomllib.loads((Path(__file__).parent / "mutation.toml").read_text())
     seed, number = config.pop("seed"), config.pop("mutants")
-    known = {
-        module: {"group": group, "tests": tests}
+    known: dict[str, dict[str, Any]] = {
+        module: {"group": group, "tests": [f"tests/{name}" for name in tests]}
         for group, modules in config.items()
         for module, tests in modules.items()
     }
     if unknown := set(arguments.modules) - set(known):
         parser.error(f"not in mutation.toml: {', '.join(sorted(unknown))}")
+    earlier = read(arguments.save) if arguments.again else {}
+    if arguments.again and (new := set(arguments.modules) - set(earlier)):
+        parser.error(f"not in the file of --save: {', '.join(sorted(new))}")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends the tests that still run
     preload()
     with tempfile.TemporaryDirectory() as parent:
         folders = [copy_of_repository(Path(parent, str(k))) for k in range(arguments.workers)]
-        for module in arguments.modules or known:
-            chosen = arguments.mutants or number
+        for module in arguments.modules or (sorted(earlier) if arguments.again else known):
+            tests, chosen = known[module]["tests"], arguments.mutants or number
             try:
-                found = try_module(module, known[module]["tests"], chosen, seed, folders)
+                found = try_module(module, tests, chosen, seed, folders, earlier.get(module))
             except RuntimeError as error:
                 sys.exit(f"{module}: {error}")
             print(f"{found['killed']:3d} of {found['mutants']:3d} killed  {module}", flush=True)

@@ -89,7 +89,15 @@ class _Watch:
 def _run_tests(
     folder: Path, tests: list[str], first: list[str], traced: str | None, sender: Connection
 ) -> None:
-    """Run tests in a copy of the repository; the exit status is that of pytest."""
+    """Run tests in a copy of the repository; the exit status is that of pytest.
+
+    Args:
+        folder: The copy.
+        tests: Arguments of pytest, which choose the tests.
+        first: Names of the tests to begin with.
+        traced: Path of a module in the copy; which tests run which of its lines is sent, too.
+        sender: Gets the names of the tests that fail.
+    """
     os.setsid()  # so that whatever the tests start can be ended with them
     os.chdir(folder)
     log = os.open(folder / "mutation.log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
@@ -104,7 +112,7 @@ def _run_tests(
         tracer.start()
     watch = _Watch(sender, first, tracer)
     options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "-m", "not slow"]
-    status = pytest.main([*options, *(str(folder / "tests" / name) for name in tests)], [watch])
+    status = pytest.main([*options, *tests], [watch])
     if tracer and traced:
         tracer.stop()
         lines = tracer.get_data().contexts_by_lineno(str(folder / traced))
@@ -158,7 +166,7 @@ def tests_by_line(folder: Path, module: str, tests: list[str]) -> Lines:
     Args:
         folder: Copy of the repository.
         module: The module.
-        tests: The tests.
+        tests: Arguments of pytest, which choose the tests.
 
     Returns:
         Tests by line.
@@ -190,7 +198,7 @@ def try_mutants(
 
     Args:
         module: The module.
-        tests: The tests.
+        tests: Arguments of pytest, which choose the tests.
         mutants: The mutants.
         lines: Tests by line.
         folders: Copies of the repository, one for each process.
