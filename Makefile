@@ -32,7 +32,7 @@ lint: install
 	ln -s ../../../analysis ../../../robots build/typed/faultgen/
 	$(BIN)/mypy
 
-# Hours: see "Mutation run" in docs/methods.md. Name modules to run a part: MODULES="faultgen/wear.py"
+# Hours: see "Mutation run" in docs/methods.md. Name modules to run a part: MODULES="faultgen/dataset/wear.py"
 mutation: install
 	$(BIN)/python benchmarks/mutation.py $(MODULES) --save benchmarks/results/mutation.json
 

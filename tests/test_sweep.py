@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -21,6 +22,7 @@ from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
 from faultgen.effects import EFFECTS, get_effect
 from faultgen.errors import InputError, SimulationFailed
+from faultgen.system.files import file_sha256
 
 
 @pytest.fixture(scope="session")
