@@ -1,6 +1,9 @@
-"""Run `faultgen.discover` on cases of many laboratories and score it; see docs/laboratories.md.
+"""Make cases of many laboratories, run `faultgen.discover` on them, and score its answers.
 
-python benchmarks/laboratories_score.py --trial DIR --workers 2 --factor noise=by_motion
+python benchmarks/laboratories_score.py --seeds development --cases 40 --workers 2
+python benchmarks/laboratories_score.py --seeds development --cases 40 --factor noise=by_motion
+
+Run again to continue. docs/laboratories.md describes the laboratories.
 """
 
 from __future__ import annotations
@@ -8,116 +11,188 @@ from __future__ import annotations
 import json
 import os
 import time
+from collections.abc import Mapping, Sequence
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from joblib import Parallel, delayed
-from laboratories.files import CASE_FILE, read_truth
+from laboratories.draw import BASE, CASES, LEVELS, draw_laboratory
+from laboratories.files import CASE_FILE, read_truth, write_truth
 from laboratories.score import FAILED, Row, judge, summary, table
+
+Seeds = StrEnum("Seeds", ["development", "report"])
+Mode = StrEnum("Mode", ["twin", "alone", "both"])
+HOME = Path.home() / ".cache" / "faultgen-laboratories"
+_EVERY = 20  # answers between two tables
 
 app = typer.Typer(add_completion=False, help=__doc__)
 
 
-def answer(folder: Path, results: Path, cache: Path) -> None:
-    """Run discovery on a case and store its answer.
+def make(seeds: str, number: int, forced: Mapping[str, Any], quick: bool, trial: Path) -> None:
+    """Make the cases of a laboratory, unless they are there.
+
+    Args:
+        seeds: Set of seeds.
+        number: Number of the laboratory.
+        forced: Levels that it must have.
+        quick: Without recordings of 60 s.
+        trial: Folder of the trial.
+    """
+    from laboratories.make import make_laboratory
+
+    lab = draw_laboratory(seeds, number, forced, quick)
+    path = trial / "truth" / f"{lab.name}.json"
+    if not path.is_file():
+        write_truth(make_laboratory(lab, trial), path)
+
+
+def answer(folder: Path, mode: str, target: Path, cache: Path) -> None:
+    """Run discovery on a case and store its answer, unless it is there.
 
     Args:
         folder: Folder of the case; it holds no label.
-        results: Folder of the answers.
+        mode: 'twin' or 'alone'.
+        target: File of the answer.
         cache: Folder for the sensitivities, which cases of one robot and motion share.
     """
     import faultgen
 
+    if target.is_file():
+        return
     told = json.loads((folder / CASE_FILE).read_text())
     robot = folder / told["robot"]
-
-    def file(name: str) -> Path | None:
-        path = folder / f"{name}.h5"
-        return path if path.is_file() else None
-
     started = time.process_time(), time.monotonic()
     result: dict[str, Any]
     try:
         result = faultgen.discover(
             folder / "measured.h5",
             robot if robot.is_file() else told["robot"],
-            healthy=file("healthy"),
-            validate=file("validate"),
+            healthy=folder / "healthy.h5" if mode == "twin" else None,
+            validate=folder / "validate.h5",
             cache=cache,
         )
     except Exception as error:  # noqa: BLE001 - a failure is a verdict
         result = {"verdict": FAILED, "effects": [], "alternatives": [], "error": repr(error)}
     result["seconds"] = round(time.monotonic() - started[1], 2)
     result["processor_seconds"] = round(time.process_time() - started[0], 2)
-    results.mkdir(parents=True, exist_ok=True)
-    part = results / f"{folder.name}.part{os.getpid()}"
+    target.parent.mkdir(parents=True, exist_ok=True)
+    part = target.with_suffix(f".part{os.getpid()}")
     part.write_text(json.dumps(result, indent=1, default=float) + "\n")
-    part.replace(results / f"{folder.name}.json")
+    part.replace(target)
 
 
-def _chosen(truth: dict[str, dict[str, Any]], wanted: list[str], mode: str) -> list[str]:
-    """Names of the cases with all the wanted levels of factors.
+def _work(trial: Path, entries: Sequence[Mapping[str, Any]], results: str) -> None:
+    """Answer cases one after another, as those of a laboratory share their sensitivities."""
+    for entry in entries:
+        folder = trial / "cases" / entry.get("folder", entry["name"])
+        target = trial / results / f"{entry['name']}.json"
+        answer(folder, entry["mode"], target, trial / f"sensitivities-{results}")
+
+
+def levels(texts: Sequence[str]) -> dict[str, Any]:
+    """Read levels of factors.
+
+    Args:
+        texts: Entries NAME=LEVEL.
+
+    Returns:
+        Level by factor.
 
     Raises:
-        typer.BadParameter: An entry is not NAME=LEVEL.
+        typer.BadParameter: No factor has this name, or it has no such level.
     """
-    names = list(truth)
-    for text in wanted:
-        factor, equals, level = text.partition("=")
-        if not equals:
-            raise typer.BadParameter(f"'{text}' is not NAME=LEVEL")
-        names = [name for name in names if str(truth[name]["factors"].get(factor)) == level]
-    return [name for name in names if mode in ("", truth[name]["mode"])]
+    found: dict[str, Any] = {}
+    for text in texts:
+        name, _, level = text.partition("=")
+        if name not in LEVELS:
+            raise typer.BadParameter(f"no factor '{name}'; there are {', '.join(LEVELS)}")
+        by_text = {str(value): value for value in LEVELS[name]}
+        if level not in by_text:
+            raise typer.BadParameter(f"{name} is one of {', '.join(by_text)}, not '{level}'")
+        found[name] = by_text[level]
+    return found
 
 
 def _line(row: Row) -> str:
-    marks = {True: "right", False: "WRONG", None: ""}
-    verdicts = [value for value in (row.first, row.healthy, row.unknown) if value is not None]
-    mark = marks[verdicts[0]] if verdicts else ""
+    verdicts = [v for v in (row.first, row.healthy, row.unknown) if v is not None]
+    mark = {True: "right", False: "WRONG"}[verdicts[0]] if verdicts else ""
+    seen = "" if row.d_prime is None else f", d' {row.d_prime:.0f}"
+    stressed = " ".join(f"{name}={row.factors.get(name, '')}" for name in row.stressed)
+    stressed = stressed or f"noise={row.factors.get('noise')}"
     return (
-        f"{row.name} {row.mode:5} {row.factors.get('noise', ''):10} {row.truth:38} "
-        f"-> {mark:5} {row.said} ({row.seconds:.0f} s)"
+        f"{row.name:16} {row.mode:5} {row.factors['robot']} {stressed}: {row.truth}{seen} "
+        f"-> {mark} {row.said} ({row.seconds:.0f} s)"
     )
 
 
 @app.command()
 def main(
-    trial: Annotated[Path, typer.Option(help="Folder with cases/ and truth.json.")],
+    seeds: Annotated[Seeds, typer.Option(help="Set of seeds.")] = Seeds["development"],
+    cases: Annotated[int, typer.Option(help="Cases; 4 a laboratory.")] = 40,
     workers: Annotated[int, typer.Option(help="Processes.")] = 1,
-    cases: Annotated[int, typer.Option(help="Only the first so many; 0: all.")] = 0,
-    factor: Annotated[list[str] | None, typer.Option(help="NAME=LEVEL; only these cases.")] = None,
-    mode: Annotated[str, typer.Option(help="'twin' or 'alone'; default: both.")] = "",
+    factor: Annotated[
+        list[str] | None, typer.Option(help="NAME=LEVEL that every laboratory has; repeatable.")
+    ] = None,
+    mode: Annotated[Mode, typer.Option(help="With a twin, without, or both.")] = Mode["both"],
+    long: Annotated[bool, typer.Option(help="Recordings of up to 60 s, not 25 s.")] = False,
+    trial: Annotated[
+        Path | None, typer.Option(help="Folder; one that has cases is only answered and scored.")
+    ] = None,
     results: Annotated[
         str, typer.Option(help="Name of the answers: another one for each version of the code.")
     ] = "results",
+    save: Annotated[Path | None, typer.Option(help="File for all scores, as JSON.")] = None,
 ) -> None:
-    """Answer the cases that have no answer yet, then print the scores of all that have one."""
+    """Make what is missing, answer what has no answer yet, and score."""
+    forced = levels(factor or [])
+    if trial is None:
+        parts = [seeds.value, *(f"{name}_{level}" for name, level in forced.items())]
+        trial = HOME / "-".join(parts + ["long"] * long)
+    if not (trial / "truth.json").is_file():
+        numbers = range(-(-cases // CASES))
+        made = Parallel(n_jobs=workers, return_as="generator_unordered")(
+            delayed(make)(seeds.value, number, forced, not long, trial) for number in numbers
+        )
+        for count, _ in enumerate(made):
+            typer.echo(f"laboratory {count + 1} of {len(numbers)} made", err=True)
     truth = read_truth(trial)
-    names = _chosen(truth, factor or [], mode)[: cases or None]
-    folder = trial / results
-    waiting = [name for name in names if not (folder / f"{name}.json").is_file()]
+    folders = list(dict.fromkeys(entry.get("folder", name) for name, entry in truth.items()))
+    chosen = [
+        entry
+        for entry in truth.values()
+        if entry.get("folder", entry["name"]) in folders[:cases] and mode in ("both", entry["mode"])
+    ]
+    by_laboratory: dict[str, list[dict[str, Any]]] = {}
+    for entry in chosen:
+        by_laboratory.setdefault(entry["name"].partition("_")[0], []).append(entry)
     running = Parallel(n_jobs=workers, return_as="generator_unordered")(
-        delayed(answer)(trial / "cases" / name, folder, trial / f"sensitivities-{results}")
-        for name in waiting
+        delayed(_work)(trial, entries, results) for entries in by_laboratory.values()
     )
-    shown: set[str] = set()
     rows: dict[str, Row] = {}
+    shown = ["noise"] if (trial / "truth.json").is_file() else []
 
-    def show() -> None:
-        for name in names:
-            path = folder / f"{name}.json"
-            if name not in shown and path.is_file():
-                shown.add(name)
-                rows[name] = judge(truth[name], json.loads(path.read_text()))
+    def look() -> None:
+        before = len(rows)
+        for entry in chosen:
+            name = entry["name"]
+            path = trial / results / f"{name}.json"
+            if name not in rows and path.is_file():
+                rows[name] = judge(entry, json.loads(path.read_text()))
                 typer.echo(_line(rows[name]))
+        if len(rows) // _EVERY > before // _EVERY and len(rows) < len(chosen):
+            typer.echo("\n" + table(list(rows.values()), shown))
 
-    show()
+    look()
     for _ in running:
-        show()
+        look()
     done = list(rows.values())
-    typer.echo("\n" + table(done, ["noise"]))
-    (trial / f"{results}.json").write_text(json.dumps(summary(done, ["noise"]), indent=1) + "\n")
+    typer.echo("\n" + table(done, shown))
+    text = json.dumps({"base": BASE, **summary(done, shown)}, indent=1) + "\n"
+    for path in (trial / f"{results}.json", save):
+        if path is not None:
+            path.write_text(text)
 
 
 if __name__ == "__main__":

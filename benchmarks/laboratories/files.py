@@ -1,6 +1,6 @@
 """Files of the cases: recordings, what discovery is told, and the truth.
 
-DIR/cases/<name>/{case.json, measured.h5, validate.h5, healthy.h5}; DIR/truth.json
+DIR/cases/<name>/{case.json, measured.h5, validate.h5, healthy.h5}; DIR/truth/<laboratory>.json
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def write_case(
         sample_period: [s].
         files: Arrays by file and name; `segments` becomes an attribute. docs/measured.md describes
             the names.
-        mode: 'twin' or 'alone'.
+        mode: 'twin', 'alone' or 'both'.
     """
     folder.mkdir(parents=True, exist_ok=True)
     for name, arrays in files.items():
@@ -50,12 +50,16 @@ def write_case(
     (folder / CASE_FILE).write_text(json.dumps(told, indent=1) + "\n")
 
 
-def write_truth(truth: Sequence[Mapping[str, Any]], folder: Path) -> None:
-    """Write what is in the cases: a list with one entry for each case."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / TRUTH).write_text(json.dumps(list(truth), indent=1) + "\n")
+def write_truth(truth: Sequence[Mapping[str, Any]], path: Path) -> None:
+    """Write what is in some cases: a list with an entry for each case and mode."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_suffix(".part")
+    part.write_text(json.dumps(list(truth), indent=1) + "\n")
+    part.replace(path)
 
 
 def read_truth(folder: Path) -> dict[str, dict[str, Any]]:
-    """Read what is in the cases, by their names."""
-    return {case["name"]: case for case in json.loads((folder / TRUTH).read_text())}
+    """Read what is in the cases of a trial, from truth.json and truth/*.json, by their names."""
+    files = [path for path in (folder / TRUTH,) if path.is_file()]
+    files += sorted((folder / "truth").glob("*.json"))
+    return {case["name"]: case for path in files for case in json.loads(path.read_text())}

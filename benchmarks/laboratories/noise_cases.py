@@ -134,7 +134,7 @@ def _nominal() -> list[np.ndarray]:
 
 
 def _unit_d_prime(effect: Effect, noise: TorqueNoise) -> float:
-    """d' of an effect on the first three motions of the nominal robot, with a twin."""
+    """Compute d' of an effect on the first three motions of the nominal robot, with a twin."""
     where, base = _first(), _nominal()
     _, seen = torque_of([effect], where.nominal, where, _still(), step=STEP)
     total = 0.0
@@ -233,7 +233,7 @@ def main() -> None:
     for case in made:
         print(case["name"], case["mode"], case["effects"], flush=True)
         truth.append(case)
-        write_truth(truth, folder)
+        write_truth(truth, folder / "truth.json")
 
 
 if __name__ == "__main__":

@@ -22,12 +22,19 @@ NOTHING, UNKNOWN, FAILED, LEARNED = "no missing effect", "unknown effect", "fail
 MEASURES = {
     "first": "first answer right",
     "listed": "true effect in the listed set",
+    "axis": "axis of the first answer right",
     "wrong": "sure and wrong",
     "healthy": "healthy called healthy",
     "unknown": "unlisted called unknown, or learned on the right axis",
+    "found": "effect found",
+    "oracle": "oracle would find it",
     "failed": "failed",
 }
-"""Shares, with the columns of a table."""
+"""Shares, with the columns of a table. The first three and `unknown` count clear effects only."""
+CLEAR = 8.0
+"""d' of the oracle from which an effect counts as clear: twice the limit."""
+DETECTED = 4.0
+"""d' of the limit."""
 
 Json = Mapping[str, Any]
 
@@ -42,14 +49,21 @@ class Row:
     truth: str
     said: str
     factors: dict[str, Any]
+    stressed: list[str]
+    d_prime: float | None
     first: bool | None
     listed: bool | None
+    axis: bool | None
     wrong: bool
     healthy: bool | None
     unknown: bool | None
+    found: bool | None
+    oracle: bool | None
     failed: bool
-    closed: float
-    """Share of the squared gap on the validation motions that the answer closes; may be nan."""
+    closed: float | None
+    """Share of the squared gap on the validation motions that the answer closes."""
+    own_closed: float | None
+    """The same on the part of the recording that the answer says it did not fit."""
     seconds: float
 
 
@@ -59,23 +73,19 @@ def key(part: Json) -> tuple[str, int]:
     return SAME.get(name, name), int(part.get("axis") or 0)
 
 
-def gap_closed(truth: Json, answer: Json) -> float:
-    """Share of the squared gap on the validation motions that is closed.
+def gap_closed(gap: Json, floor: float | None) -> float | None:
+    """Share of a squared gap that is closed.
 
     Args:
-        truth: The case; `floor` is the gap that its noise alone leaves there.
-        answer: Content of discovery.json.
+        gap: `before` and `after`.
+        floor: The gap that noise alone leaves.
 
     Returns:
-        (before^2 - after^2) / (before^2 - floor^2); nan without figures, or without a gap to close.
+        (before^2 - after^2) / (before^2 - floor^2); None without figures or a gap to close.
     """
-    gap = (answer.get("gap") or {}).get("validation") or {}
     before, after = gap.get("before"), gap.get("after")
-    floor = truth.get("floor")
-    if floor is None:
-        floor = (answer.get("gap") or {}).get("floor")
     if before is None or after is None or floor is None or before <= 1.02 * floor:
-        return math.nan
+        return None
     return float((before**2 - after**2) / (before**2 - floor**2))
 
 
@@ -94,6 +104,8 @@ def judge(truth: Json, answer: Json) -> Row:
         listed |= {key(part) for part in answer.get("alternatives", ())}
     kind = truth["kind"]
     learned = [axis for name, axis in given if name == LEARNED]
+    d_prime = truth.get("d_prime")
+    clear = d_prime is None or d_prime >= CLEAR
     unknown = None
     if kind == "unlisted":
         named = [name for name, _ in given if name != LEARNED]
@@ -102,6 +114,10 @@ def judge(truth: Json, answer: Json) -> Row:
     wrong = certain and given[:1] != true
     if kind == "unlisted":
         wrong = certain and not unknown
+        unknown = unknown if clear else None
+    single = kind == "single" and clear
+    gap = answer.get("gap") or {}
+    validation = gap.get("validation") or {}
     said = verdict
     if given:
         said += ": " + ", ".join(f"{name} {axis}" for name, axis in given)
@@ -113,13 +129,19 @@ def judge(truth: Json, answer: Json) -> Row:
         or "healthy",
         said=said,
         factors=dict(truth["factors"]),
-        first=given[:1] == true if kind == "single" else None,
-        listed=set(true) <= listed if kind == "single" else None,
+        stressed=list(truth.get("stressed", ())),
+        d_prime=d_prime,
+        first=given[:1] == true if single else None,
+        listed=set(true) <= listed if single else None,
+        axis=[axis for _, axis in given[:1]] == [true[0][1]] if single else None,
         wrong=wrong,
         healthy=verdict == NOTHING if kind == "healthy" else None,
         unknown=unknown,
+        found=verdict not in (NOTHING, FAILED) if kind == "single" else None,
+        oracle=d_prime >= DETECTED if kind == "single" and d_prime is not None else None,
         failed=verdict == FAILED,
-        closed=gap_closed(truth, answer) if kind != "healthy" else math.nan,
+        closed=gap_closed(validation, truth.get("floor")) if kind != "healthy" else None,
+        own_closed=gap_closed(gap, gap.get("floor")) if kind != "healthy" else None,
         seconds=float(answer.get("seconds", math.nan)),
     )
 
@@ -156,16 +178,26 @@ def _shown(one: Json) -> str:
     )
 
 
-def _median(values: Iterable[float]) -> float | None:
-    seen = sorted(value for value in values if math.isfinite(value))
+def _median(values: Iterable[float | None]) -> float | None:
+    seen = sorted(value for value in values if value is not None and math.isfinite(value))
     if not seen:
         return None
     middle = len(seen) // 2
     return seen[middle] if len(seen) % 2 else (seen[middle - 1] + seen[middle]) / 2
 
 
-def groups(rows: Sequence[Row], factors: Sequence[str]) -> dict[str, list[Row]]:
-    """Rows by mode, and by mode and level of each factor.
+def _labels(row: Row, factors: Sequence[str]) -> list[str]:
+    """Groups of a case: levels of the factors asked for, and what was stressed."""
+    labels = [f"{name} = {row.factors.get(name)}" for name in factors]
+    labels += [
+        "all factors random" if name == "all" else f"stressed: {name} = {row.factors.get(name)}"
+        for name in row.stressed
+    ]
+    return labels
+
+
+def groups(rows: Sequence[Row], factors: Sequence[str] = ()) -> dict[str, list[Row]]:
+    """Rows by mode, by level of each factor asked for, and by what was stressed.
 
     Args:
         rows: The cases.
@@ -179,30 +211,36 @@ def groups(rows: Sequence[Row], factors: Sequence[str]) -> dict[str, list[Row]]:
         some = [row for row in rows if row.mode == mode]
         if some:
             found[mode] = some
-        for factor in factors:
-            for level in sorted({str(row.factors.get(factor)) for row in some}):
-                these = [row for row in some if str(row.factors.get(factor)) == level]
-                found[f"{mode}, {factor} = {level}"] = these
+        for label in sorted({label for row in some for label in _labels(row, factors)}):
+            found[f"{mode}, {label}"] = [row for row in some if label in _labels(row, factors)]
     return found
 
 
-def summary(rows: Sequence[Row], factors: Sequence[str]) -> dict[str, Any]:
-    """All measures of all groups, for JSON."""
+_MEDIANS = {
+    "closed": "gap closed, validation",
+    "own_closed": "gap closed, own figures",
+    "seconds": "seconds",
+}
+
+
+def summary(rows: Sequence[Row], factors: Sequence[str] = ()) -> dict[str, Any]:
+    """All measures of all groups, and all cases, for JSON."""
     out: dict[str, Any] = {}
     for name, some in groups(rows, factors).items():
         out[name] = {measure: share(some, measure) for measure in MEASURES}
-        out[name]["gap_closed_median"] = _median(row.closed for row in some)
-        out[name]["seconds_median"] = _median(row.seconds for row in some)
+        for column in _MEDIANS:
+            out[name][f"{column}_median"] = _median(getattr(row, column) for row in some)
     return {"groups": out, "cases": [asdict(row) for row in rows]}
 
 
 def table(rows: Sequence[Row], factors: Sequence[str] = ()) -> str:
     """The measures of all groups as a Markdown table."""
-    heads = [*MEASURES.values(), "gap closed, median", "seconds, median"]
+    heads = [*MEASURES.values(), *(f"{name}, median" for name in _MEDIANS.values())]
     lines = ["| cases | " + " | ".join(heads) + " |", "| --- " * (len(heads) + 1) + "|"]
     for name, some in groups(rows, factors).items():
         cells = [_shown(share(some, measure)) for measure in MEASURES]
-        for value in (_median(r.closed for r in some), _median(r.seconds for r in some)):
+        for column in _MEDIANS:
+            value = _median(getattr(row, column) for row in some)
             cells.append("–" if value is None else f"{value:.2g}")
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"

@@ -1,0 +1,169 @@
+"""What an ideal linear detector could see: a matched filter that knows the forms and the noise.
+
+oracle = Oracle(ideal, robot, points, noise, period, lab)
+oracle.d_prime(Effect("backlash", 3, 1e-3), "twin")
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from laboratories.draw import Laboratory
+from laboratories.effects import Effect, apply, largest, logged_torque, temperature_factors, unit
+from laboratories.noise import TorqueNoise
+from laboratories.robots import STILL, Plant, parameters, perturbed, sampled, simulate
+
+DETECTED = 4.0
+"""d' at the limit: an ideal search of 120 candidates with 1 % false alarms finds half of them."""
+_STEP = 2e-4  # [s]
+_DIFFERENCE = 0.05  # of parameters, for the sensitivities
+_WARM = (32.0, 52.0, 38.0, 45.0)  # temperatures of the motions, in turn [deg C]
+
+
+Runs = list[tuple[np.ndarray, np.ndarray]]
+"""Torque and speed at the samples, by motion."""
+
+
+@dataclass(frozen=True)
+class Oracle:
+    """The detector of one laboratory, on the motions of its recording."""
+
+    ideal: Plant
+    """The model with the laboratory's servo: what may differ is taken about it."""
+    robot: Plant
+    """The healthy robot: the change by an effect is taken about it."""
+    points: Sequence[np.ndarray]
+    noise: TorqueNoise
+    period: float
+    lab: Laboratory
+
+    def _torque(
+        self, plant: Plant, effects: Sequence[Effect] = (), friction: np.ndarray | None = None
+    ) -> Runs:
+        """Torque and speed at the samples, by motion."""
+        out = []
+        for motion, points in enumerate(self.points):
+            slow = np.tile(STILL, (len(plant.table), 1))
+            if friction is not None:
+                slow[:, :3] *= friction[:, None]
+            for effect in effects:
+                if effect.name == "temperature_friction":
+                    warm = _WARM[motion % len(_WARM)]
+                    slow[effect.axis - 1, :4] *= temperature_factors(warm, effect.severity)
+            run = simulate(plant, points, slow, step=_STEP)
+            seconds = (len(run) - 1) * 5e-4
+            seen = sampled(run, np.arange(0, seconds, self.period))
+            out.append((logged_torque(effects, seen[:, :, 2], self.period), seen[:, :, 1]))
+        return out
+
+    @cached_property
+    def _base(self) -> Runs:
+        return self._torque(self.ideal)
+
+    @cached_property
+    def _healthy(self) -> Runs:
+        return self._torque(self.robot)
+
+    def _white(self, seen: Runs, mode: str, base: Runs | None = None) -> np.ndarray:
+        """Change of torque against the base in units of the noise, one long vector."""
+        base = self._base if base is None else base
+        twice = np.sqrt(2.0) if mode == "twin" else 1.0
+        parts = []
+        for motion, ((torque, _), (before, speed)) in enumerate(zip(seen, base, strict=True)):
+            scale = twice * self.noise.scale(before, speed, motion)
+            parts.append(self.noise.whitened(torque - before, scale).ravel())
+        return np.concatenate(parts)
+
+    @cached_property
+    def _friction(self) -> list[Runs]:
+        """Runs with more friction on each axis."""
+        n = self.lab.machine.n_axes
+        return [
+            self._torque(self.ideal, friction=1 + _DIFFERENCE * np.eye(n)[axis])
+            for axis in range(n)
+        ]
+
+    def _columns(self, mode: str) -> np.ndarray:
+        """What may differ without an effect, by one standard deviation: (columns, samples)."""
+        if mode in self._known:
+            return self._known[mode]
+        twice = np.sqrt(2.0) if mode == "twin" else 1.0
+        own = np.array([self._white(run, mode) for run in self._friction]) / _DIFFERENCE
+        own *= twice * float(self.lab.factors["repeat"])
+        columns = [0.6 * own, 0.8 * own.sum(axis=0, keepdims=True)]
+        if mode == "alone":
+            error = float(self.lab.factors["model_error"])
+            for name, index in parameters(self.lab.machine.n_axes):
+                plant = perturbed(self.ideal, {(name, index): _DIFFERENCE})
+                size = error / _DIFFERENCE * (2 if name in ("STIFF", "DAMP") else 1)
+                columns.append(size * self._white(self._torque(plant), mode)[None])
+            for axis in range(self.lab.machine.n_axes):
+                rest = float(self.ideal.column("REST")[axis])
+                stiffer = self.ideal.changed(axis + 1, REST=1.5 * rest)
+                smooth = self.ideal.changed(
+                    axis + 1, SMOOTH=0.4, TANH=0.15 * float(self.ideal.column("SPEED")[axis])
+                )
+                columns += [
+                    self._white(self._torque(plant), mode)[None] for plant in (stiffer, smooth)
+                ]
+            if self.lab.factors["torque"] == "current":
+                columns += self._of_current()
+        self._known[mode] = np.concatenate(columns)
+        return self._known[mode]
+
+    def _of_current(self) -> list[np.ndarray]:
+        """Errors of the gain and the zero of a measured current."""
+        n, limit = self.lab.machine.n_axes, self.lab.machine.limit
+        columns = []
+        for axis in range(n):
+            one = np.eye(n)[axis]
+            scaled = [(torque * (1 + 0.017 * one), w) for torque, w in self._base]
+            moved = [(torque + 0.003 * limit * one, w) for torque, w in self._base]
+            columns += [self._white(seen, "alone")[None] for seen in (scaled, moved)]
+        return columns
+
+    @cached_property
+    def _known(self) -> dict[str, np.ndarray]:
+        return {}
+
+    def d_prime(self, effect: Effect, mode: str) -> float:
+        """Distance of the robot with the effect from healthy ones, in standard deviations.
+
+        Args:
+            effect: The effect, with its severity.
+            mode: 'twin' or 'alone'.
+
+        Returns:
+            d'; an ideal detector finds the effect from about 4 on.
+        """
+        plant = apply(effect, self.robot, self.lab.machine)
+        white = self._white(self._torque(plant, [effect]), mode, self._healthy)
+        columns = self._columns(mode)
+        along = columns @ white
+        inner = np.eye(len(columns)) + columns @ columns.T
+        return float(np.sqrt(max(white @ white - along @ np.linalg.solve(inner, along), 0.0)))
+
+    def at_multiple(self, effect: Effect, multiple: float, mode: str) -> Effect:
+        """The effect at a multiple of its limit, or as large as is sensible.
+
+        Args:
+            effect: The effect; its severity does not matter.
+            multiple: Of the limit.
+            mode: 'twin' or 'alone': whose limit.
+        """
+        machine = self.lab.machine
+        most = largest(effect.name, effect.axis, machine)
+        severity = unit(effect.name, effect.axis, machine)
+        for _ in range(4):
+            effect = replace(effect, severity=severity)
+            found = self.d_prime(effect, mode)
+            factor = multiple * DETECTED / max(found, 1e-6)
+            if 0.9 < factor < 1.1:
+                break
+            # backlash and the like are not linear: not too far at once
+            severity = float(min(severity * np.clip(factor, 0.02, 20), most))
+        return replace(effect, severity=severity)
