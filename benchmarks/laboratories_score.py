@@ -18,7 +18,7 @@ from typing import Annotated, Any
 
 import typer
 from joblib import Parallel, delayed
-from laboratories.draw import BASE, CASES, LEVELS, draw_laboratory
+from laboratories.draw import BASE, CASES, LEVELS, Laboratory, draw_laboratory
 from laboratories.files import CASE_FILE, read_truth, write_truth
 from laboratories.score import FAILED, Row, judge, summary, table
 
@@ -28,24 +28,6 @@ HOME = Path.home() / ".cache" / "faultgen-laboratories"
 _EVERY = 20  # answers between two tables
 
 app = typer.Typer(add_completion=False, help=__doc__)
-
-
-def make(seeds: str, number: int, forced: Mapping[str, Any], quick: bool, trial: Path) -> None:
-    """Make the cases of a laboratory, unless they are there.
-
-    Args:
-        seeds: Set of seeds.
-        number: Number of the laboratory.
-        forced: Levels that it must have.
-        quick: Without recordings of 60 s.
-        trial: Folder of the trial.
-    """
-    from laboratories.make import make_laboratory
-
-    lab = draw_laboratory(seeds, number, forced, quick)
-    path = trial / "truth" / f"{lab.name}.json"
-    if not path.is_file():
-        write_truth(make_laboratory(lab, trial), path)
 
 
 def answer(folder: Path, mode: str, target: Path, cache: Path) -> None:
@@ -83,12 +65,23 @@ def answer(folder: Path, mode: str, target: Path, cache: Path) -> None:
     part.replace(target)
 
 
-def _work(trial: Path, entries: Sequence[Mapping[str, Any]], results: str) -> None:
+def _answer_all(trial: Path, entries: Sequence[Mapping[str, Any]], results: str, mode: str) -> None:
     """Answer cases one after another, as those of a laboratory share their sensitivities."""
     for entry in entries:
-        folder = trial / "cases" / entry.get("folder", entry["name"])
-        target = trial / results / f"{entry['name']}.json"
-        answer(folder, entry["mode"], target, trial / f"sensitivities-{results}")
+        if mode in ("both", entry["mode"]):
+            folder = trial / "cases" / entry.get("folder", entry["name"])
+            target = trial / results / f"{entry['name']}.json"
+            answer(folder, entry["mode"], target, trial / f"sensitivities-{results}")
+
+
+def _laboratory(lab: Laboratory, trial: Path, results: str, mode: str) -> None:
+    """Make the cases of a laboratory and answer them, as far as that has not been done."""
+    from laboratories.make import make_laboratory
+
+    path = trial / "truth" / f"{lab.name}.json"
+    if not path.is_file():
+        write_truth(make_laboratory(lab, trial), path)
+    _answer_all(trial, json.loads(path.read_text()), results, mode)
 
 
 def levels(texts: Sequence[str]) -> dict[str, Any]:
@@ -150,43 +143,39 @@ def main(
     if trial is None:
         parts = [seeds.value, *(f"{name}_{level}" for name, level in forced.items())]
         trial = HOME / "-".join(parts + ["long"] * long)
-    if not (trial / "truth.json").is_file():
-        numbers = range(-(-cases // CASES))
-        made = Parallel(n_jobs=workers, return_as="generator_unordered")(
-            delayed(make)(seeds.value, number, forced, not long, trial) for number in numbers
-        )
-        for count, _ in enumerate(made):
-            typer.echo(f"laboratory {count + 1} of {len(numbers)} made", err=True)
-    truth = read_truth(trial)
-    folders = list(dict.fromkeys(entry.get("folder", name) for name, entry in truth.items()))
-    chosen = [
-        entry
-        for entry in truth.values()
-        if entry.get("folder", entry["name"]) in folders[:cases] and mode in ("both", entry["mode"])
-    ]
-    by_laboratory: dict[str, list[dict[str, Any]]] = {}
-    for entry in chosen:
-        by_laboratory.setdefault(entry["name"].partition("_")[0], []).append(entry)
-    running = Parallel(n_jobs=workers, return_as="generator_unordered")(
-        delayed(_work)(trial, entries, results) for entries in by_laboratory.values()
-    )
+    given = (trial / "truth.json").is_file()
+    shown = ["noise"] if given else []
+    if given:
+        names = list(read_truth(trial))[:cases]
+        tasks = [
+            delayed(_answer_all)(trial, [entry], results, mode.value)
+            for name, entry in read_truth(trial).items()
+            if name in names
+        ]
+    else:
+        labs = [
+            draw_laboratory(seeds.value, number, forced, not long)
+            for number in range(-(-cases // CASES))
+        ]
+        names = [lab.name for lab in labs]
+        tasks = [delayed(_laboratory)(lab, trial, results, mode.value) for lab in labs]
+    running = Parallel(n_jobs=workers, return_as="generator_unordered")(tasks)
     rows: dict[str, Row] = {}
-    shown = ["noise"] if (trial / "truth.json").is_file() else []
 
     def look() -> None:
         before = len(rows)
-        for entry in chosen:
-            name = entry["name"]
+        for name, entry in read_truth(trial).items():
             path = trial / results / f"{name}.json"
-            if name not in rows and path.is_file():
+            ours = (name if given else name.partition("_")[0]) in names
+            if ours and mode in ("both", entry["mode"]) and name not in rows and path.is_file():
                 rows[name] = judge(entry, json.loads(path.read_text()))
                 typer.echo(_line(rows[name]))
-        if len(rows) // _EVERY > before // _EVERY and len(rows) < len(chosen):
+        if len(rows) // _EVERY > before // _EVERY:
             typer.echo("\n" + table(list(rows.values()), shown))
 
-    look()
     for _ in running:
         look()
+    look()
     done = list(rows.values())
     typer.echo("\n" + table(done, shown))
     text = json.dumps({"base": BASE, **summary(done, shown)}, indent=1) + "\n"

@@ -148,7 +148,7 @@ def test_friction_holds_up_to_its_static_level() -> None:
 
 
 def test_agrees_with_the_sealed_simulator() -> None:
-    """The same healthy PUMA on the same motion: motor torques differ by less than 0.5 %."""
+    """The same healthy PUMA on the same motion: motor torques differ by less than 0.1 %."""
     physics = nominal_physics(load_robot("puma560"))
     table = physics.table.copy()
     plant, _ = with_servo(nominal(machine_of("puma560")), "model", 0.0, 1e-4)
@@ -165,7 +165,7 @@ def test_agrees_with_the_sealed_simulator() -> None:
         times = np.arange(len(theirs)) * SAMPLE_PERIOD
         torque = sampled(own, times)[:, :, 2]
         error = np.sqrt(((torque - theirs) ** 2).mean(axis=0) / (theirs**2).mean(axis=0))
-        assert (error < 5e-3).all(), error
+        assert (error < 1e-3).all(), error
 
 
 @pytest.mark.parametrize("kind", MOTIONS)

@@ -168,6 +168,8 @@ def draw_laboratory(
 def _pick(name: str, levels: tuple[Any, ...], rng: np.random.Generator, quick: bool) -> Any:
     if name == "seconds" and quick:
         levels = tuple(level for level in levels if level <= 25)
+    if name == "model_friction" and rng.uniform() < 0.5:
+        return levels[0]  # the other level leaves only the cases with a twin
     return levels[int(rng.integers(len(levels)))]
 
 

@@ -309,6 +309,7 @@ def make_laboratory(lab: Laboratory, folder: Path) -> list[dict[str, Any]]:
             if mode == "alone" and lab.factors["model_friction"] == "missing":
                 continue  # friction of all axes is missing then, beside the effect
             found = oracle.d_prime(effects[0], mode) if effects else None
+            apart = oracle.separation(effects[0], mode) if plan.kind == "single" else None
             entries.append(
                 {
                     "name": f"{plan.name}_{mode}",
@@ -318,6 +319,7 @@ def make_laboratory(lab: Laboratory, folder: Path) -> list[dict[str, Any]]:
                     "robot": lab.factors["robot"],
                     "effects": [vars(effect) for effect in effects],
                     "d_prime": found,
+                    "separation": apart,
                     "floor": floor,
                     "stressed": list(lab.stressed),
                     "factors": lab.factors | {"possible_bandwidth": round(setup.bandwidth, 2)},

@@ -13,7 +13,16 @@ from functools import cached_property
 import numpy as np
 
 from laboratories.draw import Laboratory
-from laboratories.effects import Effect, apply, largest, logged_torque, temperature_factors, unit
+from laboratories.effects import (
+    CATALOGUE,
+    Effect,
+    apply,
+    axes_of,
+    largest,
+    logged_torque,
+    temperature_factors,
+    unit,
+)
 from laboratories.noise import TorqueNoise
 from laboratories.robots import STILL, Plant, parameters, perturbed, sampled, simulate
 
@@ -130,6 +139,19 @@ class Oracle:
     def _known(self) -> dict[str, np.ndarray]:
         return {}
 
+    def _decorrelated(self, columns: np.ndarray, mode: str) -> np.ndarray:
+        """Inner products of columns, given that what may differ does; (columns, columns)."""
+        known = self._columns(mode)
+        along = known @ columns.T
+        inner = np.eye(len(known)) + known @ known.T
+        out: np.ndarray = columns @ columns.T - along.T @ np.linalg.solve(inner, along)
+        return out
+
+    def _signal(self, effect: Effect, mode: str) -> np.ndarray:
+        """Change by an effect in the robot, in units of the noise."""
+        plant = apply(effect, self.robot, self.lab.machine)
+        return self._white(self._torque(plant, [effect]), mode, self._healthy)
+
     def d_prime(self, effect: Effect, mode: str) -> float:
         """Distance of the robot with the effect from healthy ones, in standard deviations.
 
@@ -140,12 +162,50 @@ class Oracle:
         Returns:
             d'; an ideal detector finds the effect from about 4 on.
         """
-        plant = apply(effect, self.robot, self.lab.machine)
-        white = self._white(self._torque(plant, [effect]), mode, self._healthy)
-        columns = self._columns(mode)
-        along = columns @ white
-        inner = np.eye(len(columns)) + columns @ columns.T
-        return float(np.sqrt(max(white @ white - along @ np.linalg.solve(inner, along), 0.0)))
+        square = self._decorrelated(self._signal(effect, mode)[None], mode)[0, 0]
+        return float(np.sqrt(max(square, 0.0)))
+
+    def separation(self, effect: Effect, mode: str) -> float:
+        """Distance from the nearest other effect of the catalogue on the same axis.
+
+        Each of the others may have any severity; its change of torque is taken to be linear.
+
+        Args:
+            effect: The effect, with its severity.
+            mode: 'twin' or 'alone'.
+
+        Returns:
+            d' that remains; an ideal judge tells the two apart from about 4 on.
+        """
+        rivals = [
+            self._white(run, mode)
+            for name, run in self._rivals(effect.axis).items()
+            if name != effect.name
+        ]
+        inner = self._decorrelated(np.array([self._signal(effect, mode), *rivals]), mode)
+        own, sizes = inner[0, 0], np.diag(inner)[1:]
+        # what is invisible cannot be mistaken for the effect
+        shares = np.where(sizes > 1e-6, inner[0, 1:] ** 2 / np.maximum(sizes, 1e-6), 0.0)
+        return float(np.sqrt(max(own - shares.max(), 0.0)))
+
+    def _rivals(self, axis: int) -> dict[str, Runs]:
+        """Runs of the model with each effect of the catalogue on an axis."""
+        if axis not in self._runs:
+            machine = self.lab.machine
+            effects = [
+                Effect(name, axis, unit(name, axis, machine), {"order": 2.0})
+                for name in CATALOGUE
+                if axis in axes_of(name, machine.n_axes)
+            ]
+            self._runs[axis] = {
+                effect.name: self._torque(apply(effect, self.ideal, machine), [effect])
+                for effect in effects
+            }
+        return self._runs[axis]
+
+    @cached_property
+    def _runs(self) -> dict[int, dict[str, Runs]]:
+        return {}
 
     def at_multiple(self, effect: Effect, multiple: float, mode: str) -> Effect:
         """The effect at a multiple of its limit, or as large as is sensible.

@@ -22,15 +22,17 @@ NOTHING, UNKNOWN, FAILED, LEARNED = "no missing effect", "unknown effect", "fail
 MEASURES = {
     "first": "first answer right",
     "listed": "true effect in the listed set",
+    "nameable": "first answer right, where the oracle could name it",
     "axis": "axis of the first answer right",
     "wrong": "sure and wrong",
     "healthy": "healthy called healthy",
     "unknown": "unlisted called unknown, or learned on the right axis",
     "found": "effect found",
     "oracle": "oracle would find it",
+    "oracle_names": "oracle would name it, where clear",
     "failed": "failed",
 }
-"""Shares, with the columns of a table. The first three and `unknown` count clear effects only."""
+"""Shares, with the columns of a table. The first four and `unknown` count clear effects only."""
 CLEAR = 8.0
 """d' of the oracle from which an effect counts as clear: twice the limit."""
 DETECTED = 4.0
@@ -53,12 +55,14 @@ class Row:
     d_prime: float | None
     first: bool | None
     listed: bool | None
+    nameable: bool | None
     axis: bool | None
     wrong: bool
     healthy: bool | None
     unknown: bool | None
     found: bool | None
     oracle: bool | None
+    oracle_names: bool | None
     failed: bool
     closed: float | None
     """Share of the squared gap on the validation motions that the answer closes."""
@@ -116,6 +120,8 @@ def judge(truth: Json, answer: Json) -> Row:
         wrong = certain and not unknown
         unknown = unknown if clear else None
     single = kind == "single" and clear
+    apart = truth.get("separation")
+    distinct = apart is None or apart >= DETECTED
     gap = answer.get("gap") or {}
     validation = gap.get("validation") or {}
     said = verdict
@@ -133,12 +139,14 @@ def judge(truth: Json, answer: Json) -> Row:
         d_prime=d_prime,
         first=given[:1] == true if single else None,
         listed=set(true) <= listed if single else None,
+        nameable=given[:1] == true if single and distinct else None,
         axis=[axis for _, axis in given[:1]] == [true[0][1]] if single else None,
         wrong=wrong,
         healthy=verdict == NOTHING if kind == "healthy" else None,
         unknown=unknown,
         found=verdict not in (NOTHING, FAILED) if kind == "single" else None,
         oracle=d_prime >= DETECTED if kind == "single" and d_prime is not None else None,
+        oracle_names=distinct if single and apart is not None else None,
         failed=verdict == FAILED,
         closed=gap_closed(validation, truth.get("floor")) if kind != "healthy" else None,
         own_closed=gap_closed(gap, gap.get("floor")) if kind != "healthy" else None,
