@@ -256,9 +256,7 @@ def test_plan_is_balanced_and_repeatable() -> None:
     kinds = [plan.kind for plan in plans]
     assert kinds.count("healthy") == len(plans) / 4
     assert kinds.count("unlisted") == len(plans) / 8
-    assert {plan.effect for plan in plans if plan.kind == "single"} >= set(CATALOGUE) - {
-        "temperature_friction"
-    }
+    assert {plan.effect for plan in plans if plan.kind == "single"} == set(CATALOGUE)
     assert {name for lab in labs for name in lab.stressed} == {*BASE, "all"}
     forced = draw_laboratory("development", 3, {"noise": "by_motion"})
     assert forced.factors["noise"] == "by_motion"

@@ -160,6 +160,8 @@ def draw_laboratory(
             others = tuple(level for level in LEVELS[name] if level != BASE[name])
             factors[name] = _pick(name, others, rng, quick)
     factors |= dict(forced or {})
+    if "bandwidth" in stressed and factors["servo"] == "model":
+        factors["servo"] = "cascade_ff"  # the model's own gains have no bandwidth to choose
     # at least 2.5 s a segment
     factors["segments"] = min(factors["segments"], max(1, int(factors["seconds"] / 2.5)))
     return Laboratory(seeds, number, factors, tuple(dict.fromkeys(stressed)))
@@ -201,11 +203,10 @@ def draw_cases(lab: Laboratory) -> list[Plan]:
         for _ in range(len(CATALOGUE)):
             effect = CATALOGUE[order[start % len(CATALOGUE)]]
             start += 1
-            cold = effect == "temperature_friction" and (
-                not lab.factors["temperature"] or lab.factors["segments"] < 2
-            )
-            if axes_of(effect, n) and not cold:
+            if axes_of(effect, n) and effect != "temperature_friction":
                 break
+        if len(plans) == 1 and lab.factors["temperature"] and lab.factors["segments"] > 1:
+            effect = "temperature_friction"  # only these laboratories can have it
         many: float | None = MULTIPLES[int(rng.integers(len(MULTIPLES)))]
         if effect in PLANT_UNITS and rng.uniform() < 0.75:
             many = None

@@ -33,8 +33,8 @@ MEASURES = {
     "failed": "failed",
 }
 """Shares, with the columns of a table. The first four and `unknown` count clear effects only."""
-CLEAR = 8.0
-"""d' of the oracle from which an effect counts as clear: twice the limit."""
+CLEAR = 7.0
+"""d' of the oracle from which an effect counts as clear: about twice the limit."""
 DETECTED = 4.0
 """d' of the limit."""
 
