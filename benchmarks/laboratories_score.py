@@ -25,6 +25,7 @@ from laboratories.score import FAILED, Row, judge, summary, table
 Seeds = StrEnum("Seeds", ["development", "report"])
 Mode = StrEnum("Mode", ["twin", "alone", "both"])
 HOME = Path.home() / ".cache" / "faultgen-laboratories"
+RESULTS = Path(__file__).with_name("results")
 _EVERY = 20  # answers between two tables
 
 app = typer.Typer(add_completion=False, help=__doc__)
@@ -136,11 +137,19 @@ def main(
     results: Annotated[
         str, typer.Option(help="Name of the answers: another one for each version of the code.")
     ] = "results",
-    save: Annotated[Path | None, typer.Option(help="File for all scores, as JSON.")] = None,
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            help="File for all scores, as JSON; without --trial and --factor, "
+            "benchmarks/results/laboratories_SEEDS.json."
+        ),
+    ] = None,
 ) -> None:
     """Make what is missing, answer what has no answer yet, and score."""
     forced = levels(factor or [])
     if trial is None:
+        if save is None and not forced:
+            save = RESULTS / f"laboratories_{seeds.value}.json"
         parts = [seeds.value, *(f"{name}_{level}" for name, level in forced.items())]
         trial = HOME / "-".join(parts + ["long"] * long)
     given = (trial / "truth.json").is_file()

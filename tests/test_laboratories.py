@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import fields, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -200,15 +201,22 @@ def test_servos_follow(kind: str) -> None:
     assert 0 < bandwidth <= 8.0
 
 
+@cache
+def healthy_puma() -> tuple[Plant, np.ndarray, np.ndarray]:
+    """The nominal PUMA with the model's servo, set points of a short motion, and its run."""
+    machine = machine_of("puma560")
+    plant, _ = with_servo(nominal(machine), "model", 0.0, 1e-3)
+    motion = draw_motion("task", machine, 2.5, np.random.default_rng(2))
+    points = set_points(machine, motion.q, motion.qd, motion.qdd)
+    return plant, points, simulate(plant, points)
+
+
 @pytest.mark.parametrize("name", [*CATALOGUE, *UNLISTED])
 def test_effects_change_their_axis(name: str) -> None:
     """Severity 0 is the healthy run, bit for bit; a severity changes the torque of its axis."""
+    plant, points, healthy = healthy_puma()
     machine = machine_of("puma560")
-    plant, _ = with_servo(nominal(machine), "model", 0.0, 1e-3)
-    motion = draw_motion("task", machine, 3.0, np.random.default_rng(2))
-    points = set_points(machine, motion.q, motion.qd, motion.qdd)
     axis = 2 if 2 in axes_of(name, 6) else 6
-    healthy = simulate(plant, points)
     if name in ("temperature_friction", "torque_lowpass", "speed_clipping"):
         return  # the first two act outside the robot; the third has a limit at any severity
     none = apply(Effect(name, axis, 0.0), plant, machine)
