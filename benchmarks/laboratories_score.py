@@ -113,8 +113,9 @@ def _line(row: Row) -> str:
     verdicts = [v for v in (row.first, row.healthy, row.unknown) if v is not None]
     mark = {True: "right", False: "WRONG"}[verdicts[0]] if verdicts else ""
     seen = "" if row.d_prime is None else f", d' {row.d_prime:.0f}"
-    stressed = " ".join(f"{name}={row.factors.get(name, '')}" for name in row.stressed)
-    stressed = stressed or f"noise={row.factors.get('noise')}"
+    names = [name for name in row.stressed if name != "all"] or ["noise"]
+    stressed = " ".join(f"{name}={row.factors.get(name)}" for name in names)
+    stressed += " and all others" if "all" in row.stressed else ""
     return (
         f"{row.name:16} {row.mode:5} {row.factors['robot']} {stressed}: {row.truth}{seen} "
         f"-> {mark} {row.said} ({row.seconds:.0f} s)"
