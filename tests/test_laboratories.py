@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 
+import laboratories_score
 import numpy as np
 import pytest
 from laboratories.arm import body_arrays, forward, inverse, workspace
@@ -35,6 +36,7 @@ from sealed.motions import protocol
 from sealed.physics import LEAD, SAMPLE_PERIOD, nominal_physics
 from sealed.physics import set_points as sealed_points
 from sealed.physics import simulate as sealed_simulate
+from typer.testing import CliRunner
 
 from faultgen.discovery import check_recording, read_recording
 from faultgen.robot import load_robot
@@ -348,3 +350,31 @@ def test_scores_by_hand() -> None:
     one = share([judge(truth, named), judge(truth, other)], "first")
     assert (one["hits"], one["count"]) == (1, 2)
     assert one["low"] == pytest.approx(0.0945, abs=1e-3)  # Wilson, 1 of 2
+
+
+def test_command_scores_what_is_answered(tmp_path: Path) -> None:
+    """With all answers there, the command prints and writes the table; it refuses bad factors."""
+    case = {
+        "name": "case_1",
+        "mode": "twin",
+        "kind": "healthy",
+        "effects": [],
+        "factors": {"noise": "by_motion", "robot": "puma560"},
+    }
+    other = case | {"name": "case_2", "mode": "alone"}
+    write_truth([case, other], tmp_path / "truth.json")
+    (tmp_path / "mine").mkdir()
+    for name, verdict in (("case_1", "no missing effect"), ("case_2", "unknown effect")):
+        answer = {"verdict": verdict, "effects": [], "seconds": 2.0}
+        (tmp_path / "mine" / f"{name}.json").write_text(json.dumps(answer))
+        # the folder of a case is read only when it has no answer
+    saved = tmp_path / "scores.json"
+    command = ["--trial", str(tmp_path), "--results", "mine", "--save", str(saved)]
+    done = CliRunner().invoke(laboratories_score.app, command)
+    assert done.exit_code == 0, done.output
+    groups = json.loads(saved.read_text())["groups"]
+    assert groups["twin, noise = by_motion"]["healthy"]["hits"] == 1
+    assert groups["alone"]["healthy"]["hits"] == 0
+    assert "| twin, noise = by_motion |" in done.output
+    for bad in ("colour=red", "noise=loud"):
+        assert CliRunner().invoke(laboratories_score.app, ["--factor", bad]).exit_code == 2
