@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from faultgen.errors import InputError
-from faultgen.monitoring.sensors import SENSORS, get_sensors, measure, surroundings, torque_noise
+from faultgen.monitoring.environment import surroundings
+from faultgen.monitoring.sensors import SENSORS, get_sensors, measure, torque_noise
 
 RATIO, COUNTS, MEAN = np.array([100.0, -50.0]), np.array([1000.0, 0.0]), np.array([2.0, 0.5])
 

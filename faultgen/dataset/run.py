@@ -13,8 +13,9 @@ from faultgen.dataset.planning import Run
 from faultgen.dataset.run_file import create_arrays, growth_of, run_attributes, shares_of
 from faultgen.dataset.storage import RunWriter
 from faultgen.errors import InputError, SimulationFailed
+from faultgen.monitoring.environment import Surroundings, surroundings
 from faultgen.monitoring.reductions import monitor
-from faultgen.monitoring.sensors import Surroundings, get_sensors, measure, surroundings
+from faultgen.monitoring.sensors import get_sensors, measure
 from faultgen.robot import Robot
 from faultgen.simulation.nominal import nominal
 from faultgen.simulation.plant import Machine

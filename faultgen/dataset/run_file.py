@@ -15,8 +15,8 @@ from faultgen.dataset.storage import RunWriter
 from faultgen.dataset.wear import severities
 from faultgen.effects import get_effect
 from faultgen.effects.elements import numbered
+from faultgen.monitoring.environment import Surroundings
 from faultgen.monitoring.reductions import BINS
-from faultgen.monitoring.sensors import Surroundings
 from faultgen.provenance import Provenance, provenance
 from faultgen.robot import Robot
 from faultgen.simulation.nominal import Nominal

@@ -1,8 +1,8 @@
-"""Sensors, and what disturbs a robot from cycle to cycle.
+"""Sensors: the noise that they add to a simulated cycle, and how they round it.
 
-There are two kinds of randomness. `Surroundings` (temperature and payload) change the motion
-itself, so that every draw needs its own simulation. `measure` adds noise to a simulated cycle, so
-that noise can be drawn again without another simulation.
+`measure` adds noise to a simulated cycle, so that noise can be drawn again without another
+simulation. A preset also states how much temperature and payload vary from cycle to cycle. These
+change the motion itself; `faultgen.monitoring.environment` draws them.
 """
 
 from __future__ import annotations
@@ -84,47 +84,6 @@ def get_sensors(name: str) -> Sensors:
     if name not in SENSORS:
         raise InputError(f"unknown sensors '{name}': choose {', '.join(SENSORS)}")
     return SENSORS[name]
-
-
-@dataclass(frozen=True)
-class Surroundings:
-    """What changes from cycle to cycle, apart from wear. Arrays have shape (cycles,)."""
-
-    temperature: np.ndarray
-    """True gearbox temperature, the same in all gearboxes [deg C]."""
-    measured_temperature: np.ndarray
-    """Temperature that the sensor shows [deg C]."""
-    payload_factor: np.ndarray
-    """Mass of the payload divided by its nominal mass."""
-
-
-def surroundings(
-    sensors: Sensors, cycles: int, reference: float, rng: np.random.Generator
-) -> Surroundings:
-    """Draw temperature and payload for every cycle.
-
-    The temperature is a first-order autoregressive process around the reference. The number of
-    random draws is the same for every preset.
-
-    Args:
-        sensors: The preset.
-        cycles: Number of cycles.
-        reference: Mean temperature [deg C].
-        rng: Random number generator.
-
-    Returns:
-        The surroundings in each cycle.
-    """
-    kicks, errors, loads = rng.standard_normal((3, cycles))
-    memory = np.exp(-1 / sensors.temperature_memory)
-    kicks[1:] *= np.sqrt(1 - memory**2)
-    wander = lfilter([1.0], [1.0, -memory], kicks)
-    temperature = reference + sensors.temperature_wander * wander
-    return Surroundings(
-        temperature=temperature,
-        measured_temperature=temperature + sensors.temperature_error * errors,
-        payload_factor=1 + sensors.payload_scatter * loads,
-    )
 
 
 def torque_noise(

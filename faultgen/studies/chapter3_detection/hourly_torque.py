@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from faultgen.evaluation.wear_model import Directions, wear_points, wear_slopes
-from faultgen.monitoring.sensors import Sensors, surroundings
+from faultgen.monitoring.environment import surroundings
+from faultgen.monitoring.sensors import Sensors
 from faultgen.robot import STRIBECK_VELOCITY, load_robot
 from faultgen.simulation.surrogate import Surrogate
 

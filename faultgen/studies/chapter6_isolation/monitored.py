@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultgen.evaluation.wear_model import Observed, WearModel, wear_model, wear_points
+from faultgen.monitoring.environment import surroundings
 from faultgen.monitoring.reductions import mean_abs_torque
-from faultgen.monitoring.sensors import Sensors, measure, surroundings
+from faultgen.monitoring.sensors import Sensors, measure
 from faultgen.robot import load_robot
 from faultgen.simulation.surrogate import Surrogate
 
