@@ -13,7 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import ArrayLike
 from scipy.stats import f
 
-from .plots import COLOURS, MARKERS
+from .plots import COLOURS, MARKERS, colour
 
 _LINES = ("--", "-", "-.", ":")
 _DECADES = 1.5  # between the highest and the usual value; from here on the scale is logarithmic
@@ -121,7 +121,7 @@ def plot_scores(
             marker=MARKERS[k % len(MARKERS)],
             ms=4,
             mfc="none",
-            mec=COLOURS[k % len(COLOURS)],
+            mec=colour(k),
             label=group or None,
         )
     angle = np.linspace(0, 2 * np.pi, 361)
@@ -158,7 +158,7 @@ def plot_divergence(
         axes.plot(
             times,
             line,
-            color=COLOURS[k % len(COLOURS)],
+            color=colour(k),
             ls=_LINES[(k + 1) % len(_LINES)],
             marker=MARKERS[k % len(MARKERS)],
             markevery=(k * every // len(lines.T), every),
@@ -188,7 +188,7 @@ def plot_detection_delay(
     axes.plot(
         np.asarray(false_alarms_per_month),
         delay,
-        color=COLOURS[number % len(COLOURS)],
+        color=colour(number),
         ls=_LINES[(number + 1) % len(_LINES)],
         marker=MARKERS[number % len(MARKERS)],
         ms=4.5,

@@ -13,11 +13,30 @@ import matplotlib.pyplot as plt
 import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
+from matplotlib.colors import hsv_to_rgb, to_hex
 from numpy.typing import ArrayLike
 
 # Okabe and Ito (2008), a palette that colour-blind people can tell apart
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+
+
+def colour(number: int) -> str:
+    """Return the colour of a line by its number. No two numbers have the same colour.
+
+    Args:
+        number: From 0.
+
+    Returns:
+        The colour as #RRGGBB: one of the palette or, beyond it, one of a hue between those used so
+        far, in one of three degrees of brightness.
+    """
+    if number < len(COLOURS):
+        return COLOURS[number]
+    beyond = number - len(COLOURS)
+    hue = (0.5 + beyond * (np.sqrt(5) - 1) / 2) % 1  # golden section: never the same hue again
+    red, green, blue = hsv_to_rgb((hue, 0.9, (0.55, 0.75, 0.95)[beyond % 3])).tolist()
+    return to_hex((red, green, blue))
 
 
 @contextmanager
@@ -84,8 +103,7 @@ def plot_series(axes: Axes, cycles: ArrayLike, values: ArrayLike, label: str, nu
         label: Name of the line.
         number: Number of the colour.
     """
-    colour = COLOURS[number % len(COLOURS)]
-    axes.plot(np.asarray(cycles), np.asarray(values), color=colour, label=label, lw=1.3)
+    axes.plot(np.asarray(cycles), np.asarray(values), color=colour(number), label=label, lw=1.3)
     axes.set(xlabel="cycle")
 
 
@@ -115,7 +133,7 @@ def plot_accuracy(
         share,
         yerr=errors,
         label=label,
-        color=COLOURS[number % len(COLOURS)],
+        color=colour(number),
         marker=MARKERS[number % len(MARKERS)],
         capsize=2,
         lw=1.2,

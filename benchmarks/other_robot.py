@@ -16,8 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
+from faultgen.evaluation import Answer
+from faultgen.evaluation.features import Features
 from faultgen.evaluation.isolate import LEVELS
-from faultgen.evaluation.wear_model import FRICTION, isolator_input
+from faultgen.evaluation.isolators import FrictionResidual
+from faultgen.evaluation.methods import fit
 from faultgen.monitoring.sensors import get_sensors
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, load_robot
 from faultgen.simulation.surrogate import build_surrogate
@@ -45,16 +48,16 @@ def main() -> None:
         for number in range(args.units):
             rng = np.random.default_rng([args.seed, number])
             path = Path(folder) / f"unit{number}.xml"
-            own_friction = _write_unit(args.robot, path, rng)
+            own_friction = _write_instance(args.robot, path, rng)
             surrogate = build_surrogate(
                 str(path), args.task, controller=args.robot, workers=args.workers
             )
             reference = nominal.reference
-            unit = Monitored(surrogate, nominal.model, reference)
-            print(f"| {number + 1} | " + " | ".join(_judge(unit, own_friction, rng)) + " |")
+            instance = Monitored(surrogate, nominal.model, reference)
+            print(f"| {number + 1} | " + " | ".join(_judge(instance, own_friction, rng)) + " |")
 
 
-def _write_unit(robot: str, path: Path, rng: np.random.Generator) -> np.ndarray:
+def _write_instance(robot: str, path: Path, rng: np.random.Generator) -> np.ndarray:
     """Write a unit's MJCF; returns its Coulomb friction over the nominal one, shape (n_axes,)."""
     nominal = load_robot(robot)
     spec = nominal.spec()
@@ -77,19 +80,19 @@ def _write_unit(robot: str, path: Path, rng: np.random.Generator) -> np.ndarray:
     return np.array(ratios)
 
 
-def _judge(unit: Monitored, own: np.ndarray, rng: np.random.Generator) -> list[str]:
+def _judge(instance: Monitored, own: np.ndarray, rng: np.random.Generator) -> list[str]:
     sensors = get_sensors("realistic")
-    n_axes = unit.surrogate.n_axes
+    n_axes = instance.surrogate.n_axes
     grown = growth()
-    isolator = unit.model.isolators(temperature_varies=True)[FRICTION]
+    isolator = FrictionResidual(instance.setting(temperature_varies=True))
 
-    def given(severity: np.ndarray) -> np.ndarray:
-        seen = unit.observe(sensors, severity, rng)
-        return isolator_input(FRICTION, seen, temperature_varies=True)
+    def answer(seen: Features, cycles: int) -> Answer:
+        return isolator.isolate(*(seen[name][:cycles] for name in isolator.features))
 
     healthy = np.zeros((len(grown), n_axes))
-    isolator.fit([given(healthy) for _ in range(20)])
-    alarms = sum(bool(isolator.isolate(given(healthy)).worn.any()) for _ in range(30))
+    fit(isolator, [instance.observe(sensors, healthy, rng) for _ in range(20)])
+    tested = (instance.observe(sensors, healthy, rng) for _ in range(30))
+    alarms = sum(bool(answer(seen, len(grown)).worn.any()) for seen in tested)
     right = dict.fromkeys(LEVELS, 0)
     errors = []
     repeats = 3
@@ -97,13 +100,13 @@ def _judge(unit: Monitored, own: np.ndarray, rng: np.random.Generator) -> list[s
         for _ in range(repeats):
             severity = healthy.copy()
             severity[:, axis] = grown
-            x = given(severity)
+            seen = instance.observe(sensors, severity, rng)
             for level in LEVELS:
                 n = int(np.argmax(grown >= level)) + 1
-                answer = isolator.isolate(x[:n])
-                right[level] += answer.axis == axis
+                said = answer(seen, n)
+                right[level] += said.axis == axis
                 if level == 0.10:
-                    estimate = answer.severity[axis]
+                    estimate = said.severity[axis]
                     errors.append((estimate - grown[n - 1], estimate / own[axis] - grown[n - 1]))
     rms = np.sqrt(np.mean(np.square(errors), axis=0))
     total = n_axes * repeats

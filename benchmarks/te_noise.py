@@ -15,12 +15,19 @@ from faultgen.analysis import net_transfer_entropy, quantile_symbols
 
 from faultgen.dataset.reader import StoredRun, open_dataset
 from faultgen.dataset.wear import severities
-from faultgen.evaluation.isolate import METHODS
+from faultgen.evaluation.isolators import ISOLATORS
 from faultgen.evaluation.markdown import table
+from faultgen.evaluation.methods import Setting, axis_of, isolate
 
 SEEDS = range(2000, 2040)
 NOISE = (0.0, 1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)
 LEVEL = 0.10
+METHODS = [
+    name
+    for name, method in ISOLATORS.items()
+    if not method.learns and method.features == ("mean_abs_torque",)
+]
+"""Isolators that learn nothing."""
 
 
 def series(run: StoredRun) -> np.ndarray:
@@ -103,8 +110,15 @@ def row(label: str, cases: list[tuple[np.ndarray, int]]) -> list[str]:
     Returns:
         The cells of the row.
     """
-    shares = [np.mean([method(x) == worn for x, worn in cases]) for method in METHODS.values()]
-    return [label, *(f"{100 * share:.0f}" for share in shares)]
+    shares = []
+    for name in METHODS:
+        named = [
+            axis_of(isolate(ISOLATORS[name](Setting(n_axes=x.shape[1])), {"mean_abs_torque": x}))
+            for x, _ in cases
+        ]
+        right = [axis == worn for axis, (_, worn) in zip(named, cases, strict=True)]
+        shares.append(100 * np.mean(right))
+    return [label, *(f"{share:.0f}" for share in shares)]
 
 
 def main() -> None:

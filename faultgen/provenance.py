@@ -3,8 +3,9 @@
 A stored result may be used again only if the same code would produce it. The key of that code is
 computed from the version of this package, the version of MuJoCo, and a hash of every source file
 that the result depends on. These files are a module and all modules of this package that it
-imports, directly or indirectly, and those of packages that add effects. Their comments, docstrings
-and blank lines do not count. Runs of datasets, interpolated cycles and all caches use this one key.
+imports, directly or indirectly, and those of packages that add effects. If a result also depends on
+isolators or detectors of other packages, their code counts, too. Comments, docstrings and blank
+lines do not count. Runs of datasets, interpolated cycles and all caches use this one key.
 
     provenance("faultgen.dataset.run").key        # 16 hexadecimal digits
     str(provenance("faultgen.dataset.run"))       # faultgen 0.1.0, MuJoCo 4.0.0, code 5b0c9c2e
@@ -19,13 +20,12 @@ import tokenize
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
-from importlib.metadata import entry_points, version
+from importlib.metadata import version
 from importlib.util import find_spec, resolve_name
 from pathlib import Path
 from typing import Any
 
-PLUGINS = "faultgen.effects"
-"""Group of the entry points of packages that add effects. Their code is included in the hash."""
+from faultgen import plugins
 
 
 @dataclass(frozen=True)
@@ -62,14 +62,16 @@ class Provenance:
 
 
 @lru_cache
-def provenance(module: str) -> Provenance:
+def provenance(module: str, *groups: str) -> Provenance:
     """Return the provenance of the results of a module.
 
     Args:
         module: Name of the module that produces the result, such as "faultgen.dataset.run".
+        groups: Groups of entry points on which the result depends besides `plugins.EFFECTS`, such
+            as `plugins.ISOLATORS`.
     """
     total = hashlib.sha256()
-    added = [point.module for point in entry_points(group=PLUGINS)]
+    added = [name for group in (plugins.EFFECTS, *groups) for name in plugins.modules(group)]
     for name, path in sorted(source_files(module, *added).items()):
         total.update(f"{name}\n{code_of(path.read_text(encoding='utf-8'))}\n".encode())
     return Provenance(version("faultgen"), version("mujoco"), total.hexdigest())

@@ -14,7 +14,7 @@ from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
 from faultgen.errors import InputError
 from faultgen.evaluation.detect import detect, detection_table
-from faultgen.evaluation.wear_model import FRICTION
+from faultgen.evaluation.isolators import FRICTION
 
 
 @pytest.fixture(scope="module")

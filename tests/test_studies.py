@@ -11,23 +11,23 @@ from faultgen.analysis.run_length import ewma_width
 import faultgen.studies.chapter3_detection.study as detection_study
 import faultgen.studies.chapter6_isolation.study as isolation_study
 from faultgen.cli import main
-from faultgen.evaluation.wear_model import FRICTION
+from faultgen.evaluation.isolators import FRICTION
 from faultgen.monitoring.sensors import get_sensors
 from faultgen.robot import STRIBECK_VELOCITY, load_robot
 from faultgen.simulation.motion import plan
 from faultgen.simulation.surrogate import surrogate_file
 from faultgen.studies.chapter3_detection.detectors import (
     DETECTORS,
-    KL_EWMA,
+    ChartOfQ,
+    DivergenceEWMA,
     Divergences,
     Scored,
-    _ewma,
-    alarms,
-    score,
+    scores,
+    separate_alarms,
     threshold,
 )
 from faultgen.studies.chapter3_detection.hourly_torque import hourly_monitored
-from faultgen.studies.chapter3_detection.study import _first_run, _found
+from faultgen.studies.chapter3_detection.study import first_run, found
 from faultgen.studies.chapter6_isolation.series import HEALTHY, PAIR, REFERENCE, WORN, Block, growth
 from faultgen.studies.chapter6_isolation.tables import pooled
 from faultgen.studies.chapter6_isolation.tables import tables as isolation_tables
@@ -43,10 +43,10 @@ def hours(*indices, length=100):
 
 def test_alarms_are_a_day_apart():
     """Hours over the threshold within a day of an alarm belong to it."""
-    assert alarms(hours()) == 0
-    assert alarms(hours(3, 4, 20, 26)) == 1
-    assert alarms(hours(3, 26, 27)) == 2
-    assert alarms(np.ones(100, bool)) == 5
+    assert separate_alarms(hours()) == 0
+    assert separate_alarms(hours(3, 4, 20, 26)) == 1
+    assert separate_alarms(hours(3, 26, 27)) == 2
+    assert separate_alarms(np.ones(100, bool)) == 5
 
 
 def test_threshold_allows_what_it_says():
@@ -55,24 +55,24 @@ def test_threshold_allows_what_it_says():
     months = [rng.standard_normal(720) for _ in range(10)]
     for rate in (0.1, 1.0, 5.0):
         level = threshold(months, rate)
-        assert sum(alarms(m > level) for m in months) <= 10 * rate
+        assert sum(separate_alarms(m > level) for m in months) <= 10 * rate
         below = np.unique(np.concatenate(months))
         below = below[np.searchsorted(below, level) - 1]
-        assert sum(alarms(m > below) for m in months) > 10 * rate
+        assert sum(separate_alarms(m > below) for m in months) > 10 * rate
 
 
 def test_first_of_three_hours_in_a_row():
     """The hour counts in which the third one is seen."""
-    assert _first_run(hours(1, 2, 5, 6, 7, length=10), 3) == 7
-    assert _first_run(hours(1, 2, 4, 5, length=10), 3) is None
+    assert first_run(hours(1, 2, 5, 6, 7, length=10), 3) == 7
+    assert first_run(hours(1, 2, 4, 5, length=10), 3) is None
 
 
 def test_an_alarm_counts_with_the_axis_it_blames():
     """Hours count from 1; the axis is the one blamed at the first alarm."""
     scored = Scored(score=np.array([0, 1, 5, 9.0]), axis=np.array([0, 1, 2, 3]))
-    assert _found(scored, 4.0, axis=3) == {"hours": 3, "located": True}
-    assert _found(scored, 0.5, axis=3) == {"hours": 2, "located": False}
-    assert _found(scored, 9.0, axis=3) == {"hours": None, "located": False}
+    assert found(scored, 4.0, axis=3) == {"hours": 3, "located": True}
+    assert found(scored, 0.5, axis=3) == {"hours": 2, "located": False}
+    assert found(scored, 9.0, axis=3) == {"hours": None, "located": False}
 
 
 PERIOD = 0.2
@@ -192,7 +192,7 @@ def test_ewma_charts_the_cube_root_of_q_upwards():
     rng = np.random.default_rng(8)
     healthy, test = rng.chisquare(3, 120), 4 * rng.chisquare(3, 40)
     test[20:] = 0.01
-    charted = _ewma(healthy, test)
+    charted = ChartOfQ().fit(healthy).score(test)
     np.testing.assert_allclose(charted, ewma_by_hand(healthy, test), rtol=1e-9)
     assert charted[:20].max() > 1 and charted[-1] < 0
 
@@ -201,14 +201,15 @@ def test_ewma_alarms_as_often_as_it_says():
     """Healthy Q passes the limit once in some 470 hours (chi-squared Q); 400 charts, seed fixed."""
     rng = np.random.default_rng(9)
     healthy = rng.chisquare(3, 5000)
-    first = [np.argmax(_ewma(healthy, rng.chisquare(3, 6000)) > 1) for _ in range(400)]
+    chart = ChartOfQ().fit(healthy)
+    first = [np.argmax(chart.score(rng.chisquare(3, 6000)) > 1) for _ in range(400)]
     assert 380 < np.mean(first) < 600  # standard error 25, and 5 % for what was learned
 
 
 def test_ewma_of_a_q_that_never_moved():
     """A healthy Q without spread cannot be charted: the hours are ranked by Q itself."""
     test = np.array([0.0, 2.0, 1.0])
-    np.testing.assert_array_equal(_ewma(np.zeros(20), test), test)
+    np.testing.assert_array_equal(ChartOfQ().fit(np.zeros(20)).score(test), test)
 
 
 def test_a_record_is_charted_by_its_q(cycles, tiny_robot_path, tiny_task_path, monkeypatch):
@@ -220,10 +221,9 @@ def test_a_record_is_charted_by_its_q(cycles, tiny_robot_path, tiny_task_path, m
     record = robot.record(get_sensors("realistic"), severity, np.random.default_rng(5))
     of_two = Divergences.of(record, 60).divergence
     # two axes are two components, which leave no Q: one is kept here
-    kl = Divergences(of_two, PCAMonitor(n_components=1).fit(of_two[:60]))
-    monkeypatch.setattr(Divergences, "of", lambda *_: kl)
-    scored = score(robot, record, 60, temperature_varies=True)[KL_EWMA].score
-    q = kl.monitor.q(of_two)
+    monkeypatch.setattr(DivergenceEWMA, "components", 1)
+    scored = scores(robot, record, 60, temperature_varies=True)[DivergenceEWMA.name].score
+    q = PCAMonitor(n_components=1).fit(of_two[:60]).q(of_two)
     np.testing.assert_allclose(scored, ewma_by_hand(q[:60], q[60:]), rtol=1e-9)
 
 

@@ -11,8 +11,6 @@ Installed packages can add effects. Such a package declares an entry point of th
 
 from __future__ import annotations
 
-from importlib.metadata import entry_points
-
 from faultgen.effects import (
     coupling,
     friction,
@@ -31,7 +29,8 @@ from faultgen.effects import (
 )
 from faultgen.effects.base import HEALTHY, Effect
 from faultgen.errors import InputError
-from faultgen.provenance import PLUGINS
+from faultgen.plugins import EFFECTS as PLUGINS
+from faultgen.plugins import added
 
 _OWN = tuple(
     effect
@@ -62,19 +61,11 @@ def _catalogue() -> dict[str, Effect]:
         InputError: An entry point cannot be loaded, is no effect, or takes a name that exists.
     """
     found = {effect.name: effect for effect in _OWN}
-    for point in entry_points(group=PLUGINS):
-        try:
-            loaded = point.load()
-        except Exception as error:  # whatever the code of another package raises
-            reason = " ".join(f"{type(error).__name__}: {error}".split())
-            raise InputError(f"entry point {point.value}: cannot be loaded ({reason})") from None
-        effects = [loaded] if isinstance(loaded, Effect) else list(loaded)
-        for effect in effects:
-            if not isinstance(effect, Effect):
-                raise InputError(f"entry point {point.value}: must be an Effect or a list of them")
-            if effect.name in found:
-                raise InputError(f"entry point {point.value}: an effect '{effect.name}' exists")
-            found[effect.name] = effect
+    effect: Effect
+    for where, effect in added(PLUGINS, lambda one: isinstance(one, Effect), "an Effect"):
+        if effect.name in found:
+            raise InputError(f"{where}: an effect '{effect.name}' exists")
+        found[effect.name] = effect
     return found
 
 

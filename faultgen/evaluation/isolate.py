@@ -8,34 +8,21 @@ each of many seeds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 from tqdm import tqdm
 
-from faultgen.analysis import (
-    cross_correlation_lags,
-    isolate_axis,
-    isolate_axis_by_lags,
-    leading_axis,
-)
+from faultgen import plugins
 from faultgen.dataset.reader import Dataset, StoredRun
 from faultgen.effects import HEALTHY, get_effect
 from faultgen.errors import InputError
-from faultgen.evaluation.observed_runs import Place, noise_of, places
-from faultgen.evaluation.outcomes import Isolation, Tally
-from faultgen.evaluation.wear_model import Observed, isolator_input
-
-METHODS: dict[str, Callable[[np.ndarray], int]] = {
-    "TE 10 bins": lambda x: isolate_axis(x, bins=10),
-    "TE 5 bins": lambda x: isolate_axis(x, bins=5),
-    "CC": isolate_axis_by_lags,
-    "CC, eq. 3.5": lambda x: leading_axis(-cross_correlation_lags(x)),
-}
-"""The thesis' isolators: functions from a series of shape (cycles, n_axes) to the axis from 0, or
--1 for none. CC names the axis that leads all others. Thesis eq. 3.5 gives the leading axis a
-positive lag, but its rule asks for negative lags. Taken literally, the rule names the axis that
-trails. The last method does this, and its results are closer to those of the thesis."""
+from faultgen.evaluation.isolators import ISOLATORS
+from faultgen.evaluation.methods import axis_of, needed
+from faultgen.evaluation.methods import isolate as ask
+from faultgen.evaluation.observed_runs import noise_of, places
+from faultgen.evaluation.outcomes import Isolation, Outcomes
+from faultgen.provenance import provenance
 
 LEVELS = (0.01, 0.05, 0.10, 0.15)
 """Levels of wear at which the thesis isolates."""
@@ -65,7 +52,7 @@ def isolate(
         progress: Whether to show a progress bar on stderr.
 
     Returns:
-        Counts of answers.
+        The counted answers.
 
     Raises:
         InputError: The dataset has no runs, or lacks the signals that new noise needs, or no run is
@@ -75,7 +62,7 @@ def isolate(
     if seeds < 1:
         raise InputError(f"seeds: must be at least 1, not {seeds}")
     require_cycles(dataset, levels)
-    tallies: dict[tuple[str, str, str, float, str], Tally] = {}
+    outcomes: dict[tuple[str, str, str, float, str], Outcomes] = {}
     unobservable: dict[str, list[int]] = {}
     left_out: dict[str, str] = {}
     short: set[float] = set()
@@ -89,36 +76,25 @@ def isolate(
             ends = list(cuts(run, levels))
             asked = levels if in_fractions(run["effect"]) else ()
             short |= {a for a in asked if worn and severity.max() >= a} - {a for a, _ in ends}
-            ours = place.isolators(run)
-            if place.lacking(run):
-                left_out[where] = place.lacking(run)
-            for seen in place.draws(run, seeds, seed):
-                observed = np.isfinite(seen.mean_torque).all(axis=0)
+            isolators, lacking = place.fitted(ISOLATORS, run)
+            if lacking:
+                left_out[where] = lacking
+            names = {"mean_abs_torque", *needed(isolators.values())}
+            for seen in place.draws(run, names, seeds, seed):
+                observed = np.isfinite(seen["mean_abs_torque"]).all(axis=0)
                 unobservable[where] = [int(axis) + 1 for axis in np.flatnonzero(~observed)]
                 for level, length in ends:
-                    for method, axis in _answers(place, ours, seen, length):
+                    for method, isolator in isolators.items():
                         key = (run["robot"], run["task"], run["effect"], level, method)
-                        tally = tallies.setdefault(key, Tally(*key))
-                        tally.add(axis + 1, worn)
+                        answer = axis_of(ask(isolator, seen, length)) + 1
+                        outcomes.setdefault(key, Outcomes(*key)).add(answer, worn)
             bar.update()
     bar.close()
     draws = seeds if redraw else len({run["seed"] for run in dataset.runs})
     too_short = ", ".join(f"{100 * level:g} %" for level in sorted(short))
-    counted = list(tallies.values())
-    return Isolation(chosen, draws, redraw, counted, unobservable, too_short, left_out)
-
-
-def _answers(
-    place: Place, ours: dict | str, seen: Observed, length: int
-) -> Iterator[tuple[str, int]]:
-    """Each method with the axis from 0 that it names after the given number of cycles, or -1."""
-    series = np.where(np.isfinite(seen.mean_torque).all(axis=0), seen.mean_torque, 0.0)
-    for method, isolator in METHODS.items():
-        yield method, isolator(series[:length])
-    if isinstance(ours, dict):
-        for name, fitted in ours.items():
-            given = isolator_input(name, seen, temperature_varies=place.temperature_varies)
-            yield name, fitted.isolate(given[:length]).axis
+    counted = list(outcomes.values())
+    made_by = str(provenance("faultgen.evaluation.isolate", plugins.ISOLATORS))
+    return Isolation(chosen, draws, redraw, counted, unobservable, too_short, left_out, made_by)
 
 
 def in_fractions(effect: str) -> bool:

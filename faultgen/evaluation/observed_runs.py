@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from faultgen.analysis.isolation import ChangeIsolator
 from faultgen.dataset.reader import Dataset, StoredRun
 from faultgen.errors import InputError
-from faultgen.evaluation.wear_model import (
-    FRICTION,
-    Observed,
-    WearModel,
-    isolator_input,
-    wear_model,
-    wear_points,
-)
-from faultgen.monitoring.reductions import SPEED_WINDOW, histogram, mean_abs_torque
+from faultgen.evaluation.features import HOURLY_FEATURES, SIGNALS, Features, features
+from faultgen.evaluation.methods import M, Setting, fit
+from faultgen.evaluation.wear_model import WearModel, wear_model, wear_points
+from faultgen.monitoring.reductions import SPEED_WINDOW, Limits, mean_abs_torque
 from faultgen.monitoring.sensors import Measured, Sensors, get_sensors, measure
 from faultgen.robot import load_robot
+from faultgen.simulation.nominal import nominal
 from faultgen.simulation.surrogate import simulate_at
 
 WEAR = "friction_wear"
@@ -66,17 +62,13 @@ def noise_of(dataset: Dataset, sensors: str | None) -> tuple[str, bool]:
     return chosen, redraw
 
 
-@dataclass(frozen=True, eq=False)
-class ObservedRun(Observed):
-    """Reductions of a run of a dataset."""
-
-    torque_counts: np.ndarray
-    """Torque samples in each bin of the design range, shape (cycles, n_axes, 12)."""
+_Fitted = tuple[dict[str, Any], dict[str, list[str]]]
+"""Fitted methods by name, and the names of the others by the reason why they are left out."""
 
 
 @dataclass(eq=False)
 class Place:
-    """All runs of one robot and task, and isolators that were fitted to healthy runs."""
+    """All runs of one robot and task, and methods that were fitted to healthy runs."""
 
     robot: str
     """Name of the robot."""
@@ -88,107 +80,164 @@ class Place:
     """Sensors whose noise is drawn anew; None: as stored."""
     model: WearModel
     """Friction terms and directions of wear."""
-    torque_limit: np.ndarray
-    """Largest design torque of each motor, shape (n_axes,), in [N m]."""
-    _fitted: dict[tuple[str, ...], dict[str, ChangeIsolator] | str] = field(default_factory=dict)
-    _reference: list[ObservedRun] | None = None
+    setting: Setting
+    """What methods may know before they see data."""
+    limits: Limits
+    """Design values of the robot, which set the ranges of the histograms."""
+    _fitted: dict[tuple[str, ...], tuple[dict[str, Any], dict[str, list[str]]]] = field(
+        default_factory=dict
+    )
+    _reference: dict[tuple[str, ...], list[Features]] = field(default_factory=dict)
 
-    @property
-    def temperature_varies(self) -> bool:
-        """Whether the temperature is measured and varies."""
-        if self.sensors is not None:
-            return False
-        return any(get_sensors(run["sensors"]).changes_motion for run in self.runs)
-
-    def draws(self, run: StoredRun, seeds: int, seed: int) -> Iterator[ObservedRun]:
+    def draws(
+        self, run: StoredRun, names: Collection[str], seeds: int, seed: int
+    ) -> Iterator[Features]:
         """Reduce a run: with new noise for each seed, or once as stored.
 
         Args:
             run: A run of this robot and task.
+            names: Names of the features.
             seeds: Number of draws.
             seed: First seed.
 
         Yields:
-            The reductions of each draw.
+            The features of each draw.
 
         Raises:
             InputError: The file lacks the signals that new noise needs.
         """
         if self.sensors is None:
-            yield self._stored(run)
+            yield self._stored(run, names)
             return
+        position = bool({"motor_position", "angle_histogram"} & set(names))
         for number in range(seed, seed + seeds):
-            measured = _measured(run, self.sensors, number)
-            yield ObservedRun(
-                _mean_torque(measured, _speed_window(run)),
-                self.model.features.transform(np.stack([m.motor_torque for m in measured])),
+            measured = _measured(run, self.sensors, number, position=position)
+            yield features(
+                measured,
+                names,
                 run.read("cycle/temperature"),
-                self._counts([m.motor_torque for m in measured]),
+                terms=self.model.friction_terms,
+                limits=self.limits,
+                window=_speed_window(run),
             )
 
-    def _counts(self, torque: list[np.ndarray]) -> np.ndarray:
-        limit = self.torque_limit
-        return np.array([histogram(cycle, -limit, limit) * len(cycle) for cycle in torque])
+    def _stored(self, run: StoredRun, names: Collection[str]) -> Features:
+        found = {}
+        for name in names:
+            if name == "friction_terms":
+                torque = run.read("signals/motor_torque").astype(float)
+                found[name] = self.model.friction_terms.transform(torque)
+            elif name in SIGNALS:
+                found[name] = run.read(_stored_as(name)).astype(float)
+            else:
+                found[name] = run.read(_stored_as(name))
+        return found
 
-    def _stored(self, run: StoredRun) -> ObservedRun:
-        name = "signals/motor_torque"
-        friction = np.empty((run["cycles"], 0))
-        if run["thin"] == 1 and name in run:
-            friction = self.model.features.transform(run.read(name).astype(float))
-        return ObservedRun(
-            run.read("monitoring/mean_abs_torque"),
-            friction,
-            run.read("cycle/temperature"),
-            run.read("monitoring/torque_histogram") * len(run.read("time")) * run["thin"],
-        )
-
-    def healthy(self, run: StoredRun) -> list[ObservedRun]:
+    def healthy(self, run: StoredRun, names: Collection[str]) -> list[Features]:
         """Healthy series that share no noise draw with a run."""
         if self.sensors is None:
             others = [r for r in self.runs if not len(r["axes"]) and r["seed"] != run["seed"]]
-            return [self._stored(r) for r in others]
-        if self._reference is None:
+            return [self._stored(r, names) for r in others]
+        key = tuple(sorted(names))
+        if key not in self._reference:
             own = [r for r in self.runs if not len(r["axes"])][:1]
-            self._reference = [
-                seen for r in own for seen in self.draws(r, _REFERENCE_DRAWS, _REFERENCE_SEED)
+            self._reference[key] = [
+                seen
+                for r in own
+                for seen in self.draws(r, names, _REFERENCE_DRAWS, _REFERENCE_SEED)
             ]
-        return self._reference
+        return self._reference[key]
 
-    def lacking(self, run: StoredRun) -> str:
-        """Why some of our isolators cannot be used on a run; empty if all can."""
-        ours = self.isolators(run)
-        if isinstance(ours, str):
-            return f"our isolators are left out: {ours}"
-        if FRICTION not in ours:
-            return f"'{FRICTION}' is left out: no signals/motor_torque in the files, not thinned"
-        return ""
-
-    def isolators(self, run: StoredRun) -> dict[str, ChangeIsolator] | str:
-        """Our isolators, fitted on `healthy`, or the reason why there are none."""
-        key = () if self.sensors is not None else (str(run["seed"]),)
-        if key not in self._fitted:
-            self._fitted[key] = self._fit(self.healthy(run))
-        return self._fitted[key]
-
-    def _fit(self, healthy: list[ObservedRun]) -> dict[str, ChangeIsolator] | str:
-        if not healthy and not any(not len(run["axes"]) for run in self.runs):
-            return "no healthy run to learn from; generate with healthy = true, in a new folder"
-        if not healthy:
-            return (
-                "no healthy run of another seed to learn from; generate with --repetitions 5, "
-                "in a new folder"
+    def healthy_cycles(self, run: StoredRun) -> int:
+        """Number of cycles of the series that `healthy` returns."""
+        if self.sensors is None:
+            return sum(
+                int(r["cycles"])
+                for r in self.runs
+                if not len(r["axes"]) and r["seed"] != run["seed"]
             )
-        fitted = {}
-        varies = self.temperature_varies
-        for name, isolator in self.model.isolators(temperature_varies=varies).items():
-            if name == FRICTION and not healthy[0].friction.shape[1]:
+        own = [int(r["cycles"]) for r in self.runs if not len(r["axes"])][:1]
+        return _REFERENCE_DRAWS * sum(own)
+
+    def fitted(self, methods: Mapping[str, type[M]], run: StoredRun) -> tuple[dict[str, M], str]:
+        """Fit methods to the healthy series that may be used for a run.
+
+        Args:
+            methods: Classes of the methods by name.
+            run: The run that is to be judged.
+
+        Returns:
+            The methods by name, and why others are left out; empty if none is.
+        """
+        key = (*methods, "" if self.sensors is not None else str(run["seed"]))
+        if key not in self._fitted:
+            self._fitted[key] = self._fit(methods, run)
+        found, reasons = self._fitted[key]
+        said = [
+            f"{' and '.join(names)} {'are' if len(names) > 1 else 'is'} left out: {reason}"
+            for reason, names in reasons.items()
+        ]
+        return found, "; ".join(said)
+
+    def _fit(
+        self, methods: Mapping[str, type[M]], run: StoredRun
+    ) -> tuple[dict[str, M], dict[str, list[str]]]:
+        """The methods that can be used, and the names of the others by the reason."""
+        found: dict[str, M] = {}
+        reasons: dict[str, list[str]] = {}
+        usable = {}
+        for name, method in methods.items():
+            lacking = [one for one in method.features if not self._has(run, one)]
+            if lacking:
+                reasons.setdefault(_lacks(lacking[0]), []).append(f"'{name}'")
+            else:
+                usable[name] = method
+        learning = [method for method in usable.values() if method.learns]
+        features_needed = {name for method in learning for name in method.features}
+        healthy = self.healthy(run, features_needed) if learning else []
+        for name, method in usable.items():
+            if method.learns and not healthy:
+                reasons.setdefault(self._no_healthy(), []).append(f"'{name}'")
                 continue
-            given = [isolator_input(name, seen, temperature_varies=varies) for seen in healthy]
+            one = method(self.setting)
             try:
-                fitted[name] = isolator.fit(given)
+                fit(one, healthy if method.learns else [])
+                found[name] = one
             except ValueError as error:
-                return f"too few healthy cycles to learn from ({error})"
-        return fitted
+                reason = f"too few healthy cycles to learn from ({error})"
+                reasons.setdefault(reason, []).append(f"'{name}'")
+        return found, reasons
+
+    def _no_healthy(self) -> str:
+        if not any(not len(run["axes"]) for run in self.runs):
+            return "no healthy run to learn from; generate with healthy = true, in a new folder"
+        return (
+            "no healthy run of another seed to learn from; generate with --repetitions 5, "
+            "in a new folder"
+        )
+
+    def _has(self, run: StoredRun, name: str) -> bool:
+        """Whether a feature can be computed from the file of a run."""
+        if name in HOURLY_FEATURES:
+            return False
+        if self.sensors is not None or name not in (*SIGNALS, "friction_terms"):
+            return True
+        return run["thin"] == 1 and _stored_as(name) in run
+
+
+def _stored_as(name: str) -> str:
+    """The array of a run file that a feature is read or computed from."""
+    if name == "temperature":
+        return "cycle/temperature"
+    if name == "friction_terms":
+        return "signals/motor_torque"
+    return f"signals/{name}" if name in SIGNALS else f"monitoring/{name}"
+
+
+def _lacks(name: str) -> str:
+    if name in HOURLY_FEATURES:
+        return f"datasets have no feature '{name}'"
+    return f"no {_stored_as(name)} in the files, not thinned"
 
 
 def one_series(run: StoredRun) -> np.ndarray:
@@ -199,25 +248,31 @@ def one_series(run: StoredRun) -> np.ndarray:
     """
     if run["sensors"] != "none":
         return run.read("monitoring/mean_abs_torque")
-    return _mean_torque(_measured(run, get_sensors("thesis"), 1000), _speed_window(run))
+    measured = _measured(run, get_sensors("thesis"), 1000)
+    window = _speed_window(run)
+    return np.array([mean_abs_torque(m.motor_velocity, m.motor_torque, window) for m in measured])
 
 
-def _measured(run: StoredRun, sensors: Sensors, number: int) -> list[Measured]:
-    """Every cycle of a run with new noise."""
+def _measured(
+    run: StoredRun, sensors: Sensors, number: int, *, position: bool = False
+) -> list[Measured]:
+    """Every cycle of a run with new noise; the position is 0 unless it is asked for."""
     clean = "signals" if run["sensors"] == "none" else "truth"
     names = [f"{clean}/motor_velocity", f"{clean}/motor_torque"]
+    names += [f"{clean}/motor_position"] if position else []
     if run["thin"] != 1 or any(name not in run for name in names):
         raise InputError(
             f"{run.path}: new noise needs {' and '.join(names)}, not thinned; generate with "
             f"signals = {names}".replace("'", '"')
         )
-    velocity, torque = (run.read(name).astype(float) for name in names)
+    velocity, torque, *more = (run.read(name).astype(float) for name in names)
+    angle = more[0] if more else np.zeros_like(velocity)
     # a stream of its own for each run and seed, so that answers are independent
     rng = np.random.default_rng([number, int(run.id, 16)])
     return [
         measure(
             sensors,
-            np.zeros_like(velocity[k]),
+            angle[k],
             velocity[k],
             torque[k],
             gear_ratio=run["gear_ratio"],
@@ -233,10 +288,6 @@ def _measured(run: StoredRun, sensors: Sensors, number: int) -> list[Measured]:
 def _speed_window(run: StoredRun) -> ArrayLike:
     """The speed window in which the run's own mean torque was computed."""
     return run.attributes.get("speed_window", SPEED_WINDOW)
-
-
-def _mean_torque(measured: list[Measured], window: ArrayLike = SPEED_WINDOW) -> np.ndarray:
-    return np.array([mean_abs_torque(m.motor_velocity, m.motor_torque, window) for m in measured])
 
 
 def places(dataset: Dataset, sensors: str | None = None) -> list[Place]:
@@ -262,11 +313,19 @@ def places(dataset: Dataset, sensors: str | None = None) -> list[Place]:
     for (robot, task), runs in groups.items():
         planned = dataset.planned[runs[0].id]
         model = _model(planned["robot"], planned["task"], runs)
-        limit = runs[0].attributes.get(
-            "motor_torque_limit", load_robot(planned["robot"]).motor_torque_limit
-        )
+        first = runs[0]
         preset = get_sensors(chosen) if redraw else None
-        found.append(Place(robot, task, runs, preset, model, limit))
+        limits = nominal(planned["robot"], planned["task"], first["sample_period"]).limits
+        setting = Setting(
+            n_axes=len(model.turning),
+            samples=len(first.read("time")) * int(first["thin"]),
+            temperature_varies=preset is None
+            and any(get_sensors(run["sensors"]).changes_motion for run in runs),
+            reference_temperature=load_robot(planned["robot"]).friction_temperature,
+            directions=model.directions,
+            turning=model.turning,
+        )
+        found.append(Place(robot, task, runs, preset, model, setting, limits))
     return found
 
 

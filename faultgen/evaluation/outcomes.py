@@ -30,12 +30,12 @@ THESIS = {
 }
 
 
-_THEIRS = ("TE 10 bins", "TE 5 bins", "CC", "CC, eq. 3.5")
+THEIRS = ("TE 10 bins", "TE 5 bins", "CC", "CC, eq. 3.5")
 """Methods of the thesis. Its CC can be read in two ways, and both are listed."""
 
 
 @dataclass
-class Tally:
+class Outcomes:
     """Counted answers of one method for one robot, task and level of wear."""
 
     robot: str
@@ -98,14 +98,16 @@ class Isolation:
     """Number of noise draws for each run."""
     redrawn: bool
     """Whether new noise was drawn, instead of using the noise of the dataset."""
-    tallies: list[Tally]
+    outcomes: list[Outcomes]
     """One for each robot, task, level and method."""
     unobservable: dict[str, list[int]]
     """Axes that are never within the speed window, by robot and task."""
     too_short: str
     """Levels of wear that were reached after too few cycles, in words; empty if there are none."""
     left_out: dict[str, str]
-    """Why our isolators were not used, by robot and task."""
+    """Why isolators were not used, by robot and task."""
+    made_by: str
+    """Versions and code that made the result, with that of isolators of other packages."""
 
 
 def shown_level(effect: str, level: float) -> str:
@@ -134,10 +136,10 @@ def other_effects(effects: Iterable[str]) -> list[str]:
 
 def table(result: Isolation) -> str:
     """Return a Markdown table like table 6.2, by robot, task, wear and method."""
-    cells = {(t.robot, t.task, t.effect, t.level, t.method): t for t in result.tallies}
+    cells = {(t.robot, t.task, t.effect, t.level, t.method): t for t in result.outcomes}
     rows = sorted({key[:4] for key in cells}, key=lambda r: (r[0], r[1], r[3] == 0, r[2], r[3]))
     beside = any(robot == "irb6700" for robot, *_ in rows)
-    methods = list(dict.fromkeys(t.method for t in result.tallies))
+    methods = list(dict.fromkeys(t.method for t in result.outcomes))
     drawn = f"{result.seeds} draws of" if result.redrawn else "the stored"
     lines = [
         f"Axis isolated, percent [95 % Wilson interval]; {drawn} '{result.sensors}' noise"
@@ -148,10 +150,10 @@ def table(result: Isolation) -> str:
     for robot, task, effect, level in rows:
         first = cells[robot, task, effect, level, methods[0]]
         here = [(m, cells.get((robot, task, effect, level, m))) for m in methods]
-        shown = [_cell(tally) if tally else "-" for _, tally in here]
+        shown = [_cell(one) if one else "-" for _, one in here]
         if level > 0 and robot == "irb6700" and (task, level) in THESIS:
             shown = [
-                f"{cell} / {_thesis(task, level, method):g}" if method in _THEIRS else cell
+                f"{cell} / {thesis_value(task, level, method):g}" if method in THEIRS else cell
                 for cell, method in zip(shown, methods, strict=True)
             ]
         by_axis = " ".join(
@@ -171,35 +173,44 @@ def table(result: Isolation) -> str:
             lines += ["", f"{place}: axes {axes} never turn within the speed window; left out."]
     for place, reason in result.left_out.items():
         lines += ["", f"{place}: {reason}"]
-    for said in other_effects(t.effect for t in result.tallies):
+    for said in other_effects(t.effect for t in result.outcomes):
         lines += ["", said]
     return "\n".join(lines)
 
 
-def _thesis(task: str, level: float, method: str) -> float:
-    """Value of thesis table 6.2 [%]; there is one for cross-correlation."""
-    return THESIS[task, level][min(_THEIRS.index(method), 2)]
+def thesis_value(task: str, level: float, method: str) -> float:
+    """Return the value of thesis table 6.2; cross-correlation has one for both of its readings.
+
+    Args:
+        task: Name of the task.
+        level: Severity as a fraction.
+        method: A method of `THEIRS`.
+
+    Returns:
+        Axes named correctly [%].
+    """
+    return THESIS[task, level][min(THEIRS.index(method), 2)]
 
 
-def _cell(tally: Tally) -> str:
-    if tally.level == 0:
-        most = max(tally.answers, key=lambda axis: tally.answers[axis])
+def _cell(one: Outcomes) -> str:
+    if one.level == 0:
+        most = max(one.answers, key=lambda axis: one.answers[axis])
         often = f", mostly axis {most}" if most else ""
-        return f"named {100 * tally.named / tally.total:.0f} %{often}"
-    low, high = tally.interval
-    return f"{100 * tally.accuracy:.0f} [{100 * low:.0f}, {100 * high:.0f}]"
+        return f"named {100 * one.named / one.total:.0f} %{often}"
+    low, high = one.interval
+    return f"{100 * one.accuracy:.0f} [{100 * low:.0f}, {100 * high:.0f}]"
 
 
 def to_dict(result: Isolation) -> dict[str, Any]:
     """The result for JSON."""
     rows = []
-    for tally in result.tallies:
-        low, high = tally.interval
-        known = tally.robot == "irb6700" and (tally.task, tally.level) in THESIS
-        known &= tally.method in _THEIRS
-        figure = _thesis(tally.task, tally.level, tally.method) / 100 if known else None
+    for one in result.outcomes:
+        low, high = one.interval
+        known = one.robot == "irb6700" and (one.task, one.level) in THESIS
+        known &= one.method in THEIRS
+        figure = thesis_value(one.task, one.level, one.method) / 100 if known else None
         rows.append(
-            asdict(tally) | {"accuracy": tally.accuracy, "low": low, "high": high, "thesis": figure}
+            asdict(one) | {"accuracy": one.accuracy, "low": low, "high": high, "thesis": figure}
         )
     return {
         "sensors": result.sensors,
@@ -209,6 +220,7 @@ def to_dict(result: Isolation) -> dict[str, Any]:
         "unobservable": result.unobservable,
         "too_short": result.too_short,
         "left_out": result.left_out,
+        "made_by": result.made_by,
     }
 
 

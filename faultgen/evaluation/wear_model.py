@@ -1,4 +1,4 @@
-"""How features change with wear according to the nominal model, and isolators that use this."""
+"""How features change with wear according to the nominal model."""
 
 from __future__ import annotations
 
@@ -15,33 +15,10 @@ from faultgen.monitoring.reductions import SPEED_WINDOW, mean_abs_torque
 from faultgen.robot import STRIBECK_VELOCITY, Robot
 from faultgen.simulation.state import Condition
 
-OWN_TORQUE = "own torque"
-ALL_TORQUES = "all torques"
-FRICTION = "friction residual"
-ISOLATORS = {
-    OWN_TORQUE: "change of an axis' mean |torque| over its own healthy spread",
-    ALL_TORQUES: "mean |torque| of all axes and the temperature, with their healthy covariance",
-    FRICTION: "friction terms in the torque of all axes, and the temperature, with their "
-    "healthy covariance",
-}
-"""Name and idea of our isolators."""
-
 _STEP = 4.0  # as far as temperatures of the preset 'realistic' commonly wander [K]
 _SEVERITY = 0.1
 _HEAVIER = 1.03
-
-
-@dataclass(frozen=True, eq=False)
-class Observed:
-    """Reductions of consecutive cycles of one robot."""
-
-    mean_torque: np.ndarray
-    """Mean |torque| at 50 to 120 rad/s, shape (cycles, n_axes), in [N m]; nan if an axis is never
-    in that window."""
-    friction: np.ndarray
-    """Coefficients of friction terms, shape (cycles, features)."""
-    temperature: np.ndarray
-    """Measured gearbox temperature, shape (cycles,), in [deg C]."""
+_TURNING = 0.3  # share of the Stribeck velocity; a slower axis creeps
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,55 +51,19 @@ class Directions:
 
 @dataclass(frozen=True, eq=False)
 class WearModel:
-    """Friction terms of a robot's task, and how reductions change with wear."""
+    """Friction terms of a robot's task, and how features change with wear."""
 
-    features: FrictionFeatures
+    friction_terms: FrictionFeatures
     """Friction terms of the nominal cycle."""
-    mean_torque: Directions
-    """Directions of `Observed.mean_torque`."""
-    friction: Directions
-    """Directions of `Observed.friction`."""
-
-    def isolators(self, *, temperature_varies: bool) -> dict[str, ChangeIsolator]:
-        """Make our isolators, not yet fitted.
-
-        Args:
-            temperature_varies: Whether the temperature is measured and varies.
-
-        Returns:
-            The isolators by name.
-        """
-        n_axes = len(self.mean_torque.value)
-        own = np.zeros((n_axes, n_axes))
-        np.fill_diagonal(own, np.diagonal(self.mean_torque.value))
-        return {
-            OWN_TORQUE: ChangeIsolator(directions=own, covariance="diagonal"),
-            ALL_TORQUES: self.mean_torque.isolator(temperature_varies=temperature_varies),
-            FRICTION: self.friction.isolator(temperature_varies=temperature_varies),
-        }
+    directions: dict[str, Directions]
+    """Directions of wear of the features "mean_abs_torque" and "friction_terms"."""
+    turning: np.ndarray
+    """Axes that turn in the nominal cycle, shape (n_axes,)."""
 
 
 def _widened(vectors: np.ndarray, extra: int) -> np.ndarray:
     """Vectors with additional zeros for features that wear does not move."""
     return np.concatenate([vectors, np.zeros((*vectors.shape[:-1], extra))], axis=-1)
-
-
-def isolator_input(name: str, seen: Observed, *, temperature_varies: bool) -> np.ndarray:
-    """Select the features that an isolator uses.
-
-    Args:
-        name: Name of the isolator.
-        seen: Reductions of consecutive cycles.
-        temperature_varies: Whether the temperature is added as the last feature.
-
-    Returns:
-        Shape (cycles, features), in the units of the reductions.
-    """
-    torque = np.nan_to_num(seen.mean_torque)
-    if name == OWN_TORQUE:
-        return torque
-    values = torque if name == ALL_TORQUES else seen.friction
-    return np.hstack([values, seen.temperature[:, None]]) if temperature_varies else values
 
 
 def _steps(reference: float) -> list[tuple[float, float]]:
@@ -171,13 +112,32 @@ def wear_model(robot: Robot, cycles: np.ndarray, window: ArrayLike = SPEED_WINDO
         The friction terms and directions.
     """
     heavy, nominal, *_ = cycles
-    friction = robot.ids("actuator", "friction")
-    features = FrictionFeatures(
-        stribeck_velocity=robot.model.actuator_biasprm[friction, STRIBECK_VELOCITY]
-    ).fit(nominal[1], load=(heavy[2] - nominal[2]) / (_HEAVIER - 1))
+    terms = FrictionFeatures(stribeck_velocity=_stribeck_velocity(robot)).fit(
+        nominal[1], load=(heavy[2] - nominal[2]) / (_HEAVIER - 1)
+    )
     torque = np.nan_to_num([mean_abs_torque(cycle[1], cycle[2], window) for cycle in cycles[1:]])
-    coefficients = features.transform(cycles[1:, 2])
-    return WearModel(features, wear_slopes(torque), wear_slopes(coefficients))
+    directions = {
+        "mean_abs_torque": wear_slopes(torque),
+        "friction_terms": wear_slopes(terms.transform(cycles[1:, 2])),
+    }
+    return WearModel(terms, directions, turning_axes(robot, nominal[1]))
+
+
+def turning_axes(robot: Robot, velocity: np.ndarray) -> np.ndarray:
+    """Find the axes that turn at some sample. The friction of the others cannot be observed.
+
+    Args:
+        robot: The healthy robot.
+        velocity: Motor velocity in the nominal cycle, shape (samples, n_axes), in [rad/s].
+
+    Returns:
+        Shape (n_axes,).
+    """
+    return np.abs(velocity).max(axis=0) > _TURNING * _stribeck_velocity(robot)
+
+
+def _stribeck_velocity(robot: Robot) -> np.ndarray:
+    return robot.model.actuator_biasprm[robot.ids("actuator", "friction"), STRIBECK_VELOCITY]
 
 
 def wear_slopes(reduced: np.ndarray) -> Directions:

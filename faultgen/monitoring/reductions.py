@@ -6,6 +6,7 @@ axis.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,18 +110,27 @@ def monitor(
 
     Source: rating life of RV reducers (exponent 10/3), as in their makers' selection guides.
     """
+    return {
+        name: reduce(position, velocity, torque, limits, window)
+        for name, reduce in REDUCTIONS.items()
+    }
+
+
+def torque_indicator(velocity: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    """Average the torque, weighted by speed, with the exponent of the rating life.
+
+    Args:
+        velocity: Motor velocity, shape (samples, n_axes), in [rad/s].
+        torque: Motor torque, same shape, in [N m].
+
+    Returns:
+        Shape (n_axes,), in [N m]; 0 for an axis that does not move.
+    """
     speed = np.abs(velocity)
     distance = speed.sum(axis=0)
     weighted = (speed * np.abs(torque) ** LIFE_EXPONENT).sum(axis=0)
     load = np.where(distance > 0, weighted / np.maximum(distance, 1e-300), 0.0)
-    return {
-        "mean_abs_torque": mean_abs_torque(velocity, torque, window),
-        "torque_histogram": histogram(torque, -limits.torque, limits.torque),
-        "speed_histogram": histogram(velocity, -limits.speed, limits.speed),
-        "angle_histogram": histogram(position / limits.gear_ratio, *limits.angle.T),
-        "torque_indicator": load ** (1 / LIFE_EXPONENT),
-        "speed_indicator": speed.mean(axis=0),
-    }
+    return load ** (1 / LIFE_EXPONENT)
 
 
 def histogram(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -141,3 +151,23 @@ def histogram(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarr
     codes = which + BINS * np.arange(n_axes)
     counts = np.bincount(codes.ravel(), minlength=BINS * n_axes)
     return counts.reshape(n_axes, BINS) / len(values)
+
+
+REDUCTIONS: dict[str, Callable[..., np.ndarray]] = {
+    "mean_abs_torque": lambda _, velocity, torque, __, window: mean_abs_torque(
+        velocity, torque, window
+    ),
+    "torque_histogram": lambda _, __, torque, limits, ___: histogram(
+        torque, -limits.torque, limits.torque
+    ),
+    "speed_histogram": lambda _, velocity, __, limits, ___: histogram(
+        velocity, -limits.speed, limits.speed
+    ),
+    "angle_histogram": lambda position, _, __, limits, ___: histogram(
+        position / limits.gear_ratio, *limits.angle.T
+    ),
+    "torque_indicator": lambda _, velocity, torque, *__: torque_indicator(velocity, torque),
+    "speed_indicator": lambda _, velocity, *__: np.abs(velocity).mean(axis=0),
+}
+"""Every reduction by its name, as a function of position, velocity, torque, limits and window; see
+`monitor` for their meaning and units."""

@@ -115,7 +115,7 @@ def _isolation_figure(runs: list[StoredRun], result: Isolation, robot: str, task
                 continue
             title = "healthy" if run["axis"] == 0 else f"axis {run['axis']} worn"
             plot_net_transfer_entropy(axes, net_transfer_entropy(x), f"net TE [bit], {title}")
-        here = [t for t in result.tallies if (t.robot, t.task) == (robot, task) and t.level > 0]
+        here = [t for t in result.outcomes if (t.robot, t.task) == (robot, task) and t.level > 0]
         first = min((t.effect for t in here), default="")
         for number, method in enumerate(dict.fromkeys(t.method for t in here)):
             cells = [t for t in here if (t.effect, t.method) == (first, method)]

@@ -10,8 +10,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from faultgen import plugins
 from faultgen.errors import InputError
 from faultgen.fleet import Fleet, generate_fleet, open_fleet
+from faultgen.provenance import provenance
 from faultgen.studies.figures import Figures, draw
 from faultgen.studies.fleets import study_fleet
 from faultgen.system.files import write_text
@@ -24,6 +26,14 @@ STUDIES = {
     "training-data": "chapter 4: which robot's data, and which signal, PCA learns from, on a fleet",
 }
 """Name and content of every study."""
+
+_MODULES = {
+    "events": "faultgen.studies.chapter2_events.study",
+    "classifiers": "faultgen.studies.chapter5_classifiers.study",
+    "detection": "faultgen.studies.chapter3_detection.study",
+    "isolation": "faultgen.studies.chapter6_isolation.study",
+    "training-data": "faultgen.studies.chapter4_training_data.study",
+}
 
 REPORT_SEED = 2026
 """Root seed of the results in docs/. Methods were developed with other seeds."""
@@ -91,6 +101,7 @@ def run_study(
     result = {
         "study": name,
         "faultgen_version": version("faultgen"),
+        "made_by": str(provenance(_MODULES[name], plugins.ISOLATORS, plugins.DETECTORS)),
         "quick": quick,
         "goals": goals(found),
         **found,

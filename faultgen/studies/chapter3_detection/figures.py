@@ -16,17 +16,11 @@ from faultgen.analysis.monitoring_plots import (
     plot_scores,
 )
 from faultgen.analysis.plots import legend_beside
-from faultgen.studies.chapter3_detection.detectors import (
-    KL_EWMA,
-    KL_Q,
-    TORQUE_PCA,
-    WEAR,
-    WEAR_CUSUM,
-)
+from faultgen.studies.chapter3_detection.detectors import DivergenceBoth
 from faultgen.studies.chapter3_detection.study import NOISES, TRAINING, WORN
 from faultgen.studies.figures import Figures
 
-_SHOWN = (KL_Q, KL_EWMA, TORQUE_PCA, WEAR_CUSUM, WEAR)
+_NOT_SHOWN = (DivergenceBoth.name,)  # its line lies on that of Q
 
 
 def _divergence(result: dict[str, Any]) -> Figure:
@@ -66,8 +60,10 @@ def _scores(result: dict[str, Any]) -> Figure:
 def _delay(result: dict[str, Any]) -> Figure:
     """Delay against false alarms, and how often the right axis is named."""
     figure, panels = plt.subplots(2, len(NOISES), figsize=(10, 6), sharex=True, sharey="row")
+    names = dict.fromkeys(row["detector"] for row in result["detectors"])
+    shown = [name for name in names if name not in _NOT_SHOWN]
     for column, noise in zip(panels.T, NOISES, strict=True):
-        for number, name in enumerate(_SHOWN):
+        for number, name in enumerate(shown):
             rows = [
                 row
                 for row in result["detectors"]
@@ -78,8 +74,9 @@ def _delay(result: dict[str, Any]) -> Figure:
             half = [k for k, row in enumerate(rows) if row["median_hours"] is not None]
             delays = [rows[k]["median_hours"] for k in half]
             plot_detection_delay(column[0], [rates[k] for k in half], delays, name, number)
-            located = [100 * row["located"]["share"] for row in rows]
-            plot_detection_delay(column[1], rates, located, name, number)
+            if all(row["located"] for row in rows):
+                located = [100 * row["located"]["share"] for row in rows]
+                plot_detection_delay(column[1], rates, located, name, number)
         column[0].set(title=noise, xlabel="", ylabel="median hours to alarm", ylim=(0, WORN + 5))
         column[1].set(ylabel="alarm with the right axis [%]", ylim=(0, 103))
     for axes in panels[:, 1]:

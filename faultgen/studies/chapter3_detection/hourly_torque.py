@@ -11,10 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from faultgen.evaluation.wear_model import Directions, wear_points, wear_slopes
+from faultgen.evaluation.features import Features
+from faultgen.evaluation.methods import Setting
+from faultgen.evaluation.wear_model import Directions, turning_axes, wear_points, wear_slopes
 from faultgen.monitoring.environment import surroundings
 from faultgen.monitoring.sensors import Sensors
-from faultgen.robot import STRIBECK_VELOCITY, load_robot
+from faultgen.robot import load_robot
 from faultgen.simulation.surrogate import Surrogate
 
 SAMPLE_PERIOD = 10.0
@@ -22,12 +24,11 @@ SAMPLE_PERIOD = 10.0
 
 _CYCLES_SAMPLED = 10
 _CYCLES_AN_HOUR = 60
-_TURNING = 0.3  # share of the Stribeck velocity; a slower axis creeps
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
-    """Data that are recorded over some hours."""
+class HourlyTorque:
+    """Torque samples of some hours."""
 
     torque: np.ndarray
     """Motor torque, shape (hours, samples, n_axes), in [N m]."""
@@ -41,6 +42,27 @@ class Record:
         by_cycle = self.torque.reshape(hours, _CYCLES_SAMPLED, samples // _CYCLES_SAMPLED, n_axes)
         return by_cycle.mean(axis=1).reshape(hours, -1)
 
+    def features(self, divergence: np.ndarray) -> Features:
+        """Return the features of each hour.
+
+        Args:
+            divergence: Kullback-Leibler divergence of each hour, shape (hours, n_axes), in [bit].
+
+        Returns:
+            The features by name.
+        """
+        return {
+            "kl_divergence": divergence,
+            "torque_by_place": self.places,
+            "mean_abs_torque": np.abs(self.torque).mean(axis=1),
+            "motor_torque": self.torque,
+            "temperature": self.temperature,
+        }
+
+
+HOURLY = ("kl_divergence", "torque_by_place", "mean_abs_torque", "motor_torque", "temperature")
+"""Names of the features of an hour."""
+
 
 @dataclass(frozen=True, eq=False)
 class HourlyMonitored:
@@ -51,12 +73,32 @@ class HourlyMonitored:
     reference: float
     """Gearbox temperature at which the model's friction holds [deg C]."""
     directions: Directions
-    """Change of `Record.places` with the severity of each axis."""
+    """Change of `HourlyTorque.places` with the severity of each axis."""
     turning: np.ndarray
     """Axes that turn at some sample of the cycle. The friction of the others cannot be observed.
     Shape (n_axes,)."""
 
-    def record(self, sensors: Sensors, severity: np.ndarray, rng: np.random.Generator) -> Record:
+    def setting(self, *, temperature_varies: bool) -> Setting:
+        """Return what detectors may know before they see data.
+
+        Args:
+            temperature_varies: Whether the temperature varies.
+
+        Returns:
+            The setting.
+        """
+        return Setting(
+            n_axes=self.surrogate.n_axes,
+            samples=_CYCLES_SAMPLED * self.surrogate.nodes.shape[2],
+            temperature_varies=temperature_varies,
+            reference_temperature=self.reference,
+            directions={"torque_by_place": self.directions},
+            turning=self.turning,
+        )
+
+    def record(
+        self, sensors: Sensors, severity: np.ndarray, rng: np.random.Generator
+    ) -> HourlyTorque:
         """Record consecutive hours.
 
         Args:
@@ -81,7 +123,7 @@ class HourlyMonitored:
         nodes = self.surrogate.nodes[:, 2]
         torque = (weights @ nodes.reshape(len(nodes), -1)).reshape(hours, -1, n_axes)
         noise = rng_noise.standard_normal(torque.shape)
-        return Record(
+        return HourlyTorque(
             torque=torque + sensors.torque_noise * self.surrogate.mean_torque * noise,
             temperature=around.measured_temperature[sampled].reshape(hours, -1).mean(axis=1),
         )
@@ -94,12 +136,10 @@ def hourly_monitored(path: Path) -> HourlyMonitored:
     robot = load_robot(surrogate.robot_path)
     cycles = surrogate.at(wear_points(robot, surrogate.effect))
     _, nominal, *_ = cycles
-    friction = robot.ids("actuator", "friction")
-    stribeck = robot.model.actuator_biasprm[friction, STRIBECK_VELOCITY]
     places = np.stack([cycle[2].ravel() for cycle in cycles])
     return HourlyMonitored(
         surrogate=surrogate,
         reference=robot.friction_temperature,
         directions=wear_slopes(places[1:]),
-        turning=np.abs(nominal[1]).max(axis=0) > _TURNING * stribeck,
+        turning=turning_axes(robot, nominal[1]),
     )

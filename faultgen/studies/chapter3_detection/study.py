@@ -26,14 +26,14 @@ from faultgen.studies.chapter3_detection.detectors import (
     DETECTORS,
     Divergences,
     Scored,
-    alarms,
-    score,
+    scores,
+    separate_alarms,
     threshold,
 )
 from faultgen.studies.chapter3_detection.hourly_torque import (
     SAMPLE_PERIOD,
     HourlyMonitored,
-    Record,
+    HourlyTorque,
     hourly_monitored,
 )
 from faultgen.system.parallel import in_parallel
@@ -156,7 +156,7 @@ def _scored_records(path: Path, task: str, noise: str, role: int, number: int, s
     if role != _WEAR:
         rng = _rng(seed, task, noise, role, number)
         record = robot.record(sensors, np.zeros((TRAINING + MONTH, n_axes)), rng)
-        scored = score(robot, record, TRAINING, temperature_varies=varies)
+        scored = scores(robot, record, TRAINING, temperature_varies=varies)
         kl = Divergences.of(record, TRAINING)
         over = kl.monitor.q(kl.divergence[TRAINING:]) > kl.monitor.q_limit_
         return {"scored": scored, "over": over}
@@ -170,7 +170,7 @@ def _scored_records(path: Path, task: str, noise: str, role: int, number: int, s
                 {
                     "place": place,
                     "thesis": place | _thesis_procedure(robot, record, axis),
-                    "scored": score(robot, record, TRAINING, temperature_varies=varies),
+                    "scored": scores(robot, record, TRAINING, temperature_varies=varies),
                 }
             )
     return rows
@@ -182,23 +182,31 @@ def _severity(n_axes: int, axis: int, wear: float) -> np.ndarray:
     return severity
 
 
-def _first_run(over: np.ndarray, length: int) -> int | None:
-    """Index at which the first run of so many True is complete."""
+def first_run(over: np.ndarray, length: int) -> int | None:
+    """Find the first hour that completes a run of hours above a limit.
+
+    Args:
+        over: Whether each hour is above the limit, shape (hours,).
+        length: Number of successive hours.
+
+    Returns:
+        Index of the hour, None if there is no such run.
+    """
     runs = np.convolve(over.astype(int), np.ones(length, int), "valid") == length
     return int(np.argmax(runs)) + length - 1 if runs.any() else None
 
 
-def _thesis_procedure(robot: HourlyMonitored, record: Record, axis: int) -> dict[str, Any]:
+def _thesis_procedure(robot: HourlyMonitored, record: HourlyTorque, axis: int) -> dict[str, Any]:
     """Detection by Q and location by lags, and the torque then, thesis tables 3.5 to 3.7."""
     kl = Divergences.of(record, TRAINING)
     test = kl.divergence[TRAINING:]
-    found = _first_run(kl.monitor.q(test) > kl.monitor.q_limit_, IN_A_ROW)
+    hour_found = first_run(kl.monitor.q(test) > kl.monitor.q_limit_, IN_A_ROW)
     lags = cross_correlation_lags(test)
-    hour = TRAINING + (WORN - 1 if found is None else found)
+    hour = TRAINING + (WORN - 1 if hour_found is None else hour_found)
     joint = np.abs(record.torque[hour, :, axis] * robot.surrogate.gear_ratio[axis])
     return {
         "components": int(kl.monitor.n_components_),
-        "hours": None if found is None else found + 1,
+        "hours": None if hour_found is None else hour_found + 1,
         "located": bool(leading_axis(lags) == axis),
         "located_by_letter": bool(leading_axis(-lags) == axis),
         "largest_torque": float(joint.max()),
@@ -220,7 +228,7 @@ def _thesis_false_alarms(
                     "task": task,
                     "noise": noise,
                     "hours_over": float(np.mean(over)),
-                    "alarms_a_month": float(np.mean([alarms(r) for r in runs])),
+                    "alarms_a_month": float(np.mean([separate_alarms(r) for r in runs])),
                 }
             )
     return rows
@@ -234,7 +242,7 @@ def _compare(
 ) -> list[dict[str, Any]]:
     """Every detector at every rate of false alarms: what it finds, when, and where."""
 
-    def scores(task: str, noise: str, role: int, detector: str) -> list[np.ndarray]:
+    def healthy_scores(task: str, noise: str, role: int, detector: str) -> list[np.ndarray]:
         parts = (healthy[task, noise, role, k]["scored"] for k in range(size.months))
         return [part[detector].score for part in parts]
 
@@ -244,11 +252,11 @@ def _compare(
             for rate in RATES:
                 cells, false_alarms = [], 0
                 for task in TASKS:
-                    level = threshold(scores(task, noise, _CALIBRATION, detector), rate)
-                    counted = scores(task, noise, _HEALTHY, detector)
-                    false_alarms += sum(alarms(s > level) for s in counted)
+                    level = threshold(healthy_scores(task, noise, _CALIBRATION, detector), rate)
+                    counted = healthy_scores(task, noise, _HEALTHY, detector)
+                    false_alarms += sum(separate_alarms(s > level) for s in counted)
                     cells += [
-                        row["place"] | _found(row["scored"][detector], level, row["place"]["axis"])
+                        row["place"] | found(row["scored"][detector], level, row["place"]["axis"])
                         for row in worn
                         if (row["place"]["task"], row["place"]["noise"]) == (task, noise)
                     ]
@@ -263,7 +271,7 @@ def _compare(
                         "false_alarms_a_month": false_alarms / (size.months * len(TASKS)),
                         "months": size.months * len(TASKS),
                         "detected": share(sum(c["hours"] is not None for c in seen), len(seen)),
-                        "located": share(sum(c["located"] for c in seen), len(seen)),
+                        "located": _located(seen),
                         "median_hours": middle if np.isfinite(middle) else None,
                         "cells": _cells(cells) if rate == OPERATING else [],
                     }
@@ -271,12 +279,31 @@ def _compare(
     return rows
 
 
-def _found(scored: Scored, level: float, axis: int) -> dict[str, Any]:
+def found(scored: Scored, level: float, axis: int) -> dict[str, Any]:
+    """Find the first alarm of a record, and whether it names the worn axis.
+
+    Args:
+        scored: Scores of the record.
+        level: Threshold of an alarm.
+        axis: The worn axis, from 1.
+
+    Returns:
+        "hours" to the alarm, None without one, and "located", None if the detector names no axis.
+    """
     over = np.flatnonzero(scored.score > level)
     if not len(over):
-        return {"hours": None, "located": False}
+        return {"hours": None, "located": None if scored.axis is None else False}
     first = int(over[0])
+    if scored.axis is None:
+        return {"hours": first + 1, "located": None}
     return {"hours": first + 1, "located": bool(scored.axis[first] == axis - 1)}
+
+
+def _located(cells: list[dict[str, Any]]) -> dict[str, Any] | None:
+    """Share of records whose alarm names the right axis; None if the detector names no axis."""
+    if any(cell["located"] is None for cell in cells):
+        return None
+    return share(sum(cell["located"] for cell in cells), len(cells))
 
 
 def _cells(cells: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -293,7 +320,7 @@ def _cells(cells: list[dict[str, Any]]) -> list[dict[str, Any]]:
                 "axis": axis,
                 "seeds": len(own),
                 "detected": len(hours),
-                "located": sum(c["located"] for c in own),
+                "located": sum(bool(c["located"]) for c in own),
                 "median_hours": float(np.median(hours)) if hours else None,
             }
         )

@@ -8,7 +8,7 @@ import numpy as np
 
 from faultgen.evaluation.markdown import goals_answer, goals_table, percent, table
 from faultgen.evaluation.shares import share
-from faultgen.studies.chapter3_detection.detectors import DETECTORS, WEAR
+from faultgen.studies.chapter3_detection.detectors import DETECTORS, LEFT_OUT, WEAR
 from faultgen.studies.chapter3_detection.study import IN_A_ROW, NOISES, OPERATING, TASKS, WEARS
 
 Rows = list[dict[str, Any]]
@@ -134,7 +134,8 @@ def tables(result: dict[str, Any]) -> str:
         "The thresholds are set on healthy months for the given number of false alarms a month. "
         "The column 'measured' gives the number on other healthy months.",
         _detector_table(result),
-        "Detectors:\n\n" + "\n".join(f"- {name}: {idea}" for name, idea in DETECTORS.items()),
+        "Detectors:\n\n" + "\n".join(f"- {one.name}: {one.idea}" for one in DETECTORS.values()),
+        *(f"'{name}' is left out: an hour has no {lacking}" for name, lacking in LEFT_OUT.items()),
         "## Table 3.3: lags between the axes",
         "Lags in hours for axis 1 worn by 10 % in task 1, at the thesis' noise (ours / thesis).",
         _lags_table(result["example"]["lags"]),
@@ -215,7 +216,7 @@ def _detector_table(result: dict[str, Any]) -> str:
                 f"{row['rate']:g}",
                 f"{row['false_alarms_a_month']:.2f}",
                 percent(row["detected"]),
-                percent(row["located"]),
+                "-" if row["located"] is None else percent(row["located"]),
                 hours,
             ]
         )

@@ -9,12 +9,12 @@ from matplotlib.figure import Figure
 
 from faultgen.analysis.plots import legend_beside, plot_accuracy, plot_net_transfer_entropy
 from faultgen.evaluation.isolate import LEVELS
-from faultgen.evaluation.wear_model import ALL_TORQUES, FRICTION, OWN_TORQUE
+from faultgen.evaluation.isolators import FRICTION, CrossCorrelation, TransferEntropy5
 from faultgen.studies.chapter6_isolation.series import NOISES
 from faultgen.studies.chapter6_isolation.tables import pooled
 from faultgen.studies.figures import Figures
 
-_SHOWN = ("TE 10 bins", "CC, eq. 3.5", OWN_TORQUE, ALL_TORQUES, FRICTION)
+_NOT_SHOWN = (TransferEntropy5.name, CrossCorrelation.name)  # each has a line much like its own
 
 
 def _heat_maps(result: dict[str, Any]) -> Figure:
@@ -64,9 +64,11 @@ def _bins(result: dict[str, Any]) -> Figure:
 
 def _accuracy(result: dict[str, Any]) -> Figure:
     """Accuracy against wear for each noise, all robots, tasks and axes."""
+    names = dict.fromkeys(row["method"] for row in result["isolation"])
+    shown = [name for name in names if name not in _NOT_SHOWN]
     figure, panels = plt.subplots(1, len(NOISES), figsize=(11, 3.8), sharey=True)
     for axes, noise in zip(panels, NOISES, strict=True):
-        for number, method in enumerate(_SHOWN):
+        for number, method in enumerate(shown):
             rows = [
                 pooled(result["isolation"], noise=noise, method=method, level=level)
                 for level in LEVELS

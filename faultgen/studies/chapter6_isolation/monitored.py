@@ -5,21 +5,27 @@ the same seed draws the same temperature, payload and noise.
 
     monitored = Monitored.of(build_surrogate("irb6700", "spot_weld"))
     seen = monitored.observe(get_sensors("realistic"), severity, np.random.default_rng(1))
-    seen.mean_torque, seen.friction
+    seen["mean_abs_torque"], seen["friction_terms"]
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 
-from faultgen.evaluation.wear_model import Observed, WearModel, wear_model, wear_points
+from faultgen.evaluation.features import Features, features
+from faultgen.evaluation.methods import Setting
+from faultgen.evaluation.wear_model import WearModel, wear_model, wear_points
 from faultgen.monitoring.environment import surroundings
-from faultgen.monitoring.reductions import mean_abs_torque
 from faultgen.monitoring.sensors import Sensors, measure
 from faultgen.robot import load_robot
+from faultgen.simulation.nominal import nominal
 from faultgen.simulation.surrogate import Surrogate
+
+STORED = ("mean_abs_torque", "friction_terms", "temperature")
+"""Names of the features that the study keeps of every series."""
 
 _BLOCK = 25  # cycles put together at once; bounds the memory
 
@@ -42,38 +48,71 @@ class Monitored:
         model = wear_model(robot, surrogate.at(wear_points(robot, surrogate.effect)))
         return cls(surrogate, model, robot.friction_temperature)
 
-    def observe(self, sensors: Sensors, severity: np.ndarray, rng: np.random.Generator) -> Observed:
-        """Reduce consecutive cycles.
+    def setting(self, *, temperature_varies: bool) -> Setting:
+        """Return what methods may know before they see data.
+
+        Args:
+            temperature_varies: Whether the temperature varies from cycle to cycle.
+
+        Returns:
+            The setting.
+        """
+        return Setting(
+            n_axes=self.surrogate.n_axes,
+            samples=self.surrogate.nodes.shape[2],
+            temperature_varies=temperature_varies,
+            reference_temperature=self.reference,
+            directions=self.model.directions,
+            turning=self.model.turning,
+        )
+
+    def observe(
+        self,
+        sensors: Sensors,
+        severity: np.ndarray,
+        rng: np.random.Generator,
+        names: Collection[str] = STORED,
+    ) -> Features:
+        """Observe consecutive cycles.
 
         Args:
             sensors: Noise and disturbance.
             severity: Severity of each cycle and axis, shape (cycles, n_axes).
             rng: Source of randomness, used in the same order as in a run of `faultgen generate`.
+            names: Names of the features.
 
         Returns:
-            The reductions.
+            The features by name.
         """
         cycles = len(severity)
         rng_surroundings, rng_sensors = rng.spawn(2)
         around = surroundings(sensors, cycles, self.reference, rng_surroundings)
-        mean_torque, friction = [], []
+        surrogate = self.surrogate
+        limits = nominal(surrogate.robot_path, surrogate.task_path, surrogate.sample_period).limits
+        parts: list[dict[str, np.ndarray]] = []
         for start in range(0, cycles, _BLOCK):
             part = slice(start, start + _BLOCK)
-            clean = self.surrogate.cycles(
+            clean = surrogate.cycles(
                 around.temperature[part], around.payload_factor[part], severity[part]
             )
-            for position, velocity, torque in clean:
-                seen = measure(
+            measured = [
+                measure(
                     sensors,
                     position,
                     velocity,
                     torque,
-                    gear_ratio=self.surrogate.gear_ratio,
-                    encoder_counts=self.surrogate.encoder_counts,
-                    mean_torque=self.surrogate.mean_torque,
-                    sample_period=self.surrogate.sample_period,
+                    gear_ratio=surrogate.gear_ratio,
+                    encoder_counts=surrogate.encoder_counts,
+                    mean_torque=surrogate.mean_torque,
+                    sample_period=surrogate.sample_period,
                     rng=rng_sensors,
                 )
-                mean_torque.append(mean_abs_torque(seen.motor_velocity, seen.motor_torque))
-                friction.append(self.model.features.transform(seen.motor_torque[None])[0])
-        return Observed(np.array(mean_torque), np.array(friction), around.measured_temperature)
+                for position, velocity, torque in clean
+            ]
+            temperature = around.measured_temperature[part]
+            parts.append(
+                features(
+                    measured, names, temperature, terms=self.model.friction_terms, limits=limits
+                )
+            )
+        return {name: np.concatenate([part[name] for part in parts]) for name in names}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Collection
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from itertools import combinations
@@ -11,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from faultgen.dataset.wear import severities
-from faultgen.evaluation.wear_model import Observed
+from faultgen.evaluation.features import Features
 from faultgen.monitoring.sensors import SENSORS, Sensors
 from faultgen.provenance import provenance
 from faultgen.simulation.surrogate import Surrogate
-from faultgen.studies.chapter6_isolation.monitored import Monitored
+from faultgen.studies.chapter6_isolation.monitored import STORED, Monitored
 from faultgen.system.arrays import read_arrays, write_arrays
 
 CYCLES = 100
@@ -79,22 +80,37 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Reductions of all runs of a block."""
+    """The runs of a block, and the features of each run."""
 
+    block: Block
+    surrogate: Path
+    """File of the surrogate of the robot and task."""
     role: np.ndarray
     """REFERENCE, HEALTHY, WORN or PAIR; shape (runs,)."""
     worn: np.ndarray
     """Which axes are worn, shape (runs, n_axes)."""
-    mean_torque: np.ndarray
-    """Shape (runs, cycles, n_axes), in [N m]."""
-    friction: np.ndarray
-    """Shape (runs, cycles, features)."""
-    temperature: np.ndarray
-    """Shape (runs, cycles), in [deg C]."""
+    stored: dict[str, np.ndarray]
+    """The features `STORED` of all runs, shape (runs, cycles, ...)."""
 
-    def seen(self, run: int) -> Observed:
-        """What was observed of one run."""
-        return Observed(self.mean_torque[run], self.friction[run], self.temperature[run])
+    def of(self, role: int) -> np.ndarray:
+        """Numbers of the runs with a role."""
+        return np.flatnonzero(self.role == role)
+
+    def seen(self, run: int, names: Collection[str] = STORED) -> Features:
+        """Return features of one run.
+
+        Args:
+            run: Number of the run.
+            names: Names of the features. Those that are not stored are computed again from the
+                random numbers of the run, since signals of all runs would fill the memory.
+
+        Returns:
+            The features by name.
+        """
+        if set(names) <= set(self.stored):
+            return {name: self.stored[name][run] for name in names}
+        robot = monitored(self.surrogate)
+        return _observed(robot, self.block, self.worn[run], run, names)
 
 
 def growth() -> np.ndarray:
@@ -128,23 +144,30 @@ def make_series(block: Block, surrogate: Path, folder: Path) -> Series:
     key = hashlib.sha256(told.encode()).hexdigest()[:12]
     path = folder / f"{Path(block.robot).stem}_{Path(block.task).stem}_{key}.h5"
     if path.is_file():
-        return Series(**read_arrays(path)[0])
+        stored = read_arrays(path)[0]
+        role, worn = stored.pop("role"), stored.pop("worn")
+        return Series(block, surrogate, role, worn, stored)
     robot = monitored(surrogate)
     n_axes = robot.surrogate.n_axes
-    grown = growth()
     runs = block.runs(n_axes)
     worn = np.zeros((len(runs), n_axes), bool)
-    seen = []
-    for row, (role, axes, number) in zip(worn, runs, strict=True):
+    for row, (_, axes, _) in zip(worn, runs, strict=True):
         row[list(axes)] = True
-        rng = block.rng(role, axes, number)
-        seen.append(robot.observe(NOISES[block.noise], grown[:, None] * row, rng))
+    seen = [_observed(robot, block, row, run) for run, row in enumerate(worn)]
     series = Series(
+        block=block,
+        surrogate=surrogate,
         role=np.array([role for role, _, _ in runs]),
         worn=worn,
-        mean_torque=np.array([s.mean_torque for s in seen]),
-        friction=np.array([s.friction for s in seen]),
-        temperature=np.array([s.temperature for s in seen]),
+        stored={name: np.array([one[name] for one in seen]) for name in STORED},
     )
-    write_arrays(path, vars(series), {})
+    write_arrays(path, {"role": series.role, "worn": series.worn, **series.stored}, {})
     return series
+
+
+def _observed(
+    robot: Monitored, block: Block, worn: np.ndarray, run: int, names: Collection[str] = STORED
+) -> Features:
+    """Features of one run of a block."""
+    rng = block.rng(*block.runs(len(worn))[run])
+    return robot.observe(NOISES[block.noise], growth()[:, None] * worn, rng, names)

@@ -7,6 +7,7 @@ temperatures, payloads and noise at little cost.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,11 @@ from tqdm import tqdm
 from faultgen.analysis import net_transfer_entropy
 from faultgen.analysis.isolation import Answer
 from faultgen.analysis.te_bins import CANDIDATES, choose_bins
-from faultgen.evaluation.isolate import LEVELS, METHODS
+from faultgen.evaluation.features import Features
+from faultgen.evaluation.isolate import LEVELS
+from faultgen.evaluation.isolators import ISOLATORS
+from faultgen.evaluation.methods import Isolator, Setting, axis_of, fit, isolate
 from faultgen.evaluation.shares import share
-from faultgen.evaluation.wear_model import isolator_input
 from faultgen.monitoring.reductions import SPEED_WINDOW
 from faultgen.simulation.surrogate import surrogate_file
 from faultgen.studies.chapter6_isolation.series import (
@@ -127,10 +130,8 @@ def _judge_block(block: Block, surrogate: Path, folder: Path) -> dict[str, list[
     series = make_series(block, surrogate, folder)
     place = {"robot": block.robot, "task": block.task, "noise": block.noise}
     cuts = [(level, _cycles_to(level)) for level in LEVELS]
-    theirs = _series_methods(series, cuts)
-    ours = _our_methods(block, series, surrogate, cuts)
     parts = {
-        **{name: theirs.get(name, []) + rows for name, rows in ours.items()},
+        **_methods(block, series, surrogate, cuts),
         "bins": _bins(series, cuts),
         "controls": _controls(series, block),
         "net_transfer_entropy": _heat_maps(series),
@@ -149,15 +150,12 @@ def _truth(series: Series, role: int) -> list[tuple[int, int]]:
     return [(int(r), int(series.worn[r].argmax()) if series.worn[r].any() else -1) for r in runs]
 
 
-def _isolation_row(
-    method: str, level: float, answers: list[tuple[int, int]], **more: Any
-) -> dict[str, Any]:
+def _isolation_row(level: float, answers: list[tuple[int, int]], **more: Any) -> dict[str, Any]:
     """Answers (axis named, worn axis) as a row."""
     n_axes = max(axis for _, axis in answers) + 1
     by_axis = [[int(a == axis) for a, axis in answers if axis == k] for k in range(n_axes)]
     right = sum(sum(hits) for hits in by_axis)
     return {
-        "method": method,
         "level": level,
         **share(right, len(answers)),
         "none": sum(named < 0 for named, _ in answers) / len(answers),
@@ -166,78 +164,91 @@ def _isolation_row(
     }
 
 
-def _series_methods(series: Series, cuts: list[tuple[float, int]]) -> dict[str, list[dict]]:
-    """The thesis' isolators, on the mean torque alone."""
-    torque = np.nan_to_num(series.mean_torque)
-    isolation = [
-        _isolation_row(
-            method, level, [(isolate(torque[r, :n]), axis) for r, axis in _truth(series, WORN)]
-        )
-        for method, isolate in METHODS.items()
-        for level, n in cuts
-    ]
-    healthy = [
-        {"method": method, **share(sum(isolate(torque[r]) >= 0 for r in runs), len(runs))}
-        for method, isolate in METHODS.items()
-        for runs in [np.flatnonzero(series.role == HEALTHY)]
-    ]
-    return {"isolation": isolation, "healthy": healthy}
-
-
-def _our_methods(
+def _methods(
     block: Block, series: Series, surrogate: Path, cuts: list[tuple[float, int]]
 ) -> dict[str, list[dict]]:
-    """Our isolators: answers, false alarms, severity, two axes at once, what can be observed."""
-    varies = NOISES[block.noise].changes_motion
-    model = monitored(surrogate).model
+    """What every isolator answers on worn and healthy robots.
+
+    Of those that estimate severities also: the error of the severity, two axes at once, and what
+    can be observed.
+    """
+    setting = monitored(surrogate).setting(temperature_varies=NOISES[block.noise].changes_motion)
     rows: dict[str, list[dict]] = {
         name: [] for name in ("isolation", "healthy", "severity", "pairs", "observable")
     }
-    wear = growth()
-    for name, isolator in model.isolators(temperature_varies=varies).items():
-        given = [
-            isolator_input(name, series.seen(run), temperature_varies=varies)
-            for run in range(len(series.role))
-        ]
-        isolator.fit([given[run] for run in np.flatnonzero(series.role == REFERENCE)])
-        smallest = isolator.smallest(power=0.95)
-        rows["observable"].append(
-            {"method": name, "smallest": [x if np.isfinite(x) else None for x in smallest]}
-        )
-        healthy = np.flatnonzero(series.role == HEALTHY)
-        ends = [n for _, n in cuts] + [len(wear)]
-        alarms = [[bool(isolator.isolate(given[r][:n]).worn.any()) for n in ends] for r in healthy]
-        rows["healthy"].append(
-            {
-                "method": name,
-                **share(sum(a[-1] for a in alarms), len(healthy)),
-                "at_any_level": share(sum(map(sum, alarms)), len(healthy) * len(ends)),
-            }
-        )
-        for level, n in cuts:
-            truth = _truth(series, WORN)
-            answers = [isolator.isolate(given[r][:n]) for r, _ in truth]
-            alone = sum(
-                bool(a.worn[axis] and a.worn.sum() == 1)
-                for a, (_, axis) in zip(answers, truth, strict=True)
-            )
-            named = [(a.axis, axis) for a, (_, axis) in zip(answers, truth, strict=True)]
-            rows["isolation"].append(
-                _isolation_row(name, level, named, no_other=alone / len(answers))
-            )
-            rows["severity"].append(
-                {"method": name, "level": level, **_severity(answers, truth, wear[n - 1])}
-            )
-        n = _cycles_to(PAIR_LEVEL)
-        both = np.flatnonzero(series.role == PAIR)
-        if len(both):
-            sets = [isolator.isolate(given[r][:n]).worn for r in both]
-            exact = sum(np.array_equal(s, series.worn[r]) for s, r in zip(sets, both, strict=True))
-            found = sum(bool(s[series.worn[r]].all()) for s, r in zip(sets, both, strict=True))
-            rows["pairs"].append(
-                {"method": name, **share(exact, len(both)), "both_among": found / len(both)}
-            )
+    for method in ISOLATORS.values():
+        isolator = method(setting)
+        judged = _Judged(isolator, series)
+        fit(isolator, [judged.seen(r) for r in series.of(REFERENCE)] if method.learns else [])
+        for name, told in _told(judged, cuts).items():
+            rows[name] += [{"method": method.name, **row} for row in told]
     return rows
+
+
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """An isolator that is asked about the runs of a block."""
+
+    isolator: Isolator
+    series: Series
+
+    def seen(self, run: int) -> Features:
+        return self.series.seen(run, self.isolator.features)
+
+    def answers(self, runs: Iterable[int], ends: Sequence[int]) -> list[list[int | Answer]]:
+        """Answers after so many cycles, by run and number of cycles."""
+        return [[isolate(self.isolator, seen, n) for n in ends] for seen in map(self.seen, runs)]
+
+
+def _told(judged: _Judged, cuts: list[tuple[float, int]]) -> dict[str, list[dict]]:
+    """Rows of one isolator, see `_methods`."""
+    series, wear = judged.series, growth()
+    truth = _truth(series, WORN)
+    worn = judged.answers([run for run, _ in truth], [n for _, n in cuts])
+    graded = all(isinstance(answer, Answer) for answers in worn for answer in answers)
+    rows: dict[str, list[dict]] = {"healthy": [_false_alarms(judged, cuts, graded)]}
+    smallest = judged.isolator.smallest()
+    if smallest is not None:
+        rows["observable"] = [{"smallest": [x if np.isfinite(x) else None for x in smallest]}]
+    rows["isolation"], rows["severity"] = [], []
+    for k, (level, n) in enumerate(cuts):
+        answers = [answer[k] for answer in worn]
+        named = [(axis_of(a), axis) for a, (_, axis) in zip(answers, truth, strict=True)]
+        full = [answer for answer in answers if isinstance(answer, Answer)]
+        if not graded:
+            rows["isolation"].append(_isolation_row(level, named))
+            continue
+        alone = sum(
+            bool(a.worn[axis] and a.worn.sum() == 1)
+            for a, (_, axis) in zip(full, truth, strict=True)
+        )
+        rows["isolation"].append(_isolation_row(level, named, no_other=alone / len(full)))
+        rows["severity"].append({"level": level, **_severity(full, truth, wear[n - 1])})
+    both = series.of(PAIR)
+    if len(both) and graded:
+        rows["pairs"] = [_both_named(judged, both)]
+    return rows
+
+
+def _false_alarms(judged: _Judged, cuts: list[tuple[float, int]], graded: bool) -> dict:
+    """How often a healthy robot is called worn: after all cycles and, if graded, at any level."""
+    healthy, length = judged.series.of(HEALTHY), len(growth())
+    ends = [*(n for _, n in cuts), length] if graded else [length]
+    alarms = [[axis_of(a) >= 0 for a in answers] for answers in judged.answers(healthy, ends)]
+    row = share(sum(a[-1] for a in alarms), len(healthy))
+    if graded:
+        row["at_any_level"] = share(sum(map(sum, alarms)), len(healthy) * len(ends))
+    return row
+
+
+def _both_named(judged: _Judged, runs: np.ndarray) -> dict:
+    """How often two worn axes are named, and no other."""
+    series = judged.series
+    answers = [answer for (answer,) in judged.answers(runs, [_cycles_to(PAIR_LEVEL)])]
+    sets = [answer.worn for answer in answers if isinstance(answer, Answer)]
+    exact = sum(np.array_equal(s, series.worn[r]) for s, r in zip(sets, runs, strict=True))
+    found = sum(bool(s[series.worn[r]].all()) for s, r in zip(sets, runs, strict=True))
+    return {**share(exact, len(runs)), "both_among": found / len(runs)}
 
 
 def _severity(answers: list[Answer], truth: list[tuple[int, int]], wear: float) -> dict[str, Any]:
@@ -261,7 +272,7 @@ def _severity(answers: list[Answer], truth: list[tuple[int, int]], wear: float) 
 
 def _bins(series: Series, cuts: list[tuple[float, int]]) -> list[dict]:
     """Accuracy of transfer entropy against the number of bins, and of a rule that chooses it."""
-    torque = np.nan_to_num(series.mean_torque)
+    torque = np.nan_to_num(series.stored["mean_abs_torque"])
     truth = _truth(series, WORN)
     reference = torque[series.role == REFERENCE]
     rows = []
@@ -284,9 +295,15 @@ def _bins(series: Series, cuts: list[tuple[float, int]]) -> list[dict]:
 
 
 def _controls(series: Series, block: Block) -> list[dict]:
-    """Answers of the thesis' isolators without cause, or without the order of cycles."""
+    """Answers of isolators that learn nothing, without cause or without the order of cycles."""
+    setting = Setting(n_axes=series.worn.shape[1])
+    by_order = [
+        method(setting)
+        for method in ISOLATORS.values()
+        if not method.learns and method.features == ("mean_abs_torque",)
+    ]
     n = _cycles_to(0.10)
-    torque = np.nan_to_num(series.mean_torque)[:, :n]
+    torque = np.nan_to_num(series.stored["mean_abs_torque"])[:, :n]
     rng = np.random.default_rng([block.seed, 99])
     slope = np.linspace(0, 1, n)
     rows = []
@@ -302,15 +319,17 @@ def _controls(series: Series, block: Block) -> list[dict]:
                 x = rng.standard_normal(x.shape)
                 x[:, axis] += 4 * slope
             cases.append((x, axis))
-        for method, isolate in METHODS.items():
-            right = sum(isolate(x) == axis for x, axis in cases)
-            rows.append({"control": control, "method": method, **share(right, len(cases))})
+        for isolator in by_order:
+            right = sum(
+                axis_of(isolate(isolator, {"mean_abs_torque": x})) == axis for x, axis in cases
+            )
+            rows.append({"control": control, "method": isolator.name, **share(right, len(cases))})
     return rows
 
 
 def _heat_maps(series: Series) -> list[dict]:
     """Net transfer entropy as in figure 6-4: healthy, and axis 1 worn by 10 and 20 %."""
-    torque = np.nan_to_num(series.mean_torque)
+    torque = np.nan_to_num(series.stored["mean_abs_torque"])
     healthy = int(np.flatnonzero(series.role == HEALTHY)[0])
     worn = next(r for r, axis in _truth(series, WORN) if axis == 0)
     n = _cycles_to(0.10)

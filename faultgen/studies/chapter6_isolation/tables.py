@@ -6,16 +6,22 @@ from typing import Any
 
 import numpy as np
 
-from faultgen.evaluation.isolate import LEVELS, METHODS
+from faultgen.evaluation.isolate import LEVELS
+from faultgen.evaluation.isolators import (
+    FRICTION,
+    ISOLATORS,
+    AllTorques,
+    FrictionResidual,
+    OwnTorque,
+)
 from faultgen.evaluation.markdown import goals_answer, goals_table, percent, table
-from faultgen.evaluation.outcomes import THESIS
+from faultgen.evaluation.outcomes import THEIRS, THESIS, thesis_value
 from faultgen.evaluation.shares import share
-from faultgen.evaluation.wear_model import FRICTION, ISOLATORS
 from faultgen.studies.chapter6_isolation.series import NOISES
 
 Rows = list[dict[str, Any]]
 
-EVERY_METHOD = (*METHODS, *ISOLATORS)
+_DESCRIBED = (*THEIRS, *(one.name for one in (OwnTorque, AllTorques, FrictionResidual)))
 
 # Thesis table 6.1: task, worn axis, then mean and standard deviation of axis 1 to 6 [N m]
 _THESIS_6_1 = """
@@ -124,6 +130,10 @@ def goals(result: dict[str, Any]) -> Rows:
 def tables(result: dict[str, Any]) -> str:
     """All tables in Markdown."""
     isolation = result["isolation"]
+    methods = _methods(isolation)
+    controlled = _methods(result["controls"])
+    others = _others(methods)
+    which = "next" if others else "last"
     parts = [
         f"# Study isolation, seed {result['seed']}, {result['seeds']} seeds",
         "This page answers the question: is the worn axis named, and its severity estimated? "
@@ -133,22 +143,22 @@ def tables(result: dict[str, Any]) -> str:
         "states otherwise, the wear grows to 20 % after 100 cycles, as in thesis eq. 6.6.",
         "TE names the axis with the largest net transfer entropy, in quantile bins. CC names the "
         "axis with negative lags of the cross-correlation, as the thesis words its rule. 'CC, "
-        "eq. 3.5' uses the sign of the lags in that equation. The last three methods are ours. "
+        f"eq. 3.5' uses the sign of the lags in that equation. The {which} three methods are ours. "
         "'Own torque' uses the mean torque of each axis alone, 'all torques' those of all axes and "
         "the temperature, and 'friction residual' the friction terms in the torque of all axes and "
-        "the temperature.",
+        f"the temperature.{others}",
         f"## Goals (`realistic` noise, method '{FRICTION}', unless said otherwise)",
         goals_table(goals(result)),
         "## Axis isolated, all robots, tasks and axes",
         table(
-            ["noise", "wear %", *EVERY_METHOD],
+            ["noise", "wear %", *methods],
             [
                 [
                     noise,
                     f"{100 * level:g}",
                     *(
                         percent(pooled(isolation, noise=noise, level=level, method=method))
-                        for method in EVERY_METHOD
+                        for method in methods
                     ),
                 ]
                 for noise in NOISES
@@ -157,14 +167,11 @@ def tables(result: dict[str, Any]) -> str:
         ),
         "## Healthy robot called worn, after 100 cycles",
         table(
-            ["noise", *EVERY_METHOD],
+            ["noise", *methods],
             [
                 [
                     noise,
-                    *(
-                        percent(pooled(result["healthy"], noise=noise, method=m))
-                        for m in EVERY_METHOD
-                    ),
+                    *(percent(pooled(result["healthy"], noise=noise, method=m)) for m in methods),
                 ]
                 for noise in NOISES
             ],
@@ -207,7 +214,7 @@ def tables(result: dict[str, Any]) -> str:
         "Worn axis named at 10 % wear, in percent. A method that detects causes must fail on "
         "every control but the first, 'as measured'.",
         table(
-            ["noise", "control", *METHODS],
+            ["noise", "control", *controlled],
             [
                 [
                     noise,
@@ -216,7 +223,7 @@ def tables(result: dict[str, Any]) -> str:
                         percent(
                             pooled(result["controls"], noise=noise, control=control, method=method)
                         )
-                        for method in METHODS
+                        for method in controlled
                     ),
                 ]
                 for noise in NOISES
@@ -227,26 +234,38 @@ def tables(result: dict[str, Any]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
+def _methods(rows: Rows) -> list[str]:
+    """Names of the methods that have rows, in their order."""
+    return list(dict.fromkeys(row["method"] for row in rows))
+
+
+def _others(methods: list[str]) -> str:
+    """Sentences on methods that the text does not describe."""
+    others = [ISOLATORS[name] for name in methods if name in ISOLATORS and name not in _DESCRIBED]
+    return "".join(f" '{one.name}': {one.idea}." for one in others)
+
+
 def _where(rows: Rows, **where: Any) -> Rows:
     return [row for row in rows if all(row[name] == value for name, value in where.items())]
 
 
 def _table_6_2(isolation: Rows, noise: str) -> str:
     lines = []
+    methods = _methods(isolation)
     places = dict.fromkeys((row["robot"], row["task"]) for row in isolation)
     for robot, task in places:
         for level in LEVELS:
             here = _where(isolation, robot=robot, task=task, level=level, noise=noise)
             by_method = {row["method"]: row for row in here}
             cells = []
-            for number, method in enumerate(EVERY_METHOD):
+            for method in methods:
                 cell = f"{100 * by_method[method]['share']:.0f}"
-                if robot == "irb6700" and method in METHODS:
-                    cell += f" / {THESIS[task, level][min(number, 2)]:g}"
+                if robot == "irb6700" and method in THEIRS and (task, level) in THESIS:
+                    cell += f" / {thesis_value(task, level, method):g}"
                 cells.append(cell)
             by_axis = " ".join(f"{100 * x:.0f}" for x in by_method["TE 10 bins"]["by_axis"])
             lines.append([robot, task, f"{100 * level:g}", by_axis, *cells])
-    head = ["robot", "task", "wear %", "TE 10 bins by axis", *EVERY_METHOD]
+    head = ["robot", "task", "wear %", "TE 10 bins by axis", *methods]
     return f"Noise: {noise}.\n\n" + table(head, lines)
 
 

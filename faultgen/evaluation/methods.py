@@ -1,0 +1,319 @@
+"""What an isolator and a detector are.
+
+Each is one class. It states its name, the features that it needs, and whether it learns. Features
+are the numbers of each cycle that `FEATURES` lists: what monitoring stores, or the signals
+themselves. A method gets them as plain arrays, in the order in which it names them:
+
+    class LargestChange(Isolator):
+        name = "largest change"
+        idea = "the axis whose mean |torque| has changed by most"
+        features = ("mean_abs_torque",)
+
+        def fit(self, torque):  # a list of arrays, one for each healthy series
+            self.healthy = np.vstack(torque).mean(axis=0)
+
+        def isolate(self, torque):  # shape (cycles, n_axes)
+            return int(np.argmax(np.abs(torque[-1] - self.healthy)))
+
+`faultgen.evaluation.isolators` and `faultgen.evaluation.detectors` list all methods, and
+docs/extending.md shows how to add one.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar, TypeVar
+
+import numpy as np
+
+from faultgen.analysis.isolation import Answer
+from faultgen.errors import InputError
+from faultgen.evaluation.features import FEATURES, HOURLY_FEATURES, Features
+from faultgen.evaluation.wear_model import Directions
+from faultgen.plugins import added
+
+CYCLES, HOURS = "cycles", "hours"
+"""What a row of the features stands for: a cycle of a dataset, or an hour of study `detection`."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Setting:
+    """What a method may know before it sees data: facts of the robot's model and its task."""
+
+    n_axes: int
+    """Number of axes."""
+    samples: int = 0
+    """Number of torque samples in a cycle."""
+    temperature_varies: bool = False
+    """Whether the temperature is measured and varies."""
+    reference_temperature: float = 0.0
+    """Gearbox temperature at which the model's friction holds [deg C]."""
+    directions: Mapping[str, Directions] = field(default_factory=dict)
+    """Change of features with the severity of friction wear of each axis, by name of the
+    feature."""
+    turning: np.ndarray | None = None
+    """Axes that turn, and whose friction can therefore be observed, shape (n_axes,). None: all."""
+
+
+class Method(ABC):
+    """Common part of isolators and detectors."""
+
+    name: ClassVar[str]
+    """Name in tables and figures."""
+    idea: ClassVar[str] = ""
+    """What the method does, in one line."""
+    features: ClassVar[tuple[str, ...]]
+    """Names of the features that it needs, of `FEATURES`."""
+    learns: ClassVar[bool] = True
+    """Whether `fit` needs healthy cycles. If not, it gets empty lists."""
+
+    def __init__(self, setting: Setting) -> None:
+        """Store what is known before there are data."""
+        self.setting = setting
+
+    @abstractmethod
+    def fit(self, *healthy: Sequence[np.ndarray]) -> object:
+        """Learn from healthy cycles.
+
+        Args:
+            healthy: One list for each feature, with one array for each uninterrupted series.
+
+        Raises:
+            ValueError: The cycles are too few. The method is then left out, with this message.
+        """
+
+
+class Isolator(Method):
+    """Names the worn axis."""
+
+    @abstractmethod
+    def isolate(self, *features: np.ndarray) -> int | Answer:
+        """Determine which axis is worn now.
+
+        Args:
+            features: Each feature of the cycles up to now, see `FEATURES`.
+
+        Returns:
+            The axis from 0, or -1 for none. An isolator that estimates the severity, and that can
+            name several axes, returns an `Answer` instead.
+        """
+
+    def smallest(self) -> np.ndarray | None:
+        """Predict the wear that would be found in 95 of 100 cases, from healthy cycles alone.
+
+        Returns:
+            Severity of each axis, shape (n_axes,), inf if wear of an axis cannot be found; None if
+            the isolator cannot tell.
+        """
+        return None
+
+
+class Detector(Method):
+    """Says how little a cycle looks like the healthy ones."""
+
+    rows: ClassVar[tuple[str, ...]] = (CYCLES, HOURS)
+    """What the rows may stand for: `faultgen detect` judges cycles, study `detection` hours."""
+    limit_: float
+    """Set by `fit`: a higher score is an alarm. It is meant for one false alarm in 1000 rows; study
+    `detection` ignores it, because it sets equal rates of false alarms for all detectors."""
+
+    @abstractmethod
+    def score(self, *features: np.ndarray) -> np.ndarray:
+        """Score consecutive cycles.
+
+        Args:
+            features: Each feature of the cycles, see `FEATURES`.
+
+        Returns:
+            Shape (cycles,). A higher score is less normal; -inf says that there is no answer.
+        """
+
+    def blame(self, *features: np.ndarray) -> np.ndarray | None:
+        """Name the axis that is least normal in each cycle.
+
+        Args:
+            features: Each feature of the cycles, see `FEATURES`.
+
+        Returns:
+            Axis from 0, shape (cycles,); None if the detector cannot tell.
+        """
+        return None
+
+
+M = TypeVar("M", bound=Method)
+
+
+def registered(kind: type[M], group: str, own: Sequence[type[M]]) -> dict[str, type[M]]:
+    """List the methods of one kind: our own, and those of installed packages.
+
+    Args:
+        kind: `Isolator` or `Detector`.
+        group: Group of the entry points of packages that add such methods.
+        own: Our own methods, in the order of the tables.
+
+    Returns:
+        The classes by name. Those of packages come last.
+
+    Raises:
+        InputError: A class lacks something, or a name exists. The message names the class.
+    """
+    found: dict[str, type[M]] = {}
+    known = (*FEATURES, *HOURLY_FEATURES)
+    what = f"a subclass of faultgen.evaluation.{kind.__name__}"
+    others: Iterable[tuple[str, type[M]]] = added(
+        group, lambda one: isinstance(one, type) and issubclass(one, kind), what
+    )
+    for where, method in [*(("", one) for one in own), *others]:
+        before = f"{where}: " if where else ""
+        name = getattr(method, "name", None)
+        missing = sorted(getattr(method, "__abstractmethods__", ()))
+        if missing:
+            raise InputError(f"{before}{class_name(method)} has no method '{missing[0]}'")
+        if not isinstance(name, str) or not name:
+            raise InputError(f"{before}{class_name(method)} has no name")
+        features = getattr(method, "features", None)
+        if not isinstance(features, tuple) or not features:
+            raise InputError(
+                f"{before}{class_name(method)}: features must be a tuple of names, not {features!r}"
+            )
+        for feature in features:
+            if feature not in known:
+                raise InputError(
+                    f"{before}{class_name(method)}: there is no feature {feature!r}: choose "
+                    f"{', '.join(known)}"
+                )
+        if name in found:
+            raise InputError(f"{before}{class_name(method)}: the name '{name}' exists")
+        found[name] = method
+    return found
+
+
+def class_name(method: type) -> str:
+    """Return the name of a class with that of its module."""
+    return f"{method.__module__}.{method.__qualname__}"
+
+
+def needed(methods: Iterable[Method]) -> set[str]:
+    """Return the names of all features that some methods need."""
+    return {name for method in methods for name in method.features}
+
+
+def fit(method: Method, healthy: Sequence[Features]) -> None:
+    """Let a method learn.
+
+    Args:
+        method: The method.
+        healthy: Healthy series.
+
+    Raises:
+        ValueError: The method cannot learn from these series.
+    """
+    method.fit(*([series[name] for series in healthy] for name in method.features))
+
+
+def isolate(isolator: Isolator, seen: Features, cycles: int | None = None) -> int | Answer:
+    """Ask an isolator, and check its answer.
+
+    Args:
+        isolator: The isolator.
+        seen: Features of consecutive cycles.
+        cycles: Number of cycles that it sees, from the first. Default: all.
+
+    Returns:
+        Its answer, see `Isolator.isolate`.
+
+    Raises:
+        InputError: The answer is neither an axis nor an answer for every axis.
+    """
+    found = isolator.isolate(*(seen[name][:cycles] for name in isolator.features))
+    n_axes = isolator.setting.n_axes
+    if isinstance(found, Answer):
+        shapes = {"worn": (n_axes,), "severity": (n_axes,), "interval": (n_axes, 2), "z": (n_axes,)}
+        for name, shape in shapes.items():
+            if np.shape(getattr(found, name)) != shape:
+                raise InputError(
+                    f"{class_name(type(isolator))}: isolate must return {name} of shape {shape}, "
+                    f"not {np.shape(getattr(found, name))}"
+                )
+        return found
+    whole = isinstance(found, (int, np.integer)) and not isinstance(found, bool)
+    if not whole or not -1 <= found < n_axes:
+        shown = f"an array of shape {found.shape}" if isinstance(found, np.ndarray) else repr(found)
+        raise InputError(
+            f"{class_name(type(isolator))}: isolate must return an axis from 0 to {n_axes - 1}, -1 "
+            f"for none, or an Answer, not {shown}"
+        )
+    return int(found)
+
+
+def axis_of(answer: int | Answer) -> int:
+    """Return the axis that an answer names, from 0; -1 for none."""
+    return answer.axis if isinstance(answer, Answer) else answer
+
+
+def score(detector: Detector, seen: Features) -> np.ndarray:
+    """Ask a detector, and check its answer.
+
+    Args:
+        detector: The detector.
+        seen: Features of consecutive cycles.
+
+    Returns:
+        Its score of each cycle, shape (cycles,).
+
+    Raises:
+        InputError: The score has another shape, or is nan.
+    """
+    given = [seen[name] for name in detector.features]
+    return _checked(detector, "score", np.asarray(detector.score(*given)), len(given[0]))
+
+
+def blame(detector: Detector, seen: Features) -> np.ndarray | None:
+    """Ask a detector for the axis that is least normal, and check its answer.
+
+    Args:
+        detector: The detector.
+        seen: Features of consecutive cycles.
+
+    Returns:
+        Axis from 0, shape (cycles,); None if the detector cannot tell.
+
+    Raises:
+        InputError: The answer has another shape.
+    """
+    given = [seen[name] for name in detector.features]
+    found = detector.blame(*given)
+    return None if found is None else _checked(detector, "blame", np.asarray(found), len(given[0]))
+
+
+def alarms(detector: Detector, seen: Features) -> np.ndarray:
+    """Find the cycles in alarm, those with a score above the detector's own limit.
+
+    Args:
+        detector: The detector, fitted.
+        seen: Features of consecutive cycles.
+
+    Returns:
+        Whether each cycle is in alarm, shape (cycles,).
+
+    Raises:
+        InputError: The detector has no limit, or its score has another shape or is nan.
+    """
+    limit = getattr(detector, "limit_", None)
+    if not isinstance(limit, (int, float)) or np.isnan(limit):
+        raise InputError(
+            f"{class_name(type(detector))}: fit must set limit_ to a number, not {limit!r}"
+        )
+    return score(detector, seen) > limit
+
+
+def _checked(detector: Detector, what: str, found: np.ndarray, rows: int) -> np.ndarray:
+    if found.shape != (rows,):
+        raise InputError(
+            f"{class_name(type(detector))}: {what} must return shape ({rows},), not {found.shape}"
+        )
+    if np.isnan(found).any():
+        raise InputError(f"{class_name(type(detector))}: {what} must not return nan")
+    return found
