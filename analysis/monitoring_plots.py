@@ -64,7 +64,8 @@ def plot_control_chart(
         axes.set_yscale("log")
         axes.set_ylim(0.7 * bottom, 3 * highest)
     else:
-        axes.set_ylim(min(0.0, 1.1 * statistic.min()), 1.2 * highest)
+        top = 1.2 * highest if highest > 0 else 1.0  # a statistic may be 0 throughout
+        axes.set_ylim(min(0.0, 1.1 * statistic.min()), top)
     axes.legend(loc="upper left", ncols=3, fontsize=8, handlelength=2.5)
     axes.set(xlabel="sample", ylabel=name)
 

@@ -9,7 +9,7 @@ objects, of the kind that the group is for:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from importlib.metadata import entry_points
 from typing import TypeVar
 
@@ -40,7 +40,7 @@ def added(group: str, fits: Callable[[object], bool], what: str) -> Iterator[tup
         where = f"entry point {point.value}"
         try:
             loaded = point.load()
-            objects = [loaded] if fits(loaded) else list(loaded)
+            objects = list(loaded) if isinstance(loaded, Iterable) else [loaded]
         except Exception as error:  # whatever the code of another package raises
             reason = " ".join(f"{type(error).__name__}: {error}".split())
             raise InputError(f"{where}: cannot be loaded ({reason})") from None

@@ -76,7 +76,7 @@ def test_an_alarm_counts_with_the_axis_it_blames():
 
 
 PERIOD = 0.2
-"""Between samples of the small robot, whose cycle takes two seconds [s]."""
+"""Between samples of the small robot, whose cycle takes two seconds: ten places [s]."""
 
 
 @pytest.fixture(scope="module")
@@ -84,31 +84,32 @@ def cycles(tiny_robot_path, tiny_task_path, tmp_path_factory):
     """Simulated cycles of the small robot."""
     folder = tmp_path_factory.mktemp("study") / "cycles"
     surrogate_file(folder, tiny_robot_path, tiny_task_path)
-    surrogate_file(folder, tiny_robot_path, tiny_task_path, sample_period=PERIOD)
+    surrogate_file(
+        folder,
+        tiny_robot_path,
+        tiny_task_path,
+        sample_period=PERIOD,
+    )
     return folder
 
 
 @pytest.fixture
-def small(tiny_robot_path, tiny_task_path, monkeypatch):
-    """Studies of the small robot."""
-    monkeypatch.setattr(isolation_study, "ROBOTS", (tiny_robot_path,))
-    monkeypatch.setattr(isolation_study, "TASKS", (tiny_task_path,))
-    monkeypatch.setattr(detection_study, "ROBOT", tiny_robot_path)
-    monkeypatch.setattr(detection_study, "TASKS", (tiny_task_path,))
-    monkeypatch.setattr(detection_study, "SAMPLE_PERIOD", PERIOD)
+def small(tiny_robot_path, tiny_task_path):
+    """The small robot and its task, as options of a study."""
+    return {"robots": (tiny_robot_path,), "tasks": (tiny_task_path,)}
 
 
 SMALL = isolation_study.Size(reference=10, healthy=3, worn=1, pairs=1)
 
 
-def isolated(cycles, folder, **more):
+def isolated(cycles, small, folder, **more):
     shutil.copytree(cycles, folder / "cycles")
-    return isolation_study.run_isolation(folder, size=SMALL, **more)
+    return isolation_study.run_isolation(folder, size=SMALL, **small, **more)
 
 
 def test_isolation_study(cycles, small, tmp_path):
     """Counts add up, the best method names 10 % wear, and a second call gives the same again."""
-    result = isolated(cycles, tmp_path, seed=1)
+    result = isolated(cycles, small, tmp_path, seed=1)
     worn = [row for row in result["isolation"] if row["method"] == FRICTION]
     assert {row["total"] for row in worn} == {2}
     assert all(row["share"] == 1 for row in worn if row["level"] >= 0.10)
@@ -116,14 +117,14 @@ def test_isolation_study(cycles, small, tmp_path):
     assert [(row["total"], row["noise"]) for row in pairs] == [(1, "realistic")]
     healthy = pooled(result["healthy"], method="TE 10 bins")
     assert healthy["share"] > 0.5, "transfer entropy has no 'none'"
-    again = isolation_study.run_isolation(tmp_path, size=SMALL, seed=1)
+    again = isolation_study.run_isolation(tmp_path, size=SMALL, seed=1, **small)
     assert json.dumps(again) == json.dumps(result)
-    assert isolated(cycles, tmp_path / "other", seed=2)["severity"] != result["severity"]
+    assert isolated(cycles, small, tmp_path / "other", seed=2)["severity"] != result["severity"]
 
 
 def test_isolation_study_does_not_depend_on_workers(cycles, small, tmp_path):
     """One process or two: the same results."""
-    one, two = (isolated(cycles, tmp_path / str(n), seed=3, workers=n) for n in (1, 2))
+    one, two = (isolated(cycles, small, tmp_path / str(n), seed=3, workers=n) for n in (1, 2))
     assert json.dumps(one) == json.dumps(two)
 
 
@@ -149,7 +150,12 @@ def test_growth_is_that_of_the_thesis():
 
 def test_hourly_record_is_ten_cycles(cycles, tiny_robot_path, tiny_task_path):
     """Without noise every cycle of a healthy hour is the same; wear changes the worn axis only."""
-    path = surrogate_file(cycles, tiny_robot_path, tiny_task_path, sample_period=PERIOD)
+    path = surrogate_file(
+        cycles,
+        tiny_robot_path,
+        tiny_task_path,
+        sample_period=PERIOD,
+    )
     robot = hourly_monitored(path)
     severity = np.zeros((2, 2))
     severity[1, 1] = 0.1
@@ -214,7 +220,12 @@ def test_ewma_of_a_q_that_never_moved():
 
 def test_a_record_is_charted_by_its_q(cycles, tiny_robot_path, tiny_task_path, monkeypatch):
     """The detector charts the Q of the divergences: its root is taken once."""
-    path = surrogate_file(cycles, tiny_robot_path, tiny_task_path, sample_period=PERIOD)
+    path = surrogate_file(
+        cycles,
+        tiny_robot_path,
+        tiny_task_path,
+        sample_period=PERIOD,
+    )
     robot = hourly_monitored(path)
     severity = np.zeros((80, 2))
     severity[60:, 1] = 0.2
@@ -240,7 +251,7 @@ def test_detection_study(cycles, small, tmp_path):
     """All detectors are compared; ours finds the wear; tables and lags have the thesis' form."""
     shutil.copytree(cycles, tmp_path / "cycles")
     size = detection_study.Size(seeds=1, months=2)
-    result = detection_study.run_detection(tmp_path, size=size, seed=1)
+    result = detection_study.run_detection(tmp_path, size=size, seed=1, **small)
     assert len(result["detectors"]) == 2 * len(DETECTORS) * len(detection_study.RATES)
     assert len(result["thesis_procedure"]) == 2 * 4
     lags = np.array(result["example"]["lags"])
@@ -267,7 +278,7 @@ def test_files_of_a_study(cycles, small, monkeypatch, tmp_path):
 
     def spread(out, **options):
         shutil.copytree(cycles, out / "cycles")
-        result = made(out, size=SMALL, seed=5)
+        result = made(out, size=SMALL, seed=5, **small)
         for name, value in result.items():
             if isinstance(value, list):
                 result[name] = [
@@ -284,3 +295,46 @@ def test_files_of_a_study(cycles, small, monkeypatch, tmp_path):
     assert stored["goals"] == result["goals"] and stored["study"] == "isolation"
     assert (tmp_path / "tables.md").read_text() == isolation_tables(stored)
     assert len(list((tmp_path / "figures").glob("*.png"))) == 4
+
+
+@pytest.mark.parametrize("name", ["isolation", "detection"])
+def test_studies_take_any_robot_and_task(
+    name, cycles, tiny_robot_path, tiny_task_path, monkeypatch, capsys, tmp_path
+):
+    """The whole command on a robot with two axes: results, tables without the thesis, figures."""
+    shutil.copytree(cycles, tmp_path / "cycles")
+    monkeypatch.setattr(isolation_study, "QUICK", SMALL)
+    monkeypatch.setattr(detection_study, "QUICK", detection_study.Size(seeds=1, months=1))
+    given = ["--robot", tiny_robot_path, "--task", tiny_task_path, "--quick", "--workers", "1"]
+    monkeypatch.setattr("sys.argv", ["faultgen", "study", name, *given, "-o", str(tmp_path)])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 0, capsys.readouterr().err
+    text = (tmp_path / "tables.md").read_text()
+    assert "tiny" in text and "swing" in text
+    assert "code " in json.loads((tmp_path / "results.json").read_text())["made_by"]
+    assert len(list((tmp_path / "figures").glob("*.png"))) == 4
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "message"),
+    [
+        ("isolation", ["--robot", "magic"], "unknown robot 'magic'"),
+        ("isolation", ["--task", "dance"], "unknown task 'dance' for robot irb6700"),
+        ("detection", ["--robot", "puma560,irb6700"], "takes one robot"),
+        ("detection", ["--robot", "irb6700"], "unknown task 'chapter3_task1' for robot irb6700"),
+        ("events", ["--robot", "magic"], "models: unknown 'magic'"),
+        ("events", ["--task", "dance"], "programs.tasks: irb6700 has no 'dance'"),
+        ("events", ["--task", "arc_weld", "--fleet", "f"], "either --fleet, or --robot and --task"),
+    ],
+)
+def test_robots_and_tasks_that_do_not_do(name, given, message, monkeypatch, capsys, tmp_path):
+    """One line that says what is missing, exit status 2, and no folder."""
+    out = tmp_path / "out"
+    monkeypatch.setattr("sys.argv", ["faultgen", "study", name, "--quick", *given, "-o", str(out)])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 2
+    error = capsys.readouterr().err
+    assert message in error and error.count("\n") == 1
+    assert not out.exists()

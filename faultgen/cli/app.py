@@ -60,6 +60,11 @@ Folder = Annotated[
 ]
 
 
+def names(text: str | None) -> list[str]:
+    """Names that a user gave, separated by commas; none if the option was not given."""
+    return [] if text is None else [part.strip() for part in text.split(",")]
+
+
 def print_json(value: Any) -> None:
     """Print a result as JSON on stdout, for other programs."""
     print(json.dumps(value, indent=1, default=lambda v: v.tolist()))

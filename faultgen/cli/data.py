@@ -8,7 +8,17 @@ from typing import Annotated, Any
 
 import typer
 
-from faultgen.cli.app import Folder, Json, Out, Workers, app, print_json, print_table, worker_count
+from faultgen.cli.app import (
+    Folder,
+    Json,
+    Out,
+    Workers,
+    app,
+    names,
+    print_json,
+    print_table,
+    worker_count,
+)
 from faultgen.errors import InputError, SimulationFailed
 
 
@@ -97,10 +107,10 @@ def generate(
     from faultgen.dataset.sweep import generate as run_generate
 
     flags: dict[str, Any] = {
-        "robot": _split(robot),
-        "task": _split(task),
+        "robot": names(robot) or None,
+        "task": names(task) or None,
         "axis": _axes(axis),
-        "effect": _split(effect),
+        "effect": names(effect) or None,
         "severity": _severities(severity),
         "schedule": schedule,
         "cycles": cycles,
@@ -256,10 +266,6 @@ def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = F
         return
     print(table(result))
     print(f"\ndataset: {out / 'dataset.h5'}\nreport:  {path}")
-
-
-def _split(text: str | None) -> list[str] | None:
-    return None if text is None else [part.strip() for part in text.split(",")]
 
 
 def _axes(text: str | None) -> list[list[int]] | None:

@@ -17,6 +17,7 @@ from faultgen.cli.app import (
     Sensors,
     Workers,
     app,
+    names,
     print_json,
     worker_count,
 )
@@ -87,6 +88,20 @@ def study(
             "training-data. Default: the study makes a fleet."
         ),
     ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            help="Robots of the study, names or paths of MJCF files, separated by commas. "
+            "Default: those of the thesis."
+        ),
+    ] = None,
+    task: Annotated[
+        str | None,
+        typer.Option(
+            help="Tasks of the study, names or paths of task files, separated by commas. "
+            "Default: those of the thesis."
+        ),
+    ] = None,
     quick: Annotated[
         bool, typer.Option(help="Use fewer seeds or robots, for a first look at the results.")
     ] = False,
@@ -110,7 +125,14 @@ def study(
     from faultgen.studies.runner import run_study
 
     result = run_study(
-        name, out, quick=quick, seed=seed, workers=worker_count(workers), fleet=fleet
+        name,
+        out,
+        quick=quick,
+        seed=seed,
+        workers=worker_count(workers),
+        fleet=fleet,
+        robots=names(robot),
+        tasks=names(task),
     )
     if as_json:
         print_json(result)

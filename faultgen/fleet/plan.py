@@ -8,8 +8,9 @@ from __future__ import annotations
 import hashlib
 import json
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -197,12 +198,31 @@ def parse_fleet(text: str, name: str) -> FleetPlan:
         InputError: The text is not valid TOML, or one of its entries is wrong.
     """
     try:
-        return FleetPlan(**tomllib.loads(text))
+        values = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"fleet file {name}: not valid TOML: {error}") from None
+    try:
+        return make_fleet_plan(values)
+    except InputError as error:
+        raise InputError(f"fleet file {name}: {error}") from None
+
+
+def make_fleet_plan(values: Mapping[str, Any]) -> FleetPlan:
+    """Make the plan of a fleet from its entries.
+
+    Args:
+        values: Entries by name. Sections are mappings, too.
+
+    Returns:
+        The plan.
+
+    Raises:
+        InputError: An entry is wrong. The message says which.
+    """
+    try:
+        return FleetPlan(**values)
     except ValidationError as error:
         first = error.errors()[0]
         where = "".join(f"{part}." for part in first["loc"]).rstrip(".")
         said = first["msg"].removeprefix("Value error, ")
-        told = f"{where}: {said}" if where else said
-        raise InputError(f"fleet file {name}: {told}") from None
+        raise InputError(f"{where}: {said}" if where else said) from None

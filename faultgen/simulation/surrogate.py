@@ -41,6 +41,9 @@ from faultgen.system.parallel import in_parallel
 CHANNELS = ("motor_position", "motor_velocity", "motor_torque")
 """Names of the channels that are interpolated."""
 
+SAMPLE_PERIOD = 0.004
+"""Time between samples, as in datasets [s]."""
+
 _SPREAD = 20.0  # temperatures up to so far from the reference, five standard deviations [K]
 _BASE_NODES = 9
 _EVERY = 2  # every so many-th node in temperature has nodes in payload and wear too
@@ -258,7 +261,7 @@ def build_surrogate(
     task: str,
     *,
     effect: str = "friction_wear",
-    sample_period: float = 0.004,
+    sample_period: float = SAMPLE_PERIOD,
     controller: str | None = None,
     workers: int = 1,
     progress: bool = True,
@@ -315,7 +318,12 @@ def build_surrogate(
 
 
 def surrogate_file(
-    folder: Path, robot: str, task: str, *, sample_period: float = 0.004, workers: int = 1
+    folder: Path,
+    robot: str,
+    task: str,
+    *,
+    sample_period: float = SAMPLE_PERIOD,
+    workers: int = 1,
 ) -> Path:
     """Return the file of the surrogate of a robot and task; simulate and write it if needed.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -56,6 +56,8 @@ def run_study(
     seed: int = REPORT_SEED,
     workers: int = 1,
     fleet: Path | None = None,
+    robots: Sequence[str] = (),
+    tasks: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Run a study and write ``results.json``, ``tables.md`` and ``figures/``.
 
@@ -66,12 +68,15 @@ def run_study(
         seed: Root seed of all random draws.
         workers: Number of processes. It has no effect on the results.
         fleet: Folder of a fleet, for the studies that use one. Default: a fleet is simulated.
+        robots: Names of robots, or paths of MJCF files. Default: those of the thesis.
+        tasks: Names of tasks, or paths of task files. Default: those of the thesis.
 
     Returns:
         The results.
 
     Raises:
-        InputError: There is no such study, a fleet is not suitable, or the study does not use one.
+        InputError: There is no such study, a fleet, robot or task is not suitable, or the study
+            does not use a fleet.
     """
     if name not in STUDIES:
         raise InputError(f"unknown study '{name}': choose {', '.join(STUDIES)}")
@@ -79,9 +84,15 @@ def run_study(
         raise InputError(f"workers: must be at least 1, not {workers}")
     if seed < 0:
         raise InputError(f"seed: must be at least 0, not {seed}")
-    plan = study_fleet(name, seed, quick)
+    plan = study_fleet(name, seed, quick, robots, tasks)
     if fleet is not None and plan is None:
         raise InputError(f"study {name}: simulates its own data and takes no --fleet")
+    if fleet is not None and (robots or tasks):
+        raise InputError("give either --fleet, or --robot and --task for a new fleet")
+    chosen: dict[str, Any] = {}
+    if plan is None:
+        chosen |= {"robots": tuple(robots)} if robots else {}
+        chosen |= {"tasks": tuple(tasks)} if tasks else {}
     recorded = None if fleet is None else open_fleet(fleet)
     started = time.monotonic()
     try:
@@ -93,7 +104,7 @@ def run_study(
     if plan is not None:
         of = recorded or generate_fleet(plan, out / "fleet", workers=workers, progress=True)
     try:
-        found = run(of, seed=seed, workers=workers)
+        found = run(of, seed=seed, workers=workers, **chosen)
     except InputError:
         if not any(out.iterdir()):
             out.rmdir()

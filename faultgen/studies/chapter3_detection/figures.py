@@ -50,7 +50,11 @@ def _scores(result: dict[str, Any]) -> Figure:
     figure, panels = plt.subplots(1, 2, figsize=(10, 3.8))
     scores = np.array(example["scores"])
     groups = ["training"] * TRAINING + ["wear"] * (len(scores) - TRAINING)
-    plot_scores(panels[0], scores, example["eigenvalues"], TRAINING, groups)
+    if scores.shape[1] > 1:
+        plot_scores(panels[0], scores, example["eigenvalues"], TRAINING, groups)
+    else:  # one component explains enough
+        panels[0].plot(np.arange(1, len(scores) + 1), scores[:, 0], ".")
+        panels[0].set(xlabel="hour", ylabel="score along the only component")
     names = [f"axis {k + 1}" for k in range(len(example["contributions"]))]
     plot_contributions(panels[1], example["contributions"], names)
     panels[1].set(xlabel="contribution to Q, last 12 hours")
@@ -73,7 +77,8 @@ def _delay(result: dict[str, Any]) -> Figure:
             rates = [max(row["false_alarms_a_month"], 0.5 / row["months"]) for row in rows]
             half = [k for k, row in enumerate(rows) if row["median_hours"] is not None]
             delays = [rows[k]["median_hours"] for k in half]
-            plot_detection_delay(column[0], [rates[k] for k in half], delays, name, number)
+            if half:
+                plot_detection_delay(column[0], [rates[k] for k in half], delays, name, number)
             if all(row["located"] for row in rows):
                 located = [100 * row["located"]["share"] for row in rows]
                 plot_detection_delay(column[1], rates, located, name, number)
@@ -81,7 +86,7 @@ def _delay(result: dict[str, Any]) -> Figure:
         column[1].set(ylabel="alarm with the right axis [%]", ylim=(0, 103))
     for axes in panels[:, 1]:
         axes.set(ylabel="")
-    legend_beside(panels[0, 1])
+    legend_beside(panels[1, 1])
     return figure
 
 

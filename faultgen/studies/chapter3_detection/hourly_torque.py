@@ -11,16 +11,22 @@ from pathlib import Path
 
 import numpy as np
 
+from faultgen.errors import InputError
 from faultgen.evaluation.features import Features
 from faultgen.evaluation.methods import Setting
 from faultgen.evaluation.wear_model import Directions, turning_axes, wear_points, wear_slopes
 from faultgen.monitoring.environment import surroundings
 from faultgen.monitoring.sensors import Sensors
 from faultgen.robot import load_robot
+from faultgen.simulation.motion import plan
 from faultgen.simulation.surrogate import Surrogate
+from faultgen.tasks import load_task
 
 SAMPLE_PERIOD = 10.0
-"""Time between samples [s]."""
+"""Time between samples of a one-minute task [s]."""
+
+_MINUTE = 60.0  # a cycle begins every minute [s]
+_PLACES = 6  # of a cycle, at which it is sampled
 
 _CYCLES_SAMPLED = 10
 _CYCLES_AN_HOUR = 60
@@ -127,6 +133,33 @@ class HourlyMonitored:
             torque=torque + sensors.torque_noise * self.surrogate.mean_torque * noise,
             temperature=around.measured_temperature[sampled].reshape(hours, -1).mean(axis=1),
         )
+
+
+def sample_period(robot: str, task: str) -> float:
+    """Choose the time between samples, so that each cycle is sampled at six places.
+
+    Args:
+        robot: Name of the robot, or path of an MJCF file.
+        task: Name of the task, or path of a task file.
+
+    Returns:
+        Time between samples [s], a multiple of the robot's time step: 10 s for a task of one
+        minute. A shorter task is repeated every minute, too, and sampled while it runs.
+
+    Raises:
+        InputError: There is no such robot or task, or the task takes longer than one minute.
+    """
+    model = load_robot(robot)
+    period = plan(load_task(model.name, task), model).period
+    if period > _MINUTE + SAMPLE_PERIOD / 2:
+        raise InputError(
+            f"study detection: a cycle begins every minute, but task {task} takes {period:.1f} s; "
+            "give a shorter task"
+        )
+    if abs(period - _MINUTE) < SAMPLE_PERIOD / 2:
+        return SAMPLE_PERIOD
+    timestep = model.model.opt.timestep
+    return float(np.ceil(period / _PLACES / timestep) * timestep)
 
 
 @lru_cache(maxsize=4)

@@ -8,6 +8,7 @@ compared at equal rates of false alarms.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from tqdm import tqdm
 
 from faultgen.analysis import cross_correlation_lags, leading_axis
 from faultgen.dataset.wear import severities
+from faultgen.errors import InputError
 from faultgen.evaluation.shares import share
 from faultgen.monitoring.sensors import SENSORS
 from faultgen.simulation.surrogate import surrogate_file
@@ -31,11 +33,12 @@ from faultgen.studies.chapter3_detection.detectors import (
     threshold,
 )
 from faultgen.studies.chapter3_detection.hourly_torque import (
-    SAMPLE_PERIOD,
     HourlyMonitored,
     HourlyTorque,
     hourly_monitored,
+    sample_period,
 )
+from faultgen.studies.places import place_name
 from faultgen.system.parallel import in_parallel
 
 ROBOT = "puma560"
@@ -75,7 +78,13 @@ QUICK = Size(seeds=3, months=5)
 
 
 def run_detection(
-    out: Path, *, size: Size = FULL, seed: int = 2026, workers: int = 1
+    out: Path,
+    *,
+    size: Size = FULL,
+    seed: int = 2026,
+    workers: int = 1,
+    robots: Sequence[str] = (ROBOT,),
+    tasks: Sequence[str] = TASKS,
 ) -> dict[str, Any]:
     """Run the study.
 
@@ -84,26 +93,46 @@ def run_detection(
         size: Amount of random data.
         seed: Root seed of all random draws.
         workers: Number of processes. It has no effect on the results.
+        robots: Name of the robot, or path of its MJCF file; only one.
+        tasks: Names of tasks, or paths of task files, of at most one minute.
 
     Returns:
         Results for JSON.
+
+    Raises:
+        InputError: The robot or a task is unknown or lacks something, or there are several robots.
     """
+    if len(robots) > 1:
+        raise InputError("study detection: takes one robot; call it once for each robot")
+    (robot,) = robots
+    paths = dict(zip((place_name(robot, task)[1] for task in tasks), tasks, strict=True))
+    if len(paths) < len(tasks):
+        raise InputError("study detection: two tasks have the same name")
+    periods = {task: sample_period(robot, path) for task, path in paths.items()}
     files = {
         task: surrogate_file(
-            out / "cycles", ROBOT, task, sample_period=SAMPLE_PERIOD, workers=workers
+            out / "cycles", robot, path, sample_period=periods[task], workers=workers
         )
-        for task in TASKS
+        for task, path in paths.items()
     }
+    turning = {task: hourly_monitored(path).turning.tolist() for task, path in files.items()}
+    for task, turns in turning.items():
+        if len(turns) < 2:
+            raise InputError("study detection: compares axes, and the robot has only one")
+        if not any(turns):
+            raise InputError(
+                f"study detection: no axis turns at the places at which task {task} is sampled"
+            )
     jobs = [
         (task, noise, role, number)
-        for task in TASKS
+        for task in files
         for noise in NOISES
         for role, count in ((_CALIBRATION, size.months), (_HEALTHY, size.months))
         for number in range(count)
     ]
     jobs += [
         (task, noise, _WEAR, number)
-        for task in TASKS
+        for task in files
         for noise in NOISES
         for number in range(size.seeds)
     ]
@@ -124,16 +153,16 @@ def run_detection(
     worn = [
         row for (_, _, role, _), p in zip(jobs, parts, strict=True) if role == _WEAR for row in p
     ]
-    turning = {task: hourly_monitored(path).turning.tolist() for task, path in files.items()}
     return {
+        "robot": place_name(robot, "")[0],
         "seed": seed,
         "seeds": size.seeds,
         "size": vars(size),
         "turning": turning,
         "thesis_procedure": [row["thesis"] for row in worn],
-        "thesis_false_alarms": _thesis_false_alarms(healthy, size),
+        "thesis_false_alarms": _thesis_false_alarms(healthy, list(files), size),
         "detectors": _compare(worn, healthy, turning, size),
-        "example": _example(files[TASKS[0]], seed),
+        "example": _example(*next(iter(files.items())), seed),
     }
 
 
@@ -215,11 +244,11 @@ def _thesis_procedure(robot: HourlyMonitored, record: HourlyTorque, axis: int) -
 
 
 def _thesis_false_alarms(
-    healthy: dict[tuple[str, str, int, int], Any], size: Size
+    healthy: dict[tuple[str, str, int, int], Any], tasks: list[str], size: Size
 ) -> list[dict[str, Any]]:
     """False alarms of the thesis' procedure in healthy months."""
     rows = []
-    for task in TASKS:
+    for task in tasks:
         for noise in NOISES:
             over = [healthy[task, noise, _HEALTHY, k]["over"] for k in range(size.months)]
             runs = [np.convolve(o, np.ones(IN_A_ROW), "valid") == IN_A_ROW for o in over]
@@ -251,7 +280,7 @@ def _compare(
         for detector in DETECTORS:
             for rate in RATES:
                 cells, false_alarms = [], 0
-                for task in TASKS:
+                for task in turning:
                     level = threshold(healthy_scores(task, noise, _CALIBRATION, detector), rate)
                     counted = healthy_scores(task, noise, _HEALTHY, detector)
                     false_alarms += sum(separate_alarms(s > level) for s in counted)
@@ -268,8 +297,8 @@ def _compare(
                         "noise": noise,
                         "detector": detector,
                         "rate": rate,
-                        "false_alarms_a_month": false_alarms / (size.months * len(TASKS)),
-                        "months": size.months * len(TASKS),
+                        "false_alarms_a_month": false_alarms / (size.months * len(turning)),
+                        "months": size.months * len(turning),
                         "detected": share(sum(c["hours"] is not None for c in seen), len(seen)),
                         "located": _located(seen),
                         "median_hours": middle if np.isfinite(middle) else None,
@@ -327,10 +356,10 @@ def _cells(cells: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return rows
 
 
-def _example(path: Path, seed: int) -> dict[str, Any]:
+def _example(task: str, path: Path, seed: int) -> dict[str, Any]:
     """What figures 3-2, 3-3 and table 3.3 show: 10 % wear of axis 1, task 1, thesis' noise."""
     robot = hourly_monitored(path)
-    rng = _rng(seed, TASKS[0], NOISES[0], _WEAR, 0, 0, 10)
+    rng = _rng(seed, task, NOISES[0], _WEAR, 0, 0, 10)
     record = robot.record(SENSORS["thesis"], _severity(robot.surrogate.n_axes, 0, 0.10), rng)
     kl = Divergences.of(record, TRAINING)
     monitor = kl.monitor

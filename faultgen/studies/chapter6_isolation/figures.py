@@ -7,7 +7,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
-from faultgen.analysis.plots import legend_beside, plot_accuracy, plot_net_transfer_entropy
+from faultgen.analysis.plots import MARKERS, legend_beside, plot_accuracy, plot_net_transfer_entropy
 from faultgen.evaluation.isolate import LEVELS
 from faultgen.evaluation.isolators import FRICTION, CrossCorrelation, TransferEntropy5
 from faultgen.studies.chapter6_isolation.series import NOISES
@@ -17,32 +17,53 @@ from faultgen.studies.figures import Figures
 _NOT_SHOWN = (TransferEntropy5.name, CrossCorrelation.name)  # each has a line much like its own
 
 
+_THESIS = ("irb6700", "pick_and_place")
+
+
+def _place(result: dict[str, Any]) -> tuple[str, str]:
+    """The robot and task of the thesis' figures, or the first one of the study."""
+    places = [(row["robot"], row["task"]) for row in result["bins"]]
+    return _THESIS if _THESIS in places else places[0]
+
+
+def _chance(result: dict[str, Any], place: tuple[str, str] | None = None) -> float:
+    """How often a guess is right [%], for one robot and task or as a mean over all."""
+    axes = [
+        len(row["mean"])
+        for row in result["table_6_1"]
+        if row["worn"] == 0 and place in (None, (row["robot"], row["task"]))
+    ]
+    return 100 * sum(1 / n for n in axes) / len(axes)
+
+
 def _heat_maps(result: dict[str, Any]) -> Figure:
     """Figure 6-4: IRB 6700, task 1, thesis' noise."""
+    place = _place(result)
     rows = [
         row
         for row in result["net_transfer_entropy"]
-        if (row["robot"], row["task"], row["noise"]) == ("irb6700", "pick_and_place", "thesis")
+        if (row["robot"], row["task"], row["noise"]) == (*place, "thesis")
     ]
     figure, axes = plt.subplots(1, len(rows), figsize=(11, 4.2))
     largest = max(abs(value) for row in rows for line in row["net"] for value in line)
-    for place, row in zip(axes, rows, strict=True):
+    for panel, row in zip(axes, rows, strict=True):
         title = "healthy" if row["case"] == "healthy" else f"axis 1 worn by {row['case']}"
         title = f"net TE [bit], {title}"
-        plot_net_transfer_entropy(place, row["net"], title, largest)
+        plot_net_transfer_entropy(panel, row["net"], title, largest)
     return figure
 
 
 def _bins(result: dict[str, Any]) -> Figure:
     """Figure 6-5: accuracy against the number of bins, IRB 6700, task 1."""
+    place = _place(result)
+    name = "IRB 6700, task 1" if place == _THESIS else ", ".join(place)
     figure, panels = plt.subplots(1, len(NOISES), figsize=(11, 3.6), sharey=True)
     for axes, noise in zip(panels, NOISES, strict=True):
         for number, level in enumerate(LEVELS):
             rows = [
                 row
                 for row in result["bins"]
-                if row["robot"] == "irb6700"
-                and row["task"] == "pick_and_place"
+                if (row["robot"], row["task"]) == place
                 and row["noise"] == noise
                 and row["level"] == level
             ]
@@ -54,8 +75,8 @@ def _bins(result: dict[str, Any]) -> Figure:
                 f"{100 * level:g} % wear",
                 number,
             )
-        axes.axhline(100 / 6, color="0.3", lw=1.0, ls=":", label="chance")
-        axes.set(xlabel="bins", title=f"IRB 6700, task 1, noise: {noise}")
+        axes.axhline(_chance(result, place), color="0.3", lw=1.0, ls=":", label="chance")
+        axes.set(xlabel="bins", title=f"{name}, noise: {noise}")
         if axes is not panels[0]:
             axes.set(ylabel="")
     legend_beside(panels[-1])
@@ -81,7 +102,7 @@ def _accuracy(result: dict[str, Any]) -> Figure:
                 method,
                 number,
             )
-        axes.axhline(100 / 6, color="0.3", lw=1.0, ls=":", label="chance")
+        axes.axhline(_chance(result), color="0.3", lw=1.0, ls=":", label="chance")
         axes.set(title=f"noise: {noise}", xticks=[100 * level for level in LEVELS])
         if axes is not panels[0]:
             axes.set(ylabel="")
@@ -105,7 +126,7 @@ def _severity(result: dict[str, Any]) -> Figure:
             axes.plot(
                 [100 * row["severity"] for row in rows],
                 [100 * row["rms_error"] for row in rows],
-                marker="os^DvP"[number],
+                marker=MARKERS[number % len(MARKERS)],
                 label=f"{robot} {task}",
                 lw=1.2,
             )

@@ -20,12 +20,15 @@ from tqdm import tqdm
 from faultgen.analysis import net_transfer_entropy
 from faultgen.analysis.isolation import Answer
 from faultgen.analysis.te_bins import CANDIDATES, choose_bins
+from faultgen.errors import InputError
 from faultgen.evaluation.features import Features
 from faultgen.evaluation.isolate import LEVELS
 from faultgen.evaluation.isolators import ISOLATORS
 from faultgen.evaluation.methods import Isolator, Setting, axis_of, fit, isolate
 from faultgen.evaluation.shares import share
 from faultgen.monitoring.reductions import SPEED_WINDOW
+from faultgen.simulation.nominal import nominal
+from faultgen.simulation.surrogate import SAMPLE_PERIOD as SURROGATE_PERIOD
 from faultgen.simulation.surrogate import surrogate_file
 from faultgen.studies.chapter6_isolation.series import (
     HEALTHY,
@@ -39,6 +42,7 @@ from faultgen.studies.chapter6_isolation.series import (
     make_series,
     monitored,
 )
+from faultgen.studies.places import place_name
 from faultgen.system.parallel import in_parallel
 
 ROBOTS = ("irb6700", "puma560")
@@ -66,7 +70,13 @@ QUICK = Size(reference=20, healthy=20, worn=3, pairs=1)
 
 
 def run_isolation(
-    out: Path, *, size: Size = FULL, seed: int = 2026, workers: int = 1
+    out: Path,
+    *,
+    size: Size = FULL,
+    seed: int = 2026,
+    workers: int = 1,
+    robots: Sequence[str] = ROBOTS,
+    tasks: Sequence[str] = TASKS,
 ) -> dict[str, Any]:
     """Run the study.
 
@@ -75,14 +85,23 @@ def run_isolation(
         size: Amount of random data.
         seed: Root seed of all random draws.
         workers: Number of processes. It has no effect on the results.
+        robots: Names of robots, or paths of MJCF files.
+        tasks: Names of tasks, or paths of task files. Every robot performs each of them.
 
     Returns:
-        Results for JSON: rows of counts by robot, task, noise, level and method.
+        Results for JSON: rows of outcomes by robot, task, noise, level and method.
+
+    Raises:
+        InputError: A robot or task is unknown or lacks something, or two have the same name.
     """
+    places = {place_name(robot, task): (robot, task) for robot in robots for task in tasks}
+    if len(places) < len(robots) * len(tasks):
+        raise InputError("study isolation: two robots or two tasks have the same name")
+    for robot, task in places.values():
+        _check(robot, task)
     files = {
-        (robot, task): surrogate_file(out / "cycles", robot, task, workers=workers)
-        for robot in ROBOTS
-        for task in TASKS
+        name: surrogate_file(out / "cycles", robot, task, workers=workers)
+        for name, (robot, task) in places.items()
     }
     blocks = [
         Block(
@@ -118,6 +137,21 @@ def run_isolation(
             row for key, path in files.items() for row in _mean_torques(key, path)
         ]
     return result
+
+
+def _check(robot: str, task: str) -> None:
+    """Refuse a robot or task with which axes cannot be compared."""
+    shared = nominal(robot, task, SURROGATE_PERIOD)
+    if shared.robot.n_axes < 2:
+        raise InputError(
+            f"study isolation: compares axes, and robot {shared.robot.name} has only one"
+        )
+    low, high = SPEED_WINDOW
+    if not ((shared.speed >= low) & (shared.speed <= high)).any():
+        raise InputError(
+            f"study isolation: no motor of robot {shared.robot.name} turns at {low:g} to {high:g} "
+            f"rad/s in task {task}, where the thesis' isolators look at the torque"
+        )
 
 
 def _judge(block: Block, surrogate: Path, folder: Path) -> dict[str, list[dict[str, Any]]]:
@@ -356,8 +390,9 @@ def _mean_torques(key: tuple[str, str], path: Path) -> list[dict]:
                 "robot": robot,
                 "task": task,
                 "worn": axis,
-                "mean": masked.mean(axis=0).filled(np.nan).tolist(),
-                "sd": masked.std(axis=0).filled(np.nan).tolist(),
+                # none for an axis that is never in the speed window
+                "mean": masked.mean(axis=0).tolist(),
+                "sd": masked.std(axis=0).tolist(),
             }
         )
     return rows

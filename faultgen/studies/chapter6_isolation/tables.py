@@ -21,6 +21,8 @@ from faultgen.studies.chapter6_isolation.series import NOISES
 
 Rows = list[dict[str, Any]]
 
+_SHOWN_AS = {"irb6700": "IRB 6700", "puma560": "PUMA 560"}
+
 _DESCRIBED = (*THEIRS, *(one.name for one in (OwnTorque, AllTorques, FrictionResidual)))
 
 # Thesis table 6.1: task, worn axis, then mean and standard deviation of axis 1 to 6 [N m]
@@ -71,23 +73,24 @@ def goals(result: dict[str, Any]) -> Rows:
     """
     isolation, best = result["isolation"], {"noise": "realistic", "method": FRICTION}
     te = {"noise": "thesis", "method": "TE 10 bins", "level": 0.10}
-    te_irb = pooled(isolation, **te, robot="irb6700")
-    te_puma = pooled(isolation, **te, robot="puma560")
+    robots = list(dict.fromkeys(row["robot"] for row in isolation))
+    te_of = [pooled(isolation, **te, robot=robot) for robot in robots]
     five, one = (pooled(isolation, **best, level=level) for level in (0.05, 0.01))
     healthy = pooled(result["healthy"], **best)
     answers = [row["at_any_level"] for row in _where(result["healthy"], **best)]
     all_answers = pooled(answers)
     pairs = pooled(result["pairs"], **best)
     severity = _where(result["severity"], **best, level=0.10)
-    rms = float(np.sqrt(np.mean([row["rms_error"] ** 2 for row in severity])))
-    worst = max(row["rms_error"] for row in severity)
+    errors = [np.inf if row["rms_error"] is None else row["rms_error"] for row in severity]
+    rms, worst = float(np.sqrt(np.mean(np.square(errors)))), max(errors)
     return [
         {
-            "name": "axis isolated, TE 10 bins, 10 % wear, `thesis` noise, IRB 6700 / PUMA 560",
+            "name": "axis isolated, TE 10 bins, 10 % wear, `thesis` noise, "
+            + " / ".join(_SHOWN_AS.get(robot, robot) for robot in robots),
             "thesis": "100 %",
             "goal": "reproduce, or show why not",
-            "measured": f"{percent(te_irb)} / {percent(te_puma)} %",
-            "reached": bool(te_irb["share"] == 1 and te_puma["share"] == 1),
+            "measured": f"{' / '.join(percent(one) for one in te_of)} %",
+            "reached": all(one["share"] == 1 for one in te_of),
         },
         {
             "name": "axis isolated at 5 % wear",
@@ -292,7 +295,7 @@ def _smallest(values: list[float | None]) -> str:
 
 def _table_6_1(rows: Rows) -> str:
     def shown(values: Any) -> list[str]:
-        return [f"{mean:.2f} ± {sd:.2f}" for mean, sd in values]
+        return ["-" if mean is None else f"{mean:.2f} ± {sd:.2f}" for mean, sd in values]
 
     lines: list[list[Any]] = []
     theirs = _thesis_6_1()
@@ -301,7 +304,13 @@ def _table_6_1(rows: Rows) -> str:
         if key in theirs:
             lines.append([*key, *shown(zip(row["mean"], row["sd"], strict=True))])
             lines.append(["", "thesis", *shown(theirs[key])])
-    return table(["task", "worn axis", *(f"axis {k}" for k in range(1, 7))], lines)
+    if not lines:  # the thesis has values of this robot only
+        for row in rows:
+            place = f"{row['robot']}, {row['task']}"
+            lines.append([place, row["worn"], *shown(zip(row["mean"], row["sd"], strict=True))])
+    n_axes = max(len(line) for line in lines) - 2
+    lines = [line + ["-"] * (n_axes + 2 - len(line)) for line in lines]
+    return table(["task", "worn axis", *(f"axis {k + 1}" for k in range(n_axes))], lines)
 
 
 def _bins_table(rows: Rows) -> str:
