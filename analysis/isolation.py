@@ -187,9 +187,10 @@ class ChangeIsolator(BaseEstimator):
         still = self.scale_ <= ROUNDING * np.abs(cycles).max(axis=0)
         self.scale_[still] = 1.0
         self._still = still if not still.all() else np.zeros_like(still)
-        unit = self._covariance((cycles - self.mean_) / self.scale_)
-        self._unit = unit
-        self.covariance_ = unit * np.outer(self.scale_, self.scale_)
+        # of features in units of their healthy spread
+        scaled = self._covariance((cycles - self.mean_) / self.scale_)
+        self._scaled_covariance = scaled
+        self.covariance_ = scaled * np.outer(self.scale_, self.scale_)
         self._directions = self._scaled(directions)
         # what moves by less than rounding cannot be observed
         self._directions[np.sqrt((self._directions**2).sum(axis=1)) < 1e-9] = 0.0
@@ -198,14 +199,14 @@ class ChangeIsolator(BaseEstimator):
             if self.spread is None
             else np.asarray(self.spread, float)
         )
-        told = (least_squares_kernel(self._directions, unit) * self._directions).sum(axis=1)
+        told = (least_squares_kernel(self._directions, scaled) * self._directions).sum(axis=1)
         self._seen = told > 1 - 1e-6
         self._parts = self._left_out([(run - self.mean_) / self.scale_ for run in healthy])
         self._moments: dict[int, list[tuple[int, Floats]]] = {}
         self._healthy_errors: dict[int, Floats] = {}
         self._healthy_kernel: Floats | None = None
         self._healthy_kernel = self._kernel(np.zeros(len(directions)))
-        self.severity_error_ = self._errors(np.zeros(len(directions)), self.window)[0]
+        self.severity_error_ = self.standard_error(np.zeros(len(directions)))
         self._windows = max(len(cycles) / self.window, 4.0)
         # one-sided, shared out among the axes; few independent healthy windows widen the tail
         share = self.false_alarm / max(int(self._seen.sum()), 1)
@@ -230,7 +231,7 @@ class ChangeIsolator(BaseEstimator):
             severity = np.zeros(n_axes)
             for _ in range(100):  # both errors depend on the severity
                 kernel = self._kernel(severity)
-                error = self._errors(severity, self.window)[0][axis]
+                error = self.standard_error(severity)[axis]
                 own = severity[axis] ** 2 * self._misfit(kernel)[axis, axis]
                 before = severity[axis]
                 severity[axis] = self.limit_ * error + margin * np.sqrt(error**2 + own)
@@ -238,6 +239,20 @@ class ChangeIsolator(BaseEstimator):
                     found[axis] = severity[axis]
                     break
         return found
+
+    def standard_error(self, severity: ArrayLike) -> Floats:
+        """Compute the standard error of the mean severity over the last `window` cycles.
+
+        It includes the spread of healthy cycles, but not what uncertain directions add.
+
+        Args:
+            severity: Severity at which the estimate weighs the features, shape (n_axes,).
+
+        Returns:
+            Standard error, shape (n_axes,); inf if an axis cannot be observed.
+        """
+        error: Floats = self._errors(np.asarray(severity, float), self.window)[0]
+        return error
 
     def estimate(self, x: ArrayLike, severity: ArrayLike | None = None) -> Floats:
         """Estimate the severity from each cycle alone.
@@ -348,10 +363,11 @@ class ChangeIsolator(BaseEstimator):
         full[..., self._still] = 0.0  # how much a feature varies that never did is not known
         return full / self.scale_
 
-    def _covariance(self, unit: Floats) -> Floats:
+    def _covariance(self, features: Floats) -> Floats:
+        """Covariance of features in units of their healthy spread."""
         if self.covariance == "diagonal":
-            return np.diag(np.maximum(unit.var(axis=0), 1e-12))
-        return ledoit_wolf(unit)[0] + 1e-9 * np.eye(unit.shape[1])
+            return np.diag(np.maximum(features.var(axis=0), 1e-12))
+        return ledoit_wolf(features)[0] + 1e-9 * np.eye(features.shape[1])
 
     def _left_out(self, runs: list[Floats]) -> list[tuple[Floats, Floats]]:
         """For each part of the healthy cycles: the part, centred, and the rest's covariance."""
@@ -366,13 +382,13 @@ class ChangeIsolator(BaseEstimator):
             parts.append((block - others.mean(axis=0), self._covariance(others)))
         return parts
 
-    def _kernel(self, severity: Floats, unit: Floats | None = None) -> Floats:
+    def _kernel(self, severity: Floats, covariance: Floats | None = None) -> Floats:
         """K, shape (n_axes, features); nan if an axis cannot be observed."""
-        if unit is None and not severity.any() and self._healthy_kernel is not None:
+        if covariance is None and not severity.any() and self._healthy_kernel is not None:
             return self._healthy_kernel
         vectors = (severity[:, None, None] * self._spread).reshape(-1, len(self.scale_))
-        covariance = (self._unit if unit is None else unit) + vectors.T @ vectors
-        kernel = least_squares_kernel(self._directions, covariance)
+        healthy = self._scaled_covariance if covariance is None else covariance
+        kernel = least_squares_kernel(self._directions, healthy + vectors.T @ vectors)
         kernel[~self._seen] = np.nan
         return kernel
 
@@ -388,8 +404,8 @@ class ChangeIsolator(BaseEstimator):
             weights = _weights(length, self.window)
             self._moments[length] = [_moments(block, weights) for block, _ in self._parts]
         variance = np.zeros((2, len(severity)))
-        for (_, unit), (_, moments) in zip(self._parts, self._moments[length], strict=True):
-            kernel = self._kernel(severity, unit)
+        for (_, covariance), (_, moments) in zip(self._parts, self._moments[length], strict=True):
+            kernel = self._kernel(severity, covariance)
             variance += np.einsum("af,wfg,ag->wa", kernel, moments, kernel)
         variance /= sum(count for count, _ in self._moments[length])
         error = np.where(self._seen, np.sqrt(np.maximum(variance, _SMALLEST**2)), np.inf)

@@ -201,4 +201,4 @@ def plot_detection_delay(
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set(xlabel="false alarms a month", ylabel="delay of detection [h]")
-    axes.set_ylim(0, top)
+    axes.set_ylim(0, top if top > 0 else 1.0)

@@ -30,15 +30,15 @@ class Condition:
         self.mean, self.scale = healthy.mean(axis=0), healthy.std(axis=0)
         self.scale[self.scale <= ROUNDING * np.abs(healthy).max(axis=0)] = 1.0
         self.features = healthy.shape[1]
-        unit = (healthy - self.mean) / self.scale
-        n, features = unit.shape
+        scaled = (healthy - self.mean) / self.scale
+        n, features = scaled.shape
         towards = directions / self.scale
-        kernel = least_squares_kernel(towards, unit.T @ unit / n + 1e-9 * np.eye(features))
+        kernel = least_squares_kernel(towards, scaled.T @ scaled / n + 1e-9 * np.eye(features))
         without_wear = np.eye(features) - kernel.T @ towards
         others = np.arange(features) != column
-        inputs = unit @ without_wear[:, others]
+        inputs = scaled @ without_wear[:, others]
         ridge = 1e-3 * n * np.eye(features - 1)
-        slope = np.linalg.solve(inputs.T @ inputs + ridge, inputs.T @ unit[:, column])
+        slope = np.linalg.solve(inputs.T @ inputs + ridge, inputs.T @ scaled[:, column])
         self.weights = without_wear[:, others] @ slope
         spread = self.value(healthy).std()
         self.weights = self.weights / spread if spread > 1e-9 else np.zeros(features)

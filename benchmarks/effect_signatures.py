@@ -113,11 +113,11 @@ def run(robot: Robot, motion: Motion, effects: list[Applied]) -> tuple[Cycle, Me
     Returns:
         The cycle as it was simulated, and as its sensors measure it.
     """
-    machine = assemble(robot, effects, temperature=TEMPERATURE)
+    plant = assemble(robot, effects, temperature=TEMPERATURE)
     control = control_signal(motion, robot.model.opt.timestep)
-    (cycle,) = simulate(robot, control, [machine], sample_period=PERIOD)
+    (cycle,) = simulate(robot, control, [plant], sample_period=PERIOD)
     clean = Measured(cycle.motor_position, cycle.motor_velocity, cycle.motor_torque)
-    return cycle, machine.sense(clean, PERIOD, np.random.default_rng(SEED))
+    return cycle, plant.sense(clean, PERIOD, np.random.default_rng(SEED))
 
 
 def quantity(name: str, healthy: Cycle, robot: Robot, axis: int) -> np.ndarray:

@@ -19,7 +19,7 @@ import typer
 from faultgen.effects import Applied, get_effect
 from faultgen.robot import load_robot
 from faultgen.simulation.motion import plan
-from faultgen.simulation.plant import Machine, assemble
+from faultgen.simulation.plant import Plant, assemble
 from faultgen.simulation.servo import control_signal
 from faultgen.simulation.stepping import LEAD_IN, simulate
 from faultgen.tasks import load_task
@@ -40,11 +40,11 @@ def main() -> None:
         control = control_signal(plan(load_task(name, "pick_and_place"), robot), step)
         steps = len(control) + LEAD_IN / step
 
-        def torque(machine: Machine | mujoco.MjModel) -> tuple[np.ndarray, float]:
+        def torque(plant: Plant | mujoco.MjModel) -> tuple[np.ndarray, float]:
             spent = []
             for _ in range(REPEATS):
                 start = time.process_time()
-                (cycle,) = simulate(robot, control, [machine], sample_period=0.004)  # noqa: B023
+                (cycle,) = simulate(robot, control, [plant], sample_period=0.004)  # noqa: B023
                 spent.append((time.process_time() - start) / steps * 1e6)  # noqa: B023
             return cycle.motor_torque, min(spent)
 
@@ -52,12 +52,12 @@ def main() -> None:
         print(f"| {name} | none | ({bare:.1f}) |" + " |" * len(INTERVALS), flush=True)
         for effect, severity in (TOLD | NATIVE).items():
             axes = get_effect(effect).axes(robot.n_axes)
-            machine = assemble(robot, [Applied(effect, axis, severity) for axis in axes])
-            best, cost = torque(replace(machine, interval=step))
+            plant = assemble(robot, [Applied(effect, axis, severity) for axis in axes])
+            best, cost = torque(replace(plant, interval=step))
             size = np.sqrt(np.mean((best - healthy) ** 2, axis=0))
             cells = []
-            for interval in INTERVALS if machine.updates else ():
-                other, spent = torque(replace(machine, interval=interval))
+            for interval in INTERVALS if plant.updates else ():
+                other, spent = torque(replace(plant, interval=interval))
                 error = np.sqrt(np.mean((other - best) ** 2, axis=0)) / size
                 cells.append(f"{100 * error.max():.2g} % ({spent:.0f})")
             cells += [""] * (len(INTERVALS) - len(cells))

@@ -1,11 +1,11 @@
 """Isolation on a robot that differs from the model that the isolator knows.
 
-    python benchmarks/other_robot.py [--robot irb6700] [--task spot_weld] [--units 4] [--workers 2]
+    python benchmarks/other_robot.py [--robot irb6700] [--task spot_weld] [--instances 4]
 
-Each unit has Coulomb, static and viscous friction, Stribeck velocity, gearbox stiffness and payload
-drawn about the nominal ones; its isolator learns from its own healthy cycles, but takes friction
-terms and directions of wear from the nominal robot. Printed: axis isolated by wear, false alarms,
-and the error of the severity, which is a fraction of the unit's own friction.
+Each instance has Coulomb, static and viscous friction, Stribeck velocity, gearbox stiffness and
+payload drawn about the nominal ones. Its isolator learns from its own healthy cycles, but takes
+friction terms and directions of wear from the nominal robot. Printed: axis isolated by wear, false
+alarms, and the error of the severity, which is a fraction of the instance's own friction.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ from faultgen.studies.chapter6_isolation.monitored import Monitored
 from faultgen.studies.chapter6_isolation.series import growth
 
 SCATTER = 0.2
-"""Standard deviation of friction and Stribeck velocity from unit to unit: assumed."""
+"""Standard deviation of friction and Stribeck velocity from instance to instance: assumed."""
 
 
 def main() -> None:
-    """Make units, isolate on each, print."""
+    """Make instances, isolate on each, print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--robot", default="irb6700")
     parser.add_argument("--task", default="spot_weld")
-    parser.add_argument("--units", type=int, default=4)
+    parser.add_argument("--instances", type=int, default=4)
     parser.add_argument("--seed", type=int, default=11)
     parser.add_argument("--workers", type=int, default=2)
     args = parser.parse_args()
     nominal = Monitored.of(build_surrogate(args.robot, args.task, workers=args.workers))
-    print("| unit | " + " | ".join(f"{100 * level:g} %" for level in LEVELS), end=" | ")
+    print("| instance | " + " | ".join(f"{100 * level:g} %" for level in LEVELS), end=" | ")
     print("false alarms | severity RMS error at 10 %, by nominal friction | by own friction |")
     print("|" + " --- |" * (len(LEVELS) + 4))
     with tempfile.TemporaryDirectory() as folder:
-        for number in range(args.units):
+        for number in range(args.instances):
             rng = np.random.default_rng([args.seed, number])
-            path = Path(folder) / f"unit{number}.xml"
+            path = Path(folder) / f"instance{number}.xml"
             own_friction = _write_instance(args.robot, path, rng)
             surrogate = build_surrogate(
                 str(path), args.task, controller=args.robot, workers=args.workers
@@ -58,7 +58,7 @@ def main() -> None:
 
 
 def _write_instance(robot: str, path: Path, rng: np.random.Generator) -> np.ndarray:
-    """Write a unit's MJCF; returns its Coulomb friction over the nominal one, shape (n_axes,)."""
+    """Write an instance's MJCF; returns its Coulomb friction over the nominal, shape (n_axes,)."""
     nominal = load_robot(robot)
     spec = nominal.spec()
     ratios = []

@@ -11,10 +11,10 @@ STEP = 0.001
 
 
 def run(robot, control, *effects, cycles=1, period=STEP, **context):
-    """The last cycle of a robot with effects, and its machine."""
-    machine = assemble(robot, [Applied(*effect) for effect in effects], **context)
-    *_, cycle = simulate(robot, control, [machine] * cycles, sample_period=period)
-    return cycle, machine
+    """The last cycle of a robot with effects, and its plant."""
+    plant = assemble(robot, [Applied(*effect) for effect in effects], **context)
+    *_, cycle = simulate(robot, control, [plant] * cycles, sample_period=period)
+    return cycle, plant
 
 
 def force_added(model, healthy, position):

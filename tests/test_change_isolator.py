@@ -318,8 +318,9 @@ def test_uncertain_directions_count_by_the_true_severity(rng):
     severity[1] = 2.2 * error[1]
     x = np.tile(isolator.mean_ + severity @ world.directions, (WINDOW, 1))
     seen = np.array([0.0, severity[1], 0.0, 0.0])  # less than two standard errors may be chance
-    kernel = isolator._kernel(seen)
-    at = isolator._errors(seen, WINDOW)[0]
+    # the estimate is linear: of one feature after the other, moved by its healthy spread
+    kernel = isolator.estimate(isolator.mean_ + np.diag(isolator.scale_), seen).T
+    at = isolator.standard_error(seen)
     from_other = np.sum((kernel[0] @ (spread[1] / isolator.scale_).T) ** 2)
     expected = severity[0] / np.sqrt(at[0] ** 2 + from_other * (severity[1] ** 2 - at[1] ** 2))
     assert isolator.isolate(x).z[0] == pytest.approx(expected, rel=1e-9)

@@ -14,7 +14,7 @@ from faultgen.errors import InputError
 from faultgen.evaluation.markdown import stars
 from faultgen.studies.chapter5_classifiers.findings import FULL_CHAIN
 from faultgen.studies.chapter5_classifiers.study import Size, horizon_rows, run_classifiers
-from faultgen.studies.chapter5_classifiers.tables import _verdict, tables
+from faultgen.studies.chapter5_classifiers.tables import supported, tables
 from faultgen.studies.chapter5_classifiers.thesis import AUC, HEADLINE, MEAN_P, PAIRS, VARIANCE_P
 from faultgen.studies.classifiers_ahead import OWN, OWN_EVENTS, UNTRAINED, days_ahead
 from faultgen.studies.runner import run_study
@@ -120,9 +120,9 @@ def test_verdict_on_a_hypothesis():
         {"mean_p": p, "mean_change": change}
         for p, change in ((0.01, 0.2), (0.01, -0.2), (0.3, 0.2))
     )
-    assert _verdict([rises, neither]) == "yes"
-    assert _verdict([rises, falls]) == "mixed"
-    assert _verdict([neither, falls]) == "no"
+    assert supported([rises, neither]) == "yes"
+    assert supported([rises, falls]) == "mixed"
+    assert supported([neither, falls]) == "no"
 
 
 def test_marks_of_significance():

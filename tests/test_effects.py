@@ -52,10 +52,10 @@ def test_severity_zero_leaves_the_run_as_it_is(tiny_robot, tiny_task_path):
 
     def measured(effect, severity):
         applied = [Applied(effect.name, 2, severity)]
-        machine = assemble(tiny_robot, applied, temperature=60.0)
-        cycle = list(simulate(tiny_robot, control, [machine] * 2, sample_period=0.004))[1]
+        plant = assemble(tiny_robot, applied, temperature=60.0)
+        cycle = list(simulate(tiny_robot, control, [plant] * 2, sample_period=0.004))[1]
         clean = Measured(cycle.motor_position, cycle.motor_velocity, cycle.motor_torque)
-        seen = machine.sense(clean, 0.004, np.random.default_rng(3))
+        seen = plant.sense(clean, 0.004, np.random.default_rng(3))
         return np.stack([seen.motor_position, seen.motor_velocity, seen.motor_torque])
 
     healthy = measured(get_effect("friction_wear"), 0.0)

@@ -13,7 +13,7 @@ from faultgen.effects.temperature import friction_ratios
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY
 from faultgen.simulation.motion import plan
-from faultgen.simulation.plant import Machine, assemble
+from faultgen.simulation.plant import Plant, assemble
 from faultgen.simulation.servo import control_signal
 from faultgen.simulation.stepping import simulate
 from faultgen.tasks import load_task
@@ -27,8 +27,8 @@ def control(tiny_robot, tiny_task_path):
 
 def test_the_log_of_a_healthy_robot_is_the_servo(tiny_robot, control):
     """What the tests below rest on: no torque is left over, and the drive obeys its law."""
-    cycle, machine = run(tiny_robot, control)
-    assert machine.model is tiny_robot.model
+    cycle, plant = run(tiny_robot, control)
+    assert plant.model is tiny_robot.model
     assert np.abs(newton(tiny_robot, cycle)).max() < 1e-9
     np.testing.assert_allclose(cycle.motor_torque, servo(tiny_robot, cycle, control), atol=1e-9)
 
@@ -81,7 +81,7 @@ def test_transmission_error_is_in_the_gear_torque(tiny_robot, control):
     """What Newton's law leaves beside the logged gear torque is its part through the slope of e."""
     severity, order = 1e-4, 3.0
     effect = ("transmission_error", 1, severity, {"order": order})
-    cycle, machine = run(tiny_robot, control, effect)
+    cycle, plant = run(tiny_robot, control, effect)
     slope = severity * order * np.cos(order * cycle.motor_position[:-1, 0])
     left = newton(tiny_robot, cycle)[:, 0]
     spring = tiny_robot.model.tendon_damping[0] * (
@@ -112,17 +112,17 @@ def test_load_friction(tiny_robot, control):
 
 def test_load_friction_converges_with_the_square_of_the_interval(tiny_robot, control):
     """At the interval used it is within 0.5 % of its effect at every step."""
-    machine = assemble(tiny_robot, [Applied("load_friction", 2, 0.05)])
-    assert machine.interval == 2e-3
+    plant = assemble(tiny_robot, [Applied("load_friction", 2, 0.05)])
+    assert plant.interval == 2e-3
 
     def torque(entry):
         (cycle,) = simulate(tiny_robot, control, [entry], sample_period=0.004)
         return cycle.motor_torque[:, 1]
 
-    best = torque(replace(machine, interval=STEP))
+    best = torque(replace(plant, interval=STEP))
     size = np.sqrt(np.mean((best - torque(tiny_robot.model)) ** 2))
     errors = [
-        np.sqrt(np.mean((torque(replace(machine, interval=h)) - best) ** 2)) / size
+        np.sqrt(np.mean((torque(replace(plant, interval=h)) - best) ** 2)) / size
         for h in (2e-3, 8e-3)
     ]
     assert errors[0] < 5e-3
@@ -148,13 +148,13 @@ def test_temperature_friction_along_a_motion(tiny_robot, control):
     """Every 0.1 s friction is that of the temperature in the middle, and so is what is logged."""
     effect = ("temperature_friction", 2, 1.0)
     course = (np.array([0.0, len(control) * STEP]), np.array([35.0, 75.0]))
-    cycle, machine = run(tiny_robot, control, effect, temperature=course)
+    cycle, plant = run(tiny_robot, control, effect, temperature=course)
     k = tiny_robot.ids("actuator", "friction")
     viscous = np.tile(tiny_robot.model.actuator_damping[k], (len(control), 1))
-    (update,) = machine.updates
+    (update,) = plant.updates
     for start in range(0, len(control), 100):
         fields = ("biasprm", "dynprm", "damping")
-        arrays = {name: getattr(machine.model, f"actuator_{name}")[None].copy() for name in fields}
+        arrays = {name: getattr(plant.model, f"actuator_{name}")[None].copy() for name in fields}
         update(Moment(start * STEP, 0.1, np.zeros(0), np.zeros(0), **arrays))
         middle = float(np.interp(start * STEP + 0.05, *course))
         model = assemble(tiny_robot, [Applied(*effect)], temperature=middle).model
@@ -170,8 +170,8 @@ def test_a_course_of_one_temperature_is_that_temperature(tiny_robot, control):
     effect = ("temperature_friction", 1, 1.0)
     once, _ = run(tiny_robot, control, effect, temperature=60.0)
     course = (np.array([0.0, 1.0]), np.array([60.0, 60.0]))
-    along, machine = run(tiny_robot, control, effect, temperature=course)
-    assert len(machine.updates) == 1
+    along, plant = run(tiny_robot, control, effect, temperature=course)
+    assert len(plant.updates) == 1
     np.testing.assert_allclose(channels(along), channels(once), atol=1e-12)
     without, _ = run(tiny_robot, control, effect)
     np.testing.assert_array_equal(channels(without), channels(run(tiny_robot, control)[0]))
@@ -210,7 +210,7 @@ def test_torque_constant(tiny_robot, control, severity):
 def test_encoder_offset(tiny_robot, control):
     """The robot stands at the logged angle + severity, and the drive goes by the logged one."""
     offset = 0.05
-    cycle, machine = run(tiny_robot, control, ("encoder_offset", 2, offset))
+    cycle, plant = run(tiny_robot, control, ("encoder_offset", 2, offset))
     np.testing.assert_allclose(cycle.motor_torque, servo(tiny_robot, cycle, control), atol=1e-9)
     twist = cycle.motor_position / tiny_robot.gear_ratio - cycle.joint_position
     gearbox = cycle.gear_torque / tiny_robot.model.tendon_stiffness
@@ -252,16 +252,16 @@ NEARLY_NOTHING = [
 ]
 
 
-def test_machines_of_other_dimensions_take_the_state_over(tiny_robot, control):
+def test_plants_of_other_dimensions_take_the_state_over(tiny_robot, control):
     """Elements of no strength, coming and going from cycle to cycle, change next to nothing."""
-    healthy = Machine(tiny_robot.model)
-    machines = [healthy]
+    healthy = Plant(tiny_robot.model)
+    plants = [healthy]
     for count in (1, 2, 4, 3):
         effects = [Applied(*effect) for effect in NEARLY_NOTHING[:count]]
-        machines += [assemble(tiny_robot, effects), healthy]
-    assert len({machine.model.nactuator for machine in machines}) == 4
-    cycles = list(simulate(tiny_robot, control, machines, sample_period=0.004))
-    expected = list(simulate(tiny_robot, control, [healthy] * len(machines), sample_period=0.004))
+        plants += [assemble(tiny_robot, effects), healthy]
+    assert len({plant.model.nactuator for plant in plants}) == 4
+    cycles = list(simulate(tiny_robot, control, plants, sample_period=0.004))
+    expected = list(simulate(tiny_robot, control, [healthy] * len(plants), sample_period=0.004))
     for cycle, plain in zip(cycles, expected, strict=True):
         np.testing.assert_allclose(channels(cycle), channels(plain), atol=1e-8)
 
@@ -279,9 +279,9 @@ def test_divergence_between_steps_is_reported(tiny_robot, control):
     """A run with updates that blows up raises as any other does, and warns of nothing else."""
     spec = tiny_robot.spec()
     spec.tendon("gearbox2").stiffness[0] = 1e12
-    machine = assemble(tiny_robot, [Applied("load_friction", 2, 0.05)], spec=spec)
+    plant = assemble(tiny_robot, [Applied("load_friction", 2, 0.05)], spec=spec)
     with pytest.raises(SimulationFailed, match="the simulation diverged before"):
-        list(simulate(tiny_robot, control, [machine], sample_period=0.004))
+        list(simulate(tiny_robot, control, [plant], sample_period=0.004))
 
 
 def test_all_effects_at_once(robot):
@@ -291,8 +291,8 @@ def test_all_effects_at_once(robot):
         Applied(effect.name, effect.axes(6)[0], min(0.1 * effect.step, 0.01))
         for effect in EFFECTS.values()
     ] * 2
-    machine = assemble(robot, effects, temperature=([0.0, 5.0], [40.0, 50.0]))
-    (cycle,) = simulate(robot, control, [machine], sample_period=0.004)
+    plant = assemble(robot, effects, temperature=([0.0, 5.0], [40.0, 50.0]))
+    (cycle,) = simulate(robot, control, [plant], sample_period=0.004)
     (plain,) = simulate(robot, control, [robot.model], sample_period=0.004)
     for name in cycle.__dataclass_fields__:
         size = np.abs(getattr(plain, name)).max(axis=0)

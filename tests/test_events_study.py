@@ -8,7 +8,7 @@ import pytest
 from faultgen.errors import InputError
 from faultgen.fleet import Fleet, FleetRobot
 from faultgen.fleet.events import event_names
-from faultgen.studies.chapter2_events.study import NEVER, _lead, run_events
+from faultgen.studies.chapter2_events.study import NEVER, days_of_warning, run_events
 from faultgen.studies.chapter2_events.tables import goals, tables
 from faultgen.studies.runner import run_study
 
@@ -66,13 +66,13 @@ def test_no_pattern_is_found_where_there_is_none():
 
 def test_days_of_warning_count_from_the_alarm_that_lasts():
     alarm = np.zeros(100, bool)
-    assert _lead(alarm) == NEVER
+    assert days_of_warning(alarm) == NEVER
     alarm[10:20] = True  # over again
     alarm[60:70] = True
     alarm[74:100] = True  # four days' break
-    assert _lead(alarm) == 40
+    assert days_of_warning(alarm) == 40
     alarm[72:90] = False
-    assert _lead(alarm) == NEVER
+    assert days_of_warning(alarm) == NEVER
 
 
 def test_a_fleet_that_does_not_do_leaves_no_folder(monkeypatch, tmp_path):

@@ -46,12 +46,12 @@ def test_all_faults_grow_by_the_schedule(runs):
     healthy, worn = runs
     shared = nominal("puma560", "spot_weld", 0.02)
 
-    def machine(share):
+    def plant(share):
         ripple = Applied("torque_ripple", 2, 0.2 * share, {"order": 4.0})
         others = [Applied("friction_wear", 2, 0.5 * share), Applied("backlash", 3, 1e-3 * share)]
         return assemble(shared.robot, [ripple, *others])
 
-    cycles = simulate(shared.robot, shared.control, map(machine, (0.5, 1.0)), sample_period=0.02)
+    cycles = simulate(shared.robot, shared.control, map(plant, (0.5, 1.0)), sample_period=0.02)
     want = np.array([cycle.motor_torque for cycle in cycles])
     assert worn.read("truth/motor_torque") == pytest.approx(want.astype(np.float32), abs=1e-12)
     assert not np.allclose(want[1], healthy.read("truth/motor_torque")[1], atol=0.01)

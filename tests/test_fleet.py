@@ -22,7 +22,7 @@ from faultgen.fleet.damage import GearboxLife
 from faultgen.fleet.events import Strain, count_events, event_names
 from faultgen.fleet.plan import parse_fleet
 from faultgen.fleet.record import record_robot, simulate_robot
-from faultgen.fleet.robot_instance import draw_unit
+from faultgen.fleet.robot_instance import draw_instance
 from faultgen.fleet.thermal import TIME_CONSTANT, temperatures
 from faultgen.monitoring.reductions import LIFE_EXPONENT
 from faultgen.simulation.plant import assemble
@@ -49,8 +49,10 @@ def fleet(tmp_path_factory):
 @pytest.fixture(scope="module")
 def failing():
     plan = FleetPlan(**SMALL)
-    unit = next(unit for unit in (draw_unit(plan, k) for k in range(2)) if unit.fails)
-    return unit, simulate_program(unit, unit.programs[0])
+    instance = next(
+        instance for instance in (draw_instance(plan, k) for k in range(2)) if instance.fails
+    )
+    return instance, simulate_program(instance, instance.programs[0])
 
 
 def life(**other):
@@ -75,21 +77,21 @@ def test_what_shows_of_damage_is_right_on_average():
 def test_gearboxes_of_healthy_robots_age_slowly():
     """Their life is 40 000 h of operation; the share of it that is over at the end is drawn."""
     plan = FleetPlan(seed=3, robots=60, failing=20)
-    units = [draw_unit(plan, k) for k in range(60)]
-    assert sum(unit.fails for unit in units) == 20
+    instances = [draw_instance(plan, k) for k in range(60)]
+    assert sum(instance.fails for instance in instances) == 20
     ages = []
-    for unit in units:
-        start, end = unit.life.damage([0.0, 60.0])
-        if unit.fails:
-            assert unit.life.failure == 60 and end == 1
-            assert 120 <= unit.life.life <= 600
+    for instance in instances:
+        start, end = instance.life.damage([0.0, 60.0])
+        if instance.fails:
+            assert instance.life.failure == 60 and end == 1
+            assert 120 <= instance.life.life <= 600
             continue
-        hours = unit.life.life * unit.hours_a_day
+        hours = instance.life.life * instance.hours_a_day
         assert hours == pytest.approx(40_000)
-        ages.append(1 - (unit.life.failure - 60) / unit.life.life)
+        ages.append(1 - (instance.life.failure - 60) / instance.life.life)
         assert 0 <= start <= end < 0.7
         # 60 days are at most 60 * 22.5 h of the 40 000 h
-        assert end - start <= unit.life.shape * 60 * 22.5 / 40_000 * (end + 0.2)
+        assert end - start <= instance.life.shape * 60 * 22.5 / 40_000 * (end + 0.2)
     assert 0 <= min(ages) < 0.1 and 0.7 < max(ages) <= 0.8
     assert np.mean(ages) == pytest.approx(0.4, abs=0.11)  # three standard errors
 
@@ -98,20 +100,20 @@ def test_healthy_robots_need_not_age():
     """Ageing can be left out; robots that fail are the same with and without it."""
     plan, steady = (FleetPlan(seed=3, robots=8, failing=4, ageing=a) for a in ({}, {"hours": 0}))
     for number in range(8):
-        one, other = draw_unit(plan, number), draw_unit(steady, number)
+        one, other = draw_instance(plan, number), draw_instance(steady, number)
         assert one.fails == other.fails
         assert other.life == (one.life if one.fails else None)
         assert one.payload == other.payload and one.shifts == other.shifts
 
 
 def test_hours_a_day_are_those_of_the_calendar():
-    """A unit's mean time of operation is what its calendar gives over many weeks."""
+    """A instance's mean time of operation is what its calendar gives over many weeks."""
     plan = FleetPlan(days=700, robots=3, failing=0)
     for number in range(3):
-        unit = draw_unit(plan, number)
-        calendar = draw_calendar(plan, unit, 6, np.random.default_rng(number))
+        instance = draw_instance(plan, number)
+        calendar = draw_calendar(plan, instance, 6, np.random.default_rng(number))
         hours = calendar.duty.sum() * STEP / plan.days
-        assert hours == pytest.approx(unit.hours_a_day, rel=0.02)
+        assert hours == pytest.approx(instance.hours_a_day, rel=0.02)
 
 
 def test_effects_grow_with_damage():
@@ -157,28 +159,28 @@ def test_gearboxes_settle_where_the_table_of_losses_says():
     assert set(reached) == {0, 1, 2, 3, 4}  # below, in each part, and above
 
 
-def direct(unit, temperature, payload, friction, damage):
+def direct(instance, temperature, payload, friction, damage):
     """A cycle at a condition, simulated as such."""
-    robot = unit.robot()
+    robot = instance.robot()
     spec = robot.spec()
     for axis, warm in enumerate(temperature, start=1):
         set_temperature(spec, axis, float(warm), robot.friction_temperature)
     spec.body("payload").mass *= 1 + payload
     spec.body("payload").inertia *= 1 + payload
     more = [Applied("friction_wear", k + 1, float(f)) for k, f in enumerate(friction)]
-    worn = unit.life.effects(damage)
-    machine = assemble(robot, [*unit.deviations, *more, *worn], spec=spec)
-    control = control_signal(program_motion(robot, unit.programs[0]), robot.model.opt.timestep)
-    (cycle,) = simulate(robot, control, [machine], sample_period=SAMPLE_PERIOD)
+    worn = instance.life.effects(damage)
+    plant = assemble(robot, [*instance.deviations, *more, *worn], spec=spec)
+    control = control_signal(program_motion(robot, instance.programs[0]), robot.model.opt.timestep)
+    (cycle,) = simulate(robot, control, [plant], sample_period=SAMPLE_PERIOD)
     return cycle
 
 
 def test_cycles_are_exact_where_simulated(failing):
-    unit, cycles = failing
+    instance, cycles = failing
     warm = np.full(6, TEMPERATURES[1])
     got = cycles.at(warm, 0.0, np.zeros(6), DAMAGES[1])[0]
     assert got == pytest.approx(
-        direct(unit, warm, 0.0, np.zeros(6), DAMAGES[1]).motor_torque, abs=1e-12
+        direct(instance, warm, 0.0, np.zeros(6), DAMAGES[1]).motor_torque, abs=1e-12
     )
     healthy = cycles.at(np.full(6, TEMPERATURES[3]), 0.0, np.zeros(6), 0.0)
     assert healthy == pytest.approx(cycles.base[3], abs=1e-12)
@@ -186,10 +188,10 @@ def test_cycles_are_exact_where_simulated(failing):
 
 def test_cycles_in_between_are_near_to_simulation(failing):
     """What is left out is second order: below the torque noise of a fleet."""
-    unit, cycles = failing
+    instance, cycles = failing
     warm = np.array([36.0, 44.0, 50.0, 56.0, 48.0, 40.0])
     friction = np.array([0.05, -0.03, 0.04, 0.0, 0.08, -0.05])
-    want = direct(unit, warm, 0.04, friction, 0.7).motor_torque
+    want = direct(instance, warm, 0.04, friction, 0.7).motor_torque
     got = cycles.at(warm, 0.04, friction, 0.7)[0]
     error = np.sqrt(np.mean((want - got) ** 2, axis=0))
     assert np.all(error < FleetPlan().torque_noise * np.abs(want).mean(axis=0))
@@ -197,9 +199,9 @@ def test_cycles_in_between_are_near_to_simulation(failing):
 
 def test_damage_heats_its_gearbox(failing):
     """Heat between nodes of damage, against direct simulation; other axes get none."""
-    unit, cycles = failing
-    warm, axis = TEMPERATURES[1], unit.life.axis - 1
-    cycle = direct(unit, np.full(6, warm), 0.0, np.zeros(6), 0.7)
+    instance, cycles = failing
+    warm, axis = TEMPERATURES[1], instance.life.axis - 1
+    cycle = direct(instance, np.full(6, warm), 0.0, np.zeros(6), 0.7)
     want = np.abs(cycle.friction_torque * cycle.motor_velocity).mean(axis=0)
     sound, got = cycles.losses(np.array([0.0, 0.7]))[:, 1]
     assert sound == pytest.approx(cycles.loss[1], abs=0)
@@ -209,24 +211,24 @@ def test_damage_heats_its_gearbox(failing):
 
 
 def test_duty_and_mix(failing):
-    unit, _ = failing
+    instance, _ = failing
     plan = FleetPlan(**SMALL | {"days": 140})
-    calendar = draw_calendar(plan, unit, 6, np.random.default_rng(3))
+    calendar = draw_calendar(plan, instance, 6, np.random.default_rng(3))
     assert calendar.mix.sum(axis=1) == pytest.approx(1.0)
     duty = calendar.duty.reshape(-1, ROWS)
     running = (duty > 0).sum(axis=1) * STEP
-    assert running == pytest.approx(unit.shifts * 7.5, abs=0.2)  # half an hour of break a shift
-    weekday = np.mod(unit.first_weekday + np.arange(140), 7)
+    assert running == pytest.approx(instance.shifts * 7.5, abs=0.2)  # half an hour of break a shift
+    weekday = np.mod(instance.first_weekday + np.arange(140), 7)
     level = duty.max(axis=1)
-    assert level[weekday < 5].mean() == pytest.approx(unit.duty, rel=0.05)
-    assert level[weekday >= 5].mean() == pytest.approx(unit.duty * unit.weekend, rel=0.1)
+    assert level[weekday < 5].mean() == pytest.approx(instance.duty, rel=0.05)
+    assert level[weekday >= 5].mean() == pytest.approx(instance.duty * instance.weekend, rel=0.1)
 
 
 @pytest.mark.parametrize(("shifts", "first"), [(1, 6.0), (2, 6.0), (3, 0.0)])
 def test_shifts_begin_at_their_hour(shifts, first):
     """One and two shifts begin at six; three fill the day. The break is after four hours."""
     plan = FleetPlan(**SMALL)
-    unit = replace(draw_unit(plan, 0), shifts=shifts)
+    unit = replace(draw_instance(plan, 0), shifts=shifts)
     duty = draw_calendar(plan, unit, 6, np.random.default_rng(3)).duty.reshape(-1, ROWS)
     assert np.flatnonzero(duty[0])[0] * STEP == pytest.approx(first)
     still = np.flatnonzero(duty[0][round(first / STEP) :] == 0)[0] * STEP
@@ -237,7 +239,7 @@ def test_a_calendar_varies_as_it_says():
     """The hall over the day and from day to day, the parts, and the shares of the programs."""
     many = {"number": [3, 3], "change": 30.0, "mix": 1e6}
     plan = FleetPlan(**SMALL | {"days": 2000, "programs": SMALL["programs"] | many})
-    unit = draw_unit(plan, 0)
+    unit = draw_instance(plan, 0)
     calendar = draw_calendar(plan, unit, 6, np.random.default_rng(5))
     by_day = calendar.ambient.reshape(-1, ROWS)
     course = by_day.mean(axis=0)
@@ -261,7 +263,7 @@ def test_robots_of_a_fleet_differ_within_their_limits():
     """Every number of programs, shifts and samples occurs; friction is 0.4 to 3 times nominal."""
     scatter = {"coulomb": 0.15, "viscous": 1.5}
     plan = FleetPlan(robots=60, failing=0, programs={"number": [2, 4]}, scatter=scatter)
-    units = [draw_unit(plan, k) for k in range(60)]
+    units = [draw_instance(plan, k) for k in range(60)]
     assert {len(unit.programs) for unit in units} == {2, 3, 4}
     assert {unit.shifts for unit in units} == {1, 2, 3}
     assert {unit.samples_a_day for unit in units} == {1, 2, 3, 4}
@@ -290,11 +292,11 @@ def test_events_are_named_and_of_their_number():
 
 def test_rule_based_events_follow_the_rule(failing):
     """Deviation at the limit: every second cycle, less what operators put up with."""
-    unit, _ = failing
+    instance, _ = failing
     plan = FleetPlan(**SMALL | {"days": 400})
-    calendar = draw_calendar(plan, unit, 6, np.random.default_rng(3))
+    calendar = draw_calendar(plan, instance, 6, np.random.default_rng(3))
     days = [strain(0.1)] * 200 + [strain(0.16)] * 200
-    counts = count_events(unit.robot(), days, calendar, np.random.default_rng(4))
+    counts = count_events(instance.robot(), days, calendar, np.random.default_rng(4))
     column = event_names().index("motion_supervision_4")
     assert counts[200:, column].mean() == pytest.approx(MOST * (1 - np.exp(-500 / MOST)), rel=0.1)
     assert counts[:200, column].mean() < 2.0
@@ -322,12 +324,12 @@ def test_services_and_changes_are_logged_once(failing):
 
 def test_motors_get_hot_half_as_often_as_their_gearboxes(failing):
     """Events that follow another kind of the same axis: half, and three tenths as many."""
-    unit, _ = failing
+    instance, _ = failing
     plan = FleetPlan(**SMALL | {"days": 600})
-    calendar = draw_calendar(plan, unit, 6, np.random.default_rng(3))
+    calendar = draw_calendar(plan, instance, 6, np.random.default_rng(3))
     usual = [strain(0.1)] * 100
     hot = [replace(strain(0.1), temperature=np.full(6, 46.0), position_error=np.full(6, 1.3e-3))]
-    counts = count_events(unit.robot(), usual + hot * 500, calendar, np.random.default_rng(4))
+    counts = count_events(instance.robot(), usual + hot * 500, calendar, np.random.default_rng(4))
 
     def mean(kind):
         columns = [event_names().index(f"{kind}_{axis}") for axis in range(1, 7)]
@@ -369,7 +371,7 @@ def test_cycles_serve_plans_that_differ_in_what_befalls_robots(failing):
         FleetPlan(**SMALL | {"damage": {"unsteadiness": k}, "programs": SMALL["programs"] | mix})
         for k, mix in ((0.0, {}), (1.0, {"mix": 20.0}))
     )
-    number = next(k for k in range(2) if draw_unit(plan, k).fails)
+    number = next(k for k in range(2) if draw_instance(plan, k).fails)
     cycles = simulate_robot(plan, number)
     given, own = record_robot(other, number, cycles), record_robot(other, number)
     assert np.array_equal(given.torque_histogram, own.torque_histogram)

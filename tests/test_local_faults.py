@@ -31,8 +31,8 @@ def test_seizing_spot(tiny_robot, control):
     """
     spots = ((0.5, -0.1, 0.4), (0.3, 0.1 + 2 * np.pi, 0.2))  # severity, angle, width
     effects = [("seizing_spot", 2, s, {"angle": at, "width": width}) for s, at, width in spots]
-    cycle, machine = run(tiny_robot, control, *effects)
-    assert machine.interval == 2e-3
+    cycle, plant = run(tiny_robot, control, *effects)
+    assert plant.interval == 2e-3
     friction = tiny_robot.ids("actuator", "friction")[1]
     bias = tiny_robot.model.actuator_biasprm[friction]
     speed, angle = cycle.motor_velocity[:, 1], cycle.joint_position[:, 1]
@@ -113,7 +113,7 @@ def test_harmonics_are_the_pulse():
 def test_winding_fault(tiny_robot, control, severity):
     """The rotor lacks s (1 + cos(2 p q_m + phase)) / 3 of the logged torque, to 2 % of the most."""
     given = {"pole_pairs": 3, "phase": 0.7}
-    cycle, machine = run(tiny_robot, control, ("winding_fault", 1, severity, given))
+    cycle, plant = run(tiny_robot, control, ("winding_fault", 1, severity, given))
     np.testing.assert_allclose(cycle.motor_torque, servo(tiny_robot, cycle, control), atol=1e-9)
     torque, angle = cycle.motor_torque[:-1, 0], cycle.motor_position[:-1, 0]
     lost = severity / 3 * (1 + np.cos(6 * angle + 0.7)) * torque
@@ -181,14 +181,14 @@ def test_a_loose_tool_beside_effects_between_steps(tiny_robot, control):
     """A joint more shifts no other: friction under load and the cycles after go on as they were."""
     load = ("load_friction", 2, 0.05)
     loose = ("loose_tool", 2, 1e-6)
-    both, machine = run(tiny_robot, control, load, loose)
+    both, plant = run(tiny_robot, control, load, loose)
     alone, _ = run(tiny_robot, control, load)
-    assert machine.model.nv == tiny_robot.model.nv + 1
+    assert plant.model.nv == tiny_robot.model.nv + 1
     assert np.abs(newton(tiny_robot, both)).max() < 1e-9
     size = np.abs(alone.friction_torque).max(axis=0)
     assert (np.abs(both.friction_torque - alone.friction_torque).max(axis=0) < 0.02 * size).all()
-    machines = [tiny_robot.model, machine, tiny_robot.model]
-    cycles = list(simulate(tiny_robot, control, machines, sample_period=STEP))
+    plants = [tiny_robot.model, plant, tiny_robot.model]
+    cycles = list(simulate(tiny_robot, control, plants, sample_period=STEP))
     for cycle in cycles[1:]:
         off = np.abs(cycle.motor_position - cycles[0].motor_position).max()
         assert off < 0.05, off
@@ -197,15 +197,15 @@ def test_a_loose_tool_beside_effects_between_steps(tiny_robot, control):
 def test_what_is_told_between_steps_converges(tiny_robot, control):
     """At the intervals used the torque is within 2 % of the effect with an update at each step."""
     for name, severity in (("seizing_spot", 0.5), ("winding_fault", 0.3)):
-        machine = assemble(tiny_robot, [Applied(name, 2, severity)])
+        plant = assemble(tiny_robot, [Applied(name, 2, severity)])
 
         def torque(entry):
             (cycle,) = simulate(tiny_robot, control, [entry], sample_period=0.004)
             return cycle.motor_torque[:, 1]
 
-        best = torque(replace(machine, interval=STEP))
+        best = torque(replace(plant, interval=STEP))
         size = np.sqrt(np.mean((best - torque(tiny_robot.model)) ** 2))
-        error = np.sqrt(np.mean((torque(machine) - best) ** 2))
+        error = np.sqrt(np.mean((torque(plant) - best) ** 2))
         assert error < 0.02 * size, (name, error / size)
 
 

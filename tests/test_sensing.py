@@ -25,8 +25,8 @@ def measured():
 
 def sense(robot, measured, *effects, seed=1):
     """What faulty sensors make of a cycle."""
-    machine = assemble(robot, [Applied(*effect) for effect in effects])
-    return machine.sense(measured, PERIOD, np.random.default_rng(seed))
+    plant = assemble(robot, [Applied(*effect) for effect in effects])
+    return plant.sense(measured, PERIOD, np.random.default_rng(seed))
 
 
 def test_torque_sensor_gain(tiny_robot, measured):

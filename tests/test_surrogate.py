@@ -10,7 +10,7 @@ from faultgen.effects import Applied
 from faultgen.errors import InputError
 from faultgen.monitoring.sensors import get_sensors
 from faultgen.robot import COULOMB, load_robot
-from faultgen.simulation.state import Condition, machine_at
+from faultgen.simulation.state import Condition, plant_at
 from faultgen.simulation.surrogate import Surrogate, build_surrogate, simulate_at, surrogate_file
 from faultgen.studies.chapter6_isolation.monitored import Monitored
 
@@ -151,9 +151,9 @@ def test_another_controller_keeps_the_motion(where, tmp_path):
 
 def test_healthy_at_reference_is_the_robot_itself(tiny_robot):
     """No edit at reference temperature, nominal payload and no wear."""
-    model = machine_at(tiny_robot, tiny_robot.spec(), Condition(40.0)).model
+    model = plant_at(tiny_robot, tiny_robot.spec(), Condition(40.0)).model
     np.testing.assert_array_equal(model.actuator_biasprm, tiny_robot.model.actuator_biasprm)
     np.testing.assert_array_equal(model.body_mass, tiny_robot.model.body_mass)
-    warm = machine_at(tiny_robot, tiny_robot.spec(), Condition(50.0, 1.1)).model
+    warm = plant_at(tiny_robot, tiny_robot.spec(), Condition(50.0, 1.1)).model
     assert (warm.actuator_biasprm != tiny_robot.model.actuator_biasprm).any()
     assert warm.body_mass.sum() > tiny_robot.model.body_mass.sum()

@@ -18,8 +18,8 @@ from faultgen.monitoring.reductions import monitor
 from faultgen.monitoring.sensors import get_sensors, measure
 from faultgen.robot import Robot
 from faultgen.simulation.nominal import nominal
-from faultgen.simulation.plant import Machine
-from faultgen.simulation.state import Condition, machine_at
+from faultgen.simulation.plant import Plant
+from faultgen.simulation.state import Condition, plant_at
 from faultgen.simulation.stepping import simulate
 
 
@@ -54,9 +54,9 @@ def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], object] |
     window = shared.speed_window(run.speed_window)
     with RunWriter(folder, run.id, run_attributes(run, shared), robot.xml) as writer:
         create_arrays(writer, run, shared, around)
-        machines, simulated = tee(_machines(run, robot, around))
+        plants, simulated = tee(_plants(run, robot, around))
         cycles = simulate(robot, shared.control, simulated, sample_period=run.sample_period)
-        for index, (machine, cycle) in enumerate(zip(machines, cycles, strict=True)):
+        for index, (plant, cycle) in enumerate(zip(plants, cycles, strict=True)):
             seen = measure(
                 sensors,
                 cycle.motor_position,
@@ -68,7 +68,7 @@ def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], object] |
                 sample_period=run.sample_period,
                 rng=rng_sensors,
             )
-            seen = machine.sense(seen, run.sample_period, rng_faults)
+            seen = plant.sense(seen, run.sample_period, rng_faults)
             reduced = monitor(
                 seen.motor_position, seen.motor_velocity, seen.motor_torque, shared.limits, window
             )
@@ -82,11 +82,11 @@ def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], object] |
                 on_cycle()
 
 
-def _machines(run: Run, robot: Robot, around: Surroundings) -> Iterator[Machine]:
+def _plants(run: Run, robot: Robot, around: Surroundings) -> Iterator[Plant]:
     """Yield the robot as it is in each cycle. It is assembled anew only where something changed."""
     healthy = robot.spec()
     before: Condition | None = None
-    machine = Machine(robot.model)
+    plant = Plant(robot.model)
     growth, shares = growth_of(run), shares_of(run)
     for severity, share, temperature, load in zip(
         growth, shares.tolist(), around.temperature, around.payload_factor, strict=True
@@ -100,6 +100,6 @@ def _machines(run: Run, robot: Robot, around: Surroundings) -> Iterator[Machine]
             ),
         )
         if now != before:
-            machine = machine_at(robot, healthy, now)
+            plant = plant_at(robot, healthy, now)
             before = now
-        yield machine
+        yield plant

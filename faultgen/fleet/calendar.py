@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultgen.fleet.plan import FleetPlan
-from faultgen.fleet.robot_instance import WORKED, Unit
+from faultgen.fleet.robot_instance import WORKED, RobotInstance
 
 ROWS = 288
 """Number of rows in a day."""
@@ -50,12 +50,14 @@ class Calendar:
     """Numbers of the days from which the programs have other shares, shape (changes,)."""
 
 
-def draw_calendar(plan: FleetPlan, unit: Unit, n_axes: int, rng: np.random.Generator) -> Calendar:
+def draw_calendar(
+    plan: FleetPlan, instance: RobotInstance, n_axes: int, rng: np.random.Generator
+) -> Calendar:
     """Draw the calendar of a robot.
 
     Args:
         plan: The plan of the fleet.
-        unit: The robot.
+        instance: The robot.
         n_axes: Number of its axes.
         rng: Random number generator.
 
@@ -67,9 +69,9 @@ def draw_calendar(plan: FleetPlan, unit: Unit, n_axes: int, rng: np.random.Gener
     services = _occasions(days, plan.scatter.service, rng_friction)
     changes = _occasions(days, plan.programs.change, rng_mix)
     return Calendar(
-        duty=_duty(unit, days, rng_duty),
-        ambient=_hall(unit, days, rng_hall),
-        mix=_mix(len(unit.programs), days, changes, plan.programs.mix, rng_mix),
+        duty=_duty(instance, days, rng_duty),
+        ambient=_hall(instance, days, rng_hall),
+        mix=_mix(len(instance.programs), days, changes, plan.programs.mix, rng_mix),
         payload=plan.programs.parts * rng_parts.standard_normal(days).clip(-3, 3),
         friction=_friction(plan, days, n_axes, services, rng_friction),
         services=services,
@@ -84,23 +86,23 @@ def _occasions(days: int, mean: float, rng: np.random.Generator) -> np.ndarray:
     return np.flatnonzero(rng.random(days) < 1 / mean)
 
 
-def _duty(unit: Unit, days: int, rng: np.random.Generator) -> np.ndarray:
+def _duty(instance: RobotInstance, days: int, rng: np.random.Generator) -> np.ndarray:
     hour = np.arange(ROWS) * STEP
-    since = hour - _FIRST[unit.shifts]
-    works = (since >= 0) & (since < unit.shifts * _SHIFT)
+    since = hour - _FIRST[instance.shifts]
+    works = (since >= 0) & (since < instance.shifts * _SHIFT)
     middle = np.mod(since, _SHIFT)
     works &= ~((middle >= _SHIFT / 2) & (middle < _SHIFT / 2 + _BREAK))
-    weekday = np.mod(unit.first_weekday + np.arange(days), 7)
-    level = unit.duty * np.where(weekday >= 5, unit.weekend, 1.0)
+    weekday = np.mod(instance.first_weekday + np.arange(days), 7)
+    level = instance.duty * np.where(weekday >= 5, instance.weekend, 1.0)
     level = level * (1 + _DUTY_SPREAD * rng.standard_normal(days))
     return (level.clip(0.02, 1.0)[:, None] * works).ravel()
 
 
-def _hall(unit: Unit, days: int, rng: np.random.Generator) -> np.ndarray:
+def _hall(instance: RobotInstance, days: int, rng: np.random.Generator) -> np.ndarray:
     by_day = _walk(days, 1, _MEMORY, rng)[:, 0] * _HALL_DAYS
     rows = np.arange(days * ROWS) / ROWS
     day = np.interp(rows, np.arange(days) + 0.5, by_day)
-    return unit.ambient + day - _HALL_DAY * np.cos(2 * np.pi * (rows - 0.15))
+    return instance.ambient + day - _HALL_DAY * np.cos(2 * np.pi * (rows - 0.15))
 
 
 def _mix(

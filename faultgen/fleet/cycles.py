@@ -24,12 +24,12 @@ from numpy.typing import ArrayLike
 
 from faultgen.effects import Applied
 from faultgen.errors import InputError
-from faultgen.fleet.robot_instance import Program, Unit
+from faultgen.fleet.robot_instance import Program, RobotInstance
 from faultgen.robot import Robot, load_robot
 from faultgen.simulation.cycle import Cycle
 from faultgen.simulation.motion import Motion, plan, shifted
 from faultgen.simulation.servo import control_signal
-from faultgen.simulation.state import Condition, machine_at
+from faultgen.simulation.state import Condition, plant_at
 from faultgen.simulation.stepping import simulate
 from faultgen.simulation.surrogate import lagrange
 from faultgen.tasks import load_task
@@ -167,11 +167,11 @@ def program_motion(robot: Robot, program: Program) -> Motion:
     raise AssertionError
 
 
-def simulate_program(unit: Unit, program: Program) -> Cycles:
+def simulate_program(instance: RobotInstance, program: Program) -> Cycles:
     """Simulate a program of a robot at all conditions that interpolation needs.
 
     Args:
-        unit: The robot.
+        instance: The robot.
         program: The program.
 
     Returns:
@@ -180,7 +180,7 @@ def simulate_program(unit: Unit, program: Program) -> Cycles:
     Raises:
         SimulationFailed: A condition diverged.
     """
-    robot = unit.robot()
+    robot = instance.robot()
     control = control_signal(program_motion(robot, program), robot.model.opt.timestep)
     healthy = robot.spec()
     every = round(SAMPLE_PERIOD / robot.model.opt.timestep)
@@ -189,9 +189,9 @@ def simulate_program(unit: Unit, program: Program) -> Cycles:
     def run(
         temperature: float, payload: float = 0.0, effects: Sequence[Applied] = ()
     ) -> tuple[np.ndarray, Cycle]:
-        condition = Condition(temperature, 1 + payload, (*unit.deviations, *effects))
-        machine = machine_at(robot, healthy, condition)
-        (cycle,) = simulate(robot, control, [machine], sample_period=SAMPLE_PERIOD)
+        condition = Condition(temperature, 1 + payload, (*instance.deviations, *effects))
+        plant = plant_at(robot, healthy, condition)
+        (cycle,) = simulate(robot, control, [plant], sample_period=SAMPLE_PERIOD)
         return np.stack([cycle.motor_torque, cycle.motor_position - set_points]), cycle
 
     nodes = [run(float(t)) for t in TEMPERATURES]
@@ -202,11 +202,11 @@ def simulate_program(unit: Unit, program: Program) -> Cycles:
     more = [Applied("friction_wear", axis, _FRICTION) for axis in range(1, robot.n_axes + 1)]
     wear = np.zeros((2, len(DAMAGES), *base.shape[1:]))
     wear_loss = np.zeros(wear.shape[:2])
-    if unit.life is not None:
-        failing = unit.life.axis - 1
+    if instance.life is not None:
+        failing = instance.life.axis - 1
         for row, node in enumerate(_WEAR_TEMPERATURES):
             for k, damage in enumerate(DAMAGES):
-                worn, cycle = run(float(TEMPERATURES[node]), 0.0, unit.life.effects(damage))
+                worn, cycle = run(float(TEMPERATURES[node]), 0.0, instance.life.effects(damage))
                 wear[row, k] = worn - base[node]
                 wear_loss[row, k] = (_power(cycle) - loss[node])[failing]
     return Cycles(
@@ -218,7 +218,7 @@ def simulate_program(unit: Unit, program: Program) -> Cycles:
         wear=wear,
         loss=loss,
         wear_loss=wear_loss,
-        axis=0 if unit.life is None else unit.life.axis,
+        axis=0 if instance.life is None else instance.life.axis,
     )
 
 

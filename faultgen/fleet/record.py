@@ -12,7 +12,7 @@ from faultgen.fleet.cycles import TEMPERATURES, Cycles, simulate_program
 from faultgen.fleet.data import FleetRobot
 from faultgen.fleet.events import Strain, count_events
 from faultgen.fleet.plan import FleetPlan
-from faultgen.fleet.robot_instance import Unit, draw_unit
+from faultgen.fleet.robot_instance import RobotInstance, draw_instance
 from faultgen.fleet.thermal import RISE, temperatures
 from faultgen.monitoring.reductions import LIFE_EXPONENT, histogram
 from faultgen.robot import Robot
@@ -36,8 +36,8 @@ def simulate_robot(plan: FleetPlan, number: int) -> list[Cycles]:
     Raises:
         SimulationFailed: A program could not be simulated.
     """
-    unit = draw_unit(plan, number)
-    return [simulate_program(unit, program) for program in unit.programs]
+    instance = draw_instance(plan, number)
+    return [simulate_program(instance, program) for program in instance.programs]
 
 
 def record_robot(
@@ -58,20 +58,20 @@ def record_robot(
     Raises:
         SimulationFailed: A program could not be simulated.
     """
-    unit = draw_unit(plan, number)
-    robot = unit.robot()
+    instance = draw_instance(plan, number)
+    robot = instance.robot()
     rng = np.random.default_rng([plan.seed, 2, number])
     rng_calendar, rng_damage, rng_noise, rng_events = rng.spawn(4)
     cycles = simulate_robot(plan, number) if cycles is None else cycles
-    calendar = draw_calendar(plan, unit, robot.n_axes, rng_calendar)
-    damage, shown = _damage(unit, plan.days, rng_damage)
-    warm = _temperatures(unit, calendar, cycles, shown)
+    calendar = draw_calendar(plan, instance, robot.n_axes, rng_calendar)
+    damage, shown = _damage(instance, plan.days, rng_damage)
+    warm = _temperatures(instance, calendar, cycles, shown)
     watched = _Watched(robot, cycles, plan.torque_noise, rng_noise)
     samples: dict[str, list[np.ndarray | float]] = {}
     strains = []
     for day in range(plan.days):
         seen: list[_Reduced] = []
-        for rows in _windows(unit, day):
+        for rows in _windows(instance, day):
             production = float(calendar.duty[rows].mean())
             if production < _LEAST:
                 continue
@@ -88,9 +88,11 @@ def record_robot(
                 "gearbox_temperature": warm[moments].mean(axis=0),
                 "damage": damage[day],
                 "shown_damage": shown[day],
-                "remaining_life": unit.life.failure - rows.stop / ROWS if unit.life else np.inf,
+                "remaining_life": instance.life.failure - rows.stop / ROWS
+                if instance.life
+                else np.inf,
                 "mix": calendar.mix[day],
-                "payload": unit.payload * (1 + calendar.payload[day]),
+                "payload": instance.payload * (1 + calendar.payload[day]),
                 "friction": calendar.friction[day],
             }.items():
                 samples.setdefault(name, []).append(value)
@@ -100,14 +102,14 @@ def record_robot(
         **{name: arrays.pop(name) for name in list(arrays) if name in _TRUTH},
         "services": calendar.services,
         "changes": calendar.changes,
-        "damaged_axis": np.array([unit.life.axis if unit.life else 0]),
-        "severity_at_failure": _at_failure(unit),
+        "damaged_axis": np.array([instance.life.axis if instance.life else 0]),
+        "severity_at_failure": _at_failure(instance),
     }
     return FleetRobot(
         name=f"robot{number + 1:03d}",
-        robot=unit.model,
-        failed=unit.fails,
-        axis=unit.life.axis if unit.life and unit.fails else 0,
+        robot=instance.model,
+        failed=instance.fails,
+        axis=instance.life.axis if instance.life and instance.fails else 0,
         **arrays,
         events=count_events(robot, strains, calendar, rng_events),
         truth=truth,
@@ -223,9 +225,11 @@ class _Watched:
         )
 
 
-def _windows(unit: Unit, day: int) -> Iterator[slice]:
+def _windows(instance: RobotInstance, day: int) -> Iterator[slice]:
     """Rows of each sample of a day."""
-    edges = np.linspace(day * ROWS, (day + 1) * ROWS, unit.samples_a_day + 1).round().astype(int)
+    edges = (
+        np.linspace(day * ROWS, (day + 1) * ROWS, instance.samples_a_day + 1).round().astype(int)
+    )
     for start, stop in zip(edges[:-1], edges[1:], strict=True):
         yield slice(int(start), int(stop))
 
@@ -236,21 +240,23 @@ def _moments(duty: np.ndarray) -> np.ndarray:
     return np.searchsorted(done, np.array(_MOMENTS) * done[-1])
 
 
-def _damage(unit: Unit, days: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def _damage(
+    instance: RobotInstance, days: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
     """True and visible damage at the middle of each day, each of shape (days,)."""
-    if unit.life is None:
+    if instance.life is None:
         return np.zeros(days), np.zeros(days)
-    damage = unit.life.damage(np.arange(days) + 0.5)
-    return damage, damage * unit.life.shown(days, rng)
+    damage = instance.life.damage(np.arange(days) + 0.5)
+    return damage, damage * instance.life.shown(days, rng)
 
 
 def _temperatures(
-    unit: Unit, calendar: Calendar, cycles: Sequence[Cycles], shown: np.ndarray
+    instance: RobotInstance, calendar: Calendar, cycles: Sequence[Cycles], shown: np.ndarray
 ) -> np.ndarray:
     """Temperature of each gearbox at each row, shape (days * ROWS, n_axes), in [deg C]."""
     by_day = np.einsum("dp,pdna->dna", calendar.mix, [one.losses(shown) for one in cycles])
     usual = np.mean([one.loss for one in cycles], axis=(0, 1))
-    resistance = RISE * unit.cooling / usual.clip(1e-9)
+    resistance = RISE * instance.cooling / usual.clip(1e-9)
     return temperatures(
         calendar.ambient,
         calendar.duty,
@@ -284,7 +290,7 @@ def _strain(
     )
 
 
-def _at_failure(unit: Unit) -> np.ndarray:
+def _at_failure(instance: RobotInstance) -> np.ndarray:
     """Relative increase of friction, backlash [rad] and torque ripple [N m] at failure."""
-    life = unit.life
+    life = instance.life
     return np.zeros(3) if life is None else np.array([life.friction, life.backlash, life.ripple])

@@ -31,7 +31,7 @@ class Program:
 
 
 @dataclass(frozen=True, eq=False)
-class Unit:
+class RobotInstance:
     """One robot of a fleet."""
 
     model: str
@@ -75,7 +75,7 @@ class Unit:
         return nominal.edited(spec)
 
 
-def draw_unit(plan: FleetPlan, number: int) -> Unit:
+def draw_instance(plan: FleetPlan, number: int) -> RobotInstance:
     """Draw a robot of a fleet.
 
     Args:
@@ -122,7 +122,7 @@ def draw_unit(plan: FleetPlan, number: int) -> Unit:
         rng=rng,
     )
     fails = bool(number in chosen)
-    unit = Unit(
+    instance = RobotInstance(
         model=robot.name,
         payload=payload,
         programs=programs,
@@ -138,8 +138,10 @@ def draw_unit(plan: FleetPlan, number: int) -> Unit:
         life=life,
     )
     if fails:
-        return unit
+        return instance
     if plan.ageing.hours == 0:
-        return replace(unit, life=None)
+        return replace(instance, life=None)
     age = float(rng.uniform(*plan.ageing.age))
-    return replace(unit, life=life.ageing(plan.days, plan.ageing.hours / unit.hours_a_day, age))
+    return replace(
+        instance, life=life.ageing(plan.days, plan.ageing.hours / instance.hours_a_day, age)
+    )

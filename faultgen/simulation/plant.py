@@ -1,7 +1,7 @@
 """A robot with effects, ready to be simulated. Datasets and discovery both use `assemble`.
 
-machine = assemble(robot, [Applied("torque_ripple", 2, 0.05, {"order": 6})])
-(cycle,) = simulate(robot, control, [machine], sample_period=0.004)
+plant = assemble(robot, [Applied("torque_ripple", 2, 0.05, {"order": 6})])
+(cycle,) = simulate(robot, control, [plant], sample_period=0.004)
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Machine:
+class Plant:
     """A model, and what its effects do outside the model."""
 
     model: mujoco.MjModel
     """The compiled model, with all effects that MJCF can express."""
     effects: tuple[tuple[Effect, Place], ...] = ()
-    """All effects of the machine, without those of severity 0."""
+    """All effects of the plant, without those of severity 0."""
     updates: tuple[Update, ...] = ()
-    """Functions that are called between steps, in this order. Most machines have none."""
+    """Functions that are called between steps, in this order. Most plants have none."""
     interval: float = 0.0
     """Time between two calls of the updates [s]."""
 
@@ -84,13 +84,16 @@ class Machine:
         return measured
 
 
+Machine = Plant  # the name that discovery uses
+
+
 def assemble(
     robot: Robot,
     effects: Sequence[Applied] = (),
     *,
     temperature: Temperature = None,
     spec: mujoco.MjSpec | None = None,
-) -> Machine:
+) -> Plant:
     """Put effects into a robot.
 
     Args:
@@ -104,7 +107,7 @@ def assemble(
             copied, not changed. Default: `robot.spec()`.
 
     Returns:
-        The machine. If every severity is 0, it is the healthy robot, bit for bit.
+        The plant. If every severity is 0, it is the healthy robot, bit for bit.
 
     Raises:
         InputError: There is no such effect, axis or parameter, or an effect does not act on its
@@ -120,7 +123,7 @@ def assemble(
         if one.severity != 0:
             chosen.append((effect, one, parameters))
     if not chosen and spec is None:
-        return Machine(robot.model)
+        return Plant(robot.model)
     edited = robot.spec() if spec is None else spec.copy()
     for effect, one, parameters in sorted(chosen, key=lambda item: item[0].last):
         effect.apply(edited, one.axis, one.severity, **parameters)
@@ -136,7 +139,7 @@ def assemble(
             if update is not None:
                 updates.append(update)
                 intervals.append(effect.interval)
-    return Machine(model, placed, tuple(updates), min(intervals, default=0.0))
+    return Plant(model, placed, tuple(updates), min(intervals, default=0.0))
 
 
 def check_axis(effect: Effect, axis: int, robot: Robot) -> None:

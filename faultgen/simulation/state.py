@@ -8,7 +8,7 @@ import mujoco
 
 from faultgen.effects import Applied, set_temperature
 from faultgen.robot import Robot
-from faultgen.simulation.plant import Machine, assemble
+from faultgen.simulation.plant import Plant, assemble
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Condition:
     """Every effect on every axis, with its severity in this cycle."""
 
 
-def machine_at(robot: Robot, healthy: mujoco.MjSpec, condition: Condition) -> Machine:
+def plant_at(robot: Robot, healthy: mujoco.MjSpec, condition: Condition) -> Plant:
     """Assemble the robot as it is at a condition.
 
     Args:
@@ -32,7 +32,7 @@ def machine_at(robot: Robot, healthy: mujoco.MjSpec, condition: Condition) -> Ma
         condition: The condition.
 
     Returns:
-        The machine. At the reference temperature, nominal payload and severity 0, its model is
+        The plant. At the reference temperature, nominal payload and severity 0, its model is
         that of the healthy robot, bit for bit.
 
     Raises:

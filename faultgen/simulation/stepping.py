@@ -3,7 +3,7 @@
 `simulate` runs one robot through its cycles without interruption. Wear, temperature and payload may
 change from one cycle to the next. The cycles are yielded one by one, so the memory that is needed
 does not grow with their number. MuJoCo takes thousands of steps at once without Python, except for
-machines with effects that act between steps; these are stepped a few steps at a time.
+plants with effects that act between steps; these are stepped a few steps at a time.
 
     for cycle in simulate(robot, control, models, sample_period=0.004):
         cycle.motor_torque.shape  # (samples, n_axes)
@@ -25,7 +25,7 @@ from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm
 from faultgen.simulation.channels import RECORD, Channels
 from faultgen.simulation.cycle import Cycle
-from faultgen.simulation.plant import Machine
+from faultgen.simulation.plant import Plant
 
 LEAD_IN = 2.0
 """Time that is simulated before the first cycle and not recorded [s]. In this time the robot moves
@@ -68,18 +68,18 @@ def decimation(timestep: float, sample_period: float) -> int:
 def simulate(
     robot: Robot,
     control: np.ndarray,
-    machines: Iterable[Machine | mujoco.MjModel],
+    plants: Iterable[Plant | mujoco.MjModel],
     *,
     sample_period: float,
     lead_in: float = LEAD_IN,
 ) -> Iterator[Cycle]:
-    """Simulate cycles, each with its own machine, as one uninterrupted run.
+    """Simulate cycles, each with its own plant, as one uninterrupted run.
 
     Args:
         robot: The healthy robot.
         control: Control signal of one cycle, shape (steps, n_controls), from
             `servo.control_signal`.
-        machines: The robot as it is in each cycle, from `plant.assemble`, or models compiled from
+        plants: The robot as it is in each cycle, from `plant.assemble`, or models compiled from
             edits of `robot`.
         sample_period: Time between samples [s].
         lead_in: Time that is simulated before the first cycle and not recorded [s]. In this time
@@ -87,7 +87,7 @@ def simulate(
             repeat.
 
     Yields:
-        One `Cycle` for each machine.
+        One `Cycle` for each plant.
 
     Raises:
         SimulationFailed: The state became infinite, not a number or very large, or MuJoCo raised
@@ -99,46 +99,46 @@ def simulate(
     control = np.ascontiguousarray(control)
     lead = min(len(control), round(lead_in / timestep))
     stepper = _Stepper(robot, every)
-    machine: Machine | None = None
-    for index, given in enumerate(machines):
-        before, machine = machine, given if isinstance(given, Machine) else Machine(given)
-        if before is None or machine is not before:
-            stepper.use(machine)
-            command = np.ascontiguousarray(machine.command(control, lead > 0))
+    plant: Plant | None = None
+    for index, given in enumerate(plants):
+        before, plant = plant, given if isinstance(given, Plant) else Plant(given)
+        if before is None or plant is not before:
+            stepper.use(plant)
+            command = np.ascontiguousarray(plant.command(control, lead > 0))
         if before is None:
             start_on_reference(robot, stepper.batch, command[-lead])  # the first one without a lead
             for _ in stepper.run(command[len(command) - lead :], 0, -lead):
                 pass
-        yield machine.log(stepper.cycle(command, index + 1))
+        yield plant.log(stepper.cycle(command, index + 1))
 
 
 class _Stepper:
-    """Steps one machine, chunk by chunk, and records into arrays that are used again."""
+    """Steps one plant, chunk by chunk, and records into arrays that are used again."""
 
     batch: Batch
-    machine: Machine
+    plant: Plant
 
     def __init__(self, robot: Robot, every: int) -> None:
         self.robot = robot
         self.every = every
 
-    def use(self, machine: Machine) -> None:
-        """Continue with another machine from the present state."""
-        model = machine.model
+    def use(self, plant: Plant) -> None:
+        """Continue with another plant from the present state."""
+        model = plant.model
         before = getattr(self, "batch", None)
-        if before is None or machine.updates or self.machine.updates or not self._fits(model):
+        if before is None or plant.updates or self.plant.updates or not self._fits(model):
             self.batch = Batch(model, 1, 1)
             self.out: dict[int, dict[str, np.ndarray]] = {}
             if before is not None:
                 _carry(before, self.batch)
         else:
             self.batch.set_models(model)
-        self.machine = machine
+        self.plant = plant
         self.channels = Channels(self.robot, model)
         # steps between two updates; all of a chunk where there are none
-        self.stride = round(machine.interval / model.opt.timestep) if machine.updates else CHUNK
+        self.stride = round(plant.interval / model.opt.timestep) if plant.updates else CHUNK
         self.stride = max(1, self.stride)
-        whole = math.lcm(self.every, self.stride) if machine.updates else self.every
+        whole = math.lcm(self.every, self.stride) if plant.updates else self.every
         self.chunk = max(1, CHUNK // whole) * whole
 
     def _fits(self, model: mujoco.MjModel) -> bool:
@@ -174,11 +174,11 @@ class _Stepper:
         steps = control.shape[1]
         try:
             with mujoco_warnings():
-                if self.machine.updates:
+                if self.plant.updates:
                     out, damping = self._update_and_step(control, first)
                 else:
                     out = self.batch.rollout(steps, control, record=RECORD, out=self.out.get(steps))
-                    damping = self.machine.model.actuator_damping[self.channels.friction]
+                    damping = self.plant.model.actuator_damping[self.channels.friction]
         except SimulationError as error:
             raise SimulationFailed(f"{_when(cycle)}: {error}") from None
         self.out[steps] = out
@@ -204,7 +204,7 @@ class _Stepper:
             The message.
         """
         steps = control.shape[1]
-        whole = self.stride if self.machine.updates else 1
+        whole = self.stride if self.plant.updates else 1
         start = 0
         for width in (_SEARCH * whole, whole):
             while start < steps:
@@ -226,7 +226,7 @@ class _Stepper:
 
     def _wildest(self) -> int:
         """The axis whose rotor exceeds its acceleration limit by the largest factor, from 1."""
-        model = self.machine.model
+        model = self.plant.model
         data = self.batch.get_data(0)
         with mujoco_warnings():
             mujoco.mj_forward(model, data)
@@ -238,8 +238,8 @@ class _Stepper:
     def _update_and_step(
         self, control: np.ndarray, first: int
     ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """Step through a chunk, and call the machine's updates after every `stride` steps."""
-        batch, model, steps = self.batch, self.machine.model, control.shape[1]
+        """Step through a chunk, and call the plant's updates after every `stride` steps."""
+        batch, model, steps = self.batch, self.plant.model, control.shape[1]
         out = self.out.get(steps) or {
             "actuator_length": np.empty((1, steps, model.nout)),
             "actuator_velocity": np.empty((1, steps, model.nout)),
@@ -262,7 +262,7 @@ class _Stepper:
             moment.time = (first + at) * model.opt.timestep
             moment.biasprm[:], moment.dynprm[:], moment.damping[:] = nominal
             moment.control = control[:, at : at + self.stride].mean(axis=1)
-            for update in self.machine.updates:
+            for update in self.plant.updates:
                 update(moment)
             part = slice(at, min(at + self.stride, steps))
             damping[part] = moment.damping[0, self.channels.friction]

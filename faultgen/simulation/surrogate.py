@@ -33,7 +33,7 @@ from faultgen.errors import InputError
 from faultgen.provenance import provenance
 from faultgen.robot import load_robot
 from faultgen.simulation.nominal import nominal
-from faultgen.simulation.state import Condition, machine_at
+from faultgen.simulation.state import Condition, plant_at
 from faultgen.simulation.stepping import simulate
 from faultgen.system.arrays import read_arrays, write_arrays
 from faultgen.system.parallel import in_parallel
@@ -251,8 +251,8 @@ def simulate_at(
     """
     control = nominal(controller or robot, task, sample_period).control
     simulated = load_robot(robot)
-    machine = machine_at(simulated, simulated.spec(), condition)
-    cycle = next(simulate(simulated, control, [machine], sample_period=sample_period))
+    plant = plant_at(simulated, simulated.spec(), condition)
+    cycle = next(simulate(simulated, control, [plant], sample_period=sample_period))
     return np.stack([getattr(cycle, name) for name in CHANNELS])
 
 

@@ -137,10 +137,16 @@ def _charted(values: np.ndarray) -> np.ndarray:
     return above
 
 
-def _lead(above: np.ndarray) -> int:
-    """Days between the start of the alarm that lasts to the end, short breaks aside, and the end.
+def days_of_warning(above: np.ndarray) -> int:
+    """Compute how long before the end an alarm begins that lasts to the end, short breaks aside.
 
     There is no warning where less than half of the last 32 days are days of alarm.
+
+    Args:
+        above: Whether each day is a day of alarm, shape (days,).
+
+    Returns:
+        Number of days, or `NEVER`.
     """
     if above[-BEFORE:].mean() < 0.5:
         return NEVER
@@ -178,7 +184,7 @@ def _rise(values: np.ndarray, failed: np.ndarray) -> dict[str, Any]:
 
 def _warnings(seen: list[dict[str, Any]], failed: np.ndarray, name: str) -> dict[str, Any]:
     """Warnings before failures, and warnings in the same days of robots that do not fail."""
-    lead = np.array([_lead(one["alarms"][name]) for one in seen])
+    lead = np.array([days_of_warning(one["alarms"][name]) for one in seen])
     warned = lead != NEVER
     healthy = np.array([one["alarms"][name] for one in seen])[~failed]
     charted = _SPARED if "charted" in name else 0

@@ -280,15 +280,22 @@ def _hypotheses(result: dict[str, Any]) -> str:
                     f"{sum(map(_rises, rows))} / {sum(_rises(r, -1) for r in rows)} of {len(rows)}",
                     f"{sum(map(_lower_variance, rows))} of {len(rows)}",
                     f"{change} / {after - before:+.2f}",
-                    _verdict(rows),
+                    supported(rows),
                 ]
             )
     head = ["hypothesis", "classifier", "mean rises / falls", "variance falls"]
     return table([*head, "its own pair (ours / thesis)", "supported"], lines)
 
 
-def _verdict(rows: Rows) -> str:
-    """Whether the step raises the mean of some pair, and lowers that of none."""
+def supported(rows: Rows) -> str:
+    """State whether a step raises the mean of some pair, and lowers that of none.
+
+    Args:
+        rows: Pairs with and without the step, with "mean_p" and "mean_change".
+
+    Returns:
+        "yes", "mixed" if it also lowers one, or "no".
+    """
     rises, falls = any(map(_rises, rows)), any(_rises(r, -1) for r in rows)
     return "yes" if rises and not falls else "mixed" if rises else "no"
 
