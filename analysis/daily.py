@@ -23,8 +23,8 @@ ESTIMATES = ("estimated speed", "estimated torque")
 DIVERGENCES = ("KL speed", "KL angle", "KL torque")
 
 
-class TorqueRecord(Protocol):
-    """Monitoring data of one robot: only its torque."""
+class Record(Protocol):
+    """Monitoring data of one robot: any object with these arrays."""
 
     @property
     def day(self) -> np.ndarray:
@@ -37,10 +37,6 @@ class TorqueRecord(Protocol):
     @property
     def torque_histogram(self) -> np.ndarray:
         """Share of time in each bin of the torque, shape (samples, n_axes, bins)."""
-
-
-class Record(TorqueRecord, Protocol):
-    """Monitoring data of one robot."""
 
     @property
     def speed_histogram(self) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Two simple numbers from a robot's history, with which trained classifiers can be compared.
 
-    day, rows = plain_history(record)  # one row per day, from days up to that one only
+    # one row per day, from days up to that one only
+    day, rows = plain_history(time, production, torque_histogram)
     untrained_auc(rows_of_robots, failed)  # of each column, without any training
 
 A classifier that is not better than these numbers has learned nothing.
@@ -13,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .daily import TorqueRecord, day_of
+from .daily import day_of
 from .own_history import FEWEST, LATE, rms_torque
 
 Floats = NDArray[np.floating]
@@ -25,7 +26,9 @@ PLAIN = ("last week's torque over the first week's", "unsteadiness of the torque
 _WEEK = 7
 
 
-def plain_history(record: TorqueRecord) -> tuple[Ints, Floats]:
+def plain_history(
+    time: ArrayLike, production: ArrayLike, torque_histogram: ArrayLike
+) -> tuple[Ints, Floats]:
     """Compute one row of `PLAIN` for each day. No row uses data of later days.
 
     Both numbers are computed from the daily mean of the RMS torque of each axis, and each is the
@@ -34,7 +37,10 @@ def plain_history(record: TorqueRecord) -> tuple[Ints, Floats]:
     divided by their mean.
 
     Args:
-        record: Monitoring data of one robot, with the arrays of `TorqueRecord`.
+        time: Time of each sample of one robot [d], shape (samples,).
+        production: Share of time in which the robot produced, shape (samples,).
+        torque_histogram: Share of time in each bin of the torque, whose range is plus and minus the
+            largest torque; shape (samples, n_axes, bins).
 
     Returns:
         Days, from 0, and rows. Shapes (days,) and (days, 2).
@@ -42,11 +48,11 @@ def plain_history(record: TorqueRecord) -> tuple[Ints, Floats]:
     Raises:
         ValueError: The robot ran on fewer than 25 days.
     """
-    runs = np.asarray(record.production) > 0
-    days, which = np.unique(day_of(record.day[runs]), return_inverse=True)
+    runs = np.asarray(production) > 0
+    days, which = np.unique(day_of(np.asarray(time)[runs]), return_inverse=True)
     if len(days) < FEWEST:
         raise ValueError(f"history needs {FEWEST} days on which the robot ran, got {len(days)}")
-    torque = rms_torque(record.torque_histogram[runs])
+    torque = rms_torque(np.asarray(torque_histogram, float)[runs])
     counts = np.bincount(which)
     by_day = np.stack([np.bincount(which, one) / counts for one in torque.T], axis=1)
     first = np.maximum(by_day[:_WEEK].mean(axis=0), 1e-12)

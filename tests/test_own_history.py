@@ -104,16 +104,16 @@ def test_plain_numbers_by_hand():
     histogram[:, 1, 2] = 1.0
     histogram[::2, 1] = [0, 0, 0, 1.0]
     robot = fake_fleet(failed=1, normal=0, days=days, n_axes=2).robots[0]
-    day, rows = plain_history(replace(robot, torque_histogram=histogram))
+    day, rows = plain_history(robot.day, robot.production, histogram)
     assert day.tolist() == list(range(FEWEST - 1, days))
     assert rows[-1, 0] == pytest.approx(3.0)
     assert rows[-1, 1] == pytest.approx(0.5)  # 0.25 and 0.75 in turn: deviation 0.25, mean 0.5
     early = histogram.copy()
     early[FEWEST:] = 0.25
-    same = plain_history(replace(robot, torque_histogram=early))[1]
+    same = plain_history(robot.day, robot.production, early)[1]
     assert np.array_equal(same[0], rows[0])
     with pytest.raises(ValueError, match="history needs 25 days"):
-        plain_history(fake_fleet(failed=1, normal=0, days=20, n_axes=2).robots[0])
+        plain_history(robot.day[:20], robot.production[:20], histogram[:20])
 
 
 def test_auc_of_a_column_is_that_of_scikit_learn():

@@ -59,7 +59,7 @@ def histories(fleet: Fleet) -> Prepared:
         try:
             day, own = history_features(robot)
             changes = event_changes(robot.events, day)
-            plain = plain_history(robot)[1]
+            plain = plain_history(robot.day, robot.production, robot.torque_histogram)[1]
         except ValueError as error:
             raise InputError(f"{robot.name}: {error}") from None
         out.append((day, np.column_stack([own, changes, plain])))
