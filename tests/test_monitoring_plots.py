@@ -10,8 +10,8 @@ from faultgen.analysis.monitoring_plots import (
     plot_divergence,
     plot_scores,
 )
-from faultgen.analysis.plots import COLOURS, legend_beside, plot_accuracy, style
-from matplotlib.colors import to_rgba
+from faultgen.analysis.plots import COLOURS, colour, legend_beside, plot_accuracy, style
+from matplotlib.colors import to_rgb, to_rgba
 
 
 @pytest.fixture
@@ -137,3 +137,10 @@ def test_seven_methods_can_be_told_apart(axes):
         plot_accuracy(axes, [0.01], [0.5], [(0.4, 0.6)], f"method {number}", number)
     assert len({bar.lines[0].get_color() for bar in axes.containers}) == 7
     assert len({bar.lines[0].get_marker() for bar in axes.containers}) == 7
+
+
+def test_no_two_lines_have_the_same_colour():
+    """Also far beyond the palette."""
+    colours = np.array([to_rgb(colour(number)) for number in range(40)])
+    distance = np.abs(colours[:, None] - colours[None]).max(axis=2) + np.eye(40)
+    assert distance.min() > 0.04
