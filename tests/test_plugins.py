@@ -1,6 +1,9 @@
 """Effects, isolators and detectors that a user's own package adds."""
 
 import json
+import os
+import subprocess
+import sys
 
 import pytest
 from conftest import faultgen

@@ -16,7 +16,7 @@ from faultgen.discovery.recording import Recording
 from faultgen.discovery.smoothing import smoothed
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import Robot
-from faultgen.simulation.plant import Machine, assemble
+from faultgen.simulation.plant import Plant, assemble
 from faultgen.simulation.servo import control_signal
 from faultgen.simulation.stepping import simulate
 
@@ -199,16 +199,14 @@ class Replay:
         logged = np.empty_like(recording.torque)
         timestep = robot.model.opt.timestep
         by_temperature = any(term.name == "temperature_friction" for term, _ in changes)
-        machine = None
+        plant = None
         for part, control in zip(recording.parts, self.controls, strict=True):
-            if machine is None or by_temperature:
-                machine = self._machine(changes, part)
+            if plant is None or by_temperature:
+                plant = self._plant(changes, part)
             if disturbance is not None:
                 control = self._pushed(control, disturbance[part])
             every = _whole(recording.sample_period / timestep)
-            (run,) = simulate(
-                robot, control, [machine], sample_period=every * timestep, lead_in=0.0
-            )
+            (run,) = simulate(robot, control, [plant], sample_period=every * timestep, lead_in=0.0)
             values = getattr(run, channel)
             if every > 1 or np.isclose(recording.sample_period, timestep):
                 logged[part] = values[: part.stop - part.start]
@@ -230,7 +228,7 @@ class Replay:
             control[:, column] += np.interp(steps, times, disturbance[:, axis])
         return control
 
-    def _machine(self, changes: Changes, part: slice) -> Machine:
+    def _plant(self, changes: Changes, part: slice) -> Plant:
         recording, robot = self.recording, self.robot
         spec = robot.spec()
         apply_inertia(spec, robot, [change for change in changes if change[0].name == INERTIA])

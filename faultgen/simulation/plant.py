@@ -84,9 +84,6 @@ class Plant:
         return measured
 
 
-Machine = Plant  # the name that discovery uses
-
-
 def assemble(
     robot: Robot,
     effects: Sequence[Applied] = (),
