@@ -15,7 +15,7 @@ from faultgen.discovery.fit import fit
 from faultgen.discovery.replay import Replay, settled
 from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE
 from faultgen.discovery.selection import SIMILAR, Choice, choose
-from faultgen.discovery.verdict import answer
+from faultgen.discovery.verdict import answer, confirmed, is_part
 from faultgen.effects import get_effect
 from faultgen.simulation.motion import plan
 from faultgen.tasks import Task
@@ -280,3 +280,24 @@ def test_a_model_that_diverges_is_not_written(posed, monkeypatch, fails, share):
     result = told.contract()
     if not share:
         assert result["gap"]["after"] == pytest.approx(result["gap"]["before"])
+
+
+@pytest.mark.parametrize(("in_scoring", "kept"), [(1.0, 1), (-1.0, 0)])
+def test_an_effect_that_other_motions_refute_is_not_named(posed, in_scoring, kept):
+    """It explains the motions it was fitted to; on those for scoring it has the other sign."""
+    problem = small(posed[True], ("torque_offset", 2))
+    effect = value_of(problem, 0, 400.0) * problem.raw[0].astype(float)
+    scored = problem.samples(problem.scoring)
+    residual = problem.residual + np.where(scored[:, None], in_scoring, 1.0) * effect
+    case = replace(problem, residual=residual)
+    choice = choose(case)
+    assert len(choice.best.groups) == 1
+    assert len(confirmed(case, choice).best.groups) == kept
+
+
+def test_an_answer_is_partial_if_much_more_than_noise_remains():
+    """Gap before, after, and of noise."""
+    assert not is_part(0.2, 0.02, 0.02)
+    assert not is_part(0.2, 0.08, 0.02)  # 85 % explained
+    assert is_part(0.2, 0.12, 0.02)
+    assert not is_part(0.021, 0.0209, 0.02)  # little of it, but all within the noise

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from faultgen.discovery import Recording, replay, settled
+from faultgen.discovery import Recording, Replay, replay, settled
+from faultgen.discovery.replay import relative_error
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
+from faultgen.robot import Robot
 from faultgen.simulation.motion import plan
 from faultgen.simulation.servo import control_signal
 from faultgen.simulation.stepping import simulate
@@ -35,6 +37,15 @@ def recorded(robot, task, effects=()):
         reference_position=np.vstack([motion(times)[0]] * 2),
         segments=(0, len(times)),
     )
+
+
+def soft(robot):
+    """The same robot with a servo whose gains are a tenth."""
+    spec = robot.spec()
+    for axis in range(1, robot.n_axes + 1):
+        gains = spec.actuator(f"drive{axis}").gainprm
+        gains[4:7] /= 10  # kp, ki, kd of a dcmotor
+    return Robot(robot.name, spec.to_xml())
 
 
 def gap(recording, robot, effects=()):
@@ -108,3 +119,34 @@ def test_axes_count_from_when_they_have_turned(tiny_robot):
 def test_axes_that_are_not_there(tiny_robot, tiny_task_path):
     with pytest.raises(InputError, match="axis 3: robot tiny has axes 1 to 2"):
         replay(recorded(tiny_robot, tiny_task_path), tiny_robot, [("backlash", 3, 1e-3)])
+
+
+def test_a_robot_with_another_servo_is_followed_as_it_moved(tiny_robot, tiny_task_path):
+    """Its motion differs from that of the model, so the measured positions explain the torque."""
+    same = recorded(tiny_robot, tiny_task_path)
+    suited, why = Replay.suited(same, tiny_robot)
+    assert not suited.measured and "follows the commanded positions" in why
+    other = recorded(soft(tiny_robot), tiny_task_path)
+    suited, why = Replay.suited(other, tiny_robot)
+    assert suited.measured and "servo differs" in why
+    inside = settled(other, tiny_robot)
+    error, plainly = (
+        relative_error((other.torque - one.torque()) ** 2, other, inside)
+        for one in (suited, Replay(other, tiny_robot))
+    )
+    assert error < 0.05 and error < 0.5 * plainly
+
+
+def test_a_noisy_position_is_followed_without_its_noise(tiny_robot, tiny_task_path):
+    """An encoder of 4096 counts, and no commanded positions: most of the torque is right."""
+    recording = recorded(tiny_robot, tiny_task_path)
+    count = 2 * np.pi / 4096
+    counted = replace(
+        recording,
+        position=np.round(recording.position / count) * count,
+        reference_position=None,
+    )
+    suited, why = Replay.suited(counted, tiny_robot)
+    assert suited.measured and "no reference_position" in why
+    inside = settled(recording, tiny_robot)
+    assert relative_error((recording.torque - suited.torque()) ** 2, recording, inside) < 0.1

@@ -209,7 +209,8 @@ def discover(
     model is first calibrated on the recording, and an effect is reported only if it is larger than
     the usual errors of a model.
 
-    The verdict is one of: no missing effect, named, ambiguous, unknown effect. If it is ambiguous,
+    The verdict is one of: no missing effect, named, partly named, ambiguous, unknown effect. If it
+    is ambiguous,
     the command proposes the motion that would decide between the candidates. It writes
     discovery.json, model.xml (the robot with the effects added), report.html and, if the verdict is
     ambiguous, next_experiment.toml.

@@ -88,7 +88,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     of_noise = float(np.sqrt(np.mean(floor[_scored(problem).any(axis=0)] ** 2)))
     if not known:
         verdict = UNKNOWN if strange else NONE
-    elif _is_part(before[0], after[0], of_noise):
+    elif is_part(before[0], after[0], of_noise):
         verdict = PARTLY
     else:
         verdict = AMBIGUOUS if choice.rivals else NAMED
@@ -226,8 +226,18 @@ def significance(problem: Problem, white: np.ndarray) -> float:
     return float((1 + np.sum(largest >= seen)) / (_DRAWS + 1))
 
 
-def _is_part(before: float, after: float, floor: float) -> bool:
-    """Whether the effects explain only a part of what can be explained, beyond doubt."""
+def is_part(before: float, after: float, floor: float) -> bool:
+    """Tell whether effects explain only a part of what can be explained.
+
+    Args:
+        before: Gap of the unchanged model, without unit.
+        after: Gap with the effects.
+        floor: Gap of noise alone.
+
+    Returns:
+        Whether less than `EXPLAINED` of before² − floor² is explained, and the rest is considerable
+        beside the noise.
+    """
     open_ = after**2 - floor**2
     return open_ > (1 - EXPLAINED) * (before**2 - floor**2) and open_ > CONSIDERABLE * floor**2
 
