@@ -10,7 +10,7 @@ from faultgen.cli.app import app
 from faultgen.effects import Applied, set_temperature
 from faultgen.errors import InputError
 from faultgen.fleet import FleetPlan, generate_fleet, open_fleet
-from faultgen.fleet.calendar import _HALL_DAY, _HALL_DAYS, ROWS, STEP, draw_calendar
+from faultgen.fleet.calendar import HALL_DAY, HALL_DAYS, ROWS, STEP, draw_calendar
 from faultgen.fleet.cycles import (
     DAMAGES,
     SAMPLE_PERIOD,
@@ -245,9 +245,9 @@ def test_a_calendar_varies_as_it_says():
     course = by_day.mean(axis=0)
     hour = np.arange(ROWS) * STEP
     warmest = np.cos(2 * np.pi * (hour - 15.6) / 24)  # at 15:36
-    assert course - course.mean() == pytest.approx(_HALL_DAY * warmest, abs=0.05)
+    assert course - course.mean() == pytest.approx(HALL_DAY * warmest, abs=0.05)
     noon = by_day[:, ROWS // 2]
-    assert noon.std() == pytest.approx(_HALL_DAYS, rel=0.15)
+    assert noon.std() == pytest.approx(HALL_DAYS, rel=0.15)
     assert np.corrcoef(noon[1:], noon[:-1])[0, 1] == pytest.approx(0.8, abs=0.05)
     parts = calendar.payload / plan.programs.parts
     assert parts.std() == pytest.approx(1.0, rel=0.05)

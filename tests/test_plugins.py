@@ -213,7 +213,7 @@ def test_isolators_that_cannot_be_used_are_named(methods, change, message):
     changed = module.read_text().replace(*change)
     assert changed != module.read_text()
     module.write_text(changed)
-    done = faultgen(methods, "isolate", "nowhere")
+    done = with_package(methods, "isolate", "nowhere")
     assert done.returncode == 2
     assert done.stderr.startswith("faultgen: entry point my_methods:Last: ")
     assert message in done.stderr
@@ -234,13 +234,13 @@ def test_wrong_scores_are_named(
     """One line with the class, exit status 2."""
     out = tmp_path_factory.getbasetemp() / "scored"
     arguments = ["--robot", tiny_robot_path, "--task", tiny_task_path, "--cycles", 12]
-    done = faultgen(methods, "generate", *arguments, "--axis", 1, "-o", out, "--workers", 1)
+    done = with_package(methods, "generate", *arguments, "--axis", 1, "-o", out, "--workers", 1)
     assert done.returncode == 0, done.stderr
     module = methods / "my_methods.py"
     changed = module.read_text().replace(*change)
     assert changed != module.read_text()
     module.write_text(changed)
-    done = faultgen(methods, "detect", out, "--seeds", 1)
+    done = with_package(methods, "detect", out, "--seeds", 1)
     assert done.returncode == 2
     assert message in done.stderr
     assert done.stderr.count("\n") == 1

@@ -110,13 +110,13 @@ def test_observed_as_in_a_generated_run(surrogate, where, tmp_path):
         severity = run.read("cycle/severity")[:, None] * np.isin([1, 2], run["axes"])
         seen = monitored.observe(get_sensors("realistic"), severity, np.random.default_rng(4))
         stored = run.read("monitoring/mean_abs_torque")
-        np.testing.assert_array_equal(seen.temperature, run.read("cycle/temperature"))
-        assert np.abs(seen.mean_torque - stored).max() < 0.02 * stored.std(axis=0).min()
-        features = monitored.model.features.transform(
+        np.testing.assert_array_equal(seen["temperature"], run.read("cycle/temperature"))
+        assert np.abs(seen["mean_abs_torque"] - stored).max() < 0.02 * stored.std(axis=0).min()
+        features = monitored.model.friction_terms.transform(
             run.read("signals/motor_torque").astype(float)
         )
         spread = features.std(axis=0)
-        error = np.sqrt(np.mean((seen.friction - features) ** 2, axis=0))
+        error = np.sqrt(np.mean((seen["friction_terms"] - features) ** 2, axis=0))
         assert np.all(error < 0.2 * spread)
 
 
@@ -124,9 +124,9 @@ def test_directions_of_wear_are_those_of_the_simulation(surrogate):
     """Coulomb friction rises with its own axis' wear, and with no other's."""
     model = Monitored.of(surrogate).model
     robot = load_robot(surrogate.robot_path)
-    names = model.features.names_
+    names = model.friction_terms.names_
     coulomb = [names.index(f"axis {axis} coulomb") for axis in (1, 2)]
-    own = model.friction.value[:, coulomb]
+    own = model.directions["friction_terms"].value[:, coulomb]
     nominal = [robot.model.actuator_biasprm[i] for i in robot.ids("actuator", "friction")]
     expected = np.array([bias[COULOMB] for bias in nominal])
     np.testing.assert_allclose(np.diagonal(own), expected, rtol=0.1)

@@ -140,5 +140,5 @@ def test_files_of_the_study(fleet, result, monkeypatch, tmp_path):
     assert text == tables(stored)
     error = result["anova"]["variation"][7]
     assert f"{error['ss']:.3f} / 222.833" in text
-    assert "/ 13.8 |" in text
+    assert "/ 13.8 " in text
     assert len(list((tmp_path / "figures").glob("*.png"))) == 4

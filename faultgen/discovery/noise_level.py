@@ -54,7 +54,11 @@ class Noise:
         return self.colour.whiten(x / self.level.astype(x.dtype), parts)
 
     def of_samples(self) -> np.ndarray:
-        """Standard deviation of the noise in each sample, shape (samples, n_axes)."""
+        """Standard deviation of the noise in each sample, shape (samples, n_axes).
+
+        Returns:
+            Shape (samples, n_axes).
+        """
         return self.deviation * self.level
 
     def with_colour(self, colour: Autoregression) -> Noise:

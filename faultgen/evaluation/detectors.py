@@ -50,7 +50,11 @@ class HistogramPCA(Detector):
         self.limit_ = self._pca.q_limit_
 
     def score(self, *features: np.ndarray) -> np.ndarray:
-        """Compute Q of each cycle."""
+        """Compute Q of each cycle.
+
+        Returns:
+            Shape (cycles,).
+        """
         return self._pca.q(self._divergence(features[0]))
 
     def _divergence(self, histograms: np.ndarray) -> np.ndarray:
@@ -76,7 +80,11 @@ class TorquePCA(Detector):
         self.limit_ = -self._pca.offset_
 
     def score(self, *features: np.ndarray) -> np.ndarray:
-        """Compute the larger of T² and Q of each cycle, each over its limit."""
+        """Compute the larger of T² and Q of each cycle, each over its limit.
+
+        Returns:
+            Shape (cycles,).
+        """
         return -self._pca.score_samples(self._columns(*features))
 
     def _columns(self, torque: np.ndarray, temperature: np.ndarray) -> np.ndarray:
@@ -109,7 +117,11 @@ class Charts(Detector):
         self.limit_ = max((chart.limit_ for chart in self._charts.values()), default=np.inf)
 
     def score(self, *features: np.ndarray) -> np.ndarray:
-        """Compute the largest |statistic| of the axes in each cycle."""
+        """Compute the largest |statistic| of the axes in each cycle.
+
+        Returns:
+            Shape (cycles,).
+        """
         torque = np.nan_to_num(features[0])
         statistics = [
             np.abs(chart.statistic(torque[:, axis])) for axis, chart in self._charts.items()
@@ -150,7 +162,11 @@ class ByIsolator(Detector):
         self.limit_ = self._isolator.change.limit_
 
     def score(self, *features: np.ndarray) -> np.ndarray:
-        """Compute the largest z of the axes. There is none before the first window is full."""
+        """Compute the largest z of the axes. There is none before the first window is full.
+
+        Returns:
+            Shape (cycles,).
+        """
         cycles = len(features[0])
         scores = np.full(cycles, -np.inf)
         for end in range(self._isolator.change.window, cycles + 1):

@@ -142,6 +142,9 @@ class ByChange(Isolator):
         """Put the features side by side, shape (cycles, columns).
 
         The temperature comes last, and only if it varies.
+
+        Returns:
+            Shape (cycles, columns).
         """
         values, temperature = features
         if not self.setting.temperature_varies:
@@ -162,7 +165,11 @@ class OwnTorque(ByChange):
         return ChangeIsolator(directions=np.diag(np.diagonal(value)), covariance="diagonal")
 
     def columns(self, *features: np.ndarray) -> np.ndarray:
-        """Return the mean |torque|, 0 for an axis that is outside the speed window."""
+        """Return the mean |torque|, 0 for an axis that is outside the speed window.
+
+        Returns:
+            Shape (cycles, columns).
+        """
         return np.nan_to_num(features[0])
 
 
@@ -174,7 +181,11 @@ class AllTorques(ByChange):
     features = ("mean_abs_torque", "temperature")
 
     def columns(self, *features: np.ndarray) -> np.ndarray:
-        """Put the features side by side; the torque is 0 outside the speed window."""
+        """Put the features side by side; the torque is 0 outside the speed window.
+
+        Returns:
+            Shape (cycles, columns).
+        """
         torque, temperature = features
         return super().columns(np.nan_to_num(torque), temperature)
 

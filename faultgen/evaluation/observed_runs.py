@@ -101,7 +101,7 @@ class Place:
             seed: First seed.
 
         Yields:
-            The features of each draw.
+            The features of each draw; arrays have shape (cycles, ...).
 
         Raises:
             InputError: The file lacks the signals that new noise needs.
@@ -134,7 +134,15 @@ class Place:
         return found
 
     def healthy(self, run: StoredRun, names: Collection[str]) -> list[Features]:
-        """Healthy series that share no noise draw with a run."""
+        """List healthy series that share no noise draw with a run.
+
+        Args:
+            run: A run of this robot and task.
+            names: Names of the features.
+
+        Returns:
+            Features by name for each healthy run or draw; arrays have shape (cycles, ...).
+        """
         if self.sensors is None:
             others = [r for r in self.runs if not len(r["axes"]) and r["seed"] != run["seed"]]
             return [self._stored(r, names) for r in others]

@@ -21,8 +21,8 @@ STEP = 24.0 / ROWS
 _SHIFT = 8.0  # [h]
 _BREAK = _SHIFT - WORKED  # in the middle of a shift [h]
 _FIRST = {1: 6.0, 2: 6.0, 3: 0.0}  # start of production, by shifts [h]
-_HALL_DAY = 2.0  # amplitude of the hall's temperature over the day [K]: assumed
-_HALL_DAYS = 2.0  # spread from day to day [K]: assumed
+HALL_DAY = 2.0  # amplitude of the hall's temperature over the day [K]: assumed
+HALL_DAYS = 2.0  # spread from day to day [K]: assumed
 _MEMORY = 0.8  # of the hall, from day to day
 _LUBRICANT_MEMORY = 0.7  # of friction, from day to day
 _DUTY_SPREAD = 0.08  # of a day's duty: assumed
@@ -99,10 +99,10 @@ def _duty(instance: RobotInstance, days: int, rng: np.random.Generator) -> np.nd
 
 
 def _hall(instance: RobotInstance, days: int, rng: np.random.Generator) -> np.ndarray:
-    by_day = _walk(days, 1, _MEMORY, rng)[:, 0] * _HALL_DAYS
+    by_day = _walk(days, 1, _MEMORY, rng)[:, 0] * HALL_DAYS
     rows = np.arange(days * ROWS) / ROWS
     day = np.interp(rows, np.arange(days) + 0.5, by_day)
-    return instance.ambient + day - _HALL_DAY * np.cos(2 * np.pi * (rows - 0.15))
+    return instance.ambient + day - HALL_DAY * np.cos(2 * np.pi * (rows - 0.15))
 
 
 def _mix(

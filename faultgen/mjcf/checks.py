@@ -122,11 +122,14 @@ def wrong_numbers(
             found.append(f"saturation must not be negative, as in '{values}'")
     joints = element_ids(model, "joint", "joint", n_axes)
     # a joint may have no limits; limits that are given as 0 0 look the same once compiled
-    width = np.where(model.jnt_limited[joints], np.ptp(model.jnt_range[joints], axis=1), 1.0)
+    with np.errstate(invalid="ignore"):
+        ranges = np.ptp(model.jnt_range[joints], axis=1)
+    width = np.where(model.jnt_limited[joints], ranges, 1.0)
     given = _given_ranges(xml)
     for axis in range(n_axes):
         if limits := given.get(f"joint{axis + 1}"):
-            width[axis] = np.minimum(width[axis], limits[1] - limits[0])  # nan for "inf inf"
+            with np.errstate(invalid="ignore"):  # "inf inf" has no width
+                width[axis] = np.minimum(width[axis], np.subtract(limits[1], limits[0]))
     tendon = element_ids(model, "tendon", "gearbox", n_axes)
     friction = element_ids(model, "actuator", "friction", n_axes)
     bias, bristles = model.actuator_biasprm[friction], model.actuator_dynprm[friction]

@@ -84,11 +84,19 @@ class DivergenceQ(Detector):
         self.limit_ = self.monitor.q_limit_
 
     def score(self, *features: np.ndarray) -> np.ndarray:
-        """Compute Q of each hour."""
+        """Compute Q of each hour.
+
+        Returns:
+            Shape (hours,).
+        """
         return self.monitor.q(features[0])
 
     def blame(self, *features: np.ndarray) -> np.ndarray:
-        """Name the axis that contributes most to Q."""
+        """Name the axis that contributes most to Q.
+
+        Returns:
+            From 0. Shape (hours,).
+        """
         return self.monitor.q_contributions(features[0]).argmax(axis=1)
 
 
@@ -108,7 +116,11 @@ class DivergenceBoth(DivergenceQ):
         self.limit_ = 1.0
 
     def score(self, *features: np.ndarray) -> np.ndarray:
-        """Compute the larger of both statistics of each hour, each over its limit."""
+        """Compute the larger of both statistics of each hour, each over its limit.
+
+        Returns:
+            Shape (hours,).
+        """
         return -self.monitor.score_samples(features[0])
 
 
@@ -159,7 +171,11 @@ class DivergenceEWMA(DivergenceQ):
         self.limit_ = 1.0
 
     def score(self, *features: np.ndarray) -> np.ndarray:
-        """Compute the charted statistic of each hour over the limit of the chart."""
+        """Compute the charted statistic of each hour over the limit of the chart.
+
+        Returns:
+            Shape (hours,).
+        """
         return self.chart.score(self.monitor.q(features[0]))
 
 
@@ -182,11 +198,19 @@ class PlacePCA(Detector):
         self.limit_ = 1.0
 
     def score(self, *features: np.ndarray) -> np.ndarray:
-        """Compute the larger of T² and Q of each hour, each over its limit."""
+        """Compute the larger of T² and Q of each hour, each over its limit.
+
+        Returns:
+            Shape (hours,).
+        """
         return -self.monitor.score_samples(self._columns(*features))
 
     def blame(self, *features: np.ndarray) -> np.ndarray:
-        """Name the axis whose places contribute most to Q."""
+        """Name the axis whose places contribute most to Q.
+
+        Returns:
+            From 0. Shape (hours,).
+        """
         by_column = self.monitor.q_contributions(self._columns(*features))
         by_place = by_column[:, : features[0].shape[1]]
         n_axes = self.setting.n_axes
@@ -225,11 +249,19 @@ class Wear(PlacePCA):
         self.limit_ = self.isolator.limit_
 
     def score(self, *features: np.ndarray) -> np.ndarray:
-        """Compute the largest statistic of the axes in each hour."""
+        """Compute the largest statistic of the axes in each hour.
+
+        Returns:
+            Shape (hours,).
+        """
         return self.statistics(*features).max(axis=1)
 
     def blame(self, *features: np.ndarray) -> np.ndarray:
-        """Name the axis with the largest statistic."""
+        """Name the axis with the largest statistic.
+
+        Returns:
+            From 0. Shape (hours,).
+        """
         return self.statistics(*features).argmax(axis=1)
 
     def statistics(self, *features: np.ndarray) -> np.ndarray:

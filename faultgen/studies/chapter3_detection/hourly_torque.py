@@ -55,7 +55,7 @@ class HourlyTorque:
             divergence: Kullback-Leibler divergence of each hour, shape (hours, n_axes), in [bit].
 
         Returns:
-            The features by name.
+            The features by name; arrays have shape (cycles, ...).
         """
         return {
             "kl_divergence": divergence,

@@ -82,7 +82,7 @@ class Monitored:
             names: Names of the features.
 
         Returns:
-            The features by name.
+            The features by name; arrays have shape (cycles, ...).
         """
         cycles = len(severity)
         rng_surroundings, rng_sensors = rng.spawn(2)

@@ -83,6 +83,7 @@ class Series:
     """The runs of a block, and the features of each run."""
 
     block: Block
+    """Robot, task and noise of the runs."""
     surrogate: Path
     """File of the surrogate of the robot and task."""
     role: np.ndarray
@@ -93,7 +94,11 @@ class Series:
     """The features `STORED` of all runs, shape (runs, cycles, ...)."""
 
     def of(self, role: int) -> np.ndarray:
-        """Numbers of the runs with a role."""
+        """Numbers of the runs with a role.
+
+        Returns:
+            Shape (runs,).
+        """
         return np.flatnonzero(self.role == role)
 
     def seen(self, run: int, names: Collection[str] = STORED) -> Features:
@@ -105,7 +110,7 @@ class Series:
                 random numbers of the run, since signals of all runs would fill the memory.
 
         Returns:
-            The features by name.
+            The features by name; arrays have shape (cycles, ...).
         """
         if set(names) <= set(self.stored):
             return {name: self.stored[name][run] for name in names}
