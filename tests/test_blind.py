@@ -62,7 +62,7 @@ def test_an_effect_that_nobody_coded(found):
     answer = found(4, Effect("seizing_spot", 2, 0.2))
     assert answer.verdict == "unknown effect" and not answer.effects
     strange = answer.left[0]
-    assert strange.axis == 2 and strange.p_value < 1e-5
+    assert strange.axis == 2 and strange.along == "joint angle"
 
 
 def test_severity_and_sign_follow_the_data(found):

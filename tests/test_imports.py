@@ -150,15 +150,6 @@ def test_unknown_names_are_errors():
         _ = faultgen.generator
 
 
-LATER = {
-    "test_change_isolator.py",
-    "test_classifiers_study.py",
-    "test_events_study.py",
-    "test_isolation.py",
-    "test_studies.py",
-}
-
-
 def private_names(tree):
     """Private names of other modules that code uses: imported, looked up, or given as a text."""
     theirs = {"self", "cls", *sys.stdlib_module_names}
@@ -197,6 +188,6 @@ def test_tests_use_public_names_only():
     found = {
         path.name: names
         for path in sorted((ROOT / "tests").rglob("*.py"))
-        if path.name not in LATER and (names := set(private_names(ast.parse(path.read_text()))))
+        if (names := set(private_names(ast.parse(path.read_text()))))
     }
     assert found == {}

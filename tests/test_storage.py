@@ -198,7 +198,7 @@ def test_a_failed_write_ends_a_run_at_once(tmp_path, monkeypatch):
             writer.create("cycle/severity", (3,), "f8", ("cycle_number",))
             writer.put("cycle/severity", 0, np.ones(()))
             monkeypatch.setattr(os, "write", full)
-            writer._file.flush()
+            writer.file.flush()
             for cycle in (1, 2):
                 writer.put("cycle/severity", cycle, np.ones(()))
                 put.append(cycle)
@@ -300,13 +300,13 @@ def _other_root_attribute(group):
 )
 def test_a_wrong_copy_is_not_merged(dataset, monkeypatch, change, name):
     """What differs between the merged file and a run is named, and nothing is left."""
-    real = merging._copy_run
+    real = merging.copy_run
 
     def wrong(file, group):
         real(file, group)
         change(group)
 
-    monkeypatch.setattr(merging, "_copy_run", wrong)
+    monkeypatch.setattr(merging, "copy_run", wrong)
     (dataset / "dataset.h5").unlink()
     with pytest.raises(StorageFailed, match=rf"dataset.h5: '{name}' of run \w+ differs from what"):
         merging.merge(open_dataset(dataset))

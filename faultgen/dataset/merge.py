@@ -49,7 +49,7 @@ def merge(dataset: Dataset) -> Path:
         merged.attrs["n_runs"] = len(dataset.runs)
         for run in dataset.runs:
             with open_verified(run.path) as file:
-                _copy_run(file, merged.create_group(f"runs/{run.id}"))
+                copy_run(file, merged.create_group(f"runs/{run.id}"))
             sink.check()
     try:
         _verify(dataset, temporary)
@@ -63,8 +63,13 @@ def merge(dataset: Dataset) -> Path:
 _SCALE_ATTRIBUTES = ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST")
 
 
-def _copy_run(file: h5py.File, group: h5py.Group) -> None:
-    """Copy a run file into a group without unpacking it, and attach the dimension scales again."""
+def copy_run(file: h5py.File, group: h5py.Group) -> None:
+    """Copy a run file into a group without unpacking it, and attach the dimension scales again.
+
+    Args:
+        file: The run file, open for reading.
+        group: Where its content goes.
+    """
     group.attrs.update(file.attrs)
     names = _array_names(file)
     for name in names:

@@ -88,11 +88,12 @@ class RunWriter:
         Raises:
             StorageFailed: The file cannot be written.
         """
-        self._file, self._sink = self._context.__enter__()
+        self.file, self._sink = self._context.__enter__()
+        """The HDF5 file while it is being written."""
         try:
             for name, value in self._attributes["/"].items():
-                self._file.attrs[name] = value
-            self._file["model"] = self._model
+                self.file.attrs[name] = value
+            self.file["model"] = self._model
         except BaseException:
             self._context.__exit__(*sys.exc_info())
             raise
@@ -202,7 +203,7 @@ class RunWriter:
         self._arrays[name].attrs.update(attributes)
 
     def _new(self, name: str, dims: tuple[str, ...], **how: Any) -> None:
-        data = self._file.create_dataset(name, **how)
+        data = self.file.create_dataset(name, **how)
         parts = name.split("/")
         units, long_name = DESCRIPTIONS[parts[-1] if parts[-1] in DESCRIPTIONS else parts[-2]]
         self._attributes[name] = {"units": units, "long_name": long_name}

@@ -24,8 +24,9 @@ NONE, NAMED, PARTLY, AMBIGUOUS, UNKNOWN = (
 EXPLAINED = 0.8
 """Share of what can be explained, before² − floor², below which an answer names only a part."""
 
-UNLIKELY = 1e-4
-"""A pattern is reported if the probability that noise causes it is below this value."""
+UNLIKELY = 1e-3
+"""A pattern is reported if the probability that noise causes it, corrected for the number of
+patterns tested, is below this value: one healthy robot in a thousand."""
 
 MEASURE = "RMS torque error over RMS torque, on motions used neither for fitting nor for choosing"
 
