@@ -33,6 +33,9 @@ from faultgen.mjcf.dcmotor import STICTION as STICTION
 from faultgen.mjcf.dcmotor import STRIBECK_VELOCITY as STRIBECK_VELOCITY
 from faultgen.mjcf.edit import resolve_inertias
 
+COUPLING = "wrist_coupling"
+"""Name of the elements with friction and inertia that two neighbouring axes share."""
+
 
 @dataclass(frozen=True)
 class Robot:
