@@ -30,12 +30,13 @@ from measured_data import (
 from scipy.signal import butter, decimate, filtfilt
 
 from faultgen.discovery import Recording, Replay, investigate
-from faultgen.discovery.calibrate import PRIOR_SCALES, calibrate, changed, refined
+from faultgen.discovery.calibrate import PRIOR_SCALES, calibrate
 from faultgen.discovery.candidates import INERTIA, PAYLOAD, Term, payload_of
 from faultgen.discovery.fit import changes_of
 from faultgen.discovery.regression import plain, rolling
 from faultgen.discovery.replay import Changes, settled
 from faultgen.discovery.selection import SURE, groups_of
+from faultgen.discovery.simulated_fit import changed, refined
 from faultgen.discovery.workflow import as_modelled
 from faultgen.errors import SimulationFailed
 from faultgen.report.discovery_report import write_discovery

@@ -34,6 +34,9 @@ from faultgen.mjcf.dcmotor import STRIBECK_VELOCITY as STRIBECK_VELOCITY
 from faultgen.mjcf.edit import resolve_inertias
 from faultgen.mjcf.elements import element_ids
 
+COUPLING = "wrist_coupling"
+"""Name of the elements with friction and inertia that two neighbouring axes share."""
+
 
 @dataclass(frozen=True)
 class Robot:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -267,13 +266,22 @@ def calibrate(
     ],
     robot: Annotated[str, typer.Option(help="Name of the robot, or the path of its MJCF file.")],
     out: Annotated[
-        Path, typer.Option("--out", "-o", help="MJCF file to write: the calibrated model.")
-    ] = Path("model.xml"),
+        Path,
+        typer.Option("--out", "-o", help="Folder for the calibrated model and its numbers."),
+    ] = Path("calibrated"),
     known: Annotated[
         list[str] | None,
         typer.Option(
             help="Name of a parameter that is known well and keeps its usual uncertainty, such as "
             "inertia. Repeat the option for several parameters."
+        ),
+    ] = None,
+    low_pass: Annotated[
+        float | None,
+        typer.Option(
+            help="Cut-off frequency [Hz] of a low-pass filter for recordings without a reference "
+            "position, in which the simulation follows the measured position. "
+            "Default: no filter."
         ),
     ] = None,
     workers: Workers = None,
@@ -284,28 +292,45 @@ def calibrate(
     The parameters of friction, offsets, rotors, torque constants and links may differ more from
     the model than usual. How much more is chosen with parts of the recording that were not used
     for the fit. A recording can hardly separate the torque constants from the masses of the links,
-    so name one of them with --known. The model that the command writes can be given to 'faultgen
-    discover'.
+    so name one of them with --known. The model may be without friction.
+
+    The command prints the relative RMS torque error on motions that were not fitted, beside that
+    of classical identification. It writes model.xml, which can be given to 'faultgen discover', and
+    calibration.json.
     """
+    from threadpoolctl import threadpool_limits
+
     from faultgen.discovery.calibrate import calibrate as run_calibrate
-    from faultgen.discovery.workflow import usable
+    from faultgen.discovery.workflow import dump, usable
+    from faultgen.errors import InputError
     from faultgen.mjcf.edit import write_model
     from faultgen.robot import load_robot
     from faultgen.system.files import write_text
 
+    if out.suffix == ".xml" or out.is_file():
+        raise InputError(f"out: must be a folder, not {out}; the model is written to its model.xml")
     model = load_robot(robot)
-    recording, warnings = usable(measured, model)
+    recording, warnings = usable(measured, model, low_pass)
     for warning in warnings:
         print(f"faultgen: {warning}", file=sys.stderr)
-    found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))
-    result = {"prior_scale": found.prior_scale, "held_out": found.held_out, "values": found.values}
-    write_text(out.with_suffix(".json"), json.dumps({**result, "lacks": found.lacks}, indent=1))
-    write_model(out, found.robot.xml, found.robot.assets)
+    with threadpool_limits(limits=1):
+        found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))
+    result = found.report()
+    out.mkdir(parents=True, exist_ok=True)
+    write_text(out / "calibration.json", dump(result))
+    write_model(out / "model.xml", found.robot.xml, found.robot.assets)
     for line in found.lacks:
         print(f"faultgen: {line}", file=sys.stderr)
     if as_json:
         print_json(result)
         return
+    errors = {name: f"{100 * error:.1f} %" for name, error in found.errors.items()}
+    print(
+        f"torque error on motions that were not fitted: given model {errors['given']}, "
+        f"classical identification {errors['classical']}, this model {errors['calibrated']}"
+    )
     print(f"assumed uncertainty of the parameters: {found.prior_scale:g} times the default")
+    for one in found.couplings:
+        print(f"axes {one.axis - 1} and {one.axis} are coupled: they share friction and inertia")
     for name, values in found.values.items():
         print(f"{name}: " + ", ".join(f"axis {k} {v:+.3g}" for k, v in values.items()))

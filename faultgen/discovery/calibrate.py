@@ -1,56 +1,51 @@
 """Calibration of a model that is only roughly known. Use it before `discover` reports an effect.
 
-calibrated = calibrate(read_recording("measured.h5"), load_robot("model.xml"))
-Path("calibrated.xml").write_text(calibrated.robot.xml)
+    calibrated = calibrate(read_recording("measured.h5"), load_robot("model.xml"))
+    Path("calibrated.xml").write_text(calibrated.robot.xml)
 
-The model's own numbers (`candidates.NUMBERS`) get the same columns as in discovery, and wider
-priors. Cross-validation chooses the prior scale, a factor of the priors: parts of the recording are
-left out of the fit, and the scale that predicts them best is used.
+Three models are made from two thirds of the recording and judged on the rest:
+
+1. Classical identification (`classical`), which needs no simulation.
+2. The *physical* model (`physical`): the same regression, solved for links that can exist.
+3. The *simulated* fit: it starts from the physical model, or from the given one if that predicts
+   better, and changes the model's own numbers (`candidates.NUMBERS`) until its simulation in closed
+   loop is as close to the recording as their priors allow.
+
+The better of the last two is made again from the whole recording. Cross-validation chooses how wide
+the priors are: parts of the recording are left out of the fit, and the prior scale that predicts
+them best is used.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from faultgen.discovery.candidates import (
-    INERTIA,
     NUMBERS,
-    Term,
-    applied,
     check_names,
-    effect_terms,
-    with_model_scale,
 )
-from faultgen.discovery.evidence import FREE, Evidence
-from faultgen.discovery.fit import differences
-from faultgen.discovery.friction_discrepancy import discrepancy_sensitivities, discrepancy_terms
-from faultgen.discovery.inertia import apply_inertia, inertia_terms
+from faultgen.discovery.classical import Coupling, Regression, held_out_error, identify
+from faultgen.discovery.friction_law import with_friction_law
+from faultgen.discovery.physical import GAIN, NAMES, Drives, Spread, fit
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.regression import Problem, plain, pose
-from faultgen.discovery.replay import Replay
-from faultgen.discovery.sensitivities import sensitivities
-from faultgen.effects import get_effect
+from faultgen.discovery.regression import samples_of
+from faultgen.discovery.replay import Replay, relative_error
+from faultgen.discovery.simulated_fit import SimulatedFit
+from faultgen.effects.coupling import coupled_axes
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.mjcf.edit import mjcf_text
 from faultgen.robot import Robot
 
 PRIOR_SCALES = (1.0, 3.0, 10.0, 30.0, 100.0)
 """Prior scales that are tried, as multiples of the default prior standard deviations."""
 
-CARRIED = "torque_constant"
-"""Effect for which MJCF has no element. The robot's `torque_gain` represents it."""
-
-SHARES = (1.0, 0.5, 0.25, 0.1)
-"""Shares of the changes that are tried in turn if a model with all of them cannot be simulated."""
-
 _WHY = "with more of them its simulation diverges on the recorded motion"
-_STEPS = 16  # simulations of a fit at most, those for slopes not counted
-_SETTLED = 1e-3  # share of the misfit that a step has to take off
-_ANEW = 12  # terms whose slopes are taken anew at each step
+_REQUIRED = 0.7  # share of the error to which a coupling has to reduce it
+_EQUAL = 1.05  # ratio of two errors up to which their difference may be chance: assumed
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,14 +54,39 @@ class Calibrated:
 
     robot: Robot
     """The model. The logged torque has to be multiplied by its `torque_gain`."""
+    method: str
+    """'simulated' or 'physical': which of the two fits the model comes from."""
+    errors: dict[str, float]
+    """Relative RMS torque error on motions that were not fitted, of the model as it was `given`, of
+    `classical` identification, of the `physical` model, of the `simulated` fit, and of the chosen
+    method (`calibrated`)."""
     prior_scale: float
     """The chosen scale, as a multiple of the default prior standard deviations."""
     held_out: dict[float, float]
     """Mean squared whitened error of the parts that were left out of the fit, by prior scale."""
     values: dict[str, dict[int, float]]
-    """Severity of each fitted number by name and axis, without the inertias."""
+    """Severity of each fitted number by name and axis, without the inertias. Friction that the
+    given model lacks has no severity."""
+    parameters: dict[str, list[float]]
+    """Rotor inertia, friction and offset of each axis of the model, motor side, in SI units."""
+    couplings: tuple[Coupling, ...] = ()
+    """Couplings of neighbouring axes that the recording requires and the model now has."""
     lacks: tuple[str, ...] = ()
-    """One line for each fitted change that the model does not contain."""
+    """One line for each thing that the user should know about the model."""
+
+    def report(self) -> dict[str, Any]:
+        """Return all but the model itself, ready for JSON. What is not finite becomes None."""
+        return {
+            "method": self.method,
+            "errors": {k: v if np.isfinite(v) else None for k, v in self.errors.items()},
+            "prior_scale": self.prior_scale,
+            "held_out": self.held_out,
+            "values": self.values,
+            "parameters": self.parameters,
+            "torque_gain": self.robot.torque_gain.tolist(),
+            "couplings": [asdict(one) for one in self.couplings],
+            "lacks": list(self.lacks),
+        }
 
 
 def calibrate(
@@ -83,7 +103,7 @@ def calibrate(
 
     Args:
         recording: The measured data.
-        robot: The model.
+        robot: The model. Its axes may be without friction.
         prior_scales: Prior scales to choose from, as multiples of the default prior standard
             deviations.
         exclude: Numbers that are not changed.
@@ -101,187 +121,191 @@ def calibrate(
     """
     check_names("known", known, NUMBERS)
     check_names("exclude", exclude, NUMBERS)
-    replay = Replay(recording, robot)
-    terms = [t for t in effect_terms(robot, exclude) if t.name in NUMBERS]
-    terms += inertia_terms(robot) if INERTIA not in exclude else []
-    base, raw = sensitivities(replay, terms, workers=workers, cache=cache)
-    forms = discrepancy_terms(robot)
-    raw = np.concatenate(
-        [raw, discrepancy_sensitivities(replay, forms, base, workers=workers, cache=cache)]
+    given, robot = robot, with_friction_law(robot, recording)
+    regression = _regression(recording, robot, exclude)
+    scoring = judging(len(regression.parts))
+    fitting = [k for k in range(len(regression.parts)) if k not in scoring]
+    products = regression.products.only(fitting)
+    if not products.count.sum() or not regression.products.only(scoring).count.sum():
+        raise InputError(f"{recording.source}: too little of it moves to fit and judge a model")
+    judged = (
+        regression.inside
+        & samples_of([regression.parts[k] for k in scoring], len(recording.torque))[:, None]
     )
-    terms += forms
-    residual = recording.torque - base
-    try:
-        problem = pose(
-            replay,
-            with_model_scale(terms, max(prior_scales), known),
-            base,
-            raw,
-            residual,
-            twin=False,
-        )
-    except ValueError as error:
-        raise InputError(f"{recording.source}: {error}") from None
-    problem = replace(problem, scoring=[])
-    count = max(int(problem.inside.sum()), 1)
-    held_out = {}
-    for scale in prior_scales:
-        errors = (
-            _with_priors(problem, with_model_scale(terms, scale, known)).evidence().held_out([])
-        )
-        held_out[scale] = float(errors.sum()) / count
-    best = min(held_out, key=lambda scale: held_out[scale])
-    chosen = refined(plain(_with_priors(problem, with_model_scale(terms, best, known))))
-    changes = [(term, value) for term, value in chosen if term.name in NUMBERS]
-    values: dict[str, dict[int, float]] = {}
-    for term, value in changes:
-        if term.name != INERTIA:
-            values.setdefault(term.name, {})[term.axis] = value
-    for share in SHARES:
-        made = replaying(recording, robot, [(term, share * value) for term, value in changes])
-        if made is not None:
-            lacks = (
-                () if share == 1 else (f"the model has {share:.0%} of the fitted values: {_WHY}",)
-            )
-            return Calibrated(made, best, held_out, values, lacks)
-    return Calibrated(robot, best, held_out, values, (f"the model is the given one: {_WHY}",))
-
-
-def _with_priors(problem: Problem, new: list[Term]) -> Problem:
-    """Return the same problem with other prior standard deviations."""
-    pairs = zip(new, problem.terms, strict=True)
-    scale = np.array([a.prior_std / b.prior_std for a, b in pairs], np.float32)
-    return replace(problem, terms=new, white=problem.white * scale[:, None, None])
-
-
-def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[tuple[Term, float]]:
-    """Fit all terms together by the method of Levenberg and Marquardt, with new simulations.
-
-    The slopes are those of the unchanged model. Only the terms that have moved furthest from it get
-    new slopes.
-
-    Args:
-        problem: The residual and the terms.
-        start: Effects without a prior, and the values from which they start. All other terms have
-            their priors.
-
-    Returns:
-        Terms and values with the smallest misfit. Terms of `friction_discrepancy` are not included.
-    """
-    scale = np.array([term.prior_std for term in problem.terms])
-    weight, value = np.ones(len(scale)), np.zeros(len(scale))
-    form = np.array([not (t.is_effect or t.name == INERTIA) for t in problem.terms])
-    at = {(t.key, t.parameters): index for index, t in enumerate(problem.terms)}
-    for term, severity in start:
-        index = at[term.key, term.parameters]
-        weight[index], value[index] = FREE, severity / scale[index]
-
-    def simulate(value: np.ndarray) -> np.ndarray | None:
-        """Torque of all terms; forms of friction are not simulated."""
-        change = problem.change(_possible(problem, value * scale, form))
-        if change is None:
-            return None
-        return np.asarray(change + np.tensordot(value * scale * form, problem.raw, axes=1))
-
-    best, damping = (np.inf, value), 0.0
-    local: Evidence | None = None  # with slopes at the best values
-    for _ in range(_STEPS):
-        torque = simulate(value)
-        misfit = np.inf
-        if torque is not None:
-            left = problem.evidence(problem.residual - torque)
-            misfit = float(left.energy.sum() + (weight * value**2).sum())
-        if torque is not None and misfit < best[0]:
-            done = misfit > (1 - _SETTLED) * best[0]
-            best, damping = (misfit, value), damping / 10
-            if done:
-                break
-            far = [k for k in np.argsort(-np.abs(value * ~form))[:_ANEW] if abs(value[k]) >= 0.5]
-            slopes = differences(simulate, value, torque, {int(k): -0.05 * value[k] for k in far})
-            by_unit = {k: slope / scale[k] for k, slope in slopes.items()}
-            local = problem.evidence(problem.residual - torque, by_unit)
-        else:
-            damping = max(10 * damping, 0.1)
-        if local is None:
+    classical = _error(recording, regression.torque(identify(products)), judged)
+    errors = {"classical": classical, "given": _judge(recording, robot, robot, judged)}
+    spread, physical, errors["physical"] = None, robot, np.inf
+    for wider in spreads(regression, fitting, prior_scales, known, exclude):
+        made = fit(regression, products, wider).robot
+        error = _judge(recording, robot, made, judged)
+        if spread is None or error < errors["physical"]:
+            spread, physical, errors["physical"] = wider, made, error
+        if error <= _EQUAL * classical:
             break
-        value = best[1] + _step(local, weight, best[1], damping)
-    return _possible(problem, best[1] * scale, form)
+    assert spread is not None
+    models = {"given": robot, "physical": physical}
+    if not np.isfinite(errors["given"]) and not np.isfinite(errors["physical"]):
+        raise SimulationFailed("the model diverges on the recorded motion")
+    start = min(models, key=lambda name: errors[name])
+    simulated = SimulatedFit(
+        recording,
+        robot,
+        models[start],
+        scoring,
+        prior_scales,
+        spread.exclude,
+        known,
+        workers,
+        cache,
+    )
+    errors["simulated"] = _error(recording, simulated.predicted(), judged)
+    best = min(("simulated", "physical"), key=lambda name: errors[name])
+    lacks: list[str] = []
+    if best == "simulated":
+        made, share = simulated.model()
+        if share < 1:
+            lacks.append(f"the model has {share:.0%} of the fitted values: {_WHY}")
+    else:
+        made = fit(regression, regression.products, spread).robot
+        lacks.append(
+            "classical values, turned into links that can exist, predict better than the fit of "
+            "the simulation and are used"
+        )
+        if not np.isfinite(_judge(recording, robot, made, judged)):
+            made = models["physical"]
+    errors["calibrated"] = errors[best]
+    if errors["calibrated"] > _EQUAL * errors["classical"]:
+        lacks.append(
+            "classical identification predicts better than every model that can be simulated"
+        )
+    return Calibrated(
+        robot=made,
+        method=best,
+        errors=errors,
+        prior_scale=simulated.prior_scale,
+        held_out=simulated.held_out,
+        values=_severities(given, made),
+        parameters={
+            name.replace(" ", "_").lower(): values.tolist()
+            for name, values in Drives.of(made).named().items()
+        },
+        couplings=regression.couplings,
+        lacks=tuple(lacks),
+    )
 
 
-def _step(evidence: Evidence, weight: np.ndarray, value: np.ndarray, damping: float) -> np.ndarray:
-    """One step of Levenberg and Marquardt for values whose prior has mean zero."""
-    precision = evidence.gram.sum(axis=0) + np.diag(weight)
-    precision[np.diag_indices_from(precision)] *= 1 + damping
-    return np.linalg.solve(precision, evidence.right.sum(axis=0) - weight * value)
+def _regression(recording: Recording, robot: Robot, exclude: Collection[str]) -> Regression:
+    """The regression, with the couplings of neighbouring axes that the recording requires.
+
+    They are judged by blocks that were not fitted, so that a coupling that is not there is not
+    found.
+    """
+    regression = Regression(recording, robot)
+    fitting = [k for k in range(len(regression.parts)) if k not in judging(len(regression.parts))]
+    if len(fitting) < 2 or "coulomb_friction" in exclude:
+        return regression
+    error = held_out_error(regression.products.only(fitting))
+    for axis in coupled_axes(robot.n_axes):
+        for ratio in (1.0, -1.0):
+            couplings = (*regression.couplings, Coupling(axis, ratio))
+            other = Regression(recording, robot, couplings=couplings)
+            new = held_out_error(other.products.only(fitting))
+            if new < _REQUIRED * error:
+                regression, error = other, new
+                break
+    return regression
 
 
-def _possible(problem: Problem, values: np.ndarray, form: np.ndarray) -> list[tuple[Term, float]]:
-    """Changes, limited to the bounds of the effects."""
-    changes = []
-    for term, value, other in zip(problem.terms, values.tolist(), form, strict=True):
-        if other or value == 0:
-            continue
-        if term.is_effect and not term.parameters:
-            effect = get_effect(term.name)
-            value = min(max(value, effect.smallest), effect.largest)
-        changes.append((term, value))
-    return changes
+def spreads(
+    regression: Regression,
+    fitting: Sequence[int],
+    prior_scales: Sequence[float],
+    known: Collection[str],
+    exclude: Collection[str],
+) -> list[Spread]:
+    """Choose how far the physical model may be from the given one, by blocks that were not fitted.
 
-
-def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
-    """Put changes into a model. A change of the torque constant goes into `torque_gain`.
+    The first is the least change that predicts as well as any, to within a standard error (Breiman
+    et al. 1984): torque constants stay if they can, and the prior scale is the smallest.
 
     Args:
-        robot: The model.
-        changes: Terms and values. Effects that no MJCF element can represent are ignored.
+        regression: The regression.
+        fitting: Blocks that may be used.
+        prior_scales: Scales to choose from.
+        known: Numbers that keep their default prior standard deviations.
+        exclude: Numbers that are not changed.
 
     Returns:
-        The changed model.
-
-    Raises:
-        SimulationFailed: MuJoCo cannot compile the changed model.
+        The chosen spread, and then wider ones in ascending order.
     """
-    spec = robot.spec()
-    apply_inertia(spec, robot, [change for change in changes if change[0].name == INERTIA])
-    gain = robot.torque_gain.copy()
-    effects = applied(changes)
-    for one in sorted(effects, key=lambda one: get_effect(one.effect).last):
-        if one.effect == CARRIED:
-            gain[one.axis - 1] *= 1 - one.severity
-        else:
-            get_effect(one.effect).apply(spec, one.axis, one.severity, **one.parameters)
-    if np.any(gain != 1):
-        numeric = spec.numeric("torque_gain") or spec.add_numeric(name="torque_gain")
-        numeric.size, numeric.data = len(gain), gain.tolist()
-    try:
-        spec.compile()
-    except ValueError as error:
-        line = " ".join(str(error).split())
-        raise SimulationFailed(f"MuJoCo cannot compile the changed model: {line}") from None
-    return Robot(robot.name, mjcf_text(spec), robot.assets)
+    products = regression.products
+    told = [Spread(scale, known, {*exclude, GAIN}) for scale in sorted(prior_scales)]
+    if GAIN not in exclude:
+        told += [Spread(scale, known, exclude) for scale in sorted(prior_scales)]
+    if len(fitting) < 2:
+        return told
+
+    every, used = regression.products, products.only(fitting)
+    total = np.maximum(used.torque.sum(axis=0), 1e-300)
+
+    def errors(spread: Spread) -> np.ndarray:
+        """Squared relative error of each block."""
+        start = fit(regression, used, spread)
+        squares = []
+        for left_out in fitting:
+            others = every.only([k for k in fitting if k != left_out])
+            made = fit(regression, others, spread, start)
+            squares.append(np.mean(made.squares(every.only([left_out]))[0] / total))
+        return np.array(squares)
+
+    by_block = np.array([errors(spread) for spread in told])
+    best = by_block[np.argmin(by_block.sum(axis=1))]
+    limit = best.sum() + np.sqrt(len(fitting)) * best.std(ddof=1)
+    return told[int(np.argmax(by_block.sum(axis=1) <= limit)) :]
 
 
-def replaying(
-    recording: Recording,
-    robot: Robot,
-    changes: Sequence[tuple[Term, float]],
-    *,
-    measured: bool | None = None,
-) -> Robot | None:
-    """Put changes into a model, and check that the written model can replay the recording.
+def judging(count: int) -> list[int]:
+    """Blocks on which the models are judged: every third, so that they differ as the motion does.
 
     Args:
-        recording: The measured data.
-        robot: The model.
-        changes: Terms and values.
-        measured: Whether the measured positions are followed, as in `Replay`.
+        count: Number of blocks.
 
     Returns:
-        The changed model as it is written to a file, or None if it cannot replay the recording.
+        Their numbers, from 0; at least one of them.
     """
+    return list(range(count))[1::3] or [count - 1]
+
+
+def _error(recording: Recording, torque: np.ndarray, judged: np.ndarray) -> float:
+    """Relative error of a predicted torque; infinite if it is not finite."""
+    if not np.isfinite(torque).all():
+        return float("inf")
+    return relative_error((recording.torque - torque) ** 2, recording, judged)
+
+
+def _judge(recording: Recording, given: Robot, model: Robot, judged: np.ndarray) -> float:
+    """Relative error of a model that is simulated on the recorded motion."""
+    gain = model.torque_gain / given.torque_gain
     try:
-        made = changed(robot, changes) if changes else robot
-        torque = Replay(recording, made, measured=measured).torque()
+        torque = Replay(recording, model).torque()
     except (InputError, SimulationFailed):
-        return None
-    return made if np.isfinite(torque).all() else None
+        return float("inf")
+    return _error(recording, torque / gain, judged)
+
+
+def _severities(given: Robot, made: Robot) -> dict[str, dict[int, float]]:
+    """By how much each number of a model differs from the given one, in the unit of its effect."""
+    values: dict[str, dict[int, float]] = {}
+    after = Drives.of(made).named()
+    for name, before in Drives.of(given).named().items():
+        if name == "offset":
+            change = before - after[name]
+        else:
+            change = after[name] / np.where(before > 0, before, np.nan) - 1
+        told = {k + 1: float(x) for k, x in enumerate(change) if np.isfinite(x) and x != 0}
+        if told:
+            values[NAMES[name]] = told
+    lost = 1 - made.torque_gain / given.torque_gain
+    if np.any(lost != 0):
+        values[GAIN] = {k + 1: float(x) for k, x in enumerate(lost)}
+    return values

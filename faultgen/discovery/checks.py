@@ -9,7 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import nnls
 
+from faultgen.discovery.friction_law import without_friction
 from faultgen.discovery.recording import Recording
 from faultgen.robot import STRIBECK_VELOCITY, Robot
 from faultgen.simulation.arm import Arm, motor_torque
@@ -62,9 +64,14 @@ def check_recording(recording: Recording, robot: Robot) -> list[Finding]:
     q, qd, qdd = recording.derivatives(joint)
     findings += _velocity(recording, qd * robot.gear_ratio if motor else qd)
     findings += _excitation(recording, robot, q, qd)
+    findings += [
+        Finding("warn", int(axis) + 1, "the model has no friction: it is found from the recording")
+        for axis in np.flatnonzero(without_friction(robot))
+    ]
     expected = motor_torque(Arm(robot), q, qd, qdd)
     if not motor:
         expected = expected * robot.gear_ratio
+    expected += _missing_friction(recording, robot, expected, qd)
     findings += _torque(recording, robot, expected, qd)
     return _sorted(findings)
 
@@ -191,6 +198,23 @@ def _excitation(recording: Recording, robot: Robot, q: np.ndarray, qd: np.ndarra
             continue
         findings.append(Finding("warn", axis + 1, text))
     return findings
+
+
+def _missing_friction(
+    recording: Recording, robot: Robot, expected: np.ndarray, qd: np.ndarray
+) -> np.ndarray:
+    """Friction of axes whose model has none: the Coulomb and viscous friction that fit best.
+
+    Without it, the torque of such an axis would look like that of another robot. Calibration finds
+    the friction.
+    """
+    friction = np.zeros_like(expected)
+    speed = qd * robot.gear_ratio if recording.side == "motor" else qd
+    for axis in np.flatnonzero(without_friction(robot)):
+        shapes = np.stack([np.sign(speed[:, axis]), speed[:, axis]], axis=1)
+        left = recording.torque[:, axis] - expected[:, axis]
+        friction[:, axis] = shapes @ nnls(shapes, left)[0]
+    return friction
 
 
 def _torque(

@@ -24,7 +24,7 @@ def inertia_terms(robot: Robot) -> list[Term]:
     """
     spec = robot.spec()
     terms = []
-    for link, body in enumerate(_bodies(spec, robot), start=1):
+    for link, body in enumerate(inertial_bodies(spec, robot), start=1):
         if body.mass < MASSLESS:
             continue  # nothing that could be scaled; a payload is points then
         size = _size(body)
@@ -35,12 +35,20 @@ def inertia_terms(robot: Robot) -> list[Term]:
     return terms
 
 
-_PAIRS = ((0, 0), (1, 1), (2, 2), (3, 3), (0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
+PAIRS = ((0, 0), (1, 1), (2, 2), (3, 3), (0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
+"""Row and column of each component in the factor F."""
+
 _DIAGONAL = (0, 1, 2, 3)
 _SHIFT = (7, 8, 9)
 
 
-def _bodies(spec: mujoco.MjSpec, robot: Robot) -> list[mujoco.MjsBody]:
+def inertial_bodies(spec: mujoco.MjSpec, robot: Robot) -> list[mujoco.MjsBody]:
+    """List the links by the number of their joint, and then the payload if there is one.
+
+    Args:
+        spec: The robot's specification.
+        robot: The robot.
+    """
     bodies = [spec.joint(f"joint{axis}").parent for axis in range(1, robot.n_axes + 1)]
     payload = spec.body("payload")
     return bodies if payload is None else [*bodies, payload]
@@ -60,12 +68,12 @@ def apply_inertia(spec: mujoco.MjSpec, robot: Robot, changes: Sequence[tuple[Ter
         robot: The unchanged robot, from which the links are identified.
         changes: Inertia terms and their values.
     """
-    bodies = _bodies(spec, robot)
+    bodies = inertial_bodies(spec, robot)
     for link, body in enumerate(bodies, start=1):
         factor = np.eye(4)
         for term, value in changes:
             if term.axis == link:
-                factor[_PAIRS[int(dict(term.parameters)["component"])]] += value
+                factor[PAIRS[int(dict(term.parameters)["component"])]] += value
         if np.any(factor != np.eye(4)):
             _transform(body, factor)
 
@@ -75,11 +83,23 @@ _THIN = 1e-9
 of its mass."""
 
 
+def pseudo_inertia(body: mujoco.MjsBody) -> np.ndarray:
+    """Compute the pseudo-inertia of a body in the frame of its centre of mass and main axes.
+
+    Args:
+        body: The body, with a diagonal inertia.
+
+    Returns:
+        Second moments of the mass, first moments and mass, shape (4, 4).
+    """
+    inertia = np.array(body.inertia)
+    return np.diag(np.append(inertia.sum() / 2 - inertia, body.mass))
+
+
 def _transform(body: mujoco.MjsBody, factor: np.ndarray) -> None:
     """Change the pseudo-inertia P about the centre of mass to F P F', that of a possible body."""
     inertia = np.array(body.inertia)
-    second = np.diag(np.append(inertia.sum() / 2 - inertia, body.mass))
-    second = factor @ second @ factor.T
+    second = factor @ pseudo_inertia(body) @ factor.T
     mass = max(second[3, 3], _THIN * body.mass)
     shift = second[:3, 3] / mass
     about = second[:3, :3] - mass * np.outer(shift, shift)

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultgen.discovery.calibrate import SHARES, replaying
 from faultgen.discovery.candidates import INERTIA, Term
 from faultgen.discovery.fit import Fit, changes_of
 from faultgen.discovery.regression import Problem
 from faultgen.discovery.replay import relative_error
+from faultgen.discovery.simulated_fit import SHARES, replaying
 from faultgen.effects import get_effect
 from faultgen.robot import Robot
 

@@ -12,6 +12,7 @@ from faultgen.robot import (
     BRISTLE_DAMPING,
     BRISTLE_STIFFNESS,
     COULOMB,
+    COUPLING,
     STRIBECK_VELOCITY,
 )
 
@@ -39,7 +40,7 @@ def add_coupling_friction(spec: mujoco.MjSpec, axis: int, severity: float, *, ra
     if axis < 2:
         raise InputError("wrist_coupling_friction couples an axis with the one before: from axis 2")
     own, before = gear_ratio(spec, axis), gear_ratio(spec, axis - 1)
-    name = f"wrist_coupling{axis}"
+    name = f"{COUPLING}{axis}"
     tendon = add_tendon(spec, name, {f"motor{axis}": 1 / own, f"motor{axis - 1}": ratio / before})
     friction = spec.actuator(f"friction{axis}")
     # bristles of the axis itself, seen at the joint; softer where there is less to hold

@@ -15,6 +15,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from faultgen.discovery.candidates import Term, check_names, names_by_use
+from faultgen.discovery.physical import with_own_friction
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regression import Problem, counted
 from faultgen.discovery.replay import Replay, relative_error
@@ -92,6 +93,7 @@ def discover(
         twin, more = usable(healthy, model, low_pass)
         warnings += more
         check_same_motion(recording, twin)
+    model = with_own_friction(recording if twin is None else twin, model)
     other = None
     if validate is not None:
         other, more = usable(validate, model, low_pass)

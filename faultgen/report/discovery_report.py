@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from faultgen.analysis.plots import COLOURS, legend_beside, style
-from faultgen.discovery.calibrate import CARRIED
+from faultgen.discovery.physical import GAIN
 from faultgen.discovery.workflow import Discovery, dump
 from faultgen.effects import get_effect
 from faultgen.mjcf.edit import write_model
@@ -67,7 +67,7 @@ def _beside_the_model(found: Discovery) -> list[str]:
     beside = {
         term.name
         for term, _ in found.answer.changes
-        if term.is_effect and not (term.name == CARRIED or get_effect(term.name).edit)
+        if term.is_effect and not (term.name == GAIN or get_effect(term.name).edit)
     }
     return sorted(beside & {one.effect for one in found.answer.effects})
 

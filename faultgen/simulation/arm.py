@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Callable
+from functools import lru_cache, partial
 
 import mujoco
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from faultgen.errors import InputError
-from faultgen.robot import COULOMB, OFFSET, STRIBECK_VELOCITY, Robot
+from faultgen.robot import COULOMB, COUPLING, OFFSET, STRIBECK_VELOCITY, Robot
 
 
 @lru_cache(maxsize=8)
@@ -22,8 +23,9 @@ def _rigid(
     for actuator in list(spec.actuators):
         spec.delete(actuator)
     rotors = [spec.joint(f"motor{i + 1}").parent for i in range(n_axes)]
-    for i in range(n_axes):
-        spec.delete(spec.tendon(f"gearbox{i + 1}"))
+    for tendon in list(spec.tendons):
+        if tendon.name.startswith(("gearbox", COUPLING)):
+            spec.delete(tendon)
     for rotor in rotors:
         spec.delete(rotor)
     if not payload:
@@ -184,4 +186,40 @@ def motor_torque(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np
     inertia = robot.model.dof_M0[list(robot.motors)]
     load = arm.inverse_dynamics(q, qd, qdd) / robot.gear_ratio
     rotor = inertia * robot.gear_ratio * qdd
-    return load + rotor + nominal_friction(robot, qd * robot.gear_ratio)
+    torque = load + rotor + nominal_friction(robot, qd * robot.gear_ratio)
+    for shared in _couplings(robot):
+        torque += shared(qd * robot.gear_ratio, qdd * robot.gear_ratio)
+    return torque
+
+
+def _couplings(robot: Robot) -> list[Callable[[np.ndarray, np.ndarray], np.ndarray]]:
+    """Motor torque of the friction and inertia that two axes share in the model.
+
+    Returns:
+        For each coupling, a function of speed and acceleration of the motors, shape (samples,
+        n_axes) each, that returns the torque of the same shape.
+    """
+    model = robot.model
+    return [
+        partial(_shared_torque, robot, actuator)
+        for actuator in range(len(model.actuator_trntype))
+        if model.actuator_trntype[actuator] == int(mujoco.mjtTrn.mjTRN_TENDON)
+        and model.actuator(actuator).name.startswith(COUPLING)
+    ]
+
+
+def _shared_torque(
+    robot: Robot, actuator: int, speed: np.ndarray, acceleration: np.ndarray
+) -> np.ndarray:
+    model = robot.model
+    tendon = model.actuator_trnid[actuator, 0]
+    weight = np.zeros(model.nv)
+    start = model.tendon_adr[tendon]
+    for wrap in range(start, start + model.tendon_num[tendon]):
+        weight[model.jnt_dofadr[model.wrap_objid[wrap]]] = model.wrap_prm[wrap]
+    own = weight[list(robot.motors)]
+    shared, bias = speed @ own, model.actuator_biasprm[actuator]
+    torque = bias[COULOMB] * np.tanh(shared / bias[STRIBECK_VELOCITY])
+    torque += model.actuator_damping[actuator] * shared
+    torque += model.tendon_armature[tendon] * (acceleration @ own)
+    return np.outer(torque, own)

@@ -1,0 +1,134 @@
+"""Torque of the arm as a linear function of the inertial parameters of its links.
+
+torque = Y(q, q', q'') p, where p holds ten parameters for each link and for the payload: mass [kg],
+first moment m c [kg m] in x, y, z, and the moments of inertia xx, yy, zz, xy, xz, yz [kg m^2].
+Moments are about the origin of the body's frame, along its axes. MuJoCo computes the motion of the
+frames, so that the regressor belongs to exactly the kinematics of the model.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from faultgen.effects.structure import MASSLESS
+from faultgen.robot import Robot
+from faultgen.simulation.arm import Arm
+
+PER_LINK = 10
+"""Number of inertial parameters of a link."""
+
+_MOMENTS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+def link_ids(arm: Arm) -> list[int]:
+    """Return the ids of the bodies with parameters in the rigid arm.
+
+    They are the links by the number of their joint, and then the payload if it has a mass.
+    """
+    model = arm.model
+    ids = [int(model.joint(f"joint{k + 1}").bodyid[0]) for k in range(arm.robot.n_axes)]
+    payload = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "payload")
+    return ids + [payload] * bool(payload >= 0 and model.body_mass[payload] >= MASSLESS)
+
+
+def link_parameters(arm: Arm) -> np.ndarray:
+    """Read the inertial parameters of all links from the model.
+
+    Args:
+        arm: The rigid arm.
+
+    Returns:
+        Shape (10 bodies,), in the order and units of the top of this module.
+    """
+    model = arm.model
+    found = []
+    for body in link_ids(arm):
+        turned = np.empty(9)
+        mujoco.mju_quat2Mat(turned, model.body_iquat[body])
+        frame, centre = turned.reshape(3, 3), model.body_ipos[body]
+        mass = model.body_mass[body]
+        inertia = frame @ np.diag(model.body_inertia[body]) @ frame.T
+        inertia += mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+        found.append([mass, *(mass * centre), *(inertia[k] for k in _MOMENTS)])
+    return np.concatenate(found)
+
+
+def link_regressor(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """Compute the joint torque for each unit of each inertial parameter.
+
+    Args:
+        arm: The rigid arm.
+        q: Joint angle, shape (samples, n_axes), in [rad].
+        qd: Joint velocity, same shape, in [rad/s].
+        qdd: Joint acceleration, same shape, in [rad/s^2].
+
+    Returns:
+        Shape (samples, n_axes, 10 bodies). The torque of the whole arm is the product with
+        `link_parameters`, plus that of springs and of other bodies that are fixed to a link.
+    """
+    model, bodies = arm.model, link_ids(arm)
+    data = mujoco.MjData(model)
+    n, links = q.shape[1], len(bodies)
+    motion = np.empty((len(q), links, 2, 6))  # velocity and acceleration, angular before linear
+    jacobian = np.empty((len(q), links, 6, n))  # the same order, in the link's frame
+    across, along = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    kind = mujoco.mjtObj.mjOBJ_XBODY
+    for k in range(len(q)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = q[k], qd[k], qdd[k]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        mujoco.mj_rnePostConstraint(model, data)  # accelerations, those of gravity included
+        for link, body in enumerate(bodies):
+            mujoco.mj_objectVelocity(model, data, kind, body, motion[k, link, 0], 1)
+            mujoco.mj_objectAcceleration(model, data, kind, body, motion[k, link, 1], 1)
+            mujoco.mj_jacBody(model, data, along, across, body)
+            turned = data.xmat[body].reshape(3, 3).T
+            jacobian[k, link, :3], jacobian[k, link, 3:] = turned @ across, turned @ along
+    return _wrench(motion, jacobian).reshape(len(q), n, links * PER_LINK)
+
+
+def _wrench(motion: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+    """Project the Newton-Euler wrench of unit parameters onto the joints.
+
+    Returns:
+        Shape (samples, n_axes, links, 10).
+    """
+    rate, turn, push = motion[..., 0, :3], motion[..., 1, :3], motion[..., 1, 3:]
+    unit = np.eye(3)
+    wrench = np.zeros((*rate.shape[:-1], PER_LINK, 6))  # moment before force
+    wrench[..., 0, 3:] = push
+    for k in range(3):
+        arm = unit[k]
+        force = np.cross(turn, arm) + np.cross(rate, np.cross(rate, arm))
+        wrench[..., 1 + k, 3:] = force
+        wrench[..., 1 + k, :3] = np.cross(arm, push)
+    for k, (i, j) in enumerate(_MOMENTS):
+        moment = np.zeros((3, 3))
+        moment[i, j] = moment[j, i] = 1.0
+        wrench[..., 4 + k, :3] = turn @ moment + np.cross(rate, rate @ moment)
+    return np.asarray(np.einsum("slpw,slwj->sjlp", wrench, jacobian))
+
+
+def gearing(robot: Robot) -> np.ndarray:
+    """Read how the motors turn with the joints: motor angles = R joint angles.
+
+    R is diagonal with the gear ratios, except where the gearbox of one axis also turns with the
+    joint of another axis, as in coupled wrists. Its tendon then has a coefficient on that joint.
+
+    Args:
+        robot: The robot.
+
+    Returns:
+        R, shape (n_axes, n_axes).
+    """
+    model = robot.model
+    motors, joints = list(robot.motors), list(robot.joints)
+    length = np.zeros((robot.n_axes, model.nv))
+    for axis, tendon in enumerate(robot.ids("tendon", "gearbox")):
+        start = model.tendon_adr[tendon]
+        for wrap in range(start, start + model.tendon_num[tendon]):
+            if model.wrap_type[wrap] == int(mujoco.mjtWrap.mjWRAP_JOINT):
+                length[axis, model.jnt_dofadr[model.wrap_objid[wrap]]] = model.wrap_prm[wrap]
+    return -np.linalg.solve(length[:, motors], length[:, joints])
