@@ -21,6 +21,7 @@ from faultgen.cli.app import (
     print_json,
     worker_count,
 )
+from faultgen.errors import InputError
 
 
 @app.command()
@@ -147,7 +148,9 @@ def discover(
     measured: Annotated[
         Path, typer.Argument(help="Recording of the robot (HDF5 or CSV); see docs/measured.md.")
     ],
-    robot: Annotated[str, typer.Option(help="Name of the robot, or the path of its MJCF file.")],
+    robot: Annotated[
+        str, typer.Option(help="Name of the robot, or the path of its MJCF file or folder.")
+    ],
     healthy: Annotated[
         Path | None,
         typer.Option(
@@ -212,8 +215,8 @@ def discover(
     The verdict is one of: no missing effect, named, partly named, ambiguous, unknown effect. If it
     is ambiguous,
     the command proposes the motion that would decide between the candidates. It writes
-    discovery.json, model.xml (the robot with the effects added), report.html and, if the verdict is
-    ambiguous, next_experiment.toml.
+    discovery.json, model (a robot folder with all that was found; model.xml is its MJCF part),
+    report.html and, if the verdict is ambiguous, next_experiment.toml.
     """
     from faultgen.report.discover import discover as run_discover
 
@@ -265,9 +268,14 @@ def calibrate(
     measured: Annotated[
         Path, typer.Argument(help="Recording of the robot (HDF5 or CSV); see docs/measured.md.")
     ],
-    robot: Annotated[str, typer.Option(help="Name of the robot, or the path of its MJCF file.")],
+    robot: Annotated[
+        str, typer.Option(help="Name of the robot, or the path of its MJCF file or folder.")
+    ],
     out: Annotated[
-        Path, typer.Option("--out", "-o", help="MJCF file to write: the calibrated model.")
+        Path,
+        typer.Option(
+            "--out", "-o", help="MJCF file (*.xml) or robot folder to write: the calibrated model."
+        ),
     ] = Path("model.xml"),
     known: Annotated[
         list[str] | None,
@@ -294,13 +302,23 @@ def calibrate(
     from faultgen.system.files import write_text
 
     model = load_robot(robot)
+    is_file = out.suffix == ".xml"
+    if is_file and model.effects:
+        raise InputError(
+            f"robot {robot}: has effects that an MJCF file cannot hold; give a folder to --out"
+        )
     recording, warnings = usable(measured, model)
     for warning in warnings:
         print(f"faultgen: {warning}", file=sys.stderr)
     found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))
     result = {"prior_scale": found.prior_scale, "held_out": found.held_out, "values": found.values}
-    write_text(out.with_suffix(".json"), json.dumps({**result, "lacks": found.lacks}, indent=1))
-    write_model(out, found.robot.xml, found.robot.assets)
+    told = json.dumps({**result, "lacks": found.lacks}, indent=1)
+    if is_file:
+        write_text(out.with_suffix(".json"), told)
+        write_model(out, found.robot.xml, found.robot.assets)
+    else:
+        found.robot.write(out)
+        write_text(out / "calibration.json", told)
     for line in found.lacks:
         print(f"faultgen: {line}", file=sys.stderr)
     if as_json:

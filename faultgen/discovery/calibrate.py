@@ -58,7 +58,7 @@ class Calibrated:
     """A model whose parameters were fitted to a recording."""
 
     robot: Robot
-    """The model. The logged torque has to be multiplied by its `torque_gain`."""
+    """The model. A changed torque constant is its `torque_gain`."""
     prior_scale: float
     """The chosen scale, as a multiple of the default prior standard deviations."""
     held_out: dict[float, float]
@@ -233,7 +233,7 @@ def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
 
     Args:
         robot: The model.
-        changes: Terms and values. Effects that no MJCF element can represent are ignored.
+        changes: Terms and values. Effects that MJCF cannot express join the robot's `effects`.
 
     Returns:
         The changed model.
@@ -248,8 +248,11 @@ def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
     for one in sorted(effects, key=lambda one: get_effect(one.effect).last):
         if one.effect == CARRIED:
             gain[one.axis - 1] *= 1 - one.severity
-        else:
+        elif get_effect(one.effect).in_mjcf:
             get_effect(one.effect).apply(spec, one.axis, one.severity, **one.parameters)
+    beside = [
+        one for one in effects if not (one.effect == CARRIED or get_effect(one.effect).in_mjcf)
+    ]
     if np.any(gain != 1):
         numeric = spec.numeric("torque_gain") or spec.add_numeric(name="torque_gain")
         numeric.size, numeric.data = len(gain), gain.tolist()
@@ -258,7 +261,7 @@ def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
     except ValueError as error:
         line = " ".join(str(error).split())
         raise SimulationFailed(f"MuJoCo cannot compile the changed model: {line}") from None
-    return Robot(robot.name, mjcf_text(spec), robot.assets)
+    return Robot(robot.name, mjcf_text(spec), robot.assets, (*robot.effects, *beside))
 
 
 def replaying(

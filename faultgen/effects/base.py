@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import mujoco
 import numpy as np
 
+from faultgen.applied import Applied as Applied
 from faultgen.effects.prior import Prior, check_prior
 from faultgen.errors import InputError
 
@@ -43,20 +44,6 @@ FRACTION = "fraction of nominal (0.1 = 10 % more)"
 Temperature: TypeAlias = float | tuple[np.ndarray, np.ndarray] | None
 """Gearbox temperature [deg C]: constant, or (times [s] from the start of the control, values); None
 for the temperature at which the model's friction holds."""
-
-
-@dataclass(frozen=True)
-class Applied:
-    """One effect on one axis of a robot."""
-
-    effect: str
-    """Name in the catalogue."""
-    axis: int
-    """From 1."""
-    severity: float
-    """In the unit of the effect."""
-    parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)
-    """Parameters that differ from the effect's defaults."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,6 +180,12 @@ class Effect:
             InputError: The prior is missing or incomplete. The message names the effect.
         """
         check_prior(self.name, self.prior)
+
+    @property
+    def in_mjcf(self) -> bool:
+        """Whether the model file can hold everything that the effect does."""
+        hooks = (self.command, self.log, self.sense, self.between)
+        return self.edit is not None and all(hook is None for hook in hooks)
 
     @property
     def in_fractions(self) -> bool:

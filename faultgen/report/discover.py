@@ -49,13 +49,14 @@ def discover(
 
     Args:
         measured: Recording of the robot; docs/measured.md describes the format.
-        robot: Name of the robot, or path of its MJCF file.
+        robot: Name of the robot, or path of its MJCF file or folder.
         healthy: Recording of the same motions from before the change. Without it, the model is
             first calibrated on the recording itself, and an effect is reported only if it is larger
             than the usual errors of a model.
         validate: Recording of other motions with the effect. It is used only to score the result.
-        out: Folder for ``discovery.json``, ``model.xml``, ``report.html`` and, if there is one, the
-            next experiment. With None, no files are written.
+        out: Folder for ``discovery.json``, ``report.html``, the folder ``model`` that is a robot
+            with all that was found, its MJCF part ``model.xml`` and, if there is one, the next
+            experiment. With None, no files are written.
         workers: Number of processes. The result does not depend on it.
         exclude: Names of effects that are not considered.
         include: Names of effects that are considered only on request, with the use
