@@ -246,6 +246,8 @@ def discover(
             f"[{low:.4g}, {high:.4g}], {one['parameters']['unit']}; "
             f"confidence {one['confidence']:.2f}"
         )
+        if "sentence" in one["parameters"]:
+            print(f"  {one['parameters']['sentence']}: {one['parameters']['formula']}")
     for one in result["alternatives"]:
         print(
             f"also possible: {one['effect']} on axis {one['axis']}; "

@@ -14,7 +14,7 @@ from faultgen.discovery.candidates import INERTIA, Term, applied
 from faultgen.discovery.inertia import apply_inertia
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.smoothing import smoothed
-from faultgen.effects import get_effect
+from faultgen.effects import Applied, get_effect
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import Robot
 from faultgen.simulation.plant import Plant, assemble
@@ -153,6 +153,16 @@ class Replay:
                 f"the robot ({told} positions)"
             )
         return commanded, f"the model's servo follows the commanded positions ({told} positions)"
+
+    def with_effects(self, effects: Sequence[Applied]) -> Replay:
+        """Return the same motion and commands for the robot with further effects.
+
+        Args:
+            effects: Effects of the catalogue, or learned laws.
+        """
+        other = copy.copy(self)
+        other.robot = self.robot.with_effects(effects)
+        return other
 
     def torque(self, changes: Changes = (), disturbance: np.ndarray | None = None) -> np.ndarray:
         """Simulate the torque on the recorded motion.

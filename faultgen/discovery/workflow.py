@@ -28,6 +28,7 @@ from faultgen.discovery.candidates import (
 from faultgen.discovery.checks import check_recording
 from faultgen.discovery.friction_discrepancy import discrepancy_sensitivities, discrepancy_terms
 from faultgen.discovery.inertia import inertia_terms
+from faultgen.discovery.learned_law import Learned
 from faultgen.discovery.next_experiment import Experiment, next_experiment
 from faultgen.discovery.noise import is_same_noise
 from faultgen.discovery.order_analysis import find_orders
@@ -61,6 +62,8 @@ class Discovery:
     """A motion that distinguishes what this recording cannot distinguish."""
     following: str
     """Which positions the model follows, and why."""
+    laws: tuple[Learned, ...] = ()
+    """Laws that were learned from what effects leave unexplained."""
 
 
 def investigate(

@@ -46,6 +46,10 @@ Temperature: TypeAlias = float | tuple[np.ndarray, np.ndarray] | None
 for the temperature at which the model's friction holds."""
 
 
+Loads: TypeAlias = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""Inverse dynamics of a robot, see `simulation.arm.loads`."""
+
+
 @dataclass(frozen=True, eq=False)
 class Place:
     """Where an effect acts, and its severity. Hooks get it as an argument."""
@@ -60,6 +64,9 @@ class Place:
     """Severity in the unit of the effect, never 0."""
     parameters: Mapping[str, Any]
     """All parameters, including defaults."""
+    loads: Loads
+    """Function from joint positions [rad], velocities and accelerations to the load of the motors
+    and the torque that they need [N m]; all of shape (samples, n_axes)."""
 
     def element(self, kind: str, name: str) -> int:
         """Return the id in `model` of an actuator or tendon of the axis.

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from faultgen.analysis.plots import COLOURS, legend_beside, style
 from faultgen.discovery.workflow import Discovery, dump
 from faultgen.mjcf.edit import write_model
+from faultgen.report.laws import laws_image
 from faultgen.report.page import image, page
 from faultgen.system.files import write_text
 
@@ -55,6 +56,7 @@ def discovery_page(result: dict[str, Any], found: Discovery) -> str:
         twin=found.problem.twin,
         p_value=found.answer.p_value,
         beside_the_model=_beside_the_model(found),
+        laws=laws_image(found.laws) if found.laws else "",
         steps=image(_steps(result)),
         overlay=image(_overlay(found)),
         maps=image(_maps(found)),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import mujoco
@@ -17,6 +18,7 @@ from faultgen.effects import Applied, Effect, Temperature, get_effect
 from faultgen.effects.base import Place, Update
 from faultgen.errors import InputError
 from faultgen.robot import Robot
+from faultgen.simulation.arm import loads
 
 if TYPE_CHECKING:
     from faultgen.monitoring.sensors import Measured
@@ -133,7 +135,7 @@ def assemble(
         effect.apply(edited, one.axis, one.severity, **parameters)
     model = edited.compile()
     placed = tuple(
-        (effect, Place(robot, model, one.axis, one.severity, parameters))
+        (effect, Place(robot, model, one.axis, one.severity, parameters, partial(loads, robot)))
         for effect, one, parameters in chosen
     )
     updates, intervals = [], []
