@@ -183,5 +183,10 @@ CASES: dict[str, Case] = {
         over="time",
         window=(0.0, 15.0),
     ),
+    "learned_law": Case(
+        equation="-s times a sum of curves f(x), each over one variable x of the commanded motion",
+        severity=10.0,
+        gap="against",
+    ),
 }
 """Every effect of the catalogue, in its order."""

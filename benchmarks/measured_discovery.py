@@ -37,7 +37,6 @@ from faultgen.discovery.regression import plain, rolling
 from faultgen.discovery.replay import Changes, settled
 from faultgen.discovery.selection import SURE, groups_of
 from faultgen.discovery.simulated_fit import changed, refined
-from faultgen.discovery.workflow import as_modelled
 from faultgen.errors import SimulationFailed
 from faultgen.report.discovery_report import write_discovery
 from faultgen.robot import Robot, load_robot
@@ -210,7 +209,6 @@ def ur10e_errors(recording: Recording, robot: Robot, changes: Changes = ()) -> n
     Returns:
         Relative errors [%], shape (n_axes,).
     """
-    recording = as_modelled(recording, robot)
     left = recording.torque - Replay(recording, robot).torque(changes)
     inside = settled(recording, robot) & rolling(recording, robot)
     squares = [(np.where(inside, x, 0.0) ** 2).sum(axis=0) for x in (left, recording.torque)]
@@ -245,7 +243,7 @@ def ur10e(data: Path, out: Path) -> None:
         row(f"{run}, published", ur10e_errors(recording, robot))
         row(f"{run}, calibrated", ur10e_errors(recording, model))
     for run in ("loaded_14harm_feb19", "loaded_15harm_feb19"):
-        recording = as_modelled(read_ur10e(folder, run), model)
+        recording = read_ur10e(folder, run)
         for width in (1.0, 0.3, 0.1):
             result = investigate(
                 recording,

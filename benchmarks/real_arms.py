@@ -30,7 +30,7 @@ from faultgen.discovery.classical import CUT_OFF, Coupling, Regression, identify
 from faultgen.discovery.friction_law import with_friction_law
 from faultgen.discovery.recording import Recording, low_passed, write_recording
 from faultgen.discovery.replay import Replay
-from faultgen.discovery.workflow import as_modelled, usable
+from faultgen.discovery.workflow import usable
 from faultgen.mjcf.edit import mjcf_text
 from faultgen.robot import Robot, load_robot
 
@@ -243,7 +243,7 @@ def simulated(recording: Recording, robot: Robot) -> np.ndarray:
         recording: The measured data.
         robot: The model.
     """
-    return Replay(as_modelled(recording, robot), robot).torque() / robot.torque_gain
+    return Replay(recording, robot).torque()
 
 
 def judge(name: str, data: Path, out: Path, workers: int) -> dict[str, list[float]]:

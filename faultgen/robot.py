@@ -5,6 +5,10 @@ joints are ``motor1``, ...; gearboxes are ``gearbox1``, ... (fixed tendons of le
 q_motor / n - q_joint); servo drives are ``drive1``, ...; and friction elements are ``friction1``,
 ... (passive dcmotors). Limits for which MJCF has no attribute are ``numeric`` elements.
 
+A robot can also be a folder that holds, besides the MJCF file, effects that MJCF cannot express.
+These effects belong to the healthy robot: every simulation has them, and the severity of a fault
+counts from there.
+
     robot = load_robot("puma560")
     robot.n_axes, robot.gear_ratio, robot.model.opt.timestep
 """
@@ -12,8 +16,9 @@ q_motor / n - q_joint); servo drives are ``drive1``, ...; and friction elements 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import resources
@@ -22,6 +27,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from faultgen.applied import Applied, to_json
 from faultgen.errors import InputError
 from faultgen.mjcf.checks import count_axes, missing_elements, wrong_elements, wrong_numbers
 from faultgen.mjcf.compiling import check_memory, mujoco_warnings, read_mjcf
@@ -33,6 +39,7 @@ from faultgen.mjcf.dcmotor import STICTION as STICTION
 from faultgen.mjcf.dcmotor import STRIBECK_VELOCITY as STRIBECK_VELOCITY
 from faultgen.mjcf.edit import resolve_inertias
 from faultgen.mjcf.elements import element_ids
+from faultgen.mjcf.folder import read_folder, write_folder
 
 COUPLING = "wrist_coupling"
 """Name of the elements with friction and inertia that two neighbouring axes share."""
@@ -52,6 +59,9 @@ class Robot:
     """The MJCF text."""
     assets: Mapping[str, bytes] = field(default_factory=dict, repr=False)
     """Content of the files that the text refers to, such as meshes, by name."""
+    effects: tuple[Applied, ...] = ()
+    """Effects of the healthy robot that MJCF cannot express. `plant.assemble` puts them into every
+    machine, before all others."""
     n_axes: int = field(init=False)
     """Number of axes."""
     joints: tuple[int, ...] = field(init=False)
@@ -79,8 +89,8 @@ class Robot:
     """Factors of what the controller commands, shape (3,): position, velocity and feed-forward
     torque. A factor of 1 means that it is commanded in full."""
     torque_gain: np.ndarray = field(init=False)
-    """Torque of the motors divided by the logged torque; 1 unless a calibration found another
-    value."""
+    """Torque of the motors divided by the torque that their drives log; 1 unless a calibration
+    found another value."""
     friction_temperature: float = field(init=False)
     """Temperature at which the friction parameters hold, in [deg C]."""
 
@@ -151,19 +161,38 @@ class Robot:
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of the MJCF text and of the files that it refers to."""
+        """Hash of the MJCF text, of the files that it refers to, and of the effects beside it."""
         digest = hashlib.sha256(self.xml.encode())
         for name, content in sorted(self.assets.items()):
             digest.update(f"{name} {len(content)}\n".encode() + content)
+        if self.effects:
+            digest.update(json.dumps(to_json(self.effects), sort_keys=True).encode())
         return digest.hexdigest()
 
     def edited(self, spec: mujoco.MjSpec) -> Robot:
-        """Return a robot with the same name and files and with another model.
+        """Return a robot with the same name, files and effects and with another model.
 
         Args:
             spec: The other model, compiled.
         """
-        return Robot(self.name, spec.to_xml(), self.assets)
+        return Robot(self.name, spec.to_xml(), self.assets, self.effects)
+
+    def with_effects(self, effects: Sequence[Applied]) -> Robot:
+        """Return the same robot with further effects that MJCF cannot express.
+
+        Args:
+            effects: Effects that act after those that the robot has. A second severity of the same
+                effect acts on the robot that already has the first one.
+        """
+        return Robot(self.name, self.xml, self.assets, (*self.effects, *effects))
+
+    def write(self, folder: Path) -> None:
+        """Write the robot into a folder that `load_robot` reads.
+
+        Args:
+            folder: The folder. It is created if it does not exist.
+        """
+        write_folder(folder, self.name, self.xml, self.assets, self.effects)
 
     def ids(self, kind: str, name: str, model: mujoco.MjModel | None = None) -> np.ndarray:
         """Find the ids of the elements ``name1`` ... ``name{n_axes}``.
@@ -239,11 +268,11 @@ def robot_names() -> list[str]:
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
-    """Load a robot by its name or from an MJCF file.
+    """Load a robot by its name, from an MJCF file or from a folder.
 
     Args:
-        name_or_path: One of `robot_names`, or the path of an MJCF file whose elements have the
-            names that the top of this module lists.
+        name_or_path: One of `robot_names`, the path of an MJCF file whose elements have the names
+            that the top of this module lists, or a folder that `Robot.write` wrote.
 
     Returns:
         The robot.
@@ -259,8 +288,13 @@ def load_robot(name_or_path: str | Path) -> Robot:
     if not os.path.exists(path):
         known = ", ".join(robot_names())
         raise InputError(
-            f"unknown robot '{name}': choose {known}, or give the path of an MJCF file"
+            f"unknown robot '{name}': choose {known}, or give the path of an MJCF file or of a "
+            "robot's folder"
         )
+    if path.is_dir():
+        name, xml, assets, effects = read_folder(path)
+        check_memory(name, xml, assets)
+        return Robot(name, xml, assets, effects)
     xml, assets = read_mjcf(path)
     check_memory(path.stem, xml, assets)
     return Robot(path.stem, xml, assets)

@@ -28,7 +28,7 @@ from faultgen.discovery.physical import Drives, with_own_friction
 from faultgen.discovery.recording import low_passed
 from faultgen.discovery.replay import relative_error
 from faultgen.discovery.simulated_fit import changed, replaying
-from faultgen.discovery.workflow import as_modelled, usable
+from faultgen.discovery.workflow import usable
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot, load_robot
@@ -200,7 +200,7 @@ def test_calibration_predicts_no_worse_than_classical_identification(measured, t
     model = with_friction_law(tiny_robot, first)
     regressions = [Regression(one, model, couplings=found.couplings) for one in (first, other)]
     classical = regressions[1].torque(identify(regressions[0].products))
-    ours = Replay(as_modelled(other, found.robot), found.robot).torque() / found.robot.torque_gain
+    ours = Replay(other, found.robot).torque()
     rest = regressions[1].inside.copy()
     rest[: 3 * half // 2] = False
     errors = [relative_error((other.torque - x) ** 2, other, rest) for x in (ours, classical)]

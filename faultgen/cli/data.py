@@ -31,7 +31,10 @@ def generate(
     out: Out = Path("dataset"),
     robot: Annotated[
         str | None,
-        typer.Option(help="Name of a robot, or the path of an MJCF file. For several, write a,b."),
+        typer.Option(
+            help="Name of a robot, or the path of an MJCF file or robot folder. For several, "
+            "write a,b."
+        ),
     ] = None,
     task: Annotated[
         str | None,

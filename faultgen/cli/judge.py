@@ -20,6 +20,7 @@ from faultgen.cli.app import (
     print_json,
     worker_count,
 )
+from faultgen.errors import InputError
 
 
 @app.command()
@@ -146,7 +147,9 @@ def discover(
     measured: Annotated[
         Path, typer.Argument(help="Recording of the robot (HDF5 or CSV); see docs/measured.md.")
     ],
-    robot: Annotated[str, typer.Option(help="Name of the robot, or the path of its MJCF file.")],
+    robot: Annotated[
+        str, typer.Option(help="Name of the robot, or the path of its MJCF file or folder.")
+    ],
     healthy: Annotated[
         Path | None,
         typer.Option(
@@ -211,8 +214,8 @@ def discover(
     The verdict is one of: no missing effect, named, partly named, ambiguous, unknown effect. If it
     is ambiguous,
     the command proposes the motion that would decide between the candidates. It writes
-    discovery.json, model.xml (the robot with the effects added), report.html and, if the verdict is
-    ambiguous, next_experiment.toml.
+    discovery.json, model (a robot folder with all that was found; model.xml is its MJCF part),
+    report.html and, if the verdict is ambiguous, next_experiment.toml.
     """
     from faultgen.report.discover import discover as run_discover
 
@@ -242,6 +245,8 @@ def discover(
             f"[{low:.4g}, {high:.4g}], {one['parameters']['unit']}; "
             f"confidence {one['confidence']:.2f}"
         )
+        if "sentence" in one["parameters"]:
+            print(f"  {one['parameters']['sentence']}: {one['parameters']['formula']}")
     for one in result["alternatives"]:
         print(
             f"also possible: {one['effect']} on axis {one['axis']}; "
@@ -264,10 +269,12 @@ def calibrate(
     measured: Annotated[
         Path, typer.Argument(help="Recording of the robot (HDF5 or CSV); see docs/measured.md.")
     ],
-    robot: Annotated[str, typer.Option(help="Name of the robot, or the path of its MJCF file.")],
+    robot: Annotated[
+        str, typer.Option(help="Name of the robot, or the path of its MJCF file or folder.")
+    ],
     out: Annotated[
         Path,
-        typer.Option("--out", "-o", help="Folder for the calibrated model and its numbers."),
+        typer.Option("--out", "-o", help="Folder for the calibrated robot and its numbers."),
     ] = Path("calibrated"),
     known: Annotated[
         list[str] | None,
@@ -295,8 +302,8 @@ def calibrate(
     so name one of them with --known. The model may be without friction.
 
     The command prints the relative RMS torque error on motions that were not fitted, beside that
-    of classical identification. It writes model.xml, which can be given to 'faultgen discover', and
-    calibration.json.
+    of classical identification. It writes a robot folder, which every command accepts as --robot,
+    with calibration.json beside the model.
     """
     from threadpoolctl import threadpool_limits
 
@@ -316,9 +323,8 @@ def calibrate(
     with threadpool_limits(limits=1):
         found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))
     result = found.report()
-    out.mkdir(parents=True, exist_ok=True)
+    found.robot.write(out)
     write_text(out / "calibration.json", dump(result))
-    write_model(out / "model.xml", found.robot.xml, found.robot.assets)
     for line in found.lacks:
         print(f"faultgen: {line}", file=sys.stderr)
     if as_json:

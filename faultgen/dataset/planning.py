@@ -194,6 +194,7 @@ def check_runs(runs: Sequence[Run]) -> list[str]:
     notes = []
     for run in {(r.robot, r.task, r.sample_period): r for r in runs}.values():
         shared = nominal(run.robot, run.task, run.sample_period)
+        assemble(shared.robot)  # refuses effects of its folder that do not exist
         if run.thin > 1 and run.thin >= shared.samples:
             raise InputError(
                 f"thin: must be smaller than the number of samples in a cycle, which is "

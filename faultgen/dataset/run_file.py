@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from faultgen.applied import to_json
 from faultgen.dataset.planning import Run
 from faultgen.dataset.storage import RunWriter
 from faultgen.dataset.wear import severities
@@ -90,6 +91,8 @@ def run_attributes(run: Run, nominal: Nominal) -> dict[str, Any]:
         Values of the attributes by name.
     """
     robot = nominal.robot
+    # of a robot that has effects beside its MJCF file, the text of the model is not all
+    own = {"robot_effects": json.dumps(to_json(robot.effects))} if robot.effects else {}
     schedule = run.schedule if isinstance(run.schedule, str) else list(run.schedule)
     return {
         "schema_version": run.schema_version,
@@ -131,6 +134,7 @@ def run_attributes(run: Run, nominal: Nominal) -> dict[str, Any]:
         "asset_sha256": json.dumps(
             {name: sha256(content).hexdigest() for name, content in sorted(robot.assets.items())}
         ),
+        **own,
     }
 
 

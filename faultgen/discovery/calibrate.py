@@ -53,7 +53,7 @@ class Calibrated:
     """A model whose parameters were fitted to a recording."""
 
     robot: Robot
-    """The model. The logged torque has to be multiplied by its `torque_gain`."""
+    """The model. A changed torque constant is its `torque_gain`."""
     method: str
     """'simulated' or 'physical': which of the two fits the model comes from."""
     errors: dict[str, float]
@@ -122,7 +122,9 @@ def calibrate(
     check_names("known", known, NUMBERS)
     check_names("exclude", exclude, NUMBERS)
     given, robot = robot, with_friction_law(robot, recording)
-    regression = _regression(recording, robot, exclude)
+    # torque of the model's motors, from which the recording differs by the given torque_gain
+    modelled = replace(recording, torque=recording.torque * robot.torque_gain)
+    regression = _regression(modelled, robot, exclude)
     scoring = judging(len(regression.parts))
     fitting = [k for k in range(len(regression.parts)) if k not in scoring]
     products = regression.products.only(fitting)
@@ -132,12 +134,12 @@ def calibrate(
         regression.inside
         & samples_of([regression.parts[k] for k in scoring], len(recording.torque))[:, None]
     )
-    classical = _error(recording, regression.torque(identify(products)), judged)
-    errors = {"classical": classical, "given": _judge(recording, robot, robot, judged)}
+    classical = _error(modelled, regression.torque(identify(products)), judged)
+    errors = {"classical": classical, "given": _judge(recording, robot, judged)}
     spread, physical, errors["physical"] = None, robot, np.inf
     for wider in spreads(regression, fitting, prior_scales, known, exclude):
         made = fit(regression, products, wider).robot
-        error = _judge(recording, robot, made, judged)
+        error = _judge(recording, made, judged)
         if spread is None or error < errors["physical"]:
             spread, physical, errors["physical"] = wider, made, error
         if error <= _EQUAL * classical:
@@ -149,7 +151,6 @@ def calibrate(
     start = min(models, key=lambda name: errors[name])
     simulated = SimulatedFit(
         recording,
-        robot,
         models[start],
         scoring,
         prior_scales,
@@ -171,7 +172,7 @@ def calibrate(
             "classical values, turned into links that can exist, predict better than the fit of "
             "the simulation and are used"
         )
-        if not np.isfinite(_judge(recording, robot, made, judged)):
+        if not np.isfinite(_judge(recording, made, judged)):
             made = models["physical"]
     errors["calibrated"] = errors[best]
     if errors["calibrated"] > _EQUAL * errors["classical"]:
@@ -283,14 +284,13 @@ def _error(recording: Recording, torque: np.ndarray, judged: np.ndarray) -> floa
     return relative_error((recording.torque - torque) ** 2, recording, judged)
 
 
-def _judge(recording: Recording, given: Robot, model: Robot, judged: np.ndarray) -> float:
+def _judge(recording: Recording, model: Robot, judged: np.ndarray) -> float:
     """Relative error of a model that is simulated on the recorded motion."""
-    gain = model.torque_gain / given.torque_gain
     try:
         torque = Replay(recording, model).torque()
     except (InputError, SimulationFailed):
         return float("inf")
-    return _error(recording, torque / gain, judged)
+    return _error(recording, torque, judged)
 
 
 def _severities(given: Robot, made: Robot) -> dict[str, dict[int, float]]:

@@ -75,7 +75,7 @@ def with_friction_law(robot: Robot, recording: Recording) -> Robot:
         inertia = float(robot.model.dof_M0[robot.motors[axis]])
         set_bristles(spec, axis + 1, coulomb, inertia, robot.model.opt.timestep)
     spec.compile()
-    return Robot(robot.name, mjcf_text(spec), robot.assets)
+    return Robot(robot.name, mjcf_text(spec), robot.assets, robot.effects)
 
 
 def set_bristles(

@@ -101,12 +101,15 @@ def _numbers(problem: Problem, solution: np.ndarray) -> list[tuple[Term, float]]
 def _possible(term: Term, value: float) -> bool:
     """Whether calibration may put a change into the model.
 
-    Periodic effects and values beyond the bounds of an effect are not allowed.
+    Periodic effects and values beyond the bounds of an effect are not allowed. Effects that act
+    between steps are not allowed either: they slow every simulation down, and their calibrated
+    values are far too small to be seen.
     """
     if not term.is_effect:
         return term.name == INERTIA
     effect = get_effect(term.name)
-    return effect.prior.use != "periodic" and effect.smallest < value < effect.largest
+    allowed = effect.prior.use != "periodic" and effect.between is None
+    return allowed and effect.smallest < value < effect.largest
 
 
 def _fitting_error(problem: Problem, left: np.ndarray) -> float:

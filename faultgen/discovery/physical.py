@@ -181,7 +181,7 @@ class Physical:
         except ValueError as error:
             line = " ".join(str(error).split())
             raise SimulationFailed(f"MuJoCo cannot compile the fitted model: {line}") from None
-        return Robot(given.name, mjcf_text(spec), given.assets)
+        return Robot(given.name, mjcf_text(spec), given.assets, given.effects)
 
 
 class _Links:

@@ -14,6 +14,7 @@ from faultgen.discovery.candidates import INERTIA, Term, applied
 from faultgen.discovery.inertia import apply_inertia
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.smoothing import smoothed
+from faultgen.effects import Applied, get_effect
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import Robot
 from faultgen.simulation.plant import Plant, assemble
@@ -153,6 +154,16 @@ class Replay:
             )
         return commanded, f"the model's servo follows the commanded positions ({told} positions)"
 
+    def with_effects(self, effects: Sequence[Applied]) -> Replay:
+        """Return the same motion and commands for the robot with further effects.
+
+        Args:
+            effects: Effects of the catalogue, or learned laws.
+        """
+        other = copy.copy(self)
+        other.robot = self.robot.with_effects(effects)
+        return other
+
     def torque(self, changes: Changes = (), disturbance: np.ndarray | None = None) -> np.ndarray:
         """Simulate the torque on the recorded motion.
 
@@ -171,7 +182,7 @@ class Replay:
         """
         torque = self._logged("motor_torque", changes, disturbance)
         if disturbance is not None:  # it went in as feed-forward, which the drive logs
-            torque -= disturbance
+            torque -= disturbance / self.robot.torque_gain
         return torque if self.recording.side == "motor" else torque * self.robot.gear_ratio
 
     def position(self, changes: Changes = ()) -> np.ndarray:
@@ -198,7 +209,8 @@ class Replay:
         recording, robot = self.recording, self.robot
         logged = np.empty_like(recording.torque)
         timestep = robot.model.opt.timestep
-        by_temperature = any(term.name == "temperature_friction" for term, _ in changes)
+        names = {one.effect for one in (*robot.effects, *applied(changes))}
+        by_temperature = any("temperature" in get_effect(name).parameters for name in names)
         plant = None
         for part, control in zip(recording.parts, self.controls, strict=True):
             if plant is None or by_temperature:

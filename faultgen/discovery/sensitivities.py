@@ -194,7 +194,7 @@ def kept_in(folder: Path | None, replay: Replay, what: bytes) -> Path | None:
         return None
     recording = replay.recording
     made_by = provenance("faultgen.discovery.sensitivities").key
-    content = hashlib.sha256(replay.robot.xml.encode() + made_by.encode())
+    content = hashlib.sha256(replay.robot.sha256.encode() + made_by.encode())
     content.update(np.ascontiguousarray(replay.wanted).tobytes())
     content.update(repr((recording.segments, recording.sample_period, recording.side)).encode())
     content.update(what)

@@ -1,6 +1,6 @@
 """Fit of a model's numbers in closed loop, and the model with the fitted changes.
 
-fitted = SimulatedFit(recording, given, start, judged_blocks, scales=[1.0, 10.0])
+fitted = SimulatedFit(recording, start, judged_blocks, scales=[1.0, 10.0])
 robot, share = fitted.model()
 
 The model's own numbers (`candidates.NUMBERS`) get the same columns as in discovery, and wider
@@ -50,7 +50,6 @@ class SimulatedFit:
     def __init__(
         self,
         recording: Recording,
-        given: Robot,
         start: Robot,
         scoring: list[int],
         prior_scales: Sequence[float],
@@ -62,8 +61,7 @@ class SimulatedFit:
         """Simulate the model with each change, and choose the prior scale.
 
         Args:
-            recording: The measured data, in the unit of the given model.
-            given: The model before any fit.
+            recording: The measured data.
             start: The model from which the fit starts.
             scoring: Blocks that are not fitted.
             prior_scales: Prior scales to choose from.
@@ -76,8 +74,7 @@ class SimulatedFit:
             InputError: Too little of the recording can be used.
             SimulationFailed: The model diverges on the recorded motion.
         """
-        self.gain = start.torque_gain / given.torque_gain
-        self.recording = replace(recording, torque=recording.torque * self.gain)
+        self.recording = recording
         self.start = start
         replay = Replay(self.recording, start)
         terms = [t for t in effect_terms(start, exclude) if t.name in NUMBERS]
@@ -116,7 +113,7 @@ class SimulatedFit:
         value, _, _ = problem.evidence().solve()
         scaled = value * np.array([t.prior_std for t in problem.terms])
         torque = problem.base + np.tensordot(scaled, problem.raw.astype(float), axes=1)
-        return np.asarray(torque / self.gain)
+        return np.asarray(torque)
 
     def model(self) -> tuple[Robot, float]:
         """The model fitted to the whole recording, and the share of the changes that it has."""
@@ -215,7 +212,7 @@ def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
 
     Args:
         robot: The model.
-        changes: Terms and values. Effects that no MJCF element can represent are ignored.
+        changes: Terms and values. Effects that MJCF cannot express join the robot's `effects`.
 
     Returns:
         The changed model.
@@ -230,8 +227,9 @@ def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
     for one in sorted(effects, key=lambda one: get_effect(one.effect).last):
         if one.effect == GAIN:
             gain[one.axis - 1] *= 1 - one.severity
-        else:
+        elif get_effect(one.effect).in_mjcf:
             get_effect(one.effect).apply(spec, one.axis, one.severity, **one.parameters)
+    beside = [one for one in effects if not (one.effect == GAIN or get_effect(one.effect).in_mjcf)]
     if np.any(gain != 1):
         numeric = spec.numeric("torque_gain") or spec.add_numeric(name="torque_gain")
         numeric.size, numeric.data = len(gain), gain.tolist()
@@ -240,7 +238,7 @@ def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
     except ValueError as error:
         line = " ".join(str(error).split())
         raise SimulationFailed(f"MuJoCo cannot compile the changed model: {line}") from None
-    return Robot(robot.name, mjcf_text(spec), robot.assets)
+    return Robot(robot.name, mjcf_text(spec), robot.assets, (*robot.effects, *beside))
 
 
 def replaying(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from faultgen.discovery.candidates import (
 from faultgen.discovery.checks import check_recording
 from faultgen.discovery.friction_discrepancy import discrepancy_sensitivities, discrepancy_terms
 from faultgen.discovery.inertia import inertia_terms
+from faultgen.discovery.learned_law import Learned
 from faultgen.discovery.next_experiment import Experiment, next_experiment
 from faultgen.discovery.noise import is_same_noise
 from faultgen.discovery.order_analysis import find_orders
@@ -61,6 +62,8 @@ class Discovery:
     """A motion that distinguishes what this recording cannot distinguish."""
     following: str
     """Which positions the model follows, and why."""
+    laws: tuple[Learned, ...] = ()
+    """Laws that were learned from what effects leave unexplained."""
 
 
 def investigate(
@@ -219,7 +222,7 @@ def usable(
     Raises:
         InputError: The file cannot be used. The message is one line.
     """
-    recording = as_modelled(read_recording(path), robot)
+    recording = read_recording(path)
     seconds = len(recording.position) * recording.sample_period
     if seconds > LONGEST:
         raise InputError(
@@ -234,21 +237,6 @@ def usable(
             where = f"axis {finding.axis}: " if finding.axis else ""
             raise InputError(f"{path}: {where}{finding.message}")
     return recording, [f"{path}: {finding}" for finding in findings]
-
-
-def as_modelled(recording: Recording, robot: Robot) -> Recording:
-    """Convert the logged torque to the torque of the model's motors by the `torque_gain`.
-
-    Args:
-        recording: The measured data.
-        robot: The model.
-
-    Returns:
-        The recording with the converted torque.
-    """
-    if np.all(robot.torque_gain == 1):
-        return recording
-    return replace(recording, torque=recording.torque * robot.torque_gain)
 
 
 def check_same_motion(worn: Recording, twin: Recording) -> None:

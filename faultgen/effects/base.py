@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import mujoco
 import numpy as np
 
+from faultgen.applied import Applied as Applied
 from faultgen.effects.prior import Prior, check_prior
 from faultgen.errors import InputError
 
@@ -45,18 +46,8 @@ Temperature: TypeAlias = float | tuple[np.ndarray, np.ndarray] | None
 for the temperature at which the model's friction holds."""
 
 
-@dataclass(frozen=True)
-class Applied:
-    """One effect on one axis of a robot."""
-
-    effect: str
-    """Name in the catalogue."""
-    axis: int
-    """From 1."""
-    severity: float
-    """In the unit of the effect."""
-    parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)
-    """Parameters that differ from the effect's defaults."""
+Loads: TypeAlias = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""Inverse dynamics of a robot, see `simulation.arm.loads`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +64,9 @@ class Place:
     """Severity in the unit of the effect, never 0."""
     parameters: Mapping[str, Any]
     """All parameters, including defaults."""
+    loads: Loads
+    """Function from joint positions [rad], velocities and accelerations to the load of the motors
+    and the torque that they need [N m]; all of shape (samples, n_axes)."""
 
     def element(self, kind: str, name: str) -> int:
         """Return the id in `model` of an actuator or tendon of the axis.
@@ -193,6 +187,12 @@ class Effect:
             InputError: The prior is missing or incomplete. The message names the effect.
         """
         check_prior(self.name, self.prior)
+
+    @property
+    def in_mjcf(self) -> bool:
+        """Whether the model file can hold everything that the effect does."""
+        hooks = (self.command, self.log, self.sense, self.between)
+        return self.edit is not None and all(hook is None for hook in hooks)
 
     @property
     def in_fractions(self) -> bool:

@@ -14,6 +14,7 @@ from __future__ import annotations
 from faultgen.effects import (
     coupling,
     friction,
+    learned,
     load,
     loose,
     motor,
@@ -49,6 +50,7 @@ _OWN = tuple(
         winding,
         loose,
         sensing,
+        learned,
     )
     for effect in family.EFFECTS
 )

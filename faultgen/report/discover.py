@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from faultgen.discovery.physical import with_own_friction
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regression import Problem, counted
 from faultgen.discovery.replay import Replay, relative_error
+from faultgen.discovery.with_laws import contract, outside, with_laws
 from faultgen.discovery.workflow import (
     Discovery,
     check_positive,
@@ -50,13 +52,14 @@ def discover(
 
     Args:
         measured: Recording of the robot; docs/measured.md describes the format.
-        robot: Name of the robot, or path of its MJCF file.
+        robot: Name of the robot, or path of its MJCF file or folder.
         healthy: Recording of the same motions from before the change. Without it, the model is
             first calibrated on the recording itself, and an effect is reported only if it is larger
             than the usual errors of a model.
         validate: Recording of other motions with the effect. It is used only to score the result.
-        out: Folder for ``discovery.json``, ``model.xml``, ``report.html`` and, if there is one, the
-            next experiment. With None, no files are written.
+        out: Folder for ``discovery.json``, ``report.html``, the folder ``model`` that is a robot
+            with all that was found, its MJCF part ``model.xml`` and, if there is one, the next
+            experiment. With None, no files are written.
         workers: Number of processes. The result does not depend on it.
         exclude: Names of effects that are not considered.
         include: Names of effects that are considered only on request, with the use
@@ -110,10 +113,12 @@ def discover(
             white_noise=white_noise,
             cache=_path(cache),
         )
+        found = _completed(found)
         result = _result(found)
         if other is not None:
             try:
                 result["gap"]["validation"] = _validation(found, other)
+                warnings += outside(found.laws, Replay(other, model))
             except (InputError, SimulationFailed) as error:  # what was found is not lost
                 result["gap"]["validation"] = None
                 warnings.append(f"{validate}: not scored: {error}")
@@ -143,8 +148,18 @@ def _path(folder: str | Path | None) -> Path | None:
     return None if folder is None else Path(folder)
 
 
+def _completed(found: Discovery) -> Discovery:
+    """The discovery with laws learned from what effects leave unexplained."""
+    told, laws = with_laws(found.problem, found.answer)
+    return replace(found, answer=told, laws=tuple(laws))
+
+
 def _result(found: Discovery) -> dict[str, Any]:
     result = found.answer.contract()
+    result["effects"] += contract(found.problem, found.answer, found.laws)
+    if found.laws:
+        learned = "; ".join(one.sentence for one in found.laws)
+        result["unexplained"] = f"{result['unexplained']}; learned: {learned}".removeprefix("; ")
     if found.experiment is not None:
         result["next_experiment"] = {
             "task": found.experiment.task,
@@ -166,10 +181,13 @@ def _validation(found: Discovery, validate: Recording) -> dict[str, float]:
     problem = found.problem
     measured = problem.replay.measured or validate.reference_position is None
     replay = Replay(validate, problem.robot, measured=measured)
+    full = replay
+    if found.laws:
+        full = replay.with_effects([one.applied for one in found.laws])
     inside = counted(validate, problem.robot, twin=False)
 
-    def gap(changes: list[tuple[Term, float]]) -> float:
-        error = validate.torque - replay.torque(changes)
+    def gap(model: Replay, changes: list[tuple[Term, float]]) -> float:
+        error = validate.torque - model.torque(changes)
         return relative_error(error**2, validate, inside)
 
-    return {"before": gap([]), "after": gap(found.answer.changes)}
+    return {"before": gap(replay, []), "after": gap(full, found.answer.changes)}

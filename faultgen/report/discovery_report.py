@@ -14,16 +14,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from faultgen.analysis.plots import COLOURS, legend_beside, style
-from faultgen.discovery.physical import GAIN
 from faultgen.discovery.workflow import Discovery, dump
-from faultgen.effects import get_effect
 from faultgen.mjcf.edit import write_model
+from faultgen.report.laws import laws_image
 from faultgen.report.page import image, page
 from faultgen.system.files import write_text
 
 
 def write_discovery(folder: Path, result: dict[str, Any], found: Discovery) -> None:
-    """Write ``discovery.json``, ``model.xml``, ``report.html``, and the next experiment if any.
+    """Write ``discovery.json``, the model, ``report.html``, and the next experiment if any.
 
     Args:
         folder: Folder for the files. It is created if it does not exist.
@@ -34,6 +33,7 @@ def write_discovery(folder: Path, result: dict[str, Any], found: Discovery) -> N
     # what was found comes first, so that nothing that fails afterwards loses it
     write_text(folder / "discovery.json", dump(result))
     robot = found.answer.robot
+    robot.write(folder / "model")
     write_model(folder / "model.xml", robot.xml, robot.assets)
     if found.experiment is not None:
         write_text(folder / "next_experiment.toml", found.experiment.toml)
@@ -56,6 +56,7 @@ def discovery_page(result: dict[str, Any], found: Discovery) -> str:
         twin=found.problem.twin,
         p_value=found.answer.p_value,
         beside_the_model=_beside_the_model(found),
+        laws=laws_image(found.laws) if found.laws else "",
         steps=image(_steps(result)),
         overlay=image(_overlay(found)),
         maps=image(_maps(found)),
@@ -63,13 +64,8 @@ def discovery_page(result: dict[str, Any], found: Discovery) -> str:
 
 
 def _beside_the_model(found: Discovery) -> list[str]:
-    """Names of the effects found that MJCF cannot express."""
-    beside = {
-        term.name
-        for term, _ in found.answer.changes
-        if term.is_effect and not (term.name == GAIN or get_effect(term.name).edit)
-    }
-    return sorted(beside & {one.effect for one in found.answer.effects})
+    """Names of the effects in the robot's folder that MJCF cannot express."""
+    return sorted({one.effect for one in found.answer.robot.effects})
 
 
 def _steps(result: dict[str, Any]) -> Figure:

@@ -223,3 +223,23 @@ def _shared_torque(
     torque += model.actuator_damping[actuator] * shared
     torque += model.tendon_armature[tendon] * (acceleration @ own)
     return np.outer(torque, own)
+
+
+def loads(
+    robot: Robot, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Compute the load of the motors on a motion, and the torque that they need.
+
+    Args:
+        robot: The healthy robot.
+        q: Joint angle, shape (samples, n_axes), in [rad].
+        qd: Joint velocity, same shape, in [rad/s].
+        qdd: Joint acceleration, same shape, in [rad/s^2].
+
+    Returns:
+        Torque of the rigid arm at the motors, and `motor_torque`. Both have the shape of q and are
+        in [N m].
+    """
+    torque = motor_torque(Arm(robot), q, qd, qdd)
+    own = robot.model.dof_M0[list(robot.motors)] * robot.gear_ratio * qdd
+    return torque - own - nominal_friction(robot, qd * robot.gear_ratio), torque

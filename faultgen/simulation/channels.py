@@ -57,7 +57,7 @@ class Channels:
         return Cycle(
             motor_position=position,
             motor_velocity=velocity,
-            motor_torque=force[:, self.drive],
+            motor_torque=force[:, self.drive] / self.robot.torque_gain,
             friction_torque=friction,
             gear_torque=self.gearbox.torque(twist, twist_rate),
             joint_position=position / self.robot.gear_ratio - twist,

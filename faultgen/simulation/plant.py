@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import mujoco
@@ -17,6 +18,7 @@ from faultgen.effects import Applied, Effect, Temperature, get_effect
 from faultgen.effects.base import Place, Update
 from faultgen.errors import InputError
 from faultgen.robot import Robot
+from faultgen.simulation.arm import loads
 
 if TYPE_CHECKING:
     from faultgen.monitoring.sensors import Measured
@@ -91,12 +93,14 @@ def assemble(
     temperature: Temperature = None,
     spec: mujoco.MjSpec | None = None,
 ) -> Plant:
-    """Put effects into a robot.
+    """Put effects into a robot, after those that the healthy robot already has (`Robot.effects`).
 
     Args:
         robot: The healthy robot.
         effects: The effects, in the order in which they act. The same effect may occur several
-            times, and several effects may act on one axis.
+            times, and several effects may act on one axis. Each acts on the robot as the effects
+            before it made it: 20 % more friction and then 10 % more are 32 % more, and two delays
+            add up.
         temperature: Gearbox temperature [deg C], or (times [s], temperatures [deg C]), for the
             effects that depend on it. None stands for the temperature at which the robot's
             friction parameters hold.
@@ -111,14 +115,19 @@ def assemble(
             axis.
     """
     chosen = []
-    for one in effects:
-        effect = get_effect(one.effect)
-        parameters = effect.complete(one.parameters)
-        if "temperature" in parameters and parameters["temperature"] is None:
-            parameters["temperature"] = temperature
-        check_axis(effect, one.axis, robot)
-        if one.severity != 0:
-            chosen.append((effect, one, parameters))
+    for own in (True, False):
+        for one in robot.effects if own else effects:
+            try:
+                effect = get_effect(one.effect)
+                parameters = effect.complete(one.parameters)
+                check_axis(effect, one.axis, robot)
+            except InputError as error:
+                where = f"robot {robot.name}: its effects: " if own else ""
+                raise InputError(f"{where}{error}") from None
+            if "temperature" in parameters and parameters["temperature"] is None:
+                parameters["temperature"] = temperature
+            if one.severity != 0:
+                chosen.append((effect, one, parameters))
     if not chosen and spec is None:
         return Plant(robot.model)
     edited = robot.spec() if spec is None else spec.copy()
@@ -126,7 +135,7 @@ def assemble(
         effect.apply(edited, one.axis, one.severity, **parameters)
     model = edited.compile()
     placed = tuple(
-        (effect, Place(robot, model, one.axis, one.severity, parameters))
+        (effect, Place(robot, model, one.axis, one.severity, parameters, partial(loads, robot)))
         for effect, one, parameters in chosen
     )
     updates, intervals = [], []

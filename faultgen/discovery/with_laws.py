@@ -1,0 +1,142 @@
+"""An answer completed by learned laws, where effects of the catalogue explain too little."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from faultgen.discovery.law_curves import Courses, Curve
+from faultgen.discovery.law_words import NAMES
+from faultgen.discovery.learned_law import Learned, learn
+from faultgen.discovery.regression import Problem
+from faultgen.discovery.replay import Replay, relative_error, relative_errors
+from faultgen.discovery.result import PARTLY, UNKNOWN, Answer
+from faultgen.errors import InputError, SimulationFailed
+
+LEARNED = "learned"
+"""Name of a learned law among the effects of ``discovery.json``."""
+
+UNIT = "N m, RMS on the recording"
+"""Unit of its severity."""
+
+WANTING = (UNKNOWN, PARTLY)
+"""Verdicts after which laws are learned."""
+
+_BEYOND = 0.02  # share of the range of a variable by which other motions may leave it
+
+
+def with_laws(problem: Problem, told: Answer) -> tuple[Answer, list[Learned]]:
+    """Learn laws for what an answer leaves unexplained, and put them into its model.
+
+    Args:
+        problem: The recording and the model.
+        told: The answer.
+
+    Returns:
+        The answer with the laws in its model and its gaps, and the laws. If the verdict is neither
+        "unknown effect" nor "partly named", or if nothing can be learned, the answer is unchanged.
+    """
+    if told.verdict not in WANTING:
+        return told, []
+    laws = learn(problem, told.left_torque, told.changes)
+    if not laws:
+        return told, []
+    left = told.left_torque - laws[-1].change
+    use = problem.inside & problem.samples(problem.scoring)[:, None]
+    after = relative_errors(left**2, problem.recording, use).tolist()
+    per_axis = tuple(
+        {**one, "after": value, "floor": min(one["floor"], value)}
+        for one, value in zip(told.per_axis, after, strict=True)
+    )
+    seen = np.any(use & (problem.recording.torque != 0), axis=0)
+    floors = np.array([one["floor"] for one in per_axis])[seen]
+    robot, lacks = told.robot.with_effects([one.applied for one in laws]), told.lacks
+    try:
+        replay = Replay(problem.recording, robot, measured=problem.replay.measured)
+        stable = np.isfinite(replay.torque()).all()
+    except (InputError, SimulationFailed):
+        stable = False
+    if not stable:
+        robot = told.robot
+        lacks = (*lacks, "the model lacks the learned laws: with them its simulation diverges")
+    new = replace(
+        told,
+        after=relative_error(left**2, problem.recording, use),
+        per_axis=per_axis,
+        floor=float(np.sqrt(np.mean(floors**2))),
+        left_torque=left,
+        robot=robot,
+        lacks=lacks,
+    )
+    return new, laws
+
+
+def contract(problem: Problem, told: Answer, laws: Sequence[Learned]) -> list[dict[str, Any]]:
+    """Return laws as effects of ``discovery.json``.
+
+    Args:
+        problem: The recording and the model.
+        told: The answer that `with_laws` returned.
+        laws: Its laws, in the order in which they were added.
+    """
+    use = problem.inside & problem.samples(problem.scoring)[:, None]
+    before = told.left_torque + laws[-1].change if laws else told.left_torque
+    return [
+        {
+            "effect": LEARNED,
+            "axis": one.axis,
+            "parameters": {
+                "severity": one.size,
+                "unit": UNIT,
+                "depends_on": list(one.depends_on),
+                "formula": one.formula,
+                "sentence": one.sentence,
+                "resembles": [
+                    {"effect": name, "axis": axis, "correlation": alike}
+                    for name, axis, alike in one.resembles
+                ],
+                "range": {
+                    name: {"low": low, "high": high, "unit": unit}
+                    for name, (low, high, unit) in one.ranges.items()
+                },
+                "closes": one.share,
+                "law": list(one.terms),
+            },
+            "interval": {"severity": list(one.interval)},
+            "confidence": one.confidence,
+            "gap_after": relative_error((before - one.change) ** 2, problem.recording, use),
+        }
+        for one in laws
+    ]
+
+
+def outside(laws: Sequence[Learned], replay: Replay) -> list[str]:
+    """Say where a recording leaves the range of the data from which laws were learned.
+
+    Args:
+        laws: The laws.
+        replay: The other recording, and the model.
+
+    Returns:
+        One line for each variable of a law that leaves its range.
+    """
+    courses = Courses(replay, np.ones(replay.recording.torque.shape, bool))
+    lines = []
+    for one in laws:
+        for term in one.terms:
+            low, high = term["knots"][0], term["knots"][-1]
+            x = courses.variable(
+                Curve(term["over"], term["of"], term["times"], (low, high), term["scale"])
+            )
+            room = _BEYOND * (high - low)
+            if x.min() < low - room or x.max() > high + room:
+                lines.append(
+                    f"{replay.recording.source}: axis {one.axis}: the learned law holds for "
+                    f"the {NAMES[term['over']]} of axis {term['of']} from {low:.3g} to "
+                    f"{high:.3g}, but here it goes from {x.min():.3g} to {x.max():.3g}; beyond its "
+                    "range the law keeps its last value"
+                )
+    return lines

@@ -1,0 +1,104 @@
+"""A robot as a folder: its MJCF file, its assets, and the effects that MJCF cannot express.
+
+==============  ===================================================================================
+``model.xml``   the MJCF file, with everything that MJCF can express
+``robot.json``  the robot's name, and the effects that act outside of the model file
+==============  ===================================================================================
+
+    write_folder(Path("out/model"), "puma560", xml, assets, effects)
+    name, xml, assets, effects = read_folder(Path("out/model"))
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from faultgen.applied import Applied, from_json, to_json
+from faultgen.errors import InputError
+from faultgen.mjcf.compiling import read_mjcf
+from faultgen.mjcf.edit import write_model
+from faultgen.system.files import write_text
+from faultgen.system.reading import read_text
+
+MODEL, EFFECTS = "model.xml", "robot.json"
+"""Names of the two files of a robot's folder."""
+
+_KEYS = ("format", "name", "effects")
+_FORMAT = 1
+
+
+def write_folder(
+    folder: Path,
+    name: str,
+    xml: str,
+    assets: Mapping[str, bytes],
+    effects: Sequence[Applied],
+) -> None:
+    """Write a robot into a folder.
+
+    Args:
+        folder: The folder. It is created if it does not exist.
+        name: Name of the robot, by which its tasks are found.
+        xml: Text of the model.
+        assets: Content of the files that the model refers to, by path relative to the model.
+        effects: Effects that MJCF cannot express.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    write_model(folder / MODEL, xml, assets)
+    content = {"format": _FORMAT, "name": name, "effects": to_json(effects)}
+    write_text(folder / EFFECTS, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+
+def read_folder(folder: Path) -> tuple[str, str, dict[str, bytes], tuple[Applied, ...]]:
+    """Read a robot from a folder.
+
+    A folder without ``robot.json`` is read if it has an MJCF file of its own name, as the folders
+    of the robots that come with faultgen do.
+
+    Args:
+        folder: The folder.
+
+    Returns:
+        Name of the robot, text of its model, content of its assets by path, and its effects.
+
+    Raises:
+        InputError: The folder holds no robot, or a file is damaged. The message is one line.
+    """
+    plain = folder / f"{folder.resolve().name}.xml"
+    if not (folder / EFFECTS).exists() and plain.is_file():
+        return plain.stem, *read_mjcf(plain), ()
+    for name in (EFFECTS, MODEL):
+        if not (folder / name).exists():
+            raise InputError(
+                f"robot folder {folder}: has no {name}; give the folder 'model' that "
+                "'faultgen discover' writes, or the path of an MJCF file"
+            )
+    file = folder / EFFECTS
+    content = _parsed(read_text(file, "robot file"), file)
+    if not isinstance(content, dict) or sorted(content) != sorted(_KEYS):
+        raise InputError(f"robot file {file}: damaged: it must have {', '.join(_KEYS)}")
+    if content["format"] != _FORMAT:
+        raise InputError(
+            f"robot file {file}: has format {content['format']}, but this version of faultgen "
+            f"reads format {_FORMAT}"
+        )
+    if not isinstance(content["name"], str) or not content["name"]:
+        raise InputError(f"robot file {file}: damaged: 'name' must be a text")
+    try:
+        effects = from_json(content["effects"])
+    except InputError as error:
+        raise InputError(f"robot file {file}: damaged: {error}") from None
+    return content["name"], *read_mjcf(folder / MODEL), effects
+
+
+def _parsed(text: str, file: Path) -> Any:
+    def refuse(value: str) -> None:
+        raise ValueError(f"{value} is not a number")
+
+    try:
+        return json.loads(text, parse_constant=refuse)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"robot file {file}: damaged: not valid JSON ({error})") from None
