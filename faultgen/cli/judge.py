@@ -309,8 +309,6 @@ def calibrate(
 
     from faultgen.discovery.calibrate import calibrate as run_calibrate
     from faultgen.discovery.workflow import dump, usable
-    from faultgen.errors import InputError
-    from faultgen.mjcf.edit import write_model
     from faultgen.robot import load_robot
     from faultgen.system.files import write_text
 

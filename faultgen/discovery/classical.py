@@ -177,7 +177,14 @@ class Regression:
         return first + len(DRIVE) * np.arange(self.robot.n_axes)
 
     def coupling(self, number: int) -> np.ndarray:
-        """Columns of a coupling, in the order of `COUPLING`; shape (3,)."""
+        """Columns of a coupling, in the order of `COUPLING`.
+
+        Args:
+            number: Number of the coupling, from 0.
+
+        Returns:
+            Indices, shape (3,).
+        """
         first = self.size - len(COUPLING) * (len(self.couplings) - number)
         return first + np.arange(len(COUPLING))
 

@@ -52,7 +52,14 @@ class Curve:
         return len(self.knots) - self.repeats
 
     def basis(self, x: np.ndarray) -> np.ndarray:
-        """Compute the hat functions, shape (size, *x.shape)."""
+        """Compute the hat functions.
+
+        Args:
+            x: The variable, in its unit.
+
+        Returns:
+            Shape (size, *x.shape), without unit.
+        """
         hats = np.stack([np.interp(x, self.knots, one) for one in np.eye(len(self.knots))])
         if self.repeats:
             hats[0] += hats[-1]
@@ -101,7 +108,14 @@ class Courses:
             self._rows.append(np.minimum(np.round(times / step).astype(int), len(control) - 1))
 
     def variable(self, curve: Curve) -> np.ndarray:
-        """The variable of a curve at the samples of the recording, shape (samples,)."""
+        """Compute the variable of a curve at the samples of the recording.
+
+        Args:
+            curve: The curve.
+
+        Returns:
+            Shape (samples,), in the unit of the variable.
+        """
         told = [
             course.variable(curve.over, curve.of, curve.scale)[rows]
             for course, rows in zip(self.courses, self._rows, strict=True)
@@ -109,7 +123,14 @@ class Courses:
         return np.concatenate(told)
 
     def factor(self, curve: Curve) -> np.ndarray:
-        """The factor of a curve at the samples of the recording, shape (samples,)."""
+        """Compute the factor of a curve at the samples of the recording.
+
+        Args:
+            curve: The curve.
+
+        Returns:
+            Shape (samples,).
+        """
         told = [
             course.factor(curve.times, curve.of)[rows]
             for course, rows in zip(self.courses, self._rows, strict=True)
@@ -120,7 +141,10 @@ class Courses:
     def response(self) -> np.ndarray:
         """What the drives log of a unit pulse of torque that opposes the rotors.
 
-        A random torque on all rotors is simulated once. Shape (taps, n_axes), without unit.
+        A random torque on all rotors is simulated once.
+
+        Returns:
+            Shape (taps, n_axes), without unit.
         """
         base = self.replay.torque()
         rms = np.sqrt(np.mean(base**2, axis=0)) / np.abs(self.side)
@@ -145,7 +169,11 @@ class Courses:
 
     @property
     def side(self) -> np.ndarray:
-        """Torque on the recording's side for one of the motor's, as it is logged; (n_axes,)."""
+        """Torque on the recording's side for one of the motor's, as it is logged.
+
+        Returns:
+            Shape (n_axes,), without unit.
+        """
         robot = self.replay.robot
         ratio = robot.gear_ratio if self.replay.recording.side == "joint" else 1.0
         return np.asarray(ratio / robot.torque_gain)

@@ -91,7 +91,14 @@ class Regression:
         return len(self._rows) >= 200 and self.rms > 0
 
     def whitened(self, columns: np.ndarray) -> np.ndarray:
-        """Whiten columns, shape (columns, samples), and keep the rows for fitting."""
+        """Whiten columns, and keep the rows for fitting.
+
+        Args:
+            columns: Shape (columns, samples).
+
+        Returns:
+            Shape (columns, rows).
+        """
         out = np.empty((len(columns), len(self._rows)))
         k, n_axes = self.axis - 1, self.problem.residual.shape[1]
         for first in range(0, len(columns), 16):
@@ -102,7 +109,14 @@ class Regression:
         return out
 
     def penalty(self, curve: Curve) -> np.ndarray:
-        """Precision of the values of a curve before any data, shape (size, size)."""
+        """Compute the precision of the values of a curve before any data.
+
+        Args:
+            curve: The curve.
+
+        Returns:
+            Shape (size, size), in [1 / (N m)^2].
+        """
         size = curve.size
         bend = np.diff(np.eye(len(curve.knots)), 2, axis=0)
         if curve.repeats:
@@ -129,11 +143,26 @@ class Regression:
         return error
 
     def fit(self, columns: np.ndarray, penalty: np.ndarray) -> np.ndarray:
-        """Fit values to all rows, shape (columns,)."""
+        """Fit values to all rows.
+
+        Args:
+            columns: Whitened, shape (columns, rows).
+            penalty: Precision before any data, shape (columns, columns).
+
+        Returns:
+            Shape (columns,), in [N m].
+        """
         return np.asarray(np.linalg.solve(columns @ columns.T + penalty, columns @ self.target))
 
     def design(self, parts: Sequence[Part]) -> tuple[np.ndarray, np.ndarray]:
-        """Whitened columns of some curves or formulas, and their penalty."""
+        """Compute the whitened columns of some curves or formulas, and their penalty.
+
+        Args:
+            parts: The curves or formulas.
+
+        Returns:
+            Columns, shape (columns, rows), and penalty, shape (columns, columns).
+        """
         columns, penalties = [np.zeros((0, len(self._rows)))], []
         for part in parts:
             if part.formula is None:

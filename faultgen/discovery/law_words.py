@@ -131,7 +131,11 @@ class Part:
 
     @property
     def shown(self) -> tuple[Curve, np.ndarray]:
-        """The curve and its values at the knots, also of a formula."""
+        """The curve and its values at the knots, also of a formula.
+
+        Returns:
+            The curve, and its values in [N m], shape (size,).
+        """
         if self.formula is None:
             return self.curve, self.values
         dense = self.formula.curve(self.curve)

@@ -99,8 +99,11 @@ class Drives:
     """Parameters of the drives as the model has them. Arrays of shape (n_axes,), motor side."""
 
     inertia: np.ndarray
+    """Inertia of the rotor [kg m^2]."""
     coulomb: np.ndarray
+    """Coulomb friction [N m]."""
     viscous: np.ndarray
+    """Viscous friction [N m s/rad]."""
     offset: np.ndarray
     """Torque that the motor needs in addition [N m]."""
 
@@ -118,7 +121,11 @@ class Drives:
         )
 
     def named(self) -> dict[str, np.ndarray]:
-        """Return the arrays by the names of `DRIVE`."""
+        """Return the arrays by the names of `DRIVE`.
+
+        Returns:
+            Arrays of shape (n_axes,).
+        """
         return dict(
             zip(DRIVE, (self.inertia, self.coulomb, self.viscous, self.offset), strict=True)
         )
@@ -142,7 +149,14 @@ class Physical:
     """All parameters of the regression."""
 
     def squares(self, products: Products) -> np.ndarray:
-        """Squared errors of blocks, as `Products.squares`."""
+        """Compute the squared errors of blocks, as `Products.squares`.
+
+        Args:
+            products: Inner products of the blocks.
+
+        Returns:
+            Shape (blocks, n_axes), in [(N m)^2].
+        """
         return products.squares(self.value, 1 / self.gain)
 
     @cached_property

@@ -28,7 +28,7 @@ from faultgen.discovery.result import (
 from faultgen.discovery.selection import Choice
 from faultgen.effects import get_effect
 
-LARGER = 1.02
+LARGER = 1.005
 """Gap with an effect, over that without it, from which the effect counts as refuted: assumed."""
 
 REFUTED = -1.0

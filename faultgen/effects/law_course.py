@@ -79,17 +79,29 @@ class Course:
 
     @property
     def speed(self) -> np.ndarray:
-        """[rad/s]."""
+        """Motor speed.
+
+        Returns:
+            Shape (steps, n_axes), in [rad/s].
+        """
         return self._derivatives[0]
 
     @property
     def acceleration(self) -> np.ndarray:
-        """[rad/s^2]."""
+        """Motor acceleration.
+
+        Returns:
+            Shape (steps, n_axes), in [rad/s^2].
+        """
         return self._derivatives[1]
 
     @cached_property
     def direction(self) -> np.ndarray:
-        """Direction of motion, from -1 to 1, smooth through rest."""
+        """Direction of motion, smooth through rest.
+
+        Returns:
+            Shape (steps, n_axes), from -1 to 1.
+        """
         return np.tanh(self.speed / self._still)
 
     @cached_property
@@ -113,12 +125,20 @@ class Course:
 
     @property
     def load(self) -> np.ndarray:
-        """Torque of the rigid arm [N m]."""
+        """Torque of the rigid arm.
+
+        Returns:
+            Shape (steps, n_axes), in [N m].
+        """
         return self._needed[0]
 
     @property
     def torque(self) -> np.ndarray:
-        """Torque that the model's motors need [N m]."""
+        """Torque that the model's motors need.
+
+        Returns:
+            Shape (steps, n_axes), in [N m].
+        """
         return self._needed[1]
 
     def variable(self, over: str, axis: int, scale: float) -> np.ndarray:
@@ -152,7 +172,15 @@ class Course:
         return np.abs(value) if over.startswith("abs_") else value
 
     def factor(self, times: str, axis: int) -> np.ndarray:
-        """Compute one of the factors `FACTORS` of an axis, shape (steps,)."""
+        """Compute one of the factors `FACTORS`.
+
+        Args:
+            times: Its name.
+            axis: Axis, from 1.
+
+        Returns:
+            Shape (steps,).
+        """
         if not times:
             return np.ones(len(self.motor))
         return np.asarray((self.direction if times == "direction" else self.load)[:, axis - 1])

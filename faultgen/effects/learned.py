@@ -125,7 +125,7 @@ def drive_law(control: np.ndarray, place: Place, repeats: bool) -> np.ndarray:
         repeats: Whether the control repeats.
 
     Returns:
-        A new array with a column for every control of the model.
+        A new array with a column for every control of the model, shape (steps, nu).
     """
     model, robot = place.model, place.robot
     at = model.actuator_ctrladr[robot.ids("actuator", "drive", model)]
