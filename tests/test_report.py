@@ -48,18 +48,17 @@ def shown(monkeypatch):
     for name in ("_steps", "_overlay", "_maps"):
         monkeypatch.setattr(discovery_report, name, lambda _: plt.figure(figsize=(1, 1)))
 
-    def make(result, twin=False, changed=()):
-        changes = [(SimpleNamespace(is_effect=True, name=name), 0.1) for name in changed]
-        effects = [SimpleNamespace(effect=name) for name in changed]
-        answer = SimpleNamespace(p_value=0.00123, changes=changes, effects=effects)
-        found = SimpleNamespace(problem=SimpleNamespace(twin=twin), answer=answer)
+    def make(result, twin=False, beside=()):
+        robot = SimpleNamespace(effects=[SimpleNamespace(effect=name) for name in beside])
+        answer = SimpleNamespace(p_value=0.00123, robot=robot)
+        found = SimpleNamespace(problem=SimpleNamespace(twin=twin), answer=answer, laws=())
         return " ".join(discovery_report.discovery_page(result, found).split())
 
     return make
 
 
 def test_a_page_shows_every_part_of_a_result(shown):
-    text = shown(FULL, twin=True, changed=["delay", "viscous_friction"])
+    text = shown(FULL, twin=True, beside=["delay"])
     cells = "<td>torque_ripple</td><td>2</td><td>0.1235 [0.1, 0.2], N m; order 4</td><td>0.99</td>"
     assert cells in text
     assert "<td>backlash</td><td>3</td><td></td><td>0.50</td>" in text
