@@ -106,6 +106,22 @@ def test_what_looks_the_same_is_not_excluded(posed):
             assert odds == pytest.approx(np.exp(-max(worse, 0) / 2), rel=1e-3)
 
 
+@pytest.mark.parametrize(("apart", "is_rival"), [(0.05, True), (0.4, False)])
+def test_a_large_effect_is_similar_to_what_a_wrong_form_could_be(posed, apart, is_rival):
+    """However little noise there is, forms that differ by a few per cent are not told apart."""
+    problem = posed[True]
+    one = at(problem, "viscous_friction", 2)
+    other = at(problem, "coulomb_friction", 2)
+    raw = problem.raw[[one, other]].copy()
+    rng = np.random.default_rng(5)
+    raw[1] = raw[0] + apart * rng.standard_normal(raw[0].shape) * raw[0].std()
+    terms = [problem.terms[k] for k in (one, other)]
+    value = value_of(linear(problem, terms=terms, raw=raw), 0, 1e5)
+    found = choose(linear(problem, {0: value}, seed=1, terms=terms, raw=raw))
+    assert found.best.groups == ((0,),)
+    assert bool(found.rivals) == is_rival
+
+
 def closest(problem, own, values, rivals, replay):
     """Smallest whitened distance of an effect to its rivals on a motion, each refitted."""
     base, inside = replay.torque(), settled(replay.recording, problem.robot)

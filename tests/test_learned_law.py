@@ -8,11 +8,14 @@ import pytest
 
 import faultgen
 from faultgen.applied import Applied
-from faultgen.discovery import investigate, write_recording
+from faultgen.discovery import investigate, verdict, write_recording
+from faultgen.discovery.fit import fit
 from faultgen.discovery.law_curves import Courses, Curve
 from faultgen.discovery.law_words import Part, formulas
 from faultgen.discovery.learned_law import learn
 from faultgen.discovery.replay import Replay
+from faultgen.discovery.selection import choose
+from faultgen.discovery.verdict import answer
 from faultgen.discovery.with_laws import contract, outside, with_laws
 from faultgen.effects.law_course import UNITS, Course
 from faultgen.effects.learned import NAME, check_law, law_torque
@@ -97,19 +100,15 @@ def test_a_formula_is_told_where_it_does(problem):
     assert "once a motor turn" in law.sentence
 
 
-@pytest.mark.parametrize("verdict", ["named", "unknown effect", "partly named"])
-def test_laws_complete_an_answer_that_explains_too_little(problem, verdict):
-    """They join the model, and the numbers of the answer agree; else the answer stays."""
-    from faultgen.discovery.selection import choose
-    from faultgen.discovery.verdict import answer
-
+@pytest.mark.parametrize("given", ["no missing effect", "unknown effect", "partly named"])
+def test_laws_complete_an_answer_that_explains_too_little(problem, given):
+    """They join the model, and all numbers agree. A law where nothing was missing is unknown."""
     residual = problem.residual + change_of(problem, LAWS["periodic"])
-    told = answer(problem, choose(problem))
-    told = replace(told, verdict=verdict, left_torque=residual, changes=[], robot=problem.robot)
-    new, laws = with_laws(problem, told)
-    if verdict == "named":
-        assert new is told and not laws
-        return
+    choice = choose(problem)
+    told = answer(problem, choice)
+    told = replace(told, verdict=given, left_torque=residual, changes=[], robot=problem.robot)
+    new, laws = with_laws(problem, choice, told)
+    assert new.verdict == (given if given == "partly named" else "unknown effect")
     (row,) = contract(problem, new, laws)
     assert json.loads(json.dumps(row, allow_nan=False)) == row
     assert (row["effect"], row["axis"]) == ("learned", 2)
@@ -119,6 +118,30 @@ def test_laws_complete_an_answer_that_explains_too_little(problem, verdict):
     by_axis = np.array([one["after"] for one in new.per_axis])
     assert new.after == pytest.approx(np.sqrt(np.mean(by_axis**2)))
     assert all(one["floor"] <= one["after"] for one in new.per_axis)
+
+
+@pytest.mark.parametrize(("axis", "kept"), [(2, []), (1, [("viscous_friction", 1)])])
+def test_effects_that_imitate_a_law_are_left_out(problem, monkeypatch, axis, kept):
+    """On the axis of the law, the named effect only imitates it; on another axis it is right."""
+    monkeypatch.setattr(verdict, "confirmed", lambda problem, choice: choice)
+    at = next(k for k, t in enumerate(problem.terms) if t.key == ("viscous_friction", axis))
+    wear = 0.3 * problem.raw[at].astype(float) * (axis == 1)
+    case = replace(problem, residual=problem.residual + change_of(problem, LAWS["periodic"]) + wear)
+    choice = choose(case)
+    best = fit(case, [(at,)])
+    told = replace(answer(case, replace(choice, best=best, rivals=())), verdict="named")
+    assert [(one.effect, one.axis) for one in told.effects] == [("viscous_friction", axis)]
+    new, laws = with_laws(case, replace(choice, best=best, rivals=()), told)
+    assert [one.axis for one in laws] == [2]
+    assert [(one.effect, one.axis) for one in new.effects] == kept
+    assert new.verdict == ("partly named" if kept else "unknown effect")
+
+
+def test_an_answer_without_a_law_stays(problem):
+    choice = choose(problem)
+    told = answer(problem, choice)
+    new, laws = with_laws(problem, choice, told)
+    assert new is told and laws == []
 
 
 def test_discover_writes_a_robot_with_the_law(measured, tiny_robot, tiny_robot_path, tmp_path):

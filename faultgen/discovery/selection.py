@@ -40,6 +40,11 @@ it."""
 SIMILAR = 9.0
 """A set is not excluded if its misfit is larger by less than this times the overdispersion."""
 
+FORM_ERROR = 0.002
+"""Share of what an effect explains that its true form may shift from one effect to another. An
+effect of a real robot differs from its law by some 10 %, and about a fifth of the difference looks
+like another effect: assumed."""
+
 _JUDGED = 8  # candidates that are judged on held-out recordings
 _RIVALS = 3  # swaps that are simulated
 
@@ -229,10 +234,14 @@ class _Search:
         return min([new, *good], key=lambda one: one.score)
 
     def rivals(self, current: Fit) -> list[tuple[int, Group, float]]:
-        """Exchanges that are not excluded. Differences are divided by the overdispersion."""
+        """Exchanges that are not excluded. Differences are divided by the overdispersion.
+
+        The larger an effect is, the more of the difference may come from the error of its form.
+        """
         over = overdispersion(self.problem, current)
+        size = [float(np.sum((values / errors) ** 2)) for _, values, errors in current.members()]
         found = [
-            (place, other, (rival.score - current.score) / over)
+            (place, other, (rival.score - current.score) / (over + FORM_ERROR * size[place]))
             for place, other, rival in self._swaps(current, over, 2 * _RIVALS)
         ]
         return [one for one in found if one[2] < SIMILAR]

@@ -28,8 +28,13 @@ from faultgen.discovery.result import (
 from faultgen.discovery.selection import Choice
 from faultgen.effects import get_effect
 
-LARGER = 1.005
-"""Gap with an effect, over that without it, from which the effect counts as refuted: assumed."""
+LARGER_TWIN, LARGER_OWN_TWIN = 1.005, 1.03
+"""Gap with an effect, over that without it, from which the effect counts as refuted if there is a
+twin: gap of all axes, and of the axis on which the effect acts. Assumed."""
+
+LARGER, LARGER_OWN = 1.02, 1.06
+"""The same without a twin, where the model's own numbers imitate an effect that is left out:
+assumed."""
 
 REFUTED = -1.0
 """Decrease of the error by an effect, over its standard error, from which the effect counts as
@@ -135,32 +140,38 @@ def confirmed(problem: Problem, choice: Choice) -> Choice:
     """
     best = choice.best
     while best.groups:
-        worst: tuple[float, Fit] | None = None
-        for place in range(len(best.groups)):
+        gains: list[tuple[float, Fit]] = []
+        for place, group in enumerate(best.groups):
             rest = fit(choice.problem, [g for k, g in enumerate(best.groups) if k != place])
-            if rest is None:
-                continue
-            gain = _gain(problem, rest, best)
-            if gain < REFUTED and (worst is None or gain < worst[0]):
-                worst = gain, rest
-        if worst is None:
+            if rest is not None:
+                gains.append((_gain(problem, rest, best, problem.terms[group[0]].axis), rest))
+        if not gains:
+            break
+        worst = min(gains, key=lambda one: one[0])
+        # each effect may compensate for another one, while none of them is right
+        if worst[0] >= REFUTED and _gain(problem, choice.fits[0], best) >= REFUTED:
             break
         best = worst[1]
     return choice if best is choice.best else replace(choice, best=best, rivals=())
 
 
-def _gain(problem: Problem, without: Fit, fitted: Fit) -> float:
+def _gain(problem: Problem, without: Fit, fitted: Fit, axis: int | None = None) -> float:
     """Whitened squared error on the scoring motions that an effect takes away, over its error.
 
-    It is very negative if the gap, which is not whitened, becomes clearly larger.
+    It is very negative if the gap, which is not whitened, becomes clearly larger: that of all axes,
+    or that of the effect's own axis.
     """
     scored = _scored(problem)
     errors = [_left(problem, one)[0] for one in (without, fitted)]
-    gaps = [_score(problem, error)[0] for error in errors]
-    if gaps[1] > LARGER * gaps[0]:
-        return -gaps[1] / gaps[0] - 100.0
-    before, after = (problem.whiten(error) ** 2 * scored for error in errors)
-    gain = (before - after).sum(axis=1)
+    (before, own_before), (after, own_after) = (_score(problem, error) for error in errors)
+    larger, larger_own = (LARGER_TWIN, LARGER_OWN_TWIN) if problem.twin else (LARGER, LARGER_OWN)
+    if after > larger * before:
+        return -after / before - 100.0
+    if axis is not None and 1 <= axis <= len(own_after):
+        was, now = own_before[axis - 1], own_after[axis - 1]
+        if now > larger_own * was:
+            return -now / was - 50.0
+    gain = np.subtract(*(problem.whiten(error) ** 2 * scored for error in errors)).sum(axis=1)
     length = max(5, round(0.1 / problem.recording.sample_period))
     blocks = gain[: len(gain) // length * length].reshape(-1, length).sum(axis=1)
     return float(gain.sum() / max(np.sqrt(np.sum(blocks**2)), 1e-300))

@@ -8,12 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from faultgen.discovery.fit import fit
 from faultgen.discovery.law_curves import Courses, Curve
 from faultgen.discovery.law_words import NAMES
 from faultgen.discovery.learned_law import Learned, learn
 from faultgen.discovery.regression import Problem
 from faultgen.discovery.replay import Replay, relative_error, relative_errors
-from faultgen.discovery.result import PARTLY, UNKNOWN, Answer
+from faultgen.discovery.result import NONE, PARTLY, UNKNOWN, Answer
+from faultgen.discovery.selection import Choice
+from faultgen.discovery.verdict import answer, is_part
 from faultgen.errors import InputError, SimulationFailed
 
 LEARNED = "learned"
@@ -22,28 +25,59 @@ LEARNED = "learned"
 UNIT = "N m, RMS on the recording"
 """Unit of its severity."""
 
-WANTING = (UNKNOWN, PARTLY)
-"""Verdicts after which laws are learned."""
+CERTAIN = 0.98
+"""Probability of a law from which it changes a verdict."""
+
+EQUAL = 1.01
+"""Gap of a law alone, over the gap of effects and laws, up to which the effects of its axis count
+as superfluous: assumed."""
 
 _BEYOND = 0.02  # share of the range of a variable by which other motions may leave it
 
 
-def with_laws(problem: Problem, told: Answer) -> tuple[Answer, list[Learned]]:
+def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, list[Learned]]:
     """Learn laws for what an answer leaves unexplained, and put them into its model.
+
+    The laws also check the answer. Where nothing is missing, a law that is certain makes the effect
+    an unknown one. Where effects were named on the axis of such a law, they are left out if the law
+    alone comes as near to the scoring motions: then they only imitated it.
 
     Args:
         problem: The recording and the model.
+        choice: The set of effects from which the answer was made.
         told: The answer.
 
     Returns:
-        The answer with the laws in its model and its gaps, and the laws. If the verdict is neither
-        "unknown effect" nor "partly named", or if nothing can be learned, the answer is unchanged.
+        The answer with the laws in its model and its gaps, and the laws. If nothing can be learned,
+        the answer is unchanged.
     """
-    if told.verdict not in WANTING:
-        return told, []
     laws = learn(problem, told.left_torque, told.changes)
-    if not laws:
+    if told.verdict in (UNKNOWN, PARTLY):
+        return _with(problem, told, laws), laws
+    certain = {one.axis for one in laws if one.confidence >= CERTAIN}
+    if not certain:
         return told, []
+    if told.verdict == NONE:
+        return _with(problem, replace(told, verdict=UNKNOWN), laws), laws
+    whole = _with(problem, told, laws)
+    groups = choice.best.groups
+    kept = [group for group in groups if problem.terms[group[0]].axis not in certain]
+    rest = fit(choice.problem, kept) if len(kept) < len(groups) else None
+    if rest is not None:
+        other = answer(problem, replace(choice, best=rest, rivals=()))
+        own = learn(problem, other.left_torque, other.changes)
+        simpler = _with(problem, other, own)
+        if own and simpler.after <= EQUAL * whole.after:
+            return replace(simpler, verdict=PARTLY if simpler.effects else UNKNOWN), own
+    if is_part(told.before, told.after, whole.floor):
+        return replace(whole, verdict=PARTLY), laws
+    return told, []
+
+
+def _with(problem: Problem, told: Answer, laws: Sequence[Learned]) -> Answer:
+    """The answer with laws in its model and its gaps."""
+    if not laws:
+        return told
     left = told.left_torque - laws[-1].change
     use = problem.inside & problem.samples(problem.scoring)[:, None]
     after = relative_errors(left**2, problem.recording, use).tolist()
@@ -62,7 +96,7 @@ def with_laws(problem: Problem, told: Answer) -> tuple[Answer, list[Learned]]:
     if not stable:
         robot = told.robot
         lacks = (*lacks, "the model lacks the learned laws: with them its simulation diverges")
-    new = replace(
+    return replace(
         told,
         after=relative_error(left**2, problem.recording, use),
         per_axis=per_axis,
@@ -71,7 +105,6 @@ def with_laws(problem: Problem, told: Answer) -> tuple[Answer, list[Learned]]:
         robot=robot,
         lacks=lacks,
     )
-    return new, laws
 
 
 def contract(problem: Problem, told: Answer, laws: Sequence[Learned]) -> list[dict[str, Any]]:

@@ -150,7 +150,7 @@ def _path(folder: str | Path | None) -> Path | None:
 
 def _completed(found: Discovery) -> Discovery:
     """The discovery with laws learned from what effects leave unexplained."""
-    told, laws = with_laws(found.problem, found.answer)
+    told, laws = with_laws(found.problem, found.choice, found.answer)
     return replace(found, answer=told, laws=tuple(laws))
 
 
