@@ -1,7 +1,8 @@
-"""Does discovery name the wear in this project's own datasets, when the label is hidden?
+"""Does discovery name the effects in this project's own datasets, when the label is hidden?
 
-Datasets are generated with friction wear on one axis and the noise of a sensor preset; the last
-cycle of each task of the worn run is compared with that of the healthy run.
+Datasets are generated with one effect of a size that matters in a plant, and with the noise of a
+sensor preset. The runs are not paired: each has noise of its own. The last cycle of each task of
+the worn run is given to `faultgen.discover`, with and without that of the healthy run.
 
     python benchmarks/own_wear.py --workers 2
 """
@@ -12,95 +13,122 @@ import tempfile
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
+import faultgen
 from faultgen import generate, open_dataset
 from faultgen.dataset.experiment import Experiment
-from faultgen.dataset.reader import StoredRun
-from faultgen.discovery import Recording, investigate
-from faultgen.robot import Robot, load_robot
-from faultgen.simulation.motion import plan
-from faultgen.tasks import load_task
+from faultgen.discovery import write_recording
+from faultgen.discovery.from_runs import recording_of
+from faultgen.robot import COULOMB, Robot, load_robot
 
 TASKS = ["pick_and_place", "spot_weld", "arc_weld"]
-WORN = ((1, 0.05), (2, 0.10), (3, 0.10), (4, 0.20), (5, 0.10), (6, 0.20))
-"""Axis and severity of each case."""
+
+CASES = (
+    ("friction_wear", 2, 0.2),
+    ("coulomb_friction", 3, 0.2),
+    ("viscous_friction", 1, 0.2),
+    ("static_friction", 2, 0.5),
+    ("friction_asymmetry", 3, 0.1),
+    ("torque_offset", 2, 0.1),
+    ("load_friction", 2, 0.02),
+    ("backlash", 3, 1e-3),
+    ("gear_stiffness", 2, 0.3),
+    ("gravity_spring", 2, 20.0),
+    ("torque_ripple", 1, 0.1),
+    ("torque_constant", 3, 0.05),
+    ("payload_mass", 6, 0.1),
+    ("delay", 2, 0.004),
+    ("encoder_offset", 2, 2e-3),
+    ("", 1, 0.0),
+)
+"""Effect, axis and severity of each case; the last robot is healthy. The torques of `torque_offset`
+and `torque_ripple` are shares of the axis' Coulomb friction here."""
+
+HEALTHY = "no missing effect"
 
 
-def recording_of(runs: list[StoredRun], robot: Robot, cycle: int = -1) -> Recording:
-    """One cycle of each run as a recording, a segment a run.
+def severity_of(robot: Robot, effect: str, axis: int, size: float) -> float:
+    """Severity of a case in the unit of its effect."""
+    if effect not in ("torque_offset", "torque_ripple"):
+        return size
+    friction = robot.ids("actuator", "friction")[axis - 1]
+    return size * float(robot.model.actuator_biasprm[friction, COULOMB])
 
-    Args:
-        runs: Runs of one robot, each of another task, with all signals.
-        robot: The robot.
-        cycle: Which cycle.
-    """
-    position, torque, reference, temperature, starts = [], [], [], [], [0]
-    for run in runs:
-        motion = plan(load_task(robot.name, str(run["task"])), robot)
-        position.append(run.read("signals/motor_position")[cycle])
-        torque.append(run.read("signals/motor_torque")[cycle])
-        times = np.arange(len(position[-1])) * float(run["sample_period"])
-        reference.append(motion(times)[0])
-        warm = float(run.read("cycle/temperature")[cycle])
-        temperature.append(np.full(len(times), warm))
-        starts.append(starts[-1] + len(times))
-    return Recording(
-        source="dataset",
-        robot=robot.name,
-        side="motor",
-        sample_period=float(runs[0]["sample_period"]),
-        position=np.concatenate(position).astype(float),
-        torque=np.concatenate(torque).astype(float),
-        reference_position=np.concatenate(reference),
-        temperature=np.concatenate(temperature),
-        segments=tuple(starts[:-1]),
+
+def generated(
+    robot: Robot, case: tuple[str, int, float], seed: int, sensors: str, out: Path
+) -> None:
+    """Write ``worn.h5`` and ``healthy.h5`` of a case into a folder."""
+    effect, axis, size = case
+    severity = severity_of(robot, effect, axis, size)
+    experiment = Experiment(
+        robot=[robot.name],
+        task=TASKS,
+        axis=[[axis]],
+        effect=[effect or "friction_wear"],
+        schedule=[severity] * 2,
+        cycles=2,
+        sensors=sensors,
+        seed=seed,
+        paired=False,
     )
+    generate(experiment, out / "data", workers=1, progress=False)
+    runs = sorted(open_dataset(out / "data").runs, key=lambda run: str(run["task"]))
+    for name, is_worn in (("worn", True), ("healthy", False)):
+        chosen = [run.path for run in runs if (int(run["axis"]) > 0) == is_worn]
+        write_recording(recording_of(chosen), out / f"{name}.h5")
 
 
 def main(
     sensors: Annotated[str, typer.Option(help="Sensor preset of the datasets.")] = "thesis",
+    robots: Annotated[str, typer.Option(help="Names of robots.")] = "puma560,irb6700",
+    mode: Annotated[str, typer.Option(help="'twin', 'alone' or 'both'.")] = "both",
+    seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 1,
     workers: Annotated[int, typer.Option(help="Processes.")] = 1,
     cache: Annotated[Path | None, typer.Option(help="Folder for sensitivities.")] = None,
 ) -> None:
     """Generate, hide the label, discover, and print a table."""
-    print("| robot | worn | verdict | named | severity | not excluded |")
-    print("| --- | --- | --- | --- | --- | --- |")
+    print("| robot | hidden | twin | verdict | named | severity | not excluded | right | seconds |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
+    right: dict[tuple[str, str], list[bool]] = {}
     with tempfile.TemporaryDirectory() as folder:
         kept = cache or Path(folder) / "sensitivities"
-        for name in ("puma560", "irb6700"):
+        for name in robots.split(","):
             robot = load_robot(name)
-            for axis, severity in WORN:
-                experiment = Experiment(
-                    robot=[name],
-                    task=TASKS,
-                    axis=[[axis]],
-                    schedule=[severity] * 2,
-                    cycles=2,
-                    sensors=sensors,
-                    seed=axis,
-                )
-                out = Path(folder) / f"{name}-{axis}"
-                generate(experiment, out, workers=workers, progress=False)
-                runs = open_dataset(out).runs
-                by_label = {
-                    worn: [r for r in runs if (int(r["axis"]) > 0) == worn]
-                    for worn in (True, False)
-                }
-                worn, healthy = (
-                    recording_of(sorted(by_label[k], key=lambda r: str(r["task"])), robot)
-                    for k in (True, False)
-                )
-                found = investigate(worn, robot, healthy, workers=workers, cache=kept).answer
-                named = ", ".join(f"{one.effect} {one.axis}" for one in found.effects)
-                sizes = ", ".join(f"{one.severity:.3g} ± {one.error:.2g}" for one in found.effects)
-                others = ", ".join(f"{effect} {i}" for effect, i, _ in found.alternatives)
-                print(
-                    f"| {name} | axis {axis}, {severity:.0%} | {found.verdict} | {named} | {sizes} "
-                    f"| {others} |",
-                    flush=True,
-                )
+            for number, case in enumerate(CASES):
+                effect, axis, size = case
+                out = Path(folder) / f"{name}-{number}"
+                generated(robot, case, 100 * seed + number, sensors, out)
+                measured = out / ("worn.h5" if effect else "healthy.h5")
+                other = out / ("healthy.h5" if effect else "worn.h5")  # both without wear
+                for how in ("twin", "alone") if mode == "both" else (mode,):
+                    told = faultgen.discover(
+                        measured,
+                        name,
+                        healthy=other if how == "twin" else None,
+                        workers=workers,
+                        cache=kept,
+                    )
+                    found = [(one["effect"], one["axis"]) for one in told["effects"]]
+                    is_right = told["verdict"] == HEALTHY if not effect else found[:1] == [case[:2]]
+                    right.setdefault((name, how), []).append(is_right)
+                    sizes = ", ".join(
+                        f"{one['parameters']['severity']:.3g}" for one in told["effects"]
+                    )
+                    others = ", ".join(
+                        f"{one['effect']} {one['axis']}" for one in told["alternatives"]
+                    )
+                    hidden = f"{effect} {axis}, {severity_of(robot, *case):.3g}" if effect else "–"
+                    print(
+                        f"| {name} | {hidden} | {how} | {told['verdict']} "
+                        f"| {', '.join(f'{e} {k}' for e, k in found)} | {sizes} | {others} "
+                        f"| {'yes' if is_right else 'no'} | {told['seconds']:.0f} |",
+                        flush=True,
+                    )
+    print()
+    for (name, how), answers in right.items():
+        print(f"{name}, {how}: {sum(answers)} of {len(answers)} right")
 
 
 if __name__ == "__main__":

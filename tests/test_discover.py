@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from own_wear import recording_of
 
 import faultgen
 from faultgen.dataset.experiment import Experiment
 from faultgen.discovery import check_recording, read_recording, write_recording
+from faultgen.discovery.from_runs import recording_of
 from faultgen.discovery.recording import low_passed
 from faultgen.discovery.regression import near_reversal, rolling
 from faultgen.errors import InputError
@@ -265,7 +265,6 @@ def test_what_is_larger_than_shared_noise_is_named(shared, tiny_robot_path):
 @pytest.mark.slow
 def test_play_is_named_in_runs_of_a_paired_dataset(tmp_path):
     """Backlash of 2 mrad of a PUMA, whose healthy run has the same noise."""
-    robot = load_robot("puma560")
     experiment = Experiment(
         robot=["puma560"],
         task=["pick_and_place", "spot_weld", "arc_weld"],
@@ -280,8 +279,8 @@ def test_play_is_named_in_runs_of_a_paired_dataset(tmp_path):
     faultgen.generate(experiment, tmp_path / "data", workers=2, progress=False)
     runs = faultgen.open_dataset(tmp_path / "data").runs
     for name, worn in (("healthy", False), ("worn", True)):
-        own = [run for run in runs if (int(run["axis"]) > 0) == worn]
-        write_recording(recording_of(own, robot), tmp_path / f"{name}.h5")
+        own = [run.path for run in runs if (int(run["axis"]) > 0) == worn]
+        write_recording(recording_of(own), tmp_path / f"{name}.h5")
     result, effects = against_healthy(tmp_path, "puma560", "worn")
     assert (result["verdict"], effects) == ("named", [("backlash", 2)])
     assert result["effects"][0]["parameters"]["severity"] == pytest.approx(0.002, rel=0.02)

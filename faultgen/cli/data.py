@@ -223,6 +223,38 @@ def info(folder: Folder, as_json: Json = False) -> None:
 
 
 @app.command()
+def export(
+    runs: Annotated[
+        list[Path],
+        typer.Argument(help="Run files of a dataset, such as dataset/runs/0123456789abcdef.h5."),
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Recording to write (HDF5).")] = Path(
+        "measured.h5"
+    ),
+    cycle: Annotated[
+        int | None, typer.Option(help="Number of the cycle, from 1. Default: the last one.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Turn runs of a dataset into a recording, as if a controller had logged it.
+
+    One cycle of each run becomes a segment of the recording. The recording holds positions,
+    torques, commanded positions and the temperature, but no label, so that it can be given to
+    'faultgen discover' as measured data. 'faultgen info' lists the runs of a dataset.
+    """
+    from faultgen.discovery.from_runs import recording_of
+    from faultgen.discovery.recording import write_recording
+
+    recording = recording_of(runs, cycle)
+    write_recording(recording, out)
+    told = {"recording": str(out), "samples": len(recording.position), "segments": len(runs)}
+    if as_json:
+        print_json(told)
+        return
+    print(f"{out}: {told['samples']} samples in {told['segments']} segments")
+
+
+@app.command()
 def report(folder: Folder, as_json: Json = False) -> None:
     """Write a report of a dataset as an HTML page.
 

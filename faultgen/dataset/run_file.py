@@ -166,6 +166,8 @@ def create_arrays(writer: RunWriter, run: Run, nominal: Nominal, around: Surroun
         writer.add("truth/payload_mass", mass, ("cycle_number",))
     for name in ("mean_abs_torque", "torque_indicator", "speed_indicator"):
         writer.create(f"monitoring/{name}", (run.cycles, n_axes), "f8", ("cycle_number", "axis"))
+    commanded = nominal.angle[:: run.thin]
+    writer.add("command/reference_position", commanded, ("time", "axis"))
     window = nominal.speed_window(run.speed_window)
     writer.describe("monitoring/mean_abs_torque", speed_window=window)
     for name in ("torque_histogram", "speed_histogram", "angle_histogram"):

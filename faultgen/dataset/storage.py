@@ -37,6 +37,7 @@ DESCRIPTIONS = {
     "gear_torque": ("N m", "gearbox torque on the joint, arm side"),
     "joint_position": ("rad", "joint position, arm side"),
     "joint_velocity": ("rad/s", "joint velocity, arm side"),
+    "reference_position": ("rad", "commanded joint position, the same in every cycle"),
     "mean_abs_torque": ("N m", "mean |motor torque| at motor speeds within speed_window [rad/s]"),
     "torque_histogram": ("1", "share of time by motor torque, 12 parts of +- its limit"),
     "speed_histogram": ("1", "share of time by motor speed, 12 parts of +- its limit"),

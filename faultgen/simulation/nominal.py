@@ -35,6 +35,8 @@ class Nominal:
     """Mean |torque| of the motors in the planned motion, shape (n_axes,), in [N m]."""
     samples: int
     """Number of samples in a cycle."""
+    angle: np.ndarray
+    """Commanded joint angle of each sample, shape (samples, n_axes), in [rad]."""
     speed: np.ndarray
     """Planned |motor speed| of each sample, shape (samples, n_axes), in [rad/s]."""
     limits: Limits
@@ -94,6 +96,7 @@ def nominal(robot_name: str, task_name: str, sample_period: float) -> Nominal:
         control=control,
         mean_torque=torque.mean(axis=0),
         samples=-(-len(control) // every),
+        angle=angle[::every],
         speed=speed[::every],
         limits=_limits(robot, angle, speed.max(axis=0), torque.max(axis=0)),
     )
