@@ -97,6 +97,7 @@ class Courses:
         self.courses: list[Course] = []
         """Commanded motion of each separate recording."""
         self._rows: list[np.ndarray] = []
+        self._known: dict[tuple[str, int, float], np.ndarray] = {}  # curves share variables
         for part, control in zip(recording.parts, replay.controls, strict=True):
             times = np.arange(part.stop - part.start) * recording.sample_period
             temperature = None
@@ -116,11 +117,14 @@ class Courses:
         Returns:
             Shape (samples,), in the unit of the variable.
         """
-        told = [
-            course.variable(curve.over, curve.of, curve.scale)[rows]
-            for course, rows in zip(self.courses, self._rows, strict=True)
-        ]
-        return np.concatenate(told)
+        key = curve.over, curve.of, curve.scale
+        if key not in self._known:
+            told = [
+                course.variable(*key)[rows]
+                for course, rows in zip(self.courses, self._rows, strict=True)
+            ]
+            self._known[key] = np.concatenate(told)
+        return self._known[key]
 
     def factor(self, curve: Curve) -> np.ndarray:
         """Compute the factor of a curve at the samples of the recording.
@@ -131,11 +135,14 @@ class Courses:
         Returns:
             Shape (samples,).
         """
-        told = [
-            course.factor(curve.times, curve.of)[rows]
-            for course, rows in zip(self.courses, self._rows, strict=True)
-        ]
-        return np.concatenate(told)
+        key = f"times {curve.times}", curve.of, 1.0
+        if key not in self._known:
+            told = [
+                course.factor(curve.times, curve.of)[rows]
+                for course, rows in zip(self.courses, self._rows, strict=True)
+            ]
+            self._known[key] = np.concatenate(told)
+        return self._known[key]
 
     @cached_property
     def response(self) -> np.ndarray:
@@ -191,7 +198,11 @@ class Courses:
         out = np.empty_like(torque)
         taps = self.response[:, axis - 1]
         for part in self.replay.recording.parts:
-            out[..., part] = lfilter(taps, [1.0], torque[..., part], axis=-1)
+            own = torque[..., part]
+            new = taps[0] * own
+            for delay, weight in enumerate(taps[1:], start=1):
+                new[..., delay:] += weight * own[..., :-delay]
+            out[..., part] = new
         return out * self.side[axis - 1]
 
     def columns(self, curve: Curve, axis: int) -> np.ndarray:

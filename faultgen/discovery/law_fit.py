@@ -99,14 +99,8 @@ class Regression:
         Returns:
             Shape (columns, rows).
         """
-        out = np.empty((len(columns), len(self._rows)))
-        k, n_axes = self.axis - 1, self.problem.residual.shape[1]
-        for first in range(0, len(columns), 16):
-            part = columns[first : first + 16]
-            whole = np.zeros((*part.shape, n_axes), np.float32)
-            whole[..., k] = part
-            out[first : first + len(part)] = self.problem.whiten(whole)[:, self._rows, k]
-        return out
+        told = self.problem.whiten_axis(columns.astype(np.float32), self.axis)
+        return told[:, self._rows].astype(float)
 
     def penalty(self, curve: Curve) -> np.ndarray:
         """Compute the precision of the values of a curve before any data.

@@ -60,14 +60,35 @@ class Autoregression:
             Same shape as x, without unit. The first samples of each part, as many as the order, are
             0.
         """
+        return self._filtered(x, parts, slice(None))
+
+    def whiten_axis(self, x: np.ndarray, parts: Sequence[slice], axis: int) -> np.ndarray:
+        """Whiten torques of one axis.
+
+        Args:
+            x: Shape (..., samples), in the unit of the noise.
+            parts: Samples of each separate recording.
+            axis: Axis, from 1.
+
+        Returns:
+            Same shape as x, as from `whiten`.
+        """
+        return self._filtered(x[..., None], parts, slice(axis - 1, axis))[..., 0]
+
+    def _filtered(self, x: np.ndarray, parts: Sequence[slice], axes: slice) -> np.ndarray:
+        """Innovations of some axes; x has shape (..., samples, axes)."""
         out = np.zeros_like(x)
         order = self.coefficients.shape[1]
+        scale = self.innovation[axes]
+        # a sum over delays; scipy's filters call Python for each row if there is no feedback
+        first = (1.0 / scale).astype(x.dtype)
+        later = (-self.coefficients[axes].T / scale).astype(x.dtype)
         for part in parts:
-            for axis, (a, scale) in enumerate(zip(self.coefficients, self.innovation, strict=True)):
-                b = (np.concatenate([[1.0], -a]) / scale).astype(x.dtype)
-                new = lfilter(b, np.ones(1, x.dtype), x[..., part, axis], axis=-1)
-                new[..., :order] = 0
-                out[..., part, axis] = new
+            own = x[..., part, :]
+            new = own[..., order:, :] * first
+            for delay, weight in enumerate(later, start=1):
+                new += own[..., order - delay : own.shape[-2] - delay, :] * weight
+            out[..., part.start + order : part.stop, :] = new
         return out
 
 

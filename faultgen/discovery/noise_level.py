@@ -53,6 +53,20 @@ class Noise:
         """
         return self.colour.whiten(x / self.level.astype(x.dtype), parts)
 
+    def whiten_axis(self, x: np.ndarray, parts: Sequence[slice], axis: int) -> np.ndarray:
+        """Whiten torques of one axis.
+
+        Args:
+            x: Shape (..., samples), in the unit of the noise.
+            parts: Samples of each separate recording.
+            axis: Axis, from 1.
+
+        Returns:
+            Same shape as x, as from `whiten`.
+        """
+        level = self.level[:, axis - 1].astype(x.dtype)
+        return self.colour.whiten_axis(x / level, parts, axis)
+
     def of_samples(self) -> np.ndarray:
         """Standard deviation of the noise in each sample, shape (samples, n_axes).
 

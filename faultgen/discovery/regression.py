@@ -132,6 +132,19 @@ class Problem:
         """
         return self.noise.whiten(x, self.parts) * (self.inside * self.trust).astype(x.dtype)
 
+    def whiten_axis(self, x: np.ndarray, axis: int) -> np.ndarray:
+        """Whiten, mask and weight torques of one axis.
+
+        Args:
+            x: Shape (..., samples), in the unit of the recording's torque.
+            axis: Axis, from 1.
+
+        Returns:
+            Same shape as x, as from `whiten`.
+        """
+        weight = (self.inside * self.trust)[:, axis - 1].astype(x.dtype)
+        return self.noise.whiten_axis(x, self.parts, axis) * weight
+
     @cached_property
     def _nominal(self) -> Evidence:
         return Evidence.of(self.white, self.whiten(self.residual), self.folds)
