@@ -223,11 +223,15 @@ def main() -> None:
     """Write all cases."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    folder = parser.parse_args().folder
+    parser.add_argument("cases", nargs="*", help="names such as case_03; default: all")
+    given = parser.parse_args()
+    folder = given.folder
     from laboratories.noise_cases import make as imported  # processes cannot read __main__
 
     made = Parallel(n_jobs=2, return_as="generator")(
-        delayed(imported)(case, folder / "cases") for case in plan()
+        delayed(imported)(case, folder / "cases")
+        for case in plan()
+        if not given.cases or case["name"] in given.cases
     )
     truth = []
     for case in made:
