@@ -67,6 +67,11 @@ class MotionPlan:
     """Share of healthy robots in which an effect is named, with either."""
 
     @property
+    def reference_name(self) -> str:
+        """Name of the reference, for messages."""
+        return REFERENCE if self.reference.task.name == REFERENCE else "fast moves"
+
+    @property
     def duration(self) -> float:
         """Total time of the motions [s]."""
         return float(sum(motion.period for motion in self.motions))

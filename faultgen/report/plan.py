@@ -105,7 +105,7 @@ def contents(made: MotionPlan) -> dict[str, Any]:
             for k, motion in enumerate(made.motions)
         ],
         "duration": made.duration,
-        "reference": made.reference.task.name,
+        "reference": made.reference_name,
         "noise": NOISE,
         "seed": SEED,
         "smaller": made.smaller,
