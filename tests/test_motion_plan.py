@@ -214,7 +214,7 @@ def test_the_motion_that_separates_is_chosen():
     loud, telling = np.full((2, 2), 900.0), np.diag([100.0, 100.0])
     told = Information(terms, np.array([loud, telling, loud]), np.array([40.0, 40.0, 40.0]))
     candidates = Candidates.of(terms)
-    assert motion_plan._chosen(told, candidates, faults_of(candidates), [0, 1, 2]) == [1]
+    assert motion_plan.choose_motions(told, candidates, faults_of(candidates), [0, 1, 2]) == [1]
 
 
 def test_severities_that_healthy_robots_have_are_not_asked_for(tiny_robot):

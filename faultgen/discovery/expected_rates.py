@@ -189,6 +189,9 @@ class Clarity:
 
         It is the probability that the nearest wrong effect does not lower the misfit more than the
         true one, times the probability that the true one lowers it enough.
+
+        Returns:
+            Shape (faults,).
         """
         visible = self.size * np.sqrt(self.own) - np.sqrt(self.sure)
         nearer = self.size * np.sqrt(self.apart) / 2
@@ -201,6 +204,9 @@ class Clarity:
         """Severity from which a fault is named, over that of the fault; infinite if it never is.
 
         Both probabilities of `share` are then at least 90 %.
+
+        Returns:
+            Shape (faults,).
         """
         z = norm.ppf(0.9)
         with np.errstate(divide="ignore"):

@@ -58,10 +58,11 @@ class Workspace:
     """
 
     arm: Arm
+    """The rigid arm."""
     low: np.ndarray
-    """Shape (n_axes,), in [rad], or [m] for slides."""
+    """Smallest joint position that is used, shape (n_axes,), in [rad], or [m] for slides."""
     high: np.ndarray
-    """Same shape and unit."""
+    """Largest joint position, same shape and unit."""
     speed: np.ndarray
     """Joint speed that counts as full speed, same shape, in [rad/s] or [m/s]."""
     floor: np.ndarray
@@ -97,7 +98,13 @@ class Workspace:
         return self.is_above_floor(pose)
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """Draw an allowed pose, shape (n_axes,).
+        """Draw an allowed pose.
+
+        Args:
+            rng: Source of the pose.
+
+        Returns:
+            Shape (n_axes,), in [rad], or [m] for slides.
 
         Raises:
             InputError: No allowed pose was found.
@@ -112,7 +119,14 @@ class Workspace:
         )
 
     def within(self, pose: np.ndarray) -> np.ndarray:
-        """Return the nearest pose within the joint ranges."""
+        """Return the nearest pose within the joint ranges.
+
+        Args:
+            pose: Shape (n_axes,), in [rad], or [m] for slides.
+
+        Returns:
+            Same shape and unit.
+        """
         return np.clip(pose, self.low, self.high)
 
 

@@ -135,7 +135,7 @@ def make_plan(
     )
     candidates = Candidates.of(told.terms)
     faults = candidates.faults(robot)
-    chosen = _chosen(told, candidates, faults, range(1, len(motions)))
+    chosen = choose_motions(told, candidates, faults, range(1, len(motions)))
     repeats = float(told.duration[chosen].sum() / told.duration[0]) * (1 - 1 / _BLOCKS)
     fitted = {"plan": _fitted(told, chosen), "reference": repeats * told.gram[0]}
     seed = int(rng.integers(2**32))
@@ -184,10 +184,20 @@ def terms_of(robot: Robot, include: Collection[str] = ()) -> list[Term]:
     return [*nearest.values(), *waves]
 
 
-def _chosen(
+def choose_motions(
     told: Information, candidates: Candidates, faults: Sequence[Fault], pool: Sequence[int]
 ) -> list[int]:
-    """Motions of the plan, the most useful first."""
+    """Choose motions that fit into `DURATION`.
+
+    Args:
+        told: What each motion tells.
+        candidates: The candidates.
+        faults: The faults that should be named.
+        pool: Numbers of the motions from which to choose.
+
+    Returns:
+        Numbers of the chosen motions, the most useful for its time first.
+    """
     chosen: list[int] = []
     gram = np.zeros_like(told.gram[0])
     share = 0.0
