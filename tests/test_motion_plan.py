@@ -237,11 +237,11 @@ def planned(tiny_robot_path, short, tmp_path_factory):
     return out, result, again
 
 
-def test_a_plan_is_written(planned, tiny_robot):
+def test_a_plan_is_written(planned, short, tiny_robot):
     """plan.json states the rates, and every motion that it lists is a task of the robot."""
     out, result, _ = planned
     assert json.loads((out / "plan.json").read_text()) == result
-    assert result["reference"] == "fast moves"
+    assert result["reference"] == short[0].task.description
     assert 0 < result["duration"] <= motion_plan.DURATION
     for one in result["motions"]:
         text = (out / one["file"]).read_text()

@@ -4,7 +4,7 @@ A plan is a list of motions within the limits of the robot, chosen before anythi
 matters most without a healthy recording, when wrong numbers of the model and other forms of
 friction look like effects.
 
-    made = make_plan(load_robot("puma560"), workers=2)
+    made = make_plan(load_robot("puma560"), workers=2, rng=np.random.default_rng(0))
     made.motions[0].task, made.mean("plan"), made.mean("reference")
 """
 
@@ -68,8 +68,9 @@ class MotionPlan:
 
     @property
     def reference_name(self) -> str:
-        """Name of the reference, for messages."""
-        return REFERENCE if self.reference.task.name == REFERENCE else "fast moves"
+        """Name of the reference, or what it does if it is not `REFERENCE`."""
+        task = self.reference.task
+        return task.name if task.name == REFERENCE else task.description
 
     @property
     def duration(self) -> float:
