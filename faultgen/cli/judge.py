@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -144,12 +145,15 @@ def study(
 
 @app.command()
 def discover(
-    measured: Annotated[
-        Path, typer.Argument(help="Recording of the robot (HDF5 or CSV); see docs/measured.md.")
-    ],
     robot: Annotated[
         str, typer.Option(help="Name of the robot, or the path of its MJCF file or folder.")
     ],
+    measured: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Recording of the robot (HDF5 or CSV); see docs/measured.md. None with --plan."
+        ),
+    ] = None,
     healthy: Annotated[
         Path | None,
         typer.Option(
@@ -164,6 +168,14 @@ def discover(
             "result, not to find it."
         ),
     ] = None,
+    plan: Annotated[
+        bool,
+        typer.Option(
+            "--plan",
+            help="Analyse no recording; write the motions that are worth recording. Only --robot, "
+            "--out, --cache, --include, --workers and --json can be given with it.",
+        ),
+    ] = False,
     out: Out = Path("discovery-out"),
     cache: Annotated[
         Path | None,
@@ -216,7 +228,24 @@ def discover(
     the command proposes the motion that would decide between the candidates. It writes
     discovery.json, model (a robot folder with all that was found; model.xml is its MJCF part),
     report.html and, if the verdict is ambiguous, next_experiment.toml.
+
+    With --plan, the command needs no recording. It writes motions within the limits of the robot,
+    motion_1.toml and so on, that separate the effects best, and plan.json with the expected rate of
+    right answers for each effect and axis, beside that of the task pick_and_place.
     """
+    if plan:
+        others = {
+            "a recording": measured is not None,
+            "--healthy": healthy is not None,
+            "--validate": validate is not None,
+            "--prior-scale": prior_scale != 1,
+            "--white-noise": white_noise,
+            "--low-pass": low_pass is not None,
+        }
+        _plan(robot, others, out, worker_count(workers), include or (), cache, as_json)
+        return
+    if measured is None:
+        raise InputError("give a recording of the robot, or --plan to learn what to record")
     from faultgen.report.discover import discover as run_discover
 
     result = run_discover(
@@ -261,6 +290,44 @@ def discover(
     print(
         f"gap {gap['before']:.4f}, calibrated {gap['calibrated']:.4f}, "
         f"after {gap['after']:.4f}, floor {gap['floor']:.4f}"
+    )
+
+
+def _plan(
+    robot: str,
+    others: dict[str, bool],
+    out: Path,
+    workers: int,
+    include: Sequence[str],
+    cache: Path | None,
+    as_json: bool,
+) -> None:
+    """Carry out `discover --plan`; the other arguments must not have been given."""
+    from faultgen.report.plan import plan_motions, table
+
+    given = [name for name, is_given in others.items() if is_given]
+    if given:
+        raise InputError(f"--plan analyses no recording: leave out {', '.join(given)}")
+    if out.is_file():
+        raise InputError(f"out: must be a folder, not the file {out}")
+    result = plan_motions(robot, out=out, workers=workers, include=include, cache=cache)
+    if as_json:
+        print_json(result)
+        return
+    for motion in result["motions"]:
+        print(f"{out / motion['file']}: {motion['description']}, {motion['duration']:.1f} s")
+    print(
+        f"\nright answers without a healthy recording, in %: {result['reference']} for "
+        f"{result['duration']:.0f} s -> these motions, which take as long\n\n{table(result)}\n"
+    )
+    mean, alarms = result["mean_rate"], result["false_alarms"]
+    print(
+        f"mean {100 * mean['reference']:.0f} -> {100 * mean['plan']:.0f}; healthy robots in which "
+        f"an effect is named: {100 * alarms['reference']:.0f} -> {100 * alarms['plan']:.0f}\n"
+        f"smallest severity that is named, of {result['reference']} over that of these motions: "
+        f"{result['smaller']:.2f} (geometric mean)\n"
+        f"These are ideal rates: effects add up, the noise is {100 * result['noise']:.0f} % of the "
+        "RMS torque, and robots differ from the model only as assumed (docs/discovery.md)."
     )
 
 
