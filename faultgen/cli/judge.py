@@ -151,10 +151,11 @@ def discover(
         str, typer.Option(help="Name of the robot, or the path of its MJCF file or folder.")
     ],
     healthy: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
             help="Recording of the same motions from before the change. It makes small changes "
-            "visible."
+            "visible. Repeat the option for several runs: they show how much the unchanged robot "
+            "differs from run to run."
         ),
     ] = None,
     validate: Annotated[

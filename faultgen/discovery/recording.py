@@ -14,6 +14,7 @@ optional. A CSV file has a column ``time`` [s] instead of the period, and may ha
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -122,6 +123,27 @@ class Recording:
                         position[part], window, 3, deriv=order, delta=self.sample_period, axis=0
                     )
         return out
+
+
+def mean_of(recordings: Sequence[Recording]) -> Recording:
+    """Average recordings of the same motions.
+
+    Args:
+        recordings: At least one; all of the same shape.
+
+    Returns:
+        The mean. It has the optional arrays that all recordings have.
+    """
+    first = recordings[0]
+    if len(recordings) == 1:
+        return first
+
+    def mean(name: str) -> np.ndarray | None:
+        arrays = [getattr(one, name) for one in recordings]
+        return None if any(one is None for one in arrays) else np.mean(arrays, axis=0)
+
+    source = f"mean of {len(recordings)} recordings"
+    return replace(first, source=source, **{name: mean(name) for name in _ARRAYS})  # type: ignore[arg-type]
 
 
 def low_passed(recording: Recording, cut_off: float) -> Recording:

@@ -8,8 +8,9 @@ found.answer.verdict
 from __future__ import annotations
 
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -33,10 +34,11 @@ from faultgen.discovery.next_experiment import Experiment, next_experiment
 from faultgen.discovery.noise import is_same_noise
 from faultgen.discovery.order_analysis import find_orders
 from faultgen.discovery.read import read_recording
-from faultgen.discovery.recording import Recording, low_passed
+from faultgen.discovery.recording import Recording, low_passed, mean_of
 from faultgen.discovery.regression import Problem, plain, pose
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.result import AMBIGUOUS, Answer
+from faultgen.discovery.run_to_run import differences, widened
 from faultgen.discovery.selection import Choice, choose
 from faultgen.discovery.sensitivities import own_sensitivities, sensitivities
 from faultgen.discovery.verdict import answer
@@ -69,7 +71,7 @@ class Discovery:
 def investigate(
     recording: Recording,
     robot: Robot,
-    twin: Recording | None = None,
+    healthy: Recording | Sequence[Recording] | None = None,
     *,
     workers: int = 1,
     exclude: Collection[str] = (),
@@ -83,7 +85,9 @@ def investigate(
     Args:
         recording: The measured data.
         robot: The model.
-        twin: Recording of the same motions before the change, or None.
+        healthy: Recordings of the same motions before the change: one, several, or None. The twin
+            is their mean. Several show how much the robot differs from run to run, and so does one
+            that repeats a motion; see `run_to_run`.
         workers: Number of processes. It has no effect on the result.
         exclude: Effects that are not considered.
         include: Optional effects that are considered, with the use "on request".
@@ -101,8 +105,11 @@ def investigate(
         InputError: Too little of the recording can be used.
         SimulationFailed: The model diverges on the recorded motion.
     """
-    if twin is not None and recording.reference_position is None:
-        _check_followed(recording, twin)
+    runs = [healthy] if isinstance(healthy, Recording) else list(healthy or ())
+    twin = mean_of(runs) if runs else None
+    if recording.reference_position is None:
+        for run in runs:
+            _check_followed(recording, run)
     replay, following = Replay.suited(recording, robot)
     terms = effect_terms(robot, exclude, include) + inertia_terms(robot)
     waves = _waves(robot, exclude)
@@ -128,6 +135,8 @@ def investigate(
     except ValueError as error:
         raise InputError(f"{recording.source}: {error}") from None
     problem = _with_orders(problem, workers, exclude)
+    if runs:
+        problem = widened(problem, differences(runs))
     choice = choose(plain(problem) if white_noise else problem)
     told = answer(problem, choice)
     experiment = next_experiment(problem, choice) if told.verdict == AMBIGUOUS else None
@@ -264,6 +273,29 @@ def check_same_motion(worn: Recording, twin: Recording) -> None:
             f"{worn.source} and {twin.source}: not the same motions, sample by sample; record the "
             "same program from the same start, with the same sample period"
         )
+
+
+def check_own_noise(healthy: Sequence[Recording]) -> None:
+    """Refuse healthy recordings that do not show how much runs differ.
+
+    Args:
+        healthy: Recordings of the same motions.
+
+    Raises:
+        InputError: Two of them are the same, or have the same noise, or are too short to tell.
+    """
+    for one, other in combinations(healthy, 2):
+        if np.array_equal(one.torque, other.torque):
+            raise InputError(f"{one.source} and {other.source}: the same run; give each run once")
+        try:
+            same = is_same_noise(one.torque, other.torque, one.parts)
+        except ValueError as error:
+            raise InputError(f"{one.source}: {error}") from None
+        if same.any():
+            raise InputError(
+                f"{one.source} and {other.source}: have the same noise, as runs of one dataset "
+                "with paired = true do; give healthy runs with their own noise"
+            )
 
 
 def dump(result: dict[str, Any]) -> str:

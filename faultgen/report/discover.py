@@ -7,7 +7,7 @@ result["verdict"], result["effects"]
 from __future__ import annotations
 
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,12 +17,13 @@ from threadpoolctl import threadpool_limits
 
 from faultgen.discovery.candidates import Term, check_names, names_by_use
 from faultgen.discovery.physical import with_own_friction
-from faultgen.discovery.recording import Recording
+from faultgen.discovery.recording import Recording, mean_of
 from faultgen.discovery.regression import Problem, counted
 from faultgen.discovery.replay import Replay, relative_error
 from faultgen.discovery.with_laws import contract, outside, with_laws
 from faultgen.discovery.workflow import (
     Discovery,
+    check_own_noise,
     check_positive,
     check_same_motion,
     investigate,
@@ -36,7 +37,7 @@ from faultgen.robot import load_robot
 def discover(
     measured: str | Path,
     robot: str | Path,
-    healthy: str | Path | None = None,
+    healthy: str | Path | Sequence[str | Path] | None = None,
     validate: str | Path | None = None,
     *,
     out: str | Path | None = None,
@@ -53,9 +54,10 @@ def discover(
     Args:
         measured: Recording of the robot; docs/measured.md describes the format.
         robot: Name of the robot, or path of its MJCF file or folder.
-        healthy: Recording of the same motions from before the change. Without it, the model is
-            first calibrated on the recording itself, and an effect is reported only if it is larger
-            than the usual errors of a model.
+        healthy: Recording of the same motions from before the change, or several of them. Several
+            also show how much the unchanged robot differs from run to run, and such differences
+            are not reported. Without any, the model is first calibrated on the recording itself,
+            and an effect is reported only if it is larger than the usual errors of a model.
         validate: Recording of other motions with the effect. It is used only to score the result.
         out: Folder for ``discovery.json``, ``report.html``, the folder ``model`` that is a robot
             with all that was found, its MJCF part ``model.xml`` and, if there is one, the next
@@ -91,12 +93,14 @@ def discover(
         check_positive("low-pass", low_pass)
     model = load_robot(str(robot))
     recording, warnings = usable(measured, model, low_pass)
-    twin = None
-    if healthy is not None:
-        twin, more = usable(healthy, model, low_pass)
+    runs = []
+    for path in [healthy] if isinstance(healthy, str | Path) else healthy or ():
+        run, more = usable(path, model, low_pass)
         warnings += more
-        check_same_motion(recording, twin)
-    model = with_own_friction(recording if twin is None else twin, model)
+        check_same_motion(recording, run)
+        runs.append(run)
+    check_own_noise(runs)
+    model = with_own_friction(mean_of(runs) if runs else recording, model)
     other = None
     if validate is not None:
         other, more = usable(validate, model, low_pass)
@@ -105,7 +109,7 @@ def discover(
         found = investigate(
             recording,
             model,
-            twin,
+            runs,
             workers=workers,
             exclude=exclude,
             include=include,
@@ -123,6 +127,7 @@ def discover(
                 result["gap"]["validation"] = None
                 warnings.append(f"{validate}: not scored: {error}")
     result["following"] = found.following
+    result["run_to_run"] = _run_to_run(found.problem)
     result["warnings"] = [*warnings, *_on_noise(found.problem), *found.answer.lacks]
     result["seconds"] = round(time.monotonic() - started, 1)
     if out is not None:
@@ -141,6 +146,18 @@ def _on_noise(problem: Problem) -> list[str]:
         f"axis {axes}: the recording and its healthy twin differ by far less than the noise in "
         "each, as runs of one dataset with paired = true do; they are compared as if each had "
         "noise of its own, and runs with paired = false are the better test"
+    ]
+
+
+def _run_to_run(problem: Problem) -> list[dict[str, float]] | None:
+    """RMS torque by which the unchanged robot differs from run to run; None if not measured."""
+    if problem.run_to_run is None:
+        return None
+    return [
+        {"axis": axis + 1, "torque": float(np.sqrt(np.mean(column[inside] ** 2)))}
+        for axis, (column, inside) in enumerate(
+            zip(problem.run_to_run.T, problem.inside.T, strict=True)
+        )
     ]
 
 
