@@ -87,8 +87,11 @@ def _check_arrays(path: Path, side: str, arrays: dict[str, np.ndarray | None]) -
     for name, values in arrays.items():
         if values is None:
             continue
-        expected = position.shape[:1] if name == "temperature" else position.shape
-        if values.shape != expected:
+        allowed = [position.shape]
+        if name == "temperature":  # of the whole robot
+            allowed.insert(0, position.shape[:1])
+        if values.shape not in allowed:
+            expected = " or ".join(map(str, allowed))
             raise InputError(f"{path}: {name} has shape {values.shape}, expected {expected}")
         for wrong, what in (
             (~np.isfinite(values), "is not finite"),

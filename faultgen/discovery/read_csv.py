@@ -40,6 +40,11 @@ def read_csv(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     for stem in NAMES:
         values = _axes(path, stem, columns)
         if values is not None:
+            if stem in named:
+                raise InputError(
+                    f"{path}: has both '{stem}' and '{stem}_1'; give one temperature, or one for "
+                    "each axis"
+                )
             named[stem] = values
     attributes: dict[str, Any] = {}
     starts = np.zeros(1, int)

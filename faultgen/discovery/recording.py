@@ -6,7 +6,7 @@ a header of the same names and suffixes _1 to _n:
     motor_position [rad], motor_torque [N m]        motor side, or else
     joint_position [rad], joint_torque [N m]        joint side (m and N for slides)
     motor_velocity or joint_velocity [rad/s], reference_position [rad, joint side]: optional
-    temperature [deg C], shape (sample,): optional
+    temperature [deg C], shape (sample,) or (sample, axis): optional
 
 Attributes ``segments`` (start of each separate recording in the file) and ``payload_mass`` [kg] are
 optional. A CSV file has a column ``time`` [s] instead of the period, and may have ``segment``.
@@ -51,7 +51,7 @@ class Recording:
     reference_position: np.ndarray | None = None
     """Commanded position, joint side [rad]."""
     temperature: np.ndarray | None = None
-    """Shape (samples,), in [deg C]."""
+    """Gearbox temperature, shape (samples,) or (samples, n_axes), in [deg C]."""
     segments: tuple[int, ...] = (0,)
     """First sample of each separate recording, ascending from 0."""
     payload_mass: float | None = None
@@ -67,6 +67,17 @@ class Recording:
         """Samples of each separate recording."""
         ends = [*self.segments[1:], len(self.position)]
         return [slice(start, end) for start, end in zip(self.segments, ends, strict=True)]
+
+    @property
+    def axis_temperature(self) -> np.ndarray | None:
+        """Temperature of the gearbox of each axis; None if it was not measured.
+
+        Returns:
+            Shape (samples, n_axes), in [deg C].
+        """
+        if self.temperature is None or self.temperature.ndim == 2:
+            return self.temperature
+        return np.broadcast_to(self.temperature[:, None], self.position.shape)
 
     def joint_position(self, gear_ratio: np.ndarray) -> np.ndarray:
         """Return the measured position on the joint side.

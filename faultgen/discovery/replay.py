@@ -209,8 +209,7 @@ class Replay:
         recording, robot = self.recording, self.robot
         logged = np.empty_like(recording.torque)
         timestep = robot.model.opt.timestep
-        names = {one.effect for one in (*robot.effects, *applied(changes))}
-        by_temperature = any("temperature" in get_effect(name).parameters for name in names)
+        by_temperature = self.by_temperature(changes)
         plant = None
         for part, control in zip(recording.parts, self.controls, strict=True):
             if plant is None or by_temperature:
@@ -228,6 +227,15 @@ class Replay:
             for axis in range(robot.n_axes):
                 logged[part, axis] = np.interp(times, simulated, values[:, axis])
         return logged
+
+    def by_temperature(self, changes: Changes) -> bool:
+        """Whether the robot with changes has an effect that depends on the temperature.
+
+        Args:
+            changes: Changes of the model: terms and values.
+        """
+        names = {one.effect for one in (*self.robot.effects, *applied(changes))}
+        return any("temperature" in get_effect(name).parameters for name in names)
 
     def _pushed(self, control: np.ndarray, disturbance: np.ndarray) -> np.ndarray:
         """Control signals with a torque added to the feed-forward."""
