@@ -14,13 +14,11 @@ import numpy as np
 from faultgen.discovery.read_csv import read_csv
 from faultgen.discovery.read_hdf5 import read_hdf5
 from faultgen.discovery.recording import Recording
+from faultgen.discovery.resampling import FEWEST, evened
 from faultgen.errors import InputError
 
 FASTEST, SLOWEST = 1e-5, 1.0
 """Sample periods that a recording may have [s]."""
-
-FEWEST = 5
-"""Fewest samples that a separate recording may have."""
 
 LARGEST = 1e9
 """Largest plausible position, velocity or torque, in any unit."""
@@ -67,16 +65,31 @@ def read_recording(path: str | Path) -> Recording:
         "temperature": named.get("temperature"),
     }
     _check_arrays(path, side, arrays)
-    count = len(arrays["position"])  # type: ignore[arg-type]
+    segments = _segments(path, attributes.get("segments", 0), len(named[f"{side}_position"]))
+    notes: tuple[str, ...] = ()
+    period = attributes.get("sample_period")
+    if period is None and "time" in named:
+        _check_time(path, named["time"], len(named[f"{side}_position"]))
+        even = evened(str(path), named["time"], arrays, segments)
+        arrays, period, segments, notes = even.arrays, even.period, even.segments, even.notes
     return Recording(
         source=str(path),
         robot=_robot(path, attributes.get("robot", "")),
         side=side,
-        sample_period=_sample_period(path, attributes.get("sample_period")),
-        segments=_segments(path, attributes.get("segments", 0), count),
+        sample_period=_sample_period(path, period),
+        segments=segments,
         payload_mass=_payload(path, attributes.get("payload_mass")),
+        notes=notes,
         **arrays,  # type: ignore[arg-type]
     )
+
+
+def _check_time(path: Path, time: np.ndarray, count: int) -> None:
+    if time.shape != (count,):
+        raise InputError(f"{path}: time has shape {time.shape}, expected {(count,)}")
+    wrong = ~np.isfinite(time)
+    if wrong.any():
+        raise InputError(f"{path}: time is not finite in sample {int(np.argmax(wrong))}")
 
 
 def _check_arrays(path: Path, side: str, arrays: dict[str, np.ndarray | None]) -> None:

@@ -9,7 +9,8 @@ a header of the same names and suffixes _1 to _n:
     temperature [deg C], shape (sample,) or (sample, axis): optional
 
 Attributes ``segments`` (start of each separate recording in the file) and ``payload_mass`` [kg] are
-optional. A CSV file has a column ``time`` [s] instead of the period, and may have ``segment``.
+optional. ``time`` [s], shape (sample,), may stand instead of the period; a CSV file has it as a
+column, and may have ``segment``. Uneven times are resampled.
 """
 
 from __future__ import annotations
@@ -56,6 +57,8 @@ class Recording:
     """First sample of each separate recording, ascending from 0."""
     payload_mass: float | None = None
     """[kg], if known."""
+    notes: tuple[str, ...] = ()
+    """One line for each thing that was done to the data when they were read."""
 
     @property
     def n_axes(self) -> int:

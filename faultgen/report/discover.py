@@ -20,6 +20,7 @@ from faultgen.discovery.physical import with_own_friction
 from faultgen.discovery.recording import Recording, mean_of
 from faultgen.discovery.regression import Problem, counted
 from faultgen.discovery.replay import Replay, relative_error
+from faultgen.discovery.resampling import in_step
 from faultgen.discovery.with_laws import contract, outside, with_laws
 from faultgen.discovery.workflow import (
     Discovery,
@@ -97,8 +98,10 @@ def discover(
     for path in [healthy] if isinstance(healthy, str | Path) else healthy or ():
         run, more = usable(path, model, low_pass)
         warnings += more
-        check_same_motion(recording, run)
         runs.append(run)
+    recording, *runs = in_step([recording, *runs])
+    for run in runs:
+        check_same_motion(recording, run)
     check_own_noise(runs)
     model = with_own_friction(mean_of(runs) if runs else recording, model)
     other = None
