@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -212,6 +213,9 @@ def discover(
     model is first calibrated on the recording, and an effect is reported only if it is larger than
     the usual errors of a model.
 
+    The recording has position and torque of every axis, or motor current [A] instead of torque; its
+    samples need not be evenly spaced.
+
     The verdict is one of: no missing effect, named, partly named, ambiguous, unknown effect. If it
     is ambiguous,
     the command proposes the motion that would decide between the candidates. It writes
@@ -300,7 +304,8 @@ def calibrate(
     The parameters of friction, offsets, rotors, torque constants and links may differ more from
     the model than usual. How much more is chosen with parts of the recording that were not used
     for the fit. A recording can hardly separate the torque constants from the masses of the links,
-    so name one of them with --known. The model may be without friction.
+    so name one of them with --known. The model may be without friction. The recording may have
+    motor current [A] instead of torque; its samples need not be evenly spaced.
 
     The command prints the relative RMS torque error on motions that were not fitted, beside that
     of classical identification. It writes a robot folder, which every command accepts as --robot,
@@ -322,6 +327,9 @@ def calibrate(
     with threadpool_limits(limits=1):
         found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))
     result = found.report()
+    if recording.constants is not None:
+        changed = recording.constants.constant * found.robot.torque_gain / model.torque_gain
+        result["torque_constants"] = replace(recording.constants, constant=changed).contract()
     found.robot.write(out)
     write_text(out / "calibration.json", dump(result))
     for line in found.lacks:

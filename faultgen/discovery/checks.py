@@ -51,6 +51,9 @@ def check_recording(recording: Recording, robot: Robot) -> list[Finding]:
     if recording.n_axes != robot.n_axes:
         text = f"{recording.n_axes} axes, but {robot.name} has {robot.n_axes}"
         return [Finding("refuse", 0, text)]
+    if recording.current:
+        text = "its torque is a motor current: convert it, see discovery.motor_current"
+        return [Finding("refuse", 0, text)]
     findings = [Finding("warn", 0, note) for note in recording.notes]
     if recording.robot and recording.robot != robot.name:
         text = f"the file says robot '{recording.robot}', the model is {robot.name}"

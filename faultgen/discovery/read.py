@@ -55,11 +55,14 @@ def read_recording(path: str | Path) -> Recording:
         has = "both" if sides else "neither"
         raise InputError(f"{path}: needs motor_position or joint_position, has {has}")
     (side,) = sides
-    if f"{side}_torque" not in named:
-        raise InputError(f"{path}: has {side}_position, but no {side}_torque")
+    current = f"{side}_torque" not in named
+    if current and "motor_current" not in named:
+        raise InputError(
+            f"{path}: has {side}_position, but no {side}_torque, and no motor_current [A] instead"
+        )
     arrays = {
         "position": named[f"{side}_position"],
-        "torque": named[f"{side}_torque"],
+        "torque": named["motor_current" if current else f"{side}_torque"],
         "velocity": named.get(f"{side}_velocity"),
         "reference_position": named.get("reference_position"),
         "temperature": named.get("temperature"),
@@ -79,6 +82,7 @@ def read_recording(path: str | Path) -> Recording:
         sample_period=_sample_period(path, period),
         segments=segments,
         payload_mass=_payload(path, attributes.get("payload_mass")),
+        current=current,
         notes=notes,
         **arrays,  # type: ignore[arg-type]
     )

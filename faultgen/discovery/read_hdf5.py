@@ -15,6 +15,7 @@ SIDES = ("motor", "joint")
 
 NAMES = (
     *(f"{side}_{what}" for side in SIDES for what in ("position", "velocity", "torque")),
+    "motor_current",
     "reference_position",
     "temperature",
 )

@@ -5,6 +5,7 @@ a header of the same names and suffixes _1 to _n:
 
     motor_position [rad], motor_torque [N m]        motor side, or else
     joint_position [rad], joint_torque [N m]        joint side (m and N for slides)
+    motor_current [A]                               instead of the torque, on either side
     motor_velocity or joint_velocity [rad/s], reference_position [rad, joint side]: optional
     temperature [deg C], shape (sample,) or (sample, axis): optional
 
@@ -29,6 +30,34 @@ from faultgen.system.arrays import write_arrays
 _ARRAYS = ("position", "torque", "velocity", "reference_position", "temperature")
 _SMOOTHING = 0.06  # window of the derivatives [s]
 _PADDING = 15  # samples that the filter of `low_passed` needs beyond each end
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueConstants:
+    """By how much torque follows from the current of each motor."""
+
+    constant: np.ndarray
+    """Motor torque over current, shape (n_axes,), in [N m/A]."""
+    offset: np.ndarray
+    """Current without torque, shape (n_axes,), in [A]."""
+    source: str
+    """Recording from which they were found."""
+
+    def contract(self) -> list[dict[str, float]]:
+        """Return the numbers of each axis, as result files have them."""
+        return [
+            {"axis": axis, "constant": float(constant), "offset": float(offset)}
+            for axis, (constant, offset) in enumerate(
+                zip(self.constant, self.offset, strict=True), start=1
+            )
+        ]
+
+    def __str__(self) -> str:
+        each = ", ".join(
+            "axis {axis} {constant:.4g} N m/A with {offset:.3g} A at no torque".format(**one)
+            for one in self.contract()
+        )
+        return f"torque constants found from {self.source}: {each}"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -57,6 +86,10 @@ class Recording:
     """First sample of each separate recording, ascending from 0."""
     payload_mass: float | None = None
     """[kg], if known."""
+    current: bool = False
+    """Whether `torque` holds motor currents [A], which `motor_current` converts."""
+    constants: TorqueConstants | None = None
+    """Constants with which the torque was found from motor currents; None if it was measured."""
     notes: tuple[str, ...] = ()
     """One line for each thing that was done to the data when they were read."""
 
@@ -222,6 +255,8 @@ def write_recording(recording: Recording, path: str | Path) -> None:
         for name in _ARRAYS
         if getattr(recording, name) is not None
     }
+    if recording.current:
+        arrays["motor_current"] = arrays.pop(f"{side}_torque")
     attributes: dict[str, Any] = {
         "robot": recording.robot,
         "sample_period": recording.sample_period,

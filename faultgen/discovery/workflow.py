@@ -23,6 +23,7 @@ from faultgen.discovery.candidates import (
     effect_terms,
     names_by_use,
     periodic_terms,
+    with_free_gains,
     with_model_scale,
     with_prior_scale,
 )
@@ -30,11 +31,12 @@ from faultgen.discovery.checks import check_recording
 from faultgen.discovery.friction_discrepancy import discrepancy_sensitivities, discrepancy_terms
 from faultgen.discovery.inertia import inertia_terms
 from faultgen.discovery.learned_law import Learned
+from faultgen.discovery.motor_current import constants_of, in_torque
 from faultgen.discovery.next_experiment import Experiment, next_experiment
 from faultgen.discovery.noise import is_same_noise
 from faultgen.discovery.order_analysis import find_orders
 from faultgen.discovery.read import read_recording
-from faultgen.discovery.recording import Recording, low_passed, mean_of
+from faultgen.discovery.recording import Recording, TorqueConstants, low_passed, mean_of
 from faultgen.discovery.regression import Problem, plain, pose
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.result import AMBIGUOUS, Answer
@@ -130,6 +132,8 @@ def investigate(
         terms = with_prior_scale(terms, SAME_MOTIONS)
     elif prior_scale != 1:
         terms = with_model_scale(terms, prior_scale)
+    if twin is None and recording.constants is not None:
+        terms = with_free_gains(terms)
     try:
         problem = pose(replay, terms, base, raw, residual, twin=twin is not None)
     except ValueError as error:
@@ -216,14 +220,20 @@ def check_positive(what: str, value: float) -> None:
 
 
 def usable(
-    path: str | Path, robot: Robot, low_pass: float | None = None
+    path: str | Path,
+    robot: Robot,
+    low_pass: float | None = None,
+    constants: TorqueConstants | None = None,
 ) -> tuple[Recording, list[str]]:
-    """Read a recording, filter it if asked, and refuse it if a check finds that it cannot be used.
+    """Read a recording, and refuse it if a check finds that it cannot be used.
+
+    It is filtered if asked, and motor currents are converted to torque.
 
     Args:
         path: The file.
         robot: The model.
         low_pass: Cut-off frequency [Hz] of a filter, used if there is no reference.
+        constants: Torque constants, if it has motor currents. None: they are found from it.
 
     Returns:
         The recording, and one line for each warning.
@@ -240,12 +250,18 @@ def usable(
         )
     if low_pass is not None and recording.reference_position is None:
         recording = low_passed(recording, low_pass)
+    found = []
+    if recording.current and recording.n_axes == robot.n_axes:
+        if constants is None:
+            constants = constants_of(recording, robot)
+            found = [str(constants)]
+        recording = in_torque(recording, robot, constants)
     findings = check_recording(recording, robot)
     for finding in findings:
         if finding.level == "refuse":
             where = f"axis {finding.axis}: " if finding.axis else ""
             raise InputError(f"{path}: {where}{finding.message}")
-    return recording, [f"{path}: {finding}" for finding in findings]
+    return recording, [*found, *(f"{path}: {finding}" for finding in findings)]
 
 
 def check_same_motion(worn: Recording, twin: Recording) -> None:
@@ -268,6 +284,11 @@ def check_same_motion(worn: Recording, twin: Recording) -> None:
         moved = np.ptp(twin.position, axis=0)
         apart = np.abs(worn.position - twin.position).max(axis=0)
         same = bool(np.all(apart <= 0.05 * moved + 1e-3 * moved.max()))
+    if (worn.constants is None) != (twin.constants is None):
+        raise InputError(
+            f"{worn.source} and {twin.source}: only one of them has motor_current; give both as "
+            "currents, or both as torques"
+        )
     if not same:
         raise InputError(
             f"{worn.source} and {twin.source}: not the same motions, sample by sample; record the "

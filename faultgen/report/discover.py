@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from faultgen.discovery.candidates import Term, check_names, names_by_use
-from faultgen.discovery.physical import with_own_friction
+from faultgen.discovery.candidates import FREE_GAINS, Term, check_names, names_by_use
+from faultgen.discovery.physical import GAIN, with_own_friction
 from faultgen.discovery.recording import Recording, mean_of
 from faultgen.discovery.regression import Problem, counted
 from faultgen.discovery.replay import Replay, relative_error
@@ -93,12 +93,17 @@ def discover(
     if low_pass is not None:
         check_positive("low-pass", low_pass)
     model = load_robot(str(robot))
-    recording, warnings = usable(measured, model, low_pass)
-    runs = []
+    warnings: list[str] = []
+    runs: list[Recording] = []
+    constants = None  # of the motors, from the first recording that has currents
     for path in [healthy] if isinstance(healthy, str | Path) else healthy or ():
-        run, more = usable(path, model, low_pass)
+        run, more = usable(path, model, low_pass, constants)
+        constants = constants or run.constants
         warnings += more
         runs.append(run)
+    recording, more = usable(measured, model, low_pass, constants)
+    constants = constants or recording.constants
+    warnings += more
     recording, *runs = in_step([recording, *runs])
     for run in runs:
         check_same_motion(recording, run)
@@ -106,7 +111,7 @@ def discover(
     model = with_own_friction(mean_of(runs) if runs else recording, model)
     other = None
     if validate is not None:
-        other, more = usable(validate, model, low_pass)
+        other, more = usable(validate, model, low_pass, constants)
         warnings += more
     with threadpool_limits(limits=1):
         found = investigate(
@@ -130,6 +135,12 @@ def discover(
                 result["gap"]["validation"] = None
                 warnings.append(f"{validate}: not scored: {error}")
     result["following"] = found.following
+    result["torque_constants"] = _torque_constants(found)
+    if recording.constants is not None and not runs:
+        warnings.append(
+            f"{' and '.join(FREE_GAINS)} are not named: the torque constants and offsets of "
+            "motor_current are not known, and explain the same; --healthy makes them visible"
+        )
     result["run_to_run"] = _run_to_run(found.problem)
     result["warnings"] = [*warnings, *_on_noise(found.problem), *found.answer.lacks]
     result["seconds"] = round(time.monotonic() - started, 1)
@@ -162,6 +173,24 @@ def _run_to_run(problem: Problem) -> list[dict[str, float]] | None:
             zip(problem.run_to_run.T, problem.inside.T, strict=True)
         )
     ]
+
+
+def _torque_constants(found: Discovery) -> list[dict[str, float]] | None:
+    """Torque constants and offsets of motor currents; None if the torque was measured.
+
+    Without a healthy recording they are calibrated with the other numbers of the model.
+    """
+    constants = found.problem.recording.constants
+    if constants is None:
+        return None
+    constant, offset = constants.constant.copy(), constants.offset.copy()
+    if not found.problem.twin:
+        for term, value in found.answer.changes:
+            if term.name == GAIN:
+                constant[term.axis - 1] *= 1 - value
+            elif term.name == "torque_offset":  # pushes forward, which spares the motor torque
+                offset[term.axis - 1] -= value / constants.constant[term.axis - 1]
+    return replace(constants, constant=constant, offset=offset).contract()
 
 
 def _path(folder: str | Path | None) -> Path | None:
