@@ -37,6 +37,27 @@ PAYLOAD = "payload_mass"
 """Effect that consists of four terms, the masses of four points, if the model's payload has no
 mass."""
 
+HIDDEN_BEHIND_GEARS = (
+    "friction_wear",
+    "coulomb_friction",
+    "static_friction",
+    "stribeck_velocity",
+    "viscous_friction",
+    "viscous_asymmetry",
+    "quadratic_viscous_friction",
+    "friction_asymmetry",
+    "low_speed_friction",
+    "load_friction",
+    "temperature_friction",
+    "wrist_coupling_friction",
+    "torque_ripple",
+    "torque_offset",
+    "torque_constant",
+    "rotor_inertia",
+)
+"""Effects on the rotors. A torque sensor behind the gearbox sees only how the servo corrects them,
+which depends on the real servo more than on the effect."""
+
 FREE_GAINS = {"torque_constant": 150.0, "torque_offset": 500.0}
 """Effects that an unknown torque constant and offset imitate, and the factor of their prior
 standard deviations then: 30 % of the constant, and 10 % of the torque limit (assumed)."""

@@ -67,6 +67,9 @@ def check_recording(recording: Recording, robot: Robot) -> list[Finding]:
     q, qd, qdd = recording.derivatives(joint)
     findings += _velocity(recording, qd * robot.gear_ratio if motor else qd)
     findings += _excitation(recording, robot, q, qd)
+    if recording.link:
+        expected = Arm(robot).inverse_dynamics(q, qd, qdd)
+        return _sorted(findings + _torque(recording, robot, expected, qd))
     findings += [
         Finding("warn", int(axis) + 1, "the model has no friction: it is found from the recording")
         for axis in np.flatnonzero(without_friction(robot))

@@ -82,6 +82,7 @@ def read_recording(path: str | Path) -> Recording:
         sample_period=_sample_period(path, period),
         segments=segments,
         payload_mass=_payload(path, attributes.get("payload_mass")),
+        link=_is_link(path, attributes.get("torque_sensor", "motor"), side, current),
         current=current,
         notes=notes,
         **arrays,  # type: ignore[arg-type]
@@ -169,6 +170,20 @@ def _payload(path: Path, value: Any) -> float | None:
             f"{path}: payload_mass must be one number in kg, 0 or more, not {_shown(value)}"
         )
     return mass
+
+
+def _is_link(path: Path, value: Any, side: str, current: bool) -> bool:
+    if isinstance(value, bytes):
+        value = value.decode(errors="replace")
+    if not isinstance(value, str) or value not in ("motor", "link"):
+        raise InputError(f"{path}: torque_sensor must be 'motor' or 'link', not {_shown(value)}")
+    if value == "link" and (side == "motor" or current):
+        has = "motor_current" if current else "motor_torque"
+        raise InputError(
+            f"{path}: torque_sensor is 'link', but it has {has}; sensors behind the gearbox "
+            "measure joint_torque, with joint_position"
+        )
+    return value == "link"
 
 
 def _robot(path: Path, value: Any) -> str:

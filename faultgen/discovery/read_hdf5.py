@@ -24,7 +24,7 @@ NAMES = (
 TIME = "time"
 """Array that is read if there is no ``sample_period``."""
 
-ATTRIBUTES = ("robot", "sample_period", "segments", "payload_mass")
+ATTRIBUTES = ("robot", "sample_period", "segments", "payload_mass", "torque_sensor")
 """Attributes that a recording may have."""
 
 MOST = 100_000_000

@@ -9,9 +9,10 @@ a header of the same names and suffixes _1 to _n:
     motor_velocity or joint_velocity [rad/s], reference_position [rad, joint side]: optional
     temperature [deg C], shape (sample,) or (sample, axis): optional
 
-Attributes ``segments`` (start of each separate recording in the file) and ``payload_mass`` [kg] are
-optional. ``time`` [s], shape (sample,), may stand instead of the period; a CSV file has it as a
-column, and may have ``segment``. Uneven times are resampled.
+Attributes ``segments`` (start of each separate recording in the file), ``payload_mass`` [kg] and
+``torque_sensor`` ("link" for sensors behind the gearbox) are optional. ``time`` [s], shape
+(sample,), may stand instead of the period; a CSV file has it as a column, and may have ``segment``.
+Uneven times are resampled.
 """
 
 from __future__ import annotations
@@ -86,6 +87,9 @@ class Recording:
     """First sample of each separate recording, ascending from 0."""
     payload_mass: float | None = None
     """[kg], if known."""
+    link: bool = False
+    """Whether the torque was measured by sensors behind the gearbox. Otherwise it is that of the
+    motor, on the joint side times the gear ratio. Only on the joint side."""
     current: bool = False
     """Whether `torque` holds motor currents [A], which `motor_current` converts."""
     constants: TorqueConstants | None = None
@@ -262,6 +266,8 @@ def write_recording(recording: Recording, path: str | Path) -> None:
         "sample_period": recording.sample_period,
         "segments": recording.segments,
     }
+    if recording.link:
+        attributes["torque_sensor"] = "link"
     if recording.payload_mass is not None:
         attributes["payload_mass"] = recording.payload_mass
     write_arrays(Path(path), arrays, attributes)

@@ -174,12 +174,14 @@ class Replay:
 
         Returns:
             Torque that the robot would have logged, on the recording's side and in its unit, shape
-            (samples, n_axes).
+            (samples, n_axes). For sensors behind the gearbox, it is the torque of the gearbox.
 
         Raises:
             InputError: An effect or axis does not exist.
             SimulationFailed: The simulation diverged.
         """
+        if self.recording.link:
+            return self._logged("gear_torque", changes, disturbance)
         torque = self._logged("motor_torque", changes, disturbance)
         if disturbance is not None:  # it went in as feed-forward, which the drive logs
             torque -= disturbance / self.robot.torque_gain

@@ -197,6 +197,8 @@ def kept_in(folder: Path | None, replay: Replay, what: bytes) -> Path | None:
     content = hashlib.sha256(replay.robot.sha256.encode() + made_by.encode())
     content.update(np.ascontiguousarray(replay.wanted).tobytes())
     content.update(repr((recording.segments, recording.sample_period, recording.side)).encode())
+    if recording.link:
+        content.update(b"link")
     if replay.by_temperature(()):
         content.update(np.asarray(recording.temperature, float).tobytes())
     content.update(what)

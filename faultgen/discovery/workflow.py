@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from faultgen.discovery.candidates import (
+    HIDDEN_BEHIND_GEARS,
     ORDERS,
     SAME_MOTIONS,
     Term,
@@ -112,6 +113,8 @@ def investigate(
     if recording.reference_position is None:
         for run in runs:
             _check_followed(recording, run)
+    if recording.link:
+        exclude = {*exclude, *HIDDEN_BEHIND_GEARS}
     replay, following = Replay.suited(recording, robot)
     terms = effect_terms(robot, exclude, include) + inertia_terms(robot)
     waves = _waves(robot, exclude)
@@ -288,6 +291,11 @@ def check_same_motion(worn: Recording, twin: Recording) -> None:
         raise InputError(
             f"{worn.source} and {twin.source}: only one of them has motor_current; give both as "
             "currents, or both as torques"
+        )
+    if worn.link != twin.link:
+        raise InputError(
+            f"{worn.source} and {twin.source}: not both have the torque sensor behind the gearbox; "
+            "give both with the same torque_sensor"
         )
     if not same:
         raise InputError(

@@ -141,6 +141,11 @@ def discover(
             f"{' and '.join(FREE_GAINS)} are not named: the torque constants and offsets of "
             "motor_current are not known, and explain the same; --healthy makes them visible"
         )
+    if recording.link:
+        warnings.append(
+            "torque_sensor is 'link': what acts on the rotors is not visible and not named, that "
+            "is friction, ripple, rotor inertia, torque constant and offset"
+        )
     result["run_to_run"] = _run_to_run(found.problem)
     result["warnings"] = [*warnings, *_on_noise(found.problem), *found.answer.lacks]
     result["seconds"] = round(time.monotonic() - started, 1)
@@ -199,6 +204,8 @@ def _path(folder: str | Path | None) -> Path | None:
 
 def _completed(found: Discovery) -> Discovery:
     """The discovery with laws learned from what effects leave unexplained."""
+    if found.problem.recording.link:  # laws act on the rotors
+        return found
     told, laws = with_laws(found.problem, found.choice, found.answer)
     return replace(found, answer=told, laws=tuple(laws))
 
