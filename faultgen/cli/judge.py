@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -155,10 +156,11 @@ def discover(
         ),
     ] = None,
     healthy: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
             help="Recording of the same motions from before the change. It makes small changes "
-            "visible."
+            "visible. Repeat the option for several runs: they show how much the unchanged robot "
+            "differs from run to run."
         ),
     ] = None,
     validate: Annotated[
@@ -222,6 +224,9 @@ def discover(
     from before the change is subtracted, so that even small changes are visible. Without it, the
     model is first calibrated on the recording, and an effect is reported only if it is larger than
     the usual errors of a model.
+
+    The recording has position and torque of every axis, or motor current [A] instead of torque; its
+    samples need not be evenly spaced.
 
     The verdict is one of: no missing effect, named, partly named, ambiguous, unknown effect. If it
     is ambiguous,
@@ -366,7 +371,8 @@ def calibrate(
     The parameters of friction, offsets, rotors, torque constants and links may differ more from
     the model than usual. How much more is chosen with parts of the recording that were not used
     for the fit. A recording can hardly separate the torque constants from the masses of the links,
-    so name one of them with --known. The model may be without friction.
+    so name one of them with --known. The model may be without friction. The recording may have
+    motor current [A] instead of torque; its samples need not be evenly spaced.
 
     The command prints the relative RMS torque error on motions that were not fitted, beside that
     of classical identification. It writes a robot folder, which every command accepts as --robot,
@@ -388,6 +394,9 @@ def calibrate(
     with threadpool_limits(limits=1):
         found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))
     result = found.report()
+    if recording.constants is not None:
+        changed = recording.constants.constant * found.robot.torque_gain / model.torque_gain
+        result["torque_constants"] = replace(recording.constants, constant=changed).contract()
     found.robot.write(out)
     write_text(out / "calibration.json", dump(result))
     for line in found.lacks:

@@ -121,6 +121,8 @@ def calibrate(
     """
     check_names("known", known, NUMBERS)
     check_names("exclude", exclude, NUMBERS)
+    if recording.link:  # the drive's log is not compared
+        exclude = {*exclude, GAIN}
     given, robot = robot, with_friction_law(robot, recording)
     # torque of the model's motors, from which the recording differs by the given torque_gain
     modelled = replace(recording, torque=recording.torque * robot.torque_gain)

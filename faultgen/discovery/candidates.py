@@ -37,6 +37,31 @@ PAYLOAD = "payload_mass"
 """Effect that consists of four terms, the masses of four points, if the model's payload has no
 mass."""
 
+HIDDEN_BEHIND_GEARS = (
+    "friction_wear",
+    "coulomb_friction",
+    "static_friction",
+    "stribeck_velocity",
+    "viscous_friction",
+    "viscous_asymmetry",
+    "quadratic_viscous_friction",
+    "friction_asymmetry",
+    "low_speed_friction",
+    "load_friction",
+    "temperature_friction",
+    "wrist_coupling_friction",
+    "torque_ripple",
+    "torque_offset",
+    "torque_constant",
+    "rotor_inertia",
+)
+"""Effects on the rotors. A torque sensor behind the gearbox sees only how the servo corrects them,
+which depends on the real servo more than on the effect."""
+
+FREE_GAINS = {"torque_constant": 150.0, "torque_offset": 500.0}
+"""Effects that an unknown torque constant and offset imitate, and the factor of their prior
+standard deviations then: 30 % of the constant, and 10 % of the torque limit (assumed)."""
+
 SAME_MOTIONS = 0.01
 """Prior standard deviation between two recordings of one robot, as a share of the prior standard
 deviation between a robot and its model: assumed."""
@@ -56,6 +81,8 @@ class Term:
     """Standard deviation of the severity among healthy robots: assumed."""
     parameters: tuple[tuple[str, float], ...] = ()
     """Further parameters of the effect."""
+    nuisance: bool = False
+    """Whether it is only allowed for. It is then never part of an answer."""
 
     @property
     def key(self) -> tuple[str, int]:
@@ -210,6 +237,23 @@ def with_prior_scale(terms: Sequence[Term], factor: float) -> list[Term]:
         New terms in the same order.
     """
     return [replace(term, prior_std=factor * term.prior_std) for term in terms]
+
+
+def with_free_gains(terms: Sequence[Term]) -> list[Term]:
+    """Return the same terms with torque constants and offsets that may have any value.
+
+    Args:
+        terms: All terms.
+
+    Returns:
+        New terms in the same order. No answer contains those of `FREE_GAINS`.
+    """
+    return [
+        replace(term, prior_std=FREE_GAINS[term.name] * term.prior_std, nuisance=True)
+        if term.name in FREE_GAINS
+        else term
+        for term in terms
+    ]
 
 
 def with_model_scale(

@@ -51,7 +51,10 @@ def check_recording(recording: Recording, robot: Robot) -> list[Finding]:
     if recording.n_axes != robot.n_axes:
         text = f"{recording.n_axes} axes, but {robot.name} has {robot.n_axes}"
         return [Finding("refuse", 0, text)]
-    findings = []
+    if recording.current:
+        text = "its torque is a motor current: convert it, see discovery.motor_current"
+        return [Finding("refuse", 0, text)]
+    findings = [Finding("warn", 0, note) for note in recording.notes]
     if recording.robot and recording.robot != robot.name:
         text = f"the file says robot '{recording.robot}', the model is {robot.name}"
         findings.append(Finding("warn", 0, text))
@@ -64,6 +67,9 @@ def check_recording(recording: Recording, robot: Robot) -> list[Finding]:
     q, qd, qdd = recording.derivatives(joint)
     findings += _velocity(recording, qd * robot.gear_ratio if motor else qd)
     findings += _excitation(recording, robot, q, qd)
+    if recording.link:
+        expected = Arm(robot).inverse_dynamics(q, qd, qdd)
+        return _sorted(findings + _torque(recording, robot, expected, qd))
     findings += [
         Finding("warn", int(axis) + 1, "the model has no friction: it is found from the recording")
         for axis in np.flatnonzero(without_friction(robot))

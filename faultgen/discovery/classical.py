@@ -221,6 +221,8 @@ class Regression:
         arm = self._arm.inverse_dynamics(q, qd, qdd)
         columns = np.zeros((len(q), n, self.size))
         columns[..., : links.shape[2]] = np.einsum("sjp,ji->sip", links, to_motor)
+        if self.recording.link:  # neither rotors nor their friction are behind the gearbox
+            return columns, (arm - links @ self._nominal) @ to_motor
         speed, acceleration = qd @ self.gearing.T, qdd @ self.gearing.T
         each = np.arange(n)
         shapes = (acceleration, np.sign(speed), speed, np.ones_like(speed))

@@ -69,10 +69,12 @@ def regimes(problem: Problem, motion: Kinematics) -> dict[str, np.ndarray]:
         "load": _top_third(load, moving),
         "light load": moving & ~_top_third(load, moving, 2 / 3),
     }
-    if recording.temperature is not None and np.ptp(recording.temperature) > 5:
-        warm = recording.temperature > np.median(recording.temperature)
-        named["warm"] = np.broadcast_to(warm[:, None], moving.shape)
-        named["cold"] = np.broadcast_to(~warm[:, None], moving.shape)
+    temperature = recording.axis_temperature
+    if temperature is not None:
+        changes = np.ptp(temperature, axis=0) > 5
+        warm = temperature > np.median(temperature, axis=0)
+        if changes.any():
+            named["warm"], named["cold"] = warm & changes, ~warm & changes
     return named
 
 

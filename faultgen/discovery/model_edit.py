@@ -78,7 +78,11 @@ def build_stable(
 def _candidates(problem: Problem, fitted: Fit, solution: np.ndarray) -> Iterator[Built]:
     """Models with smaller and smaller shares of the calibrated changes, then the effects alone."""
     effects = changes_of(problem, fitted)
-    alone = Built(effects, problem.residual - fitted.change, 0.0)
+    left = problem.residual - fitted.change
+    if problem.run_to_run is not None:  # what differs between any two runs is no part of the gap
+        size = solution * np.array([term.prior_std for term in problem.terms])
+        left = left - np.tensordot(size.astype(np.float32), problem.raw, axes=1)
+    alone = Built(effects, left, 0.0)
     numbers = _numbers(problem, solution)
     limit = _fitting_error(problem, alone.left)
     for share in SHARES if numbers else ():

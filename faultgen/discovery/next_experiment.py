@@ -130,7 +130,9 @@ def planned_recording(problem: Problem, name: str, toml: str) -> Recording:
         torque=np.zeros_like(reference),
         velocity=None,
         reference_position=reference,
-        temperature=None if temperature is None else np.full(len(times), temperature.mean()),
+        temperature=None
+        if temperature is None
+        else temperature.mean(axis=0) + np.zeros((len(times), *temperature.shape[1:])),
         segments=(0,),
     )
 

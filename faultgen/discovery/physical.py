@@ -349,7 +349,7 @@ def with_own_friction(recording: Recording, robot: Robot) -> Robot:
         The model with friction on every axis; the given robot if it has friction everywhere.
     """
     lacking = without_friction(robot)
-    if not lacking.any():
+    if not lacking.any() or recording.link:  # sensors behind the gearbox do not see friction
         return robot
     lawful = with_friction_law(robot, recording)
     regression = Regression(recording, lawful)

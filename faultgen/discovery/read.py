@@ -14,13 +14,11 @@ import numpy as np
 from faultgen.discovery.read_csv import read_csv
 from faultgen.discovery.read_hdf5 import read_hdf5
 from faultgen.discovery.recording import Recording
+from faultgen.discovery.resampling import FEWEST, evened
 from faultgen.errors import InputError
 
 FASTEST, SLOWEST = 1e-5, 1.0
 """Sample periods that a recording may have [s]."""
-
-FEWEST = 5
-"""Fewest samples that a separate recording may have."""
 
 LARGEST = 1e9
 """Largest plausible position, velocity or torque, in any unit."""
@@ -57,26 +55,46 @@ def read_recording(path: str | Path) -> Recording:
         has = "both" if sides else "neither"
         raise InputError(f"{path}: needs motor_position or joint_position, has {has}")
     (side,) = sides
-    if f"{side}_torque" not in named:
-        raise InputError(f"{path}: has {side}_position, but no {side}_torque")
+    current = f"{side}_torque" not in named
+    if current and "motor_current" not in named:
+        raise InputError(
+            f"{path}: has {side}_position, but no {side}_torque, and no motor_current [A] instead"
+        )
     arrays = {
         "position": named[f"{side}_position"],
-        "torque": named[f"{side}_torque"],
+        "torque": named["motor_current" if current else f"{side}_torque"],
         "velocity": named.get(f"{side}_velocity"),
         "reference_position": named.get("reference_position"),
         "temperature": named.get("temperature"),
     }
     _check_arrays(path, side, arrays)
-    count = len(arrays["position"])  # type: ignore[arg-type]
+    segments = _segments(path, attributes.get("segments", 0), len(named[f"{side}_position"]))
+    notes: tuple[str, ...] = ()
+    period = attributes.get("sample_period")
+    if period is None and "time" in named:
+        _check_time(path, named["time"], len(named[f"{side}_position"]))
+        even = evened(str(path), named["time"], arrays, segments)
+        arrays, period, segments, notes = even.arrays, even.period, even.segments, even.notes
     return Recording(
         source=str(path),
         robot=_robot(path, attributes.get("robot", "")),
         side=side,
-        sample_period=_sample_period(path, attributes.get("sample_period")),
-        segments=_segments(path, attributes.get("segments", 0), count),
+        sample_period=_sample_period(path, period),
+        segments=segments,
         payload_mass=_payload(path, attributes.get("payload_mass")),
+        link=_is_link(path, attributes.get("torque_sensor", "motor"), side, current),
+        current=current,
+        notes=notes,
         **arrays,  # type: ignore[arg-type]
     )
+
+
+def _check_time(path: Path, time: np.ndarray, count: int) -> None:
+    if time.shape != (count,):
+        raise InputError(f"{path}: time has shape {time.shape}, expected {(count,)}")
+    wrong = ~np.isfinite(time)
+    if wrong.any():
+        raise InputError(f"{path}: time is not finite in sample {int(np.argmax(wrong))}")
 
 
 def _check_arrays(path: Path, side: str, arrays: dict[str, np.ndarray | None]) -> None:
@@ -87,8 +105,11 @@ def _check_arrays(path: Path, side: str, arrays: dict[str, np.ndarray | None]) -
     for name, values in arrays.items():
         if values is None:
             continue
-        expected = position.shape[:1] if name == "temperature" else position.shape
-        if values.shape != expected:
+        allowed = [position.shape]
+        if name == "temperature":  # of the whole robot
+            allowed.insert(0, position.shape[:1])
+        if values.shape not in allowed:
+            expected = " or ".join(map(str, allowed))
             raise InputError(f"{path}: {name} has shape {values.shape}, expected {expected}")
         for wrong, what in (
             (~np.isfinite(values), "is not finite"),
@@ -149,6 +170,20 @@ def _payload(path: Path, value: Any) -> float | None:
             f"{path}: payload_mass must be one number in kg, 0 or more, not {_shown(value)}"
         )
     return mass
+
+
+def _is_link(path: Path, value: Any, side: str, current: bool) -> bool:
+    if isinstance(value, bytes):
+        value = value.decode(errors="replace")
+    if not isinstance(value, str) or value not in ("motor", "link"):
+        raise InputError(f"{path}: torque_sensor must be 'motor' or 'link', not {_shown(value)}")
+    if value == "link" and (side == "motor" or current):
+        has = "motor_current" if current else "motor_torque"
+        raise InputError(
+            f"{path}: torque_sensor is 'link', but it has {has}; sensors behind the gearbox "
+            "measure joint_torque, with joint_position"
+        )
+    return value == "link"
 
 
 def _robot(path: Path, value: Any) -> str:

@@ -17,8 +17,6 @@ from faultgen.errors import InputError
 LARGEST_FILE = 2_000_000_000
 """Largest file that is read [bytes]."""
 
-_UNEVEN = 0.05  # share of the sample period by which times may scatter
-
 
 def read_csv(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Read the columns of a recording.
@@ -40,13 +38,17 @@ def read_csv(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     for stem in NAMES:
         values = _axes(path, stem, columns)
         if values is not None:
+            if stem in named:
+                raise InputError(
+                    f"{path}: has both '{stem}' and '{stem}_1'; give one temperature, or one for "
+                    "each axis"
+                )
             named[stem] = values
+    named["time"] = columns["time"]
     attributes: dict[str, Any] = {}
-    starts = np.zeros(1, int)
     if "segment" in columns:
         starts = np.concatenate([[0], np.flatnonzero(np.diff(columns["segment"])) + 1])
         attributes["segments"] = starts
-    attributes["sample_period"] = _sample_period(path, columns["time"], starts)
     return named, attributes
 
 
@@ -133,19 +135,3 @@ def _axes(path: Path, stem: str, columns: dict[str, np.ndarray]) -> np.ndarray |
             f"_1 to _{len(numbers)}"
         )
     return np.stack([columns[name] for name in sorted(found, key=found.__getitem__)], axis=1)
-
-
-def _sample_period(path: Path, time: np.ndarray, starts: np.ndarray) -> float:
-    """Period of evenly sampled times."""
-    steps = np.delete(np.diff(time), starts[1:] - 1)
-    if not len(steps):
-        raise InputError(f"{path}: one sample is not a recording")
-    period = float(np.median(steps))
-    uneven = np.flatnonzero(np.abs(steps - period) > _UNEVEN * abs(period))
-    if period <= 0 or len(uneven):
-        row = int(uneven[0]) + 2 if len(uneven) else 2
-        raise InputError(
-            f"{path}: times must ascend evenly; step {steps[row - 2]:g} s after row {row}, "
-            f"{period:g} s elsewhere: resample, or begin a new segment there"
-        )
-    return period

@@ -15,12 +15,16 @@ SIDES = ("motor", "joint")
 
 NAMES = (
     *(f"{side}_{what}" for side in SIDES for what in ("position", "velocity", "torque")),
+    "motor_current",
     "reference_position",
     "temperature",
 )
 """Arrays that a recording may have. Other arrays are ignored."""
 
-ATTRIBUTES = ("robot", "sample_period", "segments", "payload_mass")
+TIME = "time"
+"""Array that is read if there is no ``sample_period``."""
+
+ATTRIBUTES = ("robot", "sample_period", "segments", "payload_mass", "torque_sensor")
 """Attributes that a recording may have."""
 
 MOST = 100_000_000
@@ -48,12 +52,12 @@ def read_hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         OSError: The file is not HDF5, or damaged.
     """
     with h5py.File(path, "r") as file:
+        attributes = {name: _attribute(path, file, name) for name in ATTRIBUTES}
         named = {}
-        for name in NAMES:
+        for name in NAMES if attributes["sample_period"] is not None else (*NAMES, TIME):
             place = _place(path, file, name)
             if place is not None:
                 named[name] = _array(path, name, file[place])
-        attributes = {name: _attribute(path, file, name) for name in ATTRIBUTES}
         return named, {name: value for name, value in attributes.items() if value is not None}
 
 

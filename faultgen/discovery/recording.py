@@ -5,15 +5,19 @@ a header of the same names and suffixes _1 to _n:
 
     motor_position [rad], motor_torque [N m]        motor side, or else
     joint_position [rad], joint_torque [N m]        joint side (m and N for slides)
+    motor_current [A]                               instead of the torque, on either side
     motor_velocity or joint_velocity [rad/s], reference_position [rad, joint side]: optional
-    temperature [deg C], shape (sample,): optional
+    temperature [deg C], shape (sample,) or (sample, axis): optional
 
-Attributes ``segments`` (start of each separate recording in the file) and ``payload_mass`` [kg] are
-optional. A CSV file has a column ``time`` [s] instead of the period, and may have ``segment``.
+Attributes ``segments`` (start of each separate recording in the file), ``payload_mass`` [kg] and
+``torque_sensor`` ("link" for sensors behind the gearbox) are optional. ``time`` [s], shape
+(sample,), may stand instead of the period; a CSV file has it as a column, and may have ``segment``.
+Uneven times are resampled.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +31,34 @@ from faultgen.system.arrays import write_arrays
 _ARRAYS = ("position", "torque", "velocity", "reference_position", "temperature")
 _SMOOTHING = 0.06  # window of the derivatives [s]
 _PADDING = 15  # samples that the filter of `low_passed` needs beyond each end
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueConstants:
+    """By how much torque follows from the current of each motor."""
+
+    constant: np.ndarray
+    """Motor torque over current, shape (n_axes,), in [N m/A]."""
+    offset: np.ndarray
+    """Current without torque, shape (n_axes,), in [A]."""
+    source: str
+    """Recording from which they were found."""
+
+    def contract(self) -> list[dict[str, float]]:
+        """Return the numbers of each axis, as result files have them."""
+        return [
+            {"axis": axis, "constant": float(constant), "offset": float(offset)}
+            for axis, (constant, offset) in enumerate(
+                zip(self.constant, self.offset, strict=True), start=1
+            )
+        ]
+
+    def __str__(self) -> str:
+        each = ", ".join(
+            "axis {axis} {constant:.4g} N m/A with {offset:.3g} A at no torque".format(**one)
+            for one in self.contract()
+        )
+        return f"torque constants found from {self.source}: {each}"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,11 +82,20 @@ class Recording:
     reference_position: np.ndarray | None = None
     """Commanded position, joint side [rad]."""
     temperature: np.ndarray | None = None
-    """Shape (samples,), in [deg C]."""
+    """Gearbox temperature, shape (samples,) or (samples, n_axes), in [deg C]."""
     segments: tuple[int, ...] = (0,)
     """First sample of each separate recording, ascending from 0."""
     payload_mass: float | None = None
     """[kg], if known."""
+    link: bool = False
+    """Whether the torque was measured by sensors behind the gearbox. Otherwise it is that of the
+    motor, on the joint side times the gear ratio. Only on the joint side."""
+    current: bool = False
+    """Whether `torque` holds motor currents [A], which `motor_current` converts."""
+    constants: TorqueConstants | None = None
+    """Constants with which the torque was found from motor currents; None if it was measured."""
+    notes: tuple[str, ...] = ()
+    """One line for each thing that was done to the data when they were read."""
 
     @property
     def n_axes(self) -> int:
@@ -66,6 +107,17 @@ class Recording:
         """Samples of each separate recording."""
         ends = [*self.segments[1:], len(self.position)]
         return [slice(start, end) for start, end in zip(self.segments, ends, strict=True)]
+
+    @property
+    def axis_temperature(self) -> np.ndarray | None:
+        """Temperature of the gearbox of each axis; None if it was not measured.
+
+        Returns:
+            Shape (samples, n_axes), in [deg C].
+        """
+        if self.temperature is None or self.temperature.ndim == 2:
+            return self.temperature
+        return np.broadcast_to(self.temperature[:, None], self.position.shape)
 
     def joint_position(self, gear_ratio: np.ndarray) -> np.ndarray:
         """Return the measured position on the joint side.
@@ -122,6 +174,27 @@ class Recording:
                         position[part], window, 3, deriv=order, delta=self.sample_period, axis=0
                     )
         return out
+
+
+def mean_of(recordings: Sequence[Recording]) -> Recording:
+    """Average recordings of the same motions.
+
+    Args:
+        recordings: At least one; all of the same shape.
+
+    Returns:
+        The mean. It has the optional arrays that all recordings have.
+    """
+    first = recordings[0]
+    if len(recordings) == 1:
+        return first
+
+    def mean(name: str) -> np.ndarray | None:
+        arrays = [getattr(one, name) for one in recordings]
+        return None if any(one is None for one in arrays) else np.mean(arrays, axis=0)
+
+    source = f"mean of {len(recordings)} recordings"
+    return replace(first, source=source, **{name: mean(name) for name in _ARRAYS})  # type: ignore[arg-type]
 
 
 def low_passed(recording: Recording, cut_off: float) -> Recording:
@@ -186,11 +259,15 @@ def write_recording(recording: Recording, path: str | Path) -> None:
         for name in _ARRAYS
         if getattr(recording, name) is not None
     }
+    if recording.current:
+        arrays["motor_current"] = arrays.pop(f"{side}_torque")
     attributes: dict[str, Any] = {
         "robot": recording.robot,
         "sample_period": recording.sample_period,
         "segments": recording.segments,
     }
+    if recording.link:
+        attributes["torque_sensor"] = "link"
     if recording.payload_mass is not None:
         attributes["payload_mass"] = recording.payload_mass
     write_arrays(Path(path), arrays, attributes)

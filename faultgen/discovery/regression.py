@@ -71,6 +71,9 @@ class Problem:
     shared: np.ndarray
     """Axes on which the two recordings have the same noise, which cancels in their difference;
     shape (n_axes,)."""
+    run_to_run: np.ndarray | None = None
+    """Standard deviation by which the torque of an unchanged robot differs from run to run, beyond
+    the noise, shape (samples, n_axes). None if it was not measured."""
 
     @property
     def fitting(self) -> list[int]:

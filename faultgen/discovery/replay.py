@@ -174,12 +174,14 @@ class Replay:
 
         Returns:
             Torque that the robot would have logged, on the recording's side and in its unit, shape
-            (samples, n_axes).
+            (samples, n_axes). For sensors behind the gearbox, it is the torque of the gearbox.
 
         Raises:
             InputError: An effect or axis does not exist.
             SimulationFailed: The simulation diverged.
         """
+        if self.recording.link:
+            return self._logged("gear_torque", changes, disturbance)
         torque = self._logged("motor_torque", changes, disturbance)
         if disturbance is not None:  # it went in as feed-forward, which the drive logs
             torque -= disturbance / self.robot.torque_gain
@@ -209,8 +211,7 @@ class Replay:
         recording, robot = self.recording, self.robot
         logged = np.empty_like(recording.torque)
         timestep = robot.model.opt.timestep
-        names = {one.effect for one in (*robot.effects, *applied(changes))}
-        by_temperature = any("temperature" in get_effect(name).parameters for name in names)
+        by_temperature = self.by_temperature(changes)
         plant = None
         for part, control in zip(recording.parts, self.controls, strict=True):
             if plant is None or by_temperature:
@@ -228,6 +229,15 @@ class Replay:
             for axis in range(robot.n_axes):
                 logged[part, axis] = np.interp(times, simulated, values[:, axis])
         return logged
+
+    def by_temperature(self, changes: Changes) -> bool:
+        """Whether the robot with changes has an effect that depends on the temperature.
+
+        Args:
+            changes: Changes of the model: terms and values.
+        """
+        names = {one.effect for one in (*self.robot.effects, *applied(changes))}
+        return any("temperature" in get_effect(name).parameters for name in names)
 
     def _pushed(self, control: np.ndarray, disturbance: np.ndarray) -> np.ndarray:
         """Control signals with a torque added to the feed-forward."""

@@ -68,7 +68,7 @@ def groups_of(problem: Problem) -> list[Group]:
     """List the candidates. Sine and cosine, like the points of a payload, make one candidate."""
     groups: dict[tuple, list[int]] = {}
     for index, term in enumerate(problem.terms):
-        if not term.is_effect:
+        if not term.is_effect or term.nuisance:
             continue
         order = dict(term.parameters).get("order")
         key: tuple = (index,) if order is None else (term.name, term.axis, order)

@@ -157,11 +157,11 @@ def kept_runs(files: Sequence[Path | None], calls: Sequence[Any], workers: int) 
 
 def _by_temperature(replay: Replay, axis: int, known: dict[Term, np.ndarray]) -> np.ndarray:
     """Friction that follows the temperature, to first order, from the columns of its three laws."""
-    recording = replay.recording
-    change = np.zeros_like(recording.torque)
-    if recording.temperature is None:
+    change = np.zeros_like(replay.recording.torque)
+    temperature = replay.recording.axis_temperature
+    if temperature is None:
         return change
-    told, inverse = np.unique(np.round(recording.temperature, 1), return_inverse=True)
+    told, inverse = np.unique(np.round(temperature[:, axis - 1], 1), return_inverse=True)
     reference = replay.robot.friction_temperature
     ratios = np.array([friction_ratios(float(t), reference) for t in told])
     of_sample = np.log(np.maximum(ratios, 1e-3))[inverse]
@@ -197,5 +197,9 @@ def kept_in(folder: Path | None, replay: Replay, what: bytes) -> Path | None:
     content = hashlib.sha256(replay.robot.sha256.encode() + made_by.encode())
     content.update(np.ascontiguousarray(replay.wanted).tobytes())
     content.update(repr((recording.segments, recording.sample_period, recording.side)).encode())
+    if recording.link:
+        content.update(b"link")
+    if replay.by_temperature(()):
+        content.update(np.asarray(recording.temperature, float).tobytes())
     content.update(what)
     return folder / f"{content.hexdigest()[:32]}.h5"

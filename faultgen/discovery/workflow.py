@@ -8,20 +8,23 @@ found.answer.verdict
 from __future__ import annotations
 
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from faultgen.discovery.candidates import (
+    HIDDEN_BEHIND_GEARS,
     ORDERS,
     SAME_MOTIONS,
     Term,
     effect_terms,
     names_by_use,
     periodic_terms,
+    with_free_gains,
     with_model_scale,
     with_prior_scale,
 )
@@ -29,14 +32,16 @@ from faultgen.discovery.checks import check_recording
 from faultgen.discovery.friction_discrepancy import discrepancy_sensitivities, discrepancy_terms
 from faultgen.discovery.inertia import inertia_terms
 from faultgen.discovery.learned_law import Learned
+from faultgen.discovery.motor_current import constants_of, in_torque
 from faultgen.discovery.next_experiment import Experiment, next_experiment
 from faultgen.discovery.noise import is_same_noise
 from faultgen.discovery.order_analysis import find_orders
 from faultgen.discovery.read import read_recording
-from faultgen.discovery.recording import Recording, low_passed
+from faultgen.discovery.recording import Recording, TorqueConstants, low_passed, mean_of
 from faultgen.discovery.regression import Problem, plain, pose
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.result import AMBIGUOUS, Answer
+from faultgen.discovery.run_to_run import differences, widened
 from faultgen.discovery.selection import Choice, choose
 from faultgen.discovery.sensitivities import own_sensitivities, sensitivities
 from faultgen.discovery.verdict import answer
@@ -69,7 +74,7 @@ class Discovery:
 def investigate(
     recording: Recording,
     robot: Robot,
-    twin: Recording | None = None,
+    healthy: Recording | Sequence[Recording] | None = None,
     *,
     workers: int = 1,
     exclude: Collection[str] = (),
@@ -83,7 +88,9 @@ def investigate(
     Args:
         recording: The measured data.
         robot: The model.
-        twin: Recording of the same motions before the change, or None.
+        healthy: Recordings of the same motions before the change: one, several, or None. The twin
+            is their mean. Several show how much the robot differs from run to run, and so does one
+            that repeats a motion; see `run_to_run`.
         workers: Number of processes. It has no effect on the result.
         exclude: Effects that are not considered.
         include: Optional effects that are considered, with the use "on request".
@@ -101,8 +108,13 @@ def investigate(
         InputError: Too little of the recording can be used.
         SimulationFailed: The model diverges on the recorded motion.
     """
-    if twin is not None and recording.reference_position is None:
-        _check_followed(recording, twin)
+    runs = [healthy] if isinstance(healthy, Recording) else list(healthy or ())
+    twin = mean_of(runs) if runs else None
+    if recording.reference_position is None:
+        for run in runs:
+            _check_followed(recording, run)
+    if recording.link:
+        exclude = {*exclude, *HIDDEN_BEHIND_GEARS}
     replay, following = Replay.suited(recording, robot)
     terms = effect_terms(robot, exclude, include) + inertia_terms(robot)
     waves = _waves(robot, exclude)
@@ -123,11 +135,15 @@ def investigate(
         terms = with_prior_scale(terms, SAME_MOTIONS)
     elif prior_scale != 1:
         terms = with_model_scale(terms, prior_scale)
+    if twin is None and recording.constants is not None:
+        terms = with_free_gains(terms)
     try:
         problem = pose(replay, terms, base, raw, residual, twin=twin is not None)
     except ValueError as error:
         raise InputError(f"{recording.source}: {error}") from None
     problem = _with_orders(problem, workers, exclude)
+    if runs:
+        problem = widened(problem, differences(runs))
     choice = choose(plain(problem) if white_noise else problem)
     told = answer(problem, choice)
     experiment = next_experiment(problem, choice) if told.verdict == AMBIGUOUS else None
@@ -207,14 +223,20 @@ def check_positive(what: str, value: float) -> None:
 
 
 def usable(
-    path: str | Path, robot: Robot, low_pass: float | None = None
+    path: str | Path,
+    robot: Robot,
+    low_pass: float | None = None,
+    constants: TorqueConstants | None = None,
 ) -> tuple[Recording, list[str]]:
-    """Read a recording, filter it if asked, and refuse it if a check finds that it cannot be used.
+    """Read a recording, and refuse it if a check finds that it cannot be used.
+
+    It is filtered if asked, and motor currents are converted to torque.
 
     Args:
         path: The file.
         robot: The model.
         low_pass: Cut-off frequency [Hz] of a filter, used if there is no reference.
+        constants: Torque constants, if it has motor currents. None: they are found from it.
 
     Returns:
         The recording, and one line for each warning.
@@ -231,12 +253,18 @@ def usable(
         )
     if low_pass is not None and recording.reference_position is None:
         recording = low_passed(recording, low_pass)
+    found = []
+    if recording.current and recording.n_axes == robot.n_axes:
+        if constants is None:
+            constants = constants_of(recording, robot)
+            found = [str(constants)]
+        recording = in_torque(recording, robot, constants)
     findings = check_recording(recording, robot)
     for finding in findings:
         if finding.level == "refuse":
             where = f"axis {finding.axis}: " if finding.axis else ""
             raise InputError(f"{path}: {where}{finding.message}")
-    return recording, [f"{path}: {finding}" for finding in findings]
+    return recording, [*found, *(f"{path}: {finding}" for finding in findings)]
 
 
 def check_same_motion(worn: Recording, twin: Recording) -> None:
@@ -259,11 +287,44 @@ def check_same_motion(worn: Recording, twin: Recording) -> None:
         moved = np.ptp(twin.position, axis=0)
         apart = np.abs(worn.position - twin.position).max(axis=0)
         same = bool(np.all(apart <= 0.05 * moved + 1e-3 * moved.max()))
+    if (worn.constants is None) != (twin.constants is None):
+        raise InputError(
+            f"{worn.source} and {twin.source}: only one of them has motor_current; give both as "
+            "currents, or both as torques"
+        )
+    if worn.link != twin.link:
+        raise InputError(
+            f"{worn.source} and {twin.source}: not both have the torque sensor behind the gearbox; "
+            "give both with the same torque_sensor"
+        )
     if not same:
         raise InputError(
             f"{worn.source} and {twin.source}: not the same motions, sample by sample; record the "
             "same program from the same start, with the same sample period"
         )
+
+
+def check_own_noise(healthy: Sequence[Recording]) -> None:
+    """Refuse healthy recordings that do not show how much runs differ.
+
+    Args:
+        healthy: Recordings of the same motions.
+
+    Raises:
+        InputError: Two of them are the same, or have the same noise, or are too short to tell.
+    """
+    for one, other in combinations(healthy, 2):
+        if np.array_equal(one.torque, other.torque):
+            raise InputError(f"{one.source} and {other.source}: the same run; give each run once")
+        try:
+            same = is_same_noise(one.torque, other.torque, one.parts)
+        except ValueError as error:
+            raise InputError(f"{one.source}: {error}") from None
+        if same.any():
+            raise InputError(
+                f"{one.source} and {other.source}: have the same noise, as runs of one dataset "
+                "with paired = true do; give healthy runs with their own noise"
+            )
 
 
 def dump(result: dict[str, Any]) -> str:

@@ -43,7 +43,22 @@ FRACTION = "fraction of nominal (0.1 = 10 % more)"
 
 Temperature: TypeAlias = float | tuple[np.ndarray, np.ndarray] | None
 """Gearbox temperature [deg C]: constant, or (times [s] from the start of the control, values); None
-for the temperature at which the model's friction holds."""
+for the temperature at which the model's friction holds. The values have shape (times,), or (times,
+n_axes) if every axis has its own."""
+
+
+def course_of(temperature: tuple[np.ndarray, np.ndarray], axis: int) -> tuple[np.ndarray, ...]:
+    """Return the course of the temperature of one axis.
+
+    Args:
+        temperature: Times [s] and values, see `Temperature`.
+        axis: Axis, from 1.
+
+    Returns:
+        Times [s] and temperatures [deg C], shape (times,) each.
+    """
+    times, values = (np.asarray(part, float) for part in temperature)
+    return times, values if values.ndim == 1 else values[:, axis - 1]
 
 
 Loads: TypeAlias = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from scipy.signal import lfilter, savgol_filter
 
-from faultgen.effects.base import Loads, Temperature
+from faultgen.effects.base import Loads, Temperature, course_of
 from faultgen.robot import STRIBECK_VELOCITY, Robot
 
 SMOOTHING = 0.03
@@ -160,7 +160,7 @@ class Course:
         if over == "push":  # positive where the axis becomes faster
             return np.asarray(self.acceleration[:, k] * np.sign(self.speed[:, k]))
         if over == "temperature":
-            return self._temperatures()
+            return self._temperatures(axis)
         if over == "since_rest":
             return self._since_rest(k)
         if over == "hysteresis":
@@ -185,12 +185,12 @@ class Course:
             return np.ones(len(self.motor))
         return np.asarray((self.direction if times == "direction" else self.load)[:, axis - 1])
 
-    def _temperatures(self) -> np.ndarray:
+    def _temperatures(self, axis: int) -> np.ndarray:
         if self.temperature is None:
             return np.full(len(self.motor), self.robot.friction_temperature)
         if not isinstance(self.temperature, tuple):
             return np.full(len(self.motor), self.temperature)
-        times, values = (np.asarray(part, float) for part in self.temperature)
+        times, values = course_of(self.temperature, axis)
         rows = np.arange(len(self.motor)) % (len(self.motor) // self.cycles)
         return np.interp(rows * self.step, times, values)
 

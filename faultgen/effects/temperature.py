@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from faultgen.effects.base import Effect, Moment, Place, Temperature, Update
+from faultgen.effects.base import Effect, Moment, Place, Temperature, Update, course_of
 from faultgen.effects.prior import Prior
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY
 
@@ -94,7 +94,7 @@ def follow_course(places: Sequence[Place]) -> Update | None:
         temperature = place.parameters["temperature"]
         if isinstance(temperature, tuple):
             friction = place.element("actuator", "friction")
-            times, values = (np.asarray(part, float) for part in temperature)
+            times, values = course_of(temperature, place.axis)
             followed.append((friction, place.severity, times, values))
     if not followed:
         return None

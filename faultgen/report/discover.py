@@ -7,7 +7,7 @@ result["verdict"], result["effects"]
 from __future__ import annotations
 
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,14 +15,16 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from faultgen.discovery.candidates import Term, check_names, names_by_use
-from faultgen.discovery.physical import with_own_friction
-from faultgen.discovery.recording import Recording
+from faultgen.discovery.candidates import FREE_GAINS, Term, check_names, names_by_use
+from faultgen.discovery.physical import GAIN, with_own_friction
+from faultgen.discovery.recording import Recording, mean_of
 from faultgen.discovery.regression import Problem, counted
 from faultgen.discovery.replay import Replay, relative_error
+from faultgen.discovery.resampling import in_step
 from faultgen.discovery.with_laws import contract, outside, with_laws
 from faultgen.discovery.workflow import (
     Discovery,
+    check_own_noise,
     check_positive,
     check_same_motion,
     investigate,
@@ -36,7 +38,7 @@ from faultgen.robot import load_robot
 def discover(
     measured: str | Path,
     robot: str | Path,
-    healthy: str | Path | None = None,
+    healthy: str | Path | Sequence[str | Path] | None = None,
     validate: str | Path | None = None,
     *,
     out: str | Path | None = None,
@@ -53,9 +55,10 @@ def discover(
     Args:
         measured: Recording of the robot; docs/measured.md describes the format.
         robot: Name of the robot, or path of its MJCF file or folder.
-        healthy: Recording of the same motions from before the change. Without it, the model is
-            first calibrated on the recording itself, and an effect is reported only if it is larger
-            than the usual errors of a model.
+        healthy: Recording of the same motions from before the change, or several of them. Several
+            also show how much the unchanged robot differs from run to run, and such differences
+            are not reported. Without any, the model is first calibrated on the recording itself,
+            and an effect is reported only if it is larger than the usual errors of a model.
         validate: Recording of other motions with the effect. It is used only to score the result.
         out: Folder for ``discovery.json``, ``report.html``, the folder ``model`` that is a robot
             with all that was found, its MJCF part ``model.xml`` and, if there is one, the next
@@ -90,22 +93,31 @@ def discover(
     if low_pass is not None:
         check_positive("low-pass", low_pass)
     model = load_robot(str(robot))
-    recording, warnings = usable(measured, model, low_pass)
-    twin = None
-    if healthy is not None:
-        twin, more = usable(healthy, model, low_pass)
+    warnings: list[str] = []
+    runs: list[Recording] = []
+    constants = None  # of the motors, from the first recording that has currents
+    for path in [healthy] if isinstance(healthy, str | Path) else healthy or ():
+        run, more = usable(path, model, low_pass, constants)
+        constants = constants or run.constants
         warnings += more
-        check_same_motion(recording, twin)
-    model = with_own_friction(recording if twin is None else twin, model)
+        runs.append(run)
+    recording, more = usable(measured, model, low_pass, constants)
+    constants = constants or recording.constants
+    warnings += more
+    recording, *runs = in_step([recording, *runs])
+    for run in runs:
+        check_same_motion(recording, run)
+    check_own_noise(runs)
+    model = with_own_friction(mean_of(runs) if runs else recording, model)
     other = None
     if validate is not None:
-        other, more = usable(validate, model, low_pass)
+        other, more = usable(validate, model, low_pass, constants)
         warnings += more
     with threadpool_limits(limits=1):
         found = investigate(
             recording,
             model,
-            twin,
+            runs,
             workers=workers,
             exclude=exclude,
             include=include,
@@ -123,6 +135,18 @@ def discover(
                 result["gap"]["validation"] = None
                 warnings.append(f"{validate}: not scored: {error}")
     result["following"] = found.following
+    result["torque_constants"] = _torque_constants(found)
+    if recording.constants is not None and not runs:
+        warnings.append(
+            f"{' and '.join(FREE_GAINS)} are not named: the torque constants and offsets of "
+            "motor_current are not known, and explain the same; --healthy makes them visible"
+        )
+    if recording.link:
+        warnings.append(
+            "torque_sensor is 'link': what acts on the rotors is not visible and not named, that "
+            "is friction, ripple, rotor inertia, torque constant and offset"
+        )
+    result["run_to_run"] = _run_to_run(found.problem)
     result["warnings"] = [*warnings, *_on_noise(found.problem), *found.answer.lacks]
     result["seconds"] = round(time.monotonic() - started, 1)
     if out is not None:
@@ -144,12 +168,44 @@ def _on_noise(problem: Problem) -> list[str]:
     ]
 
 
+def _run_to_run(problem: Problem) -> list[dict[str, float]] | None:
+    """RMS torque by which the unchanged robot differs from run to run; None if not measured."""
+    if problem.run_to_run is None:
+        return None
+    return [
+        {"axis": axis + 1, "torque": float(np.sqrt(np.mean(column[inside] ** 2)))}
+        for axis, (column, inside) in enumerate(
+            zip(problem.run_to_run.T, problem.inside.T, strict=True)
+        )
+    ]
+
+
+def _torque_constants(found: Discovery) -> list[dict[str, float]] | None:
+    """Torque constants and offsets of motor currents; None if the torque was measured.
+
+    Without a healthy recording they are calibrated with the other numbers of the model.
+    """
+    constants = found.problem.recording.constants
+    if constants is None:
+        return None
+    constant, offset = constants.constant.copy(), constants.offset.copy()
+    if not found.problem.twin:
+        for term, value in found.answer.changes:
+            if term.name == GAIN:
+                constant[term.axis - 1] *= 1 - value
+            elif term.name == "torque_offset":  # pushes forward, which spares the motor torque
+                offset[term.axis - 1] -= value / constants.constant[term.axis - 1]
+    return replace(constants, constant=constant, offset=offset).contract()
+
+
 def _path(folder: str | Path | None) -> Path | None:
     return None if folder is None else Path(folder)
 
 
 def _completed(found: Discovery) -> Discovery:
     """The discovery with laws learned from what effects leave unexplained."""
+    if found.problem.recording.link:  # laws act on the rotors
+        return found
     told, laws = with_laws(found.problem, found.choice, found.answer)
     return replace(found, answer=told, laws=tuple(laws))
 

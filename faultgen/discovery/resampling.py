@@ -1,0 +1,215 @@
+"""Recordings whose samples are not evenly spaced in time.
+
+Times that scatter by little are taken as they are. Otherwise everything is interpolated at even
+times, and long gaps begin a new segment:
+
+    even = evened("measured.h5", time, arrays, segments=(0,))
+    even.arrays["torque"], even.period, even.notes
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from faultgen.discovery.recording import Recording
+from faultgen.errors import InputError
+
+FEWEST = 5
+"""Fewest samples that a separate recording may have."""
+
+GAP = 3.5
+"""Time between two samples from which a new segment begins, in sample periods: up to three periods
+are interpolated."""
+
+_UNEVEN = 0.05  # share of the sample period by which times may be off even ones
+_CLOSE = 0.2  # share of the sample period below which a sample adds nothing to the one before
+_DIGITS = 3  # of the period of resampled recordings, so that two of one program have the same
+_CUT = 0.01  # share of a recording by which two of the same program may differ in length
+_SMOOTH = ("position", "reference_position")  # motion has no steps; torque may have
+
+
+@dataclass(frozen=True, eq=False)
+class Even:
+    """Arrays at even times."""
+
+    arrays: dict[str, np.ndarray | None]
+    """Arrays by name, as given; their first axis is the sample."""
+    period: float
+    """Time between two samples [s]."""
+    segments: tuple[int, ...]
+    """First sample of each separate recording."""
+    notes: tuple[str, ...]
+    """One line if anything was changed."""
+
+
+def evened(
+    source: str,
+    time: np.ndarray,
+    arrays: Mapping[str, np.ndarray | None],
+    segments: Sequence[int],
+) -> Even:
+    """Bring arrays to even times.
+
+    Args:
+        source: Name of the file, for messages.
+        time: Time of each sample [s], shape (samples,). It may restart with each segment.
+        arrays: Arrays by name of `Recording`, whose first axis is the sample.
+        segments: First sample of each separate recording, ascending from 0.
+
+    Returns:
+        The arrays, unchanged if the times are even to within 5 % of the period.
+
+    Raises:
+        InputError: The times do not ascend, or too few samples are left.
+    """
+    ends = [*segments[1:], len(time)]
+    parts = [slice(a, b) for a, b in zip(segments, ends, strict=True)]
+    for part in parts:
+        wrong = np.flatnonzero(np.diff(time[part]) <= 0)
+        if len(wrong):
+            at = part.start + int(wrong[0])
+            raise InputError(
+                f"{source}: times must ascend within a segment; sample {at + 1} is at "
+                f"{time[at + 1]:.10g} s, and the sample before it at {time[at]:.10g} s"
+            )
+    steps = np.concatenate([np.diff(time[part]) for part in parts])
+    if not len(steps):
+        raise InputError(f"{source}: one sample is not a recording")
+    median = float(np.median(steps))
+    longer = _over_longer(time, parts, median)
+    for period in (median, longer):
+        if _off_even(time, parts, period) <= _UNEVEN:
+            return Even(dict(arrays), period, tuple(segments), ())
+    period = float(f"{longer:.{_DIGITS - 1}e}")
+    pieces = [piece for part in parts for piece in _pieces(time, part, period)]
+    kept = [piece for piece in pieces if time[piece[-1]] - time[piece[0]] >= (FEWEST - 1) * period]
+    if not kept:
+        raise InputError(
+            f"{source}: no {FEWEST} samples without a gap of more than {GAP * period:.3g} s"
+        )
+    grids = [_grid(time[piece], period) for piece in kept]
+    lengths = [len(grid) for grid in grids]
+    found = {
+        name: None if values is None else _interpolated(name, values, time, kept, grids)
+        for name, values in arrays.items()
+    }
+    gaps = steps[steps > GAP * period]
+    lost = len(time) - sum(len(piece) for piece in kept)
+    jitter = np.abs(steps[steps <= GAP * period] - period).max(initial=0.0)
+    told = (
+        f"its {len(time)} samples are not evenly spaced: they were interpolated at {sum(lengths)} "
+        f"times {period:.6g} s apart; the largest jitter is {jitter:.3g} s"
+    )
+    if len(gaps):
+        told += f"; {len(gaps)} gaps of up to {gaps.max():.3g} s begin new segments"
+    if lost:
+        told += f"; {lost} samples between gaps, or too close to others, were left out"
+    return Even(found, period, tuple(np.cumsum([0, *lengths[:-1]]).tolist()), (told,))
+
+
+def _over_longer(time: np.ndarray, parts: Sequence[slice], period: float) -> float:
+    """The median period over longer and longer spans, in which scatter and rounding average out."""
+    apart = 2
+    while apart <= max(part.stop - part.start for part in parts) // 2:
+        spans = np.concatenate([time[part][apart:] - time[part][:-apart] for part in parts])
+        period = float(np.median(spans / np.maximum(np.round(spans / period), 1)))
+        apart *= 2
+    return period
+
+
+def _off_even(time: np.ndarray, parts: Sequence[slice], period: float) -> float:
+    """Largest distance of a time from even ones, in periods."""
+    return (
+        max(
+            float(np.abs(time[part] - time[part.start] - period * np.arange(len(time[part]))).max())
+            for part in parts
+        )
+        / period
+    )
+
+
+def _pieces(time: np.ndarray, part: slice, period: float) -> list[np.ndarray]:
+    """Samples between gaps, without those that are too close to the sample before."""
+    samples = np.arange(part.start, part.stop)
+    breaks = np.flatnonzero(np.diff(time[part]) > GAP * period) + 1
+    pieces = []
+    for piece in np.split(samples, breaks):
+        keep, last = [], -np.inf
+        for sample in piece.tolist():
+            if time[sample] - last >= _CLOSE * period:
+                keep.append(sample)
+                last = time[sample]
+        pieces.append(np.array(keep))
+    return pieces
+
+
+def _grid(time: np.ndarray, period: float) -> np.ndarray:
+    count = int((time[-1] - time[0]) / period + 1e-6) + 1
+    return np.minimum(time[0] + period * np.arange(count), time[-1])
+
+
+def _interpolated(
+    name: str,
+    values: np.ndarray,
+    time: np.ndarray,
+    pieces: Sequence[np.ndarray],
+    grids: Sequence[np.ndarray],
+) -> np.ndarray:
+    """Values at even times: positions by cubic splines, everything else linearly."""
+    out = []
+    for piece, grid in zip(pieces, grids, strict=True):
+        start = time[piece[0]]  # clocks may count from 1970; differences are exact
+        known, wanted = time[piece] - start, grid - start
+        if name in _SMOOTH:
+            out.append(CubicSpline(known, values[piece])(wanted))
+            continue
+        columns = values[piece].reshape(len(piece), -1).T
+        told = np.stack([np.interp(wanted, known, column) for column in columns], axis=1)
+        out.append(told.reshape(len(wanted), *values.shape[1:]))
+    return np.concatenate(out)
+
+
+def in_step(recordings: Sequence[Recording]) -> list[Recording]:
+    """Cut recordings of the same program to common lengths, if any of them was resampled.
+
+    Args:
+        recordings: The recordings.
+
+    Returns:
+        The recordings, each separate one as long as the shortest of its kind. They are unchanged if
+        their number of separate recordings differs, or a length differs by more than 1 %.
+    """
+    counts = {len(one.segments) for one in recordings}
+    if len(counts) != 1 or not any(one.notes for one in recordings):
+        return list(recordings)
+    lengths = np.array([[part.stop - part.start for part in one.parts] for one in recordings])
+    least = lengths.min(axis=0)
+    if np.any(lengths.max(axis=0) - least > np.maximum(_CUT * least, 1)):
+        return list(recordings)
+    return [_cut(one, least.tolist()) for one in recordings]
+
+
+def _cut(recording: Recording, lengths: Sequence[int]) -> Recording:
+    rows = np.concatenate(
+        [
+            np.arange(part.start, part.start + length)
+            for part, length in zip(recording.parts, lengths, strict=True)
+        ]
+    )
+
+    def of(values: np.ndarray | None) -> np.ndarray | None:
+        return None if values is None else values[rows]
+
+    return replace(
+        recording,
+        position=recording.position[rows],
+        torque=recording.torque[rows],
+        velocity=of(recording.velocity),
+        reference_position=of(recording.reference_position),
+        temperature=of(recording.temperature),
+        segments=tuple(np.cumsum([0, *lengths[:-1]]).tolist()),
+    )

@@ -1,0 +1,191 @@
+"""How much an unchanged robot differs from run to run, measured from recordings of its motions.
+
+Friction, load and offsets differ a little between any two runs. The prior standard deviations
+between two recordings of one robot (`candidates.SAME_MOTIONS`) are only assumed. Several healthy
+recordings, or several repetitions of a motion in one of them, show how large they are:
+
+    problem = widened(problem, differences(healthy))
+
+The differences between runs are projected onto the sensitivities. Each term then gets the variance
+with which these differences are most probable, one term after the other (Tipping and Faul 2003).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.stats import norm, t
+
+from faultgen.discovery.evidence import Evidence
+from faultgen.discovery.recording import Recording
+from faultgen.discovery.regression import Problem
+
+_EQUAL = 1e-6  # difference of equal reference positions, over their range
+_NEEDED = 4.0  # fall of minus two times the log-likelihood that a wider prior requires: assumed
+_VARIANCES = np.logspace(0, 8, 161)  # variances that are tried, over that of the prior
+_LEVEL = 0.975  # quantile at which few differences are made up for, as a confidence interval does
+
+
+@dataclass(frozen=True, eq=False)
+class Difference:
+    """A difference between runs of one motion.
+
+    Its noise, and its variance from run to run, are those of a healthy recording minus its twin.
+    """
+
+    torque: np.ndarray
+    """Shape (samples, n_axes), in the unit of the torque of the recordings."""
+    part: slice
+    """Samples that it has. The others are 0."""
+
+
+def differences(healthy: Sequence[Recording]) -> list[Difference]:
+    """Form independent differences between runs of the same motions.
+
+    Args:
+        healthy: Recordings of the same motions of an unchanged robot. If there is only one, its
+            separate recordings with equal reference positions are compared.
+
+    Returns:
+        One difference less than there are runs of each motion. It is empty if no motion was
+        recorded twice.
+    """
+    first = healthy[0]
+    if len(healthy) > 1:
+        runs = np.stack([one.torque for one in healthy])
+        whole = slice(0, len(first.torque))
+        return [Difference(torque, whole) for torque in _contrasts(runs, 1 + 1 / len(runs))]
+    found = []
+    for parts in repetitions(first):
+        for torque in _contrasts(np.stack([first.torque[part] for part in parts]), 2.0):
+            whole_torque = np.zeros_like(first.torque)
+            whole_torque[parts[0]] = torque
+            found.append(Difference(whole_torque, parts[0]))
+    return found
+
+
+def repetitions(recording: Recording) -> list[list[slice]]:
+    """Find separate recordings of the same motion: those with equal reference positions.
+
+    Args:
+        recording: The recording.
+
+    Returns:
+        The parts of each motion that was recorded at least twice.
+    """
+    reference = recording.reference_position
+    if reference is None:
+        return []
+    slack = _EQUAL * np.ptp(reference, axis=0)
+    groups: list[list[slice]] = []
+    for part in recording.parts:
+        for group in groups:
+            known = reference[group[0]]
+            if len(known) == part.stop - part.start and np.all(
+                np.abs(reference[part] - known) <= slack
+            ):
+                group.append(part)
+                break
+        else:
+            groups.append([part])
+    return [group for group in groups if len(group) > 1]
+
+
+def _contrasts(runs: np.ndarray, variance: float) -> np.ndarray:
+    """Independent differences of runs, shape (runs - 1, ...), with a multiple of their variance."""
+    count = len(runs)
+    weights = np.zeros((count - 1, count))
+    for k in range(1, count):  # Helmert: each run minus the mean of those before it
+        weights[k - 1, :k], weights[k - 1, k] = -1 / k, 1
+    weights /= np.linalg.norm(weights, axis=1, keepdims=True)
+    return np.sqrt(variance) * np.tensordot(weights, runs, axes=1)
+
+
+def widened(problem: Problem, found: Sequence[Difference]) -> Problem:
+    """Return the same problem with priors that allow for the differences between runs.
+
+    No prior becomes narrower. If there are few differences, the standard deviations become larger
+    by the ratio of the quantiles of Student's t and the normal distribution.
+
+    Args:
+        problem: The difference of a recording and its twin, and the terms.
+        found: Differences between runs of the unchanged robot.
+
+    Returns:
+        The problem with other prior standard deviations, and with `run_to_run`.
+    """
+    if not found:
+        return problem
+    variance = variances(_products(problem, found))
+    more = (t.ppf(_LEVEL, len(found)) / norm.ppf(_LEVEL)) ** 2 * (variance - 1)
+    ratio = np.sqrt(1 + more)
+    terms = [
+        replace(term, prior_std=float(r) * term.prior_std)
+        for term, r in zip(problem.terms, ratio, strict=True)
+    ]
+    wider = np.flatnonzero(variance > 1)
+    apart = np.zeros_like(problem.residual)
+    for k in wider:
+        seen = np.sqrt(variance[k] - 1) * problem.terms[k].prior_std
+        apart += (seen * problem.raw[k].astype(float)) ** 2
+    white = problem.white.copy()
+    white[wider] *= ratio[wider, None, None].astype(white.dtype)
+    return replace(problem, terms=terms, white=white, run_to_run=np.sqrt(apart))
+
+
+def _products(problem: Problem, found: Sequence[Difference]) -> list[Evidence]:
+    """Inner products of the columns and each difference; the columns' once for each motion."""
+    known: dict[tuple[int, int], Evidence] = {}
+    products = []
+    for one in found:
+        white, key = problem.whiten(one.torque), (one.part.start, one.part.stop)
+        if key not in known:
+            known[key] = Evidence.of(problem.white, white, [one.part])
+        products.append(known[key].against(problem.white, white, [one.part]))
+    return products
+
+
+def variances(products: Sequence[Evidence]) -> np.ndarray:
+    """Find the variances of terms with which differences are most probable.
+
+    In each step, one term gets another variance: the one that raises the likelihood most. Source:
+    Tipping and Faul (2003), with the marginal likelihood of all differences together, and with
+    variances of at least 1.
+
+    Args:
+        products: Inner products of the columns with each difference.
+
+    Returns:
+        Variance of each term in units of its prior variance, at least 1, shape (terms,).
+    """
+    count = len(products[0].right[0])
+    variance = np.ones(count)
+    trials = _VARIANCES[:, None, None]
+    for _ in range(count):
+        own, pull = np.empty((2, len(products), count))
+        for k, one in enumerate(products):
+            precision = one.gram.sum(axis=0)
+            precision[np.diag_indices_from(precision)] += 1 / variance
+            inverse = cho_solve(cho_factor(precision), np.eye(count))
+            diagonal = np.diag(inverse)
+            # what a term explains beyond all others, and what it would have to be for that
+            own[k] = np.maximum(1 / diagonal - 1 / variance, 0.0)
+            pull[k] = inverse @ one.right.sum(axis=0) / diagonal
+        now = _likelihood(variance, own, pull)
+        tried = _likelihood(trials, own, pull)
+        best = np.argmax(tried, axis=0)
+        gain = tried[best, np.arange(count)] - now
+        term = int(np.argmax(gain))
+        if gain[term] < _NEEDED:
+            break
+        variance[term] = _VARIANCES[best[term]]
+    return variance
+
+
+def _likelihood(variance: np.ndarray, own: np.ndarray, pull: np.ndarray) -> np.ndarray:
+    """Two times the log-likelihood with a variance of each term, less that of its being 0."""
+    spread = 1 + variance * own
+    return np.asarray(np.sum(variance * pull**2 / spread - np.log(spread), axis=-2))

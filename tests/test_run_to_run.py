@@ -1,0 +1,150 @@
+"""Several healthy runs: what differs between them is measured, and is no effect."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import faultgen
+from faultgen.discovery import investigate, read_recording, write_recording
+from faultgen.discovery.evidence import Evidence
+from faultgen.discovery.recording import mean_of
+from faultgen.discovery.run_to_run import differences, repetitions, variances
+from faultgen.errors import InputError
+from faultgen.robot import COULOMB
+
+FRICTION = (0.05, -0.06, 0.02, -0.02)
+"""Coulomb friction of axis 2 in each of the healthy runs, and its mean is near the model's."""
+
+EXCLUDED = ("torque_ripple", "transmission_error", "backlash", "gear_stiffness")
+"""Effects that cost the most simulations, and are not looked for here."""
+
+
+@pytest.fixture(scope="module")
+def runs(measured):
+    """Healthy runs of a robot whose friction differs from run to run."""
+    return [measured([("coulomb_friction", 2, value)], 10 + k) for k, value in enumerate(FRICTION)]
+
+
+@pytest.fixture(scope="module")
+def files(runs, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs")
+    paths = [folder / f"healthy{k}.h5" for k in range(len(runs))]
+    for path, run in zip(paths, runs, strict=True):
+        write_recording(run, path)
+    return paths
+
+
+@pytest.fixture(scope="module")
+def asked(tiny_robot, tmp_path_factory):
+    """Compares recordings by few effects; sensitivities are simulated once."""
+    cache = tmp_path_factory.mktemp("cache")
+    return lambda worn, healthy: investigate(
+        worn, tiny_robot, healthy, cache=cache, exclude=EXCLUDED
+    )
+
+
+def named(answer):
+    return {(one.effect, one.axis) for one in answer.effects}
+
+
+def test_what_differs_between_healthy_runs_is_no_effect(measured, runs, asked, tiny_robot):
+    """Friction as in a healthy run is named against one of them, and not against all."""
+    usual = measured([("coulomb_friction", 2, 0.06)], 3)
+    one = asked(usual, runs[1]).answer
+    assert named(one) and {axis for _, axis in named(one)} == {2}
+    found = asked(usual, runs)
+    assert (found.answer.verdict, named(found.answer)) == ("no missing effect", set())
+    apart = np.sqrt(np.mean(found.problem.run_to_run**2, axis=0))
+    coulomb = tiny_robot.model.actuator_biasprm[tiny_robot.ids("actuator", "friction")[1], COULOMB]
+    # of a run minus the mean of four
+    assert apart[1] == pytest.approx(coulomb * np.std(FRICTION, ddof=1) * np.sqrt(1.25), rel=0.3)
+    assert apart[0] < 0.1 * apart[1]
+
+
+def test_an_effect_beside_it_is_named(measured, runs, asked):
+    """The friction of the runs does not hide another effect."""
+    worn = measured([("coulomb_friction", 2, 0.05), ("viscous_friction", 1, 0.3)], 4)
+    found = asked(worn, runs).answer
+    assert (found.verdict, named(found)) == ("named", {("viscous_friction", 1)})
+    # what differs from run to run is no part of the gap
+    assert found.after < 1.1 * found.floor < found.calibrated < found.before
+
+
+def test_much_more_of_what_differs_is_named(measured, runs, asked):
+    """The friction of axis 2 beyond that of any run."""
+    more = asked(measured([("coulomb_friction", 2, 0.7)], 5), runs).answer
+    assert named(more) and {axis for _, axis in named(more)} == {2}
+
+
+def together(runs):
+    """Runs as separate parts of one recording."""
+    names = ("position", "torque", "reference_position")
+    arrays = {name: np.concatenate([getattr(one, name) for one in runs]) for name in names}
+    count = len(runs[0].torque)
+    return replace(runs[0], **arrays, segments=tuple(count * k for k in range(len(runs))))
+
+
+def test_what_differs_between_repetitions_is_no_effect(measured, runs, asked):
+    """Two repetitions in one healthy file, and a recording with the friction of one of them."""
+    usual = together([measured([("coulomb_friction", 2, 0.03)], seed) for seed in (3, 4)])
+    found = asked(usual, together(runs[:2]))
+    assert (found.answer.verdict, named(found.answer)) == ("no missing effect", set())
+    assert found.problem.run_to_run is not None
+
+
+def test_repetitions_in_one_recording_are_runs(runs):
+    """Separate recordings with equal reference positions are compared."""
+    twin = together(runs[:3])
+    (parts,) = repetitions(twin)
+    assert parts == twin.parts
+    assert repetitions(replace(twin, reference_position=None)) == []
+    first, second = differences([twin])
+    assert first.part == second.part == parts[0]
+    spread = np.stack([one.torque[parts[0]] for one in (first, second)])
+    of_runs = np.stack([run.torque for run in runs[:3]])
+    # a difference of two recordings has twice the variance of one
+    np.testing.assert_allclose(
+        np.mean(spread**2, axis=0), 2 * np.var(of_runs, axis=0, ddof=1), atol=1e-12
+    )
+
+
+def test_variances_are_found_and_chance_is_not():
+    """Two terms of thirty differ from run to run; each gets its own variance."""
+    rng = np.random.default_rng(1)
+    columns = rng.standard_normal((30, 400, 1))
+    scale = np.ones(30)
+    scale[[3, 7]] = 20.0, 60.0
+    runs = np.tensordot(scale * rng.standard_normal((40, 30)), columns, axes=1)
+    runs += rng.standard_normal(runs.shape)
+    whole = [slice(0, 400)]
+    found = variances([Evidence.of(columns, run, whole) for run in runs])
+    assert np.sqrt(found[[3, 7]]) == pytest.approx(scale[[3, 7]], rel=0.35)
+    assert np.sum(np.delete(found, [3, 7]) > 1) <= 2
+    assert np.delete(found, [3, 7]).max() < 2
+
+
+def test_the_command_takes_several_runs(files, tiny_robot_path, measured, tmp_path):
+    """The result states how much runs differ; what shows no difference is refused."""
+    write_recording(measured([("coulomb_friction", 2, 0.06)], 3), tmp_path / "usual.h5")
+    result = faultgen.discover(tmp_path / "usual.h5", tiny_robot_path, healthy=files)
+    assert (result["verdict"], result["effects"]) == ("no missing effect", [])
+    assert [one["axis"] for one in result["run_to_run"]] == [1, 2]
+    assert result["run_to_run"][1]["torque"] > 5 * result["run_to_run"][0]["torque"]
+    copy = tmp_path / "copy.h5"
+    copy.write_bytes(files[0].read_bytes())
+    with pytest.raises(InputError, match="the same run; give each run once"):
+        faultgen.discover(files[1], tiny_robot_path, healthy=[files[0], copy])
+    recording = read_recording(files[0])
+    wave = 0.01 * np.sin(np.arange(len(recording.torque)))[:, None]
+    write_recording(replace(recording, torque=recording.torque + wave), copy)
+    with pytest.raises(InputError, match="have the same noise"):
+        faultgen.discover(files[1], tiny_robot_path, healthy=[files[0], copy])
+
+
+def test_the_mean_has_what_all_runs_have(runs):
+    first = replace(runs[0], temperature=np.full(len(runs[0].torque), 30.0))
+    assert mean_of([first]) is first
+    both = mean_of([first, runs[1]])
+    assert both.temperature is None
+    np.testing.assert_array_equal(both.torque, (runs[0].torque + runs[1].torque) / 2)
