@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from faultgen.discovery.candidates import PAYLOAD, Term
 from faultgen.discovery.evidence import Evidence
@@ -18,6 +19,9 @@ Group = tuple[int, ...]
 _STEPS = 6  # re-simulations of a fit at most
 _SHORT = 0.1  # share of a linear gain that simulation may fall short of
 _CLOSE = 0.02  # change of a value, over the value, at which a fit has converged
+_UNEVEN = 3  # number of probing severities from which the misfit may have several minima
+_SHARES = (0.1, 0.2, 0.35, 0.6, 1.0, 1.7, 3.0, 5.0)  # of a severity, tried in turn
+_REFINED = 7  # simulations to refine the best of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +95,10 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
     value = _bounded(problem, terms, value)
     if not np.any(value):
         return None
+    fresh = terms if start is None else groups[-1]
+    for k, t in enumerate(terms):
+        if t in fresh and len(get_effect(problem.terms[t].name).prior.steps) >= _UNEVEN:
+            value = _scanned(problem, terms, value, k, simulate)
     told = np.tensordot(value.astype(np.float32), problem.raw[terms], axes=1)
     _, _, expected = problem.evidence(problem.residual - told).solve(held=terms)
     _, _, nothing = evidence.solve(held=terms)
@@ -129,6 +137,53 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
         return None
     here, value, change, evidence = best
     return _done(problem, tuple(groups), value, change, evidence, here)
+
+
+def _scanned(
+    problem: Problem,
+    terms: Sequence[int],
+    value: np.ndarray,
+    place: int,
+    simulate: Callable[[np.ndarray], np.ndarray | None],
+) -> np.ndarray:
+    """Find the severity of one effect with the smallest misfit over a wide range.
+
+    A play shifts the moment at which the gears meet again. A play of another size meets them at
+    other moments, so that the misfit rises before it falls, and slopes lead nowhere.
+
+    Args:
+        problem: The residual and the terms.
+        terms: Indices of all terms of the set.
+        value: Value of each term, shape (terms,).
+        place: Which of the values is searched.
+        simulate: Function from values to the torque.
+
+    Returns:
+        The values with the best severity, shape (terms,).
+    """
+
+    def moved(severity: float) -> np.ndarray:
+        new = value.copy()
+        new[place] = severity
+        return _bounded(problem, terms, new)
+
+    def misfit(severity: float) -> float:
+        change = simulate(moved(severity))
+        if change is None:
+            return np.inf
+        _, _, here = problem.evidence(problem.residual - change).solve(held=terms)
+        return here
+
+    name = problem.terms[terms[place]].name
+    own = get_effect(name).prior.steps
+    tried = sorted({share * size for share in _SHARES for size in (value[place], max(own)) if size})
+    misfits = [misfit(severity) for severity in tried]
+    k = int(np.argmin(misfits))
+    low, high = tried[max(k - 1, 0)], tried[min(k + 1, len(tried) - 1)]
+    found = minimize_scalar(
+        misfit, bounds=(low, high), method="bounded", options={"maxiter": _REFINED}
+    )
+    return moved(float(found.x) if found.fun < misfits[k] else tried[k])
 
 
 def differences(
