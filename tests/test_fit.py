@@ -24,24 +24,24 @@ def pose():
     rng = np.random.default_rng(0)
     shapes = 20 * rng.normal(size=(len(TERMS), COUNT, 1))
 
-    def make(law, true):
+    def make(law, true, terms=TERMS):
         """The law bends a severity; the gap is that of the true ones."""
         parts = [slice(0, 200), slice(200, 400), slice(400, COUNT)]
 
         def torque(changes):
             total = np.zeros((COUNT, 1))
             for term, value in changes:
-                total += law(value) * shapes[TERMS.index(term)]
+                total += law(value) * shapes[terms.index(term)]
             return total
 
-        raw = np.array([torque([(t, t.step)]) / t.step for t in TERMS], np.float32)
-        residual = torque(list(zip(TERMS, true, strict=True))) + rng.normal(size=(COUNT, 1))
+        raw = np.array([torque([(t, t.step)]) / t.step for t in terms], np.float32)
+        residual = torque(list(zip(terms, true, strict=True))) + rng.normal(size=(COUNT, 1))
         ones = np.ones((COUNT, 1), bool)
-        scale = np.array([t.prior_std for t in TERMS], np.float32)[:, None, None]
+        scale = np.array([t.prior_std for t in terms], np.float32)[:, None, None]
         noise = Autoregression(np.zeros((1, 1)), np.ones(1))
         problem = Problem(
             replay=SimpleNamespace(torque=torque, recording=None, robot=None),
-            terms=TERMS,
+            terms=terms,
             base=np.zeros((COUNT, 1)),
             residual=residual,
             inside=ones,
@@ -85,6 +85,21 @@ def test_a_first_step_that_is_too_long_is_shortened(pose):
     start = np.array([0.9])
     found = fit(problem, [(0,)], start)
     assert found.values[0] == pytest.approx(0.4, abs=5 * found.errors[0])
+
+
+@pytest.mark.parametrize("true", [2e-4, 1e-3, 3e-3])
+def test_a_play_is_found_beyond_a_barrier(pose, true):
+    """Its torque is at another place for another severity, so that slopes lead nowhere."""
+    x = np.linspace(0, 5e-3, COUNT)[:, None]
+
+    def law(severity):
+        return 0.3 * np.exp(-(((x - severity) / 1e-4) ** 2))
+
+    term = Term("backlash", 1, 3e-4, 1.0)
+    problem = pose(law, [true], [term])
+    for start in (None, np.array([2.0 * true])):
+        found = fit(problem, [(0,)], start)
+        assert found.values == pytest.approx([true], abs=5e-5)
 
 
 def test_nothing_is_fitted_where_no_severity_explains_anything(pose):

@@ -229,10 +229,9 @@ def discover(
     samples need not be evenly spaced.
 
     The verdict is one of: no missing effect, named, partly named, ambiguous, unknown effect. If it
-    is ambiguous,
-    the command proposes the motion that would decide between the candidates. It writes
-    discovery.json, model (a robot folder with all that was found; model.xml is its MJCF part),
-    report.html and, if the verdict is ambiguous, next_experiment.toml.
+    is ambiguous, the command proposes the motion that would decide between the candidates. It
+    writes discovery.json, model (a robot folder with all that was found; model.xml is its MJCF
+    part), report.html and, if the verdict is ambiguous, next_experiment.toml.
 
     With --plan, the command needs no recording. It writes motions within the limits of the robot,
     motion_1.toml and so on, that separate the effects best, and plan.json with the expected rate of

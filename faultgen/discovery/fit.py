@@ -95,7 +95,8 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
     value = _bounded(problem, terms, value)
     if not np.any(value):
         return None
-    fresh = terms if start is None else groups[-1]
+    # without a twin, the errors of the model look like some play or other
+    fresh = () if not problem.twin else terms if start is None else groups[-1]
     for k, t in enumerate(terms):
         if t in fresh and len(get_effect(problem.terms[t].name).prior.steps) >= _UNEVEN:
             value = _scanned(problem, terms, value, k, simulate)
