@@ -93,7 +93,7 @@ def test_a_play_is_found_beyond_a_barrier(pose, true):
     x = np.linspace(0, 5e-3, COUNT)[:, None]
 
     def law(severity):
-        return 0.3 * np.exp(-(((x - severity) / 1e-4) ** 2))
+        return 0.3 * np.exp(-(((x - severity) / 3e-4) ** 2))
 
     term = Term("backlash", 1, 3e-4, 1.0)
     problem = pose(law, [true], [term])
