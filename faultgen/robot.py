@@ -40,6 +40,7 @@ from faultgen.mjcf.dcmotor import STRIBECK_VELOCITY as STRIBECK_VELOCITY
 from faultgen.mjcf.edit import resolve_inertias
 from faultgen.mjcf.elements import element_ids
 from faultgen.mjcf.folder import read_folder, write_folder
+from faultgen.mjcf.gearing import Gearing
 
 COUPLING = "wrist_coupling"
 """Name of the elements with friction and inertia that two neighbouring axes share."""
@@ -62,6 +63,8 @@ class Robot:
     effects: tuple[Applied, ...] = ()
     """Effects of the healthy robot that MJCF cannot express. `plant.assemble` puts them into every
     machine, before all others."""
+    tasks: Mapping[str, str] = field(default_factory=dict, repr=False, compare=False)
+    """Text of the task files in the robot's folder, by name of the task."""
     n_axes: int = field(init=False)
     """Number of axes."""
     joints: tuple[int, ...] = field(init=False)
@@ -160,6 +163,13 @@ class Robot:
         return model
 
     @cached_property
+    def gearing(self) -> Gearing:
+        """How the motors turn with the joints."""
+        tendons, ratio = self.ids("tendon", "gearbox"), self.gear_ratio
+        motors, joints = np.array(self.motors), np.array(self.joints)
+        return Gearing(self.model, tendons, motors, joints, ratio)
+
+    @cached_property
     def sha256(self) -> str:
         """Hash of the MJCF text, of the files that it refers to, and of the effects beside it."""
         digest = hashlib.sha256(self.xml.encode())
@@ -175,7 +185,7 @@ class Robot:
         Args:
             spec: The other model, compiled.
         """
-        return Robot(self.name, spec.to_xml(), self.assets, self.effects)
+        return Robot(self.name, spec.to_xml(), self.assets, self.effects, self.tasks)
 
     def with_effects(self, effects: Sequence[Applied]) -> Robot:
         """Return the same robot with further effects that MJCF cannot express.
@@ -184,7 +194,7 @@ class Robot:
             effects: Effects that act after those that the robot has. A second severity of the same
                 effect acts on the robot that already has the first one.
         """
-        return Robot(self.name, self.xml, self.assets, (*self.effects, *effects))
+        return Robot(self.name, self.xml, self.assets, (*self.effects, *effects), self.tasks)
 
     def write(self, folder: Path) -> None:
         """Write the robot into a folder that `load_robot` reads.
@@ -192,7 +202,7 @@ class Robot:
         Args:
             folder: The folder. It is created if it does not exist.
         """
-        write_folder(folder, self.name, self.xml, self.assets, self.effects)
+        write_folder(folder, self.name, self.xml, self.assets, self.effects, self.tasks)
 
     def ids(self, kind: str, name: str, model: mujoco.MjModel | None = None) -> np.ndarray:
         """Find the ids of the elements ``name1`` ... ``name{n_axes}``.
@@ -292,9 +302,9 @@ def load_robot(name_or_path: str | Path) -> Robot:
             "robot's folder"
         )
     if path.is_dir():
-        name, xml, assets, effects = read_folder(path)
+        name, xml, assets, effects, tasks = read_folder(path)
         check_memory(name, xml, assets)
-        return Robot(name, xml, assets, effects)
+        return Robot(name, xml, assets, effects, tasks)
     xml, assets = read_mjcf(path)
     check_memory(path.stem, xml, assets)
     return Robot(path.stem, xml, assets)

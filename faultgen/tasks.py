@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import os
 import tomllib
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -32,10 +34,10 @@ class Pose(BaseModel):
     rpy: Vector | None = None
     """Tool roll, pitch, yaw about the base axes x, y, z [deg]."""
     near: list[float] | None = None
-    """Joint angles from which inverse kinematics starts [deg]. Default: those of the previous
-    pose."""
+    """Joint positions from which inverse kinematics starts, [deg], or [m] for slides. Default:
+    those of the previous pose."""
     joints: list[float] | None = None
-    """Joint angles [deg], which replace the pose of the tool."""
+    """Joint positions, [deg], or [m] for slides, which replace the pose of the tool."""
 
 
 class Move(Pose):
@@ -73,20 +75,43 @@ class Task(BaseModel):
     """Moves of a cycle, one after another."""
 
 
-def task_names(robot: str) -> list[str]:
-    """Names of the tasks that come with a robot."""
+def task_names(robot: str, own: Mapping[str, str] = MappingProxyType({})) -> list[str]:
+    """List the names of a robot's tasks.
+
+    Args:
+        robot: Name of the robot.
+        own: Text of the tasks in the robot's folder, by name: `Robot.tasks`.
+
+    Returns:
+        The names of these tasks, and of those that come with a robot of this name.
+    """
     folder = resources.files("faultgen.robots").joinpath(robot, "tasks")
-    if not folder.is_dir():
-        return []
-    return sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".toml"))
+    files = folder.iterdir() if folder.is_dir() else ()
+    return sorted({*own, *(f.name[:-5] for f in files if f.name.endswith(".toml"))})
 
 
-def load_task(robot: str, name_or_path: str | Path) -> Task:
+def task_text(robot: str, name: str, own: Mapping[str, str] = MappingProxyType({})) -> str:
+    """Return the text of one of a robot's tasks.
+
+    Args:
+        robot: Name of the robot.
+        name: One of `task_names`.
+        own: Text of the tasks in the robot's folder, by name: `Robot.tasks`.
+    """
+    if name in own:
+        return own[name]
+    return resources.files("faultgen.robots").joinpath(robot, "tasks", f"{name}.toml").read_text()
+
+
+def load_task(
+    robot: str, name_or_path: str | Path, own: Mapping[str, str] = MappingProxyType({})
+) -> Task:
     """Load a task of a robot by its name, or from a TOML file.
 
     Args:
         robot: Name of the robot that the task is for.
         name_or_path: One of `task_names`, or the path of a task file.
+        own: Text of the tasks in the robot's folder, by name: `Robot.tasks`.
 
     Returns:
         The task.
@@ -95,14 +120,12 @@ def load_task(robot: str, name_or_path: str | Path) -> Task:
         InputError: There is no such task, or its file is wrong.
     """
     name = str(name_or_path)
-    if name in task_names(robot):
-        text = (
-            resources.files("faultgen.robots").joinpath(robot, "tasks", f"{name}.toml").read_text()
-        )
+    if name in task_names(robot, own):
+        text = task_text(robot, name, own)
     else:
         path = Path(name_or_path)
         if not os.path.exists(path):
-            known = ", ".join(task_names(robot)) or "none"
+            known = ", ".join(task_names(robot, own)) or "none"
             raise InputError(
                 f"unknown task '{name}' for robot {robot}: choose {known}, "
                 "or give the path of a task file"

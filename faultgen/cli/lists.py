@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
-from faultgen.cli.app import Json, app, print_json, print_table
+import typer
+
+from faultgen.cli.app import Json, app, names, print_json, print_table
 
 
 @app.command()
@@ -30,7 +32,16 @@ def robots(as_json: Json = False) -> None:
 
 
 @app.command()
-def tasks(as_json: Json = False) -> None:
+def tasks(
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            help="Name of a robot, or the path of an MJCF file or robot folder. For several, "
+            "write a,b. Default: the robots that come with faultgen."
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
     """List the tasks of each robot with their cycle times.
 
     The window share is the share of time in which a motor turns at 50 to 120 rad/s. Only samples
@@ -41,15 +52,15 @@ def tasks(as_json: Json = False) -> None:
     from faultgen.tasks import load_task, task_names
 
     rows = []
-    for name in robot_names():
-        robot = load_robot(name)
-        for task_name in task_names(name):
-            task = load_task(name, task_name)
-            motion = plan(task, robot)
+    for name in names(robot) or robot_names():
+        machine = load_robot(name)
+        for task_name in task_names(machine.name, machine.tasks):
+            task = load_task(machine.name, task_name, machine.tasks)
+            motion = plan(task, machine)
             share = " ".join(f"{100 * value:.0f}" for value in motion.window_share)
             rows.append(
                 {
-                    "robot": name,
+                    "robot": machine.name,
                     "task": task_name,
                     "cycle [s]": round(motion.period, 2),
                     "window share [%], axis 1 to 6": share,

@@ -57,9 +57,14 @@ def _listed(value: Any) -> Any:
 def _places(value: Any) -> Any:
     """Leave names as they are, and make paths absolute, so that they are valid in every folder."""
     return [
-        str(Path(item).resolve()) if isinstance(item, str) and Path(item).is_file() else item
+        str(Path(item).resolve()) if isinstance(item, str) and _is_place(Path(item)) else item
         for item in _listed(value)
     ]
+
+
+def _is_place(path: Path) -> bool:
+    """Whether a path is that of a file or of a robot's folder."""
+    return path.is_file() or (path / "robot.json").is_file()
 
 
 def _axes(value: Any) -> Any:

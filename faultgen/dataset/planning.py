@@ -139,7 +139,7 @@ def plan_runs(experiment: Experiment) -> list[Run]:
                 f"experiment: has {count} runs, but a dataset can have at most {MOST_RUNS}"
             )
         for task_name in experiment.task:
-            task = load_task(robot.name, task_name)
+            task = load_task(robot.name, task_name, robot.tasks)
             digest = hashlib.sha256(task.model_dump_json().encode()).hexdigest()
             for repetition in range(experiment.repetitions):
                 for effect, axes, severity in faults:

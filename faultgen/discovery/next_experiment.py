@@ -5,7 +5,6 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from importlib import resources
 
 import numpy as np
 import tomli_w
@@ -18,7 +17,7 @@ from faultgen.discovery.selection import Choice
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import Robot
 from faultgen.simulation.motion import plan
-from faultgen.tasks import Task, load_task, task_names
+from faultgen.tasks import Task, load_task, task_names, task_text
 
 _LONGEST = 20.0  # time of a motion that is looked at [s]
 
@@ -140,17 +139,17 @@ def planned_recording(problem: Problem, name: str, toml: str) -> Recording:
 def library(problem: Problem) -> Iterator[tuple[str, str]]:
     """Names and task files of safe motions: those of the robot, and three within the recording."""
     robot = problem.robot
-    for name in task_names(robot.name):
-        load_task(robot.name, name)
-        folder = resources.files("faultgen.robots").joinpath(robot.name, "tasks")
-        yield name, folder.joinpath(f"{name}.toml").read_text()
+    for name in task_names(robot.name, robot.tasks):
+        load_task(robot.name, name, robot.tasks)
+        yield name, task_text(robot.name, name, robot.tasks)
     yield from _own(problem, robot)
 
 
 def _own(problem: Problem, robot: Robot) -> Iterator[tuple[str, str]]:
     """Moves between joint angles that lie within the range of the recording."""
     recording = problem.recording
-    joints = np.degrees(recording.joint_position(robot.gear_ratio))
+    joints = recording.joint_position(robot.gear_ratio)
+    joints = np.where(robot.slides, joints, np.degrees(joints))
     low, middle, high = np.quantile(joints, [0.15, 0.5, 0.85], axis=0)
 
     def task(text: str, moves: list[tuple[np.ndarray, float, float]]) -> str:

@@ -244,6 +244,12 @@ def usable(
     Raises:
         InputError: The file cannot be used. The message is one line.
     """
+    if robot.gearing.coupled.any():
+        axis = int(np.argmax(robot.gearing.coupled)) + 1
+        raise InputError(
+            f"robot {robot.name}: gearbox{axis} also turns with another joint; recordings can only "
+            "be compared with robots whose gearboxes turn with their own joint alone"
+        )
     recording = read_recording(path)
     seconds = len(recording.position) * recording.sample_period
     if seconds > LONGEST:

@@ -1,12 +1,13 @@
-"""A robot as a folder: its MJCF file, its assets, and the effects that MJCF cannot express.
+"""A robot as a folder: its MJCF file, its assets, its tasks, and effects that MJCF cannot express.
 
 ==============  ===================================================================================
 ``model.xml``   the MJCF file, with everything that MJCF can express
 ``robot.json``  the robot's name, and the effects that act outside of the model file
+``tasks/``      optional: task files of this robot (TOML), which are then known by name
 ==============  ===================================================================================
 
-    write_folder(Path("out/model"), "puma560", xml, assets, effects)
-    name, xml, assets, effects = read_folder(Path("out/model"))
+    write_folder(Path("out/model"), "puma560", xml, assets, effects, tasks)
+    name, xml, assets, effects, tasks = read_folder(Path("out/model"))
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ from faultgen.mjcf.edit import write_model
 from faultgen.system.files import write_text
 from faultgen.system.reading import read_text
 
-MODEL, EFFECTS = "model.xml", "robot.json"
-"""Names of the two files of a robot's folder."""
+MODEL, EFFECTS, TASKS = "model.xml", "robot.json", "tasks"
+"""Names of the two files of a robot's folder, and of the folder of its tasks."""
 
 _KEYS = ("format", "name", "effects")
 _FORMAT = 1
@@ -36,6 +37,7 @@ def write_folder(
     xml: str,
     assets: Mapping[str, bytes],
     effects: Sequence[Applied],
+    tasks: Mapping[str, str],
 ) -> None:
     """Write a robot into a folder.
 
@@ -45,14 +47,23 @@ def write_folder(
         xml: Text of the model.
         assets: Content of the files that the model refers to, by path relative to the model.
         effects: Effects that MJCF cannot express.
+        tasks: Text of the robot's own task files, by name.
     """
     folder.mkdir(parents=True, exist_ok=True)
     write_model(folder / MODEL, xml, assets)
     content = {"format": _FORMAT, "name": name, "effects": to_json(effects)}
     write_text(folder / EFFECTS, json.dumps(content, indent=1, allow_nan=False) + "\n")
+    if tasks:
+        (folder / TASKS).mkdir(exist_ok=True)
+    for task, text in tasks.items():
+        write_text(folder / TASKS / f"{task}.toml", text)
 
 
-def read_folder(folder: Path) -> tuple[str, str, dict[str, bytes], tuple[Applied, ...]]:
+Content = tuple[str, str, dict[str, bytes], tuple[Applied, ...], dict[str, str]]
+"""Name, text of the model, assets by path, effects, and text of the task files by name."""
+
+
+def read_folder(folder: Path) -> Content:
     """Read a robot from a folder.
 
     A folder without ``robot.json`` is read if it has an MJCF file of its own name, as the folders
@@ -62,19 +73,21 @@ def read_folder(folder: Path) -> tuple[str, str, dict[str, bytes], tuple[Applied
         folder: The folder.
 
     Returns:
-        Name of the robot, text of its model, content of its assets by path, and its effects.
+        Name of the robot, text of its model, content of its assets by path, its effects, and the
+        text of its own task files by name.
 
     Raises:
         InputError: The folder holds no robot, or a file is damaged. The message is one line.
     """
     plain = folder / f"{folder.resolve().name}.xml"
     if not (folder / EFFECTS).exists() and plain.is_file():
-        return plain.stem, *read_mjcf(plain), ()
+        return plain.stem, *read_mjcf(plain), (), _tasks(folder)
     for name in (EFFECTS, MODEL):
         if not (folder / name).exists():
             raise InputError(
                 f"robot folder {folder}: has no {name}; give the folder 'model' that "
-                "'faultgen discover' writes, or the path of an MJCF file"
+                "'faultgen discover' writes, a folder that 'faultgen robot build' writes, or the "
+                "path of an MJCF file"
             )
     file = folder / EFFECTS
     content = _parsed(read_text(file, "robot file"), file)
@@ -91,7 +104,12 @@ def read_folder(folder: Path) -> tuple[str, str, dict[str, bytes], tuple[Applied
         effects = from_json(content["effects"])
     except InputError as error:
         raise InputError(f"robot file {file}: damaged: {error}") from None
-    return content["name"], *read_mjcf(folder / MODEL), effects
+    return content["name"], *read_mjcf(folder / MODEL), effects, _tasks(folder)
+
+
+def _tasks(folder: Path) -> dict[str, str]:
+    files = sorted((folder / TASKS).glob("*.toml"))
+    return {file.stem: read_text(file, "task file") for file in files}
 
 
 def _parsed(text: str, file: Path) -> Any:

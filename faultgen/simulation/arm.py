@@ -13,6 +13,8 @@ from scipy.spatial.transform import Rotation
 from faultgen.errors import InputError
 from faultgen.robot import COULOMB, COUPLING, OFFSET, STRIBECK_VELOCITY, Robot
 
+_NEWTON_STEPS = 30  # of `Arm.follow`; a pose that is close needs 3 to 5
+
 
 @lru_cache(maxsize=8)
 def _rigid(
@@ -122,24 +124,25 @@ class Arm:
         Raises:
             InputError: From `near`, the pose cannot be reached to within 1e-6 m and 1e-6 rad.
         """
+        if self.model.nv > 6:  # the search below is slow where there are many solutions
+            close = self.follow(point, orientation, near)
+            if close is not None:
+                return close
         low, high = self.robot.joint_range.T
 
         def residual(q: np.ndarray) -> np.ndarray:
-            at, turned = self.tool_pose(q)
-            return np.concatenate([at - point, (orientation * turned.inv()).as_rotvec()])
-
-        def jacobian(q: np.ndarray) -> np.ndarray:
-            self.tool_pose(q)
-            mujoco.mj_comPos(self.model, self._data)
-            linear = np.zeros((3, self.model.nv))
-            angular = np.zeros((3, self.model.nv))
-            mujoco.mj_jacSite(self.model, self._data, linear, angular, self._tool)
-            return np.vstack([linear, -angular])
+            return self._miss(q, point, orientation)
 
         start = np.clip(near, low + 1e-9, high - 1e-9)
         tight = 1e-15
         solution = least_squares(
-            residual, start, jac=jacobian, bounds=(low, high), xtol=tight, ftol=tight, gtol=tight
+            residual,
+            start,
+            jac=self._slope,
+            bounds=(low, high),
+            xtol=tight,
+            ftol=tight,
+            gtol=tight,
         )
         if np.abs(solution.fun).max() > 1e-6:
             where = ", ".join(f"{v:.3f}" for v in point)
@@ -149,6 +152,45 @@ class Arm:
                 "mm away)"
             )
         return solution.x
+
+    def follow(
+        self, point: np.ndarray, orientation: Rotation, near: np.ndarray
+    ) -> np.ndarray | None:
+        """Find joint angles for a pose of the tool that is close to the present one, quickly.
+
+        Args:
+            point: Position of the tool, shape (3,), in [m].
+            orientation: Orientation of the tool.
+            near: Present joint angles, shape (n_axes,), in [rad].
+
+        Returns:
+            Joint angles within the joint ranges, shape (n_axes,), in [rad]; None if Newton's method
+            does not find them.
+        """
+        low, high = self.robot.joint_range.T
+        q = np.clip(near, low, high)
+        for _ in range(_NEWTON_STEPS):
+            miss = self._miss(q, point, orientation)
+            if np.abs(miss).max() < 1e-9:
+                return q
+            slope = self._slope(q)
+            damped = slope @ slope.T + 1e-9 * np.eye(6)
+            q = np.clip(q - slope.T @ np.linalg.solve(damped, miss), low, high)
+        return None
+
+    def _miss(self, q: np.ndarray, point: np.ndarray, orientation: Rotation) -> np.ndarray:
+        """How far the tool is from a pose: [m], and rotation vector [rad]."""
+        at, turned = self.tool_pose(q)
+        return np.concatenate([at - point, (orientation * turned.inv()).as_rotvec()])
+
+    def _slope(self, q: np.ndarray) -> np.ndarray:
+        """Derivative of `_miss` with respect to the joint angles."""
+        self.tool_pose(q)
+        mujoco.mj_comPos(self.model, self._data)
+        linear = np.zeros((3, self.model.nv))
+        angular = np.zeros((3, self.model.nv))
+        mujoco.mj_jacSite(self.model, self._data, linear, angular, self._tool)
+        return np.vstack([linear, -angular])
 
 
 def nominal_friction(robot: Robot, speed: np.ndarray) -> np.ndarray:
@@ -184,7 +226,8 @@ def motor_torque(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np
     """
     robot = arm.robot
     inertia = robot.model.dof_M0[list(robot.motors)]
-    load = arm.inverse_dynamics(q, qd, qdd) / robot.gear_ratio
+    load = robot.gearing.torque(arm.inverse_dynamics(q, qd, qdd)) / robot.gear_ratio
+    qd, qdd = robot.gearing.outputs(qd), robot.gearing.outputs(qdd)
     rotor = inertia * robot.gear_ratio * qdd
     torque = load + rotor + nominal_friction(robot, qd * robot.gear_ratio)
     for shared in _couplings(robot):
@@ -241,5 +284,6 @@ def loads(
         in [N m].
     """
     torque = motor_torque(Arm(robot), q, qd, qdd)
+    qd, qdd = robot.gearing.outputs(qd), robot.gearing.outputs(qdd)
     own = robot.model.dof_M0[list(robot.motors)] * robot.gear_ratio * qdd
     return torque - own - nominal_friction(robot, qd * robot.gear_ratio), torque

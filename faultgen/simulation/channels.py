@@ -60,8 +60,8 @@ class Channels:
             motor_torque=force[:, self.drive] / self.robot.torque_gain,
             friction_torque=friction,
             gear_torque=self.gearbox.torque(twist, twist_rate),
-            joint_position=position / self.robot.gear_ratio - twist,
-            joint_velocity=velocity / self.robot.gear_ratio - twist_rate,
+            joint_position=self.robot.gearing.joints(position, twist),
+            joint_velocity=self.robot.gearing.joints(velocity, twist_rate),
         )
 
 

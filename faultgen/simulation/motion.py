@@ -86,7 +86,7 @@ class Motion:
     def window_share(self) -> np.ndarray:
         """Share of the cycle that each motor spends in `SPEED_WINDOW`, shape (n_axes,)."""
         times = np.arange(0, self.period, _GRID)
-        speed = np.abs(self(times)[1] * self.robot.gear_ratio)
+        speed = np.abs(self.robot.gearing.outputs(self(times)[1]) * self.robot.gear_ratio)
         low, high = SPEED_WINDOW
         return ((speed >= low) & (speed <= high)).mean(axis=0)
 
@@ -137,13 +137,13 @@ def _configuration(pose: Pose, arm: Arm, task: Task, before: np.ndarray, where: 
         if value is not None and len(value) != robot.n_axes:
             raise InputError(f"task {task.name}, {where}: '{name}' needs {robot.n_axes} angles")
     if pose.joints is not None:
-        angles = np.radians(pose.joints)
+        angles = _joints(pose.joints, robot)
     else:
         if pose.position is None or pose.rpy is None:
             raise InputError(
                 f"task {task.name}, {where}: give 'position' and 'rpy', or give 'joints'"
             )
-        near = before if pose.near is None else np.radians(pose.near)
+        near = before if pose.near is None else _joints(pose.near, robot)
         turned = Rotation.from_euler("xyz", pose.rpy, degrees=True)
         try:
             angles = arm.inverse_kinematics(np.array(pose.position), turned, near)
@@ -153,11 +153,18 @@ def _configuration(pose: Pose, arm: Arm, task: Task, before: np.ndarray, where: 
     outside = np.flatnonzero((angles < low - 1e-9) | (angles > high + 1e-9))
     if len(outside):
         axis = outside[0]
+        scale, unit, digits = (1.0, "m", 4) if robot.slides[axis] else (180 / np.pi, "deg", 1)
+        at, first, last = scale * np.array([angles[axis], low[axis], high[axis]])
         raise InputError(
-            f"task {task.name}, {where}: axis {axis + 1} at {np.degrees(angles[axis]):.1f} deg is "
-            f"outside its range of {np.degrees(low[axis]):.1f} to {np.degrees(high[axis]):.1f} deg"
+            f"task {task.name}, {where}: axis {axis + 1} at {at:.{digits}f} {unit} is outside its "
+            f"range of {first:.{digits}f} to {last:.{digits}f} {unit}"
         )
     return angles
+
+
+def _joints(values: list[float], robot: Robot) -> np.ndarray:
+    """Joint positions as tasks state them, in degrees or metres."""
+    return np.where(robot.slides, values, np.radians(values))
 
 
 def _path(
@@ -225,7 +232,8 @@ def _time(
     joint_speed = robot.motor_velocity_limit / np.abs(robot.gear_ratio)
     s = np.linspace(0, 1, 201)
     slope = np.abs(path(s, 1)).max(axis=0) + 1e-12
-    speed = move.speed * np.min(joint_speed / slope)
+    turned = robot.gearing.outputs
+    speed = move.speed * np.min(joint_speed / (np.abs(turned(path(s, 1))).max(axis=0) + 1e-12))
     if move.tool_speed is not None and length > 0:
         speed = min(speed, move.tool_speed / length)
     acceleration = move.speed * np.min(robot.joint_acceleration_limit / slope)
@@ -239,7 +247,7 @@ def _time(
         qdd = path(at, 2) * rate[:, None] ** 2 + slopes * change[:, None]
         torque = motor_torque(arm, path(at, 0), qd, qdd)
         excess = np.max(np.abs(torque) / (_TORQUE_SHARE * robot.motor_torque_limit))
-        excess_speed = np.max(np.abs(qd) / joint_speed)
+        excess_speed = np.max(np.abs(turned(qd)) / joint_speed)
         excess_acceleration = np.max(np.abs(qdd) / robot.joint_acceleration_limit)
         if excess <= 1 and excess_speed <= 1 + 1e-6 and excess_acceleration <= 1 + 1e-6:
             return timing, duration

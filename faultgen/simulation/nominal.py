@@ -74,7 +74,7 @@ def nominal(robot_name: str, task_name: str, sample_period: float) -> Nominal:
             samples.
     """
     robot = load_robot(robot_name)
-    motion = plan(load_task(robot.name, task_name), robot)
+    motion = plan(load_task(robot.name, task_name, robot.tasks), robot)
     timestep = robot.model.opt.timestep
     if motion.period / timestep > _MOST_STEPS:
         raise InputError(
@@ -111,9 +111,11 @@ def _limits(robot: Robot, angle: np.ndarray, speed: np.ndarray, torque: np.ndarr
     middle = (angle.max(axis=0) + angle.min(axis=0)) / 2
     reach = np.maximum(_BEYOND * np.ptp(angle, axis=0) / 2, 1e-3)
     needed = np.stack([middle - reach, middle + reach], axis=1)
+    # the angle of a coupled gearbox is not that of a joint
+    known = np.isfinite(robot.joint_range).all(axis=1) & ~robot.gearing.coupled
     return Limits(
         given(robot.motor_torque_limit, torque),
         given(robot.motor_velocity_limit, speed),
-        np.where(np.isfinite(robot.joint_range), robot.joint_range, needed),
+        np.where(known[:, None], robot.joint_range, needed),
         robot.gear_ratio,
     )

@@ -35,8 +35,9 @@ def control_signal(motion: Motion, timestep: float) -> np.ndarray:
     model = robot.model
     control = np.zeros((len(times), model.nu))
     at = model.actuator_ctrladr[robot.ids("actuator", "drive")]
-    control[:, at] = q * robot.gear_ratio
-    control[:, at + 1] = half * robot.gear_ratio * robot.set_points[1]
+    outputs = robot.gearing.outputs
+    control[:, at] = outputs(q) * robot.gear_ratio
+    control[:, at + 1] = outputs(half) * robot.gear_ratio * robot.set_points[1]
     if robot.set_points[2]:
         control[:, at + 2] = motor_torque(Arm(robot), q, qd, qdd) * robot.set_points[2]
     return control

@@ -328,12 +328,12 @@ def start_on_reference(robot: Robot, batch: Batch, control: np.ndarray) -> None:
     model = robot.model
     at = model.actuator_ctrladr[robot.ids("actuator", "drive")]
     motor, speed = control[at], control[at + 1]
-    joint = motor / robot.gear_ratio
+    joint = robot.gearing.joints(motor)
     load = Arm(robot).inverse_dynamics(joint[None], 0 * joint[None], 0 * joint[None])[0]
     stiffness = model.tendon_stiffness[robot.ids("tendon", "gearbox")]
     position, velocity = batch.qpos, batch.qvel
     motors, joints = robot.addresses(batch.model)
     position[0, motors] = motor
-    position[0, joints] = joint - load / stiffness
+    position[0, joints] = robot.gearing.joints(motor, robot.gearing.torque(load) / stiffness)
     velocity[0, motors] = speed
-    velocity[0, joints] = speed / robot.gear_ratio
+    velocity[0, joints] = robot.gearing.joints(speed)

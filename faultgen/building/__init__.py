@@ -1,0 +1,1 @@
+"""From a plain model of an arm to a complete robot, and checks of both."""

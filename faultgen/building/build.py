@@ -1,0 +1,200 @@
+"""Building a robot from a plain model: `build` does everything up to the folder on the disk.
+
+    built = build(Path("arm.urdf"), Drives(), "my_arm")
+    built.robot.write(Path("my_arm"))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from faultgen.building.drives import Coupling, Drives, check_names, drives_text
+from faultgen.building.elements import add_drives, add_payload
+from faultgen.building.plain import Plain, plain_arm
+from faultgen.building.quantities import Seen, Value, drive_of
+from faultgen.building.resonance import bristle_step, largest_step, sampled_poses, zero_pose
+from faultgen.building.workplan import plan_tasks
+from faultgen.errors import InputError
+from faultgen.mjcf.edit import mjcf_text, resolve_inertias
+from faultgen.robot import Robot, robot_names
+from faultgen.system.files import write_text
+
+DRIVES = "drives.toml"
+"""Name of the file with all numbers of the drives, in the folder of a robot."""
+
+STEPS = (1e-3, 5e-4, 2.5e-4, 2e-4, 1e-4, 5e-5, 4e-5, 2e-5)
+"""Time steps from which one is chosen [s]; 4 ms is a whole number of each."""
+MARGIN = 0.5
+"""Largest chosen step over the largest stable one."""
+
+_POSES, _STABLE_POSES = 256, 12  # at which inertias are looked at; at which stability is
+
+
+@dataclass(frozen=True)
+class Built:
+    """A robot that was built from a plain model."""
+
+    robot: Robot
+    """The robot, with its tasks."""
+    plain: Plain
+    """The plain arm that it was built from."""
+    values: tuple[dict[str, Value], ...]
+    """Numbers of the drive of each axis, by name."""
+    drives: str
+    """Text of drives.toml, with all numbers."""
+    notes: tuple[str, ...]
+    """What was left out, changed, or could not be done."""
+
+    def write(self, folder: Path) -> None:
+        """Write the robot, its tasks and drives.toml into a folder.
+
+        Args:
+            folder: The folder. It is created if it does not exist.
+        """
+        self.robot.write(folder)
+        write_text(folder / DRIVES, self.drives)
+
+
+def build(path: Path, drives: Drives, name: str) -> Built:
+    """Build a robot from a plain model.
+
+    Args:
+        path: An MJCF or URDF file.
+        drives: What is known about the drives.
+        name: Name of the robot.
+
+    Returns:
+        The robot, and everything that was assumed.
+
+    Raises:
+        InputError: The file cannot be read, no robot can be built from it, or the drives do not fit
+            to it.
+    """
+    if name in robot_names():
+        raise InputError(f"'{name}' is the name of a robot that comes with faultgen; use another")
+    plain = plain_arm(path, drives.joints, drives.tool)
+    check_names(drives, plain.joints)
+    spec = mujoco.MjSpec.from_string(plain.xml, assets=dict(plain.assets))
+    spec.modelname = name
+    payload = add_payload(spec, plain.flange, drives.payload)
+    turns = turns_of(plain.joints, drives.coupling)
+    seen = look(spec, plain, turns)
+    values = tuple(
+        drive_of(drives.of(joint), one) for joint, one in zip(plain.joints, seen, strict=True)
+    )
+    add_drives(spec, plain.joints, values, drives.coupling)
+    robot, step = _with_step(spec, plain, name, drives.timestep)
+    home = plain.home if drives.home is None else _from_degrees(drives.home, robot)
+    robot, pose, notes = plan_tasks(robot, None if home is None else np.array(home))
+    degrees = [float(f"{x:.6g}") for x in np.where(robot.slides, pose, np.degrees(pose))]
+    source = Value(0, "given") if drives.home else Value(0, "assumed", "start of the tasks")
+    general: list[tuple[str, str, Value | None]] = [
+        ("joints", _list(plain.joints), Value(0, "given") if drives.joints else _ASSUMED_JOINTS),
+        ("tool", f'"{drives.tool or plain.flange.body}"', _origin(plain.flange.why)),
+        ("timestep", f"{robot.model.opt.timestep!r}", step),
+        ("home", str(degrees), source),
+    ]
+    entries = {
+        key: (str(found if len(found) > 1 else found[0]), source)
+        for key, (found, source) in payload.items()
+    }
+    text = drives_text(name, plain.joints, values, general, entries, drives.coupling)
+    return Built(robot, plain, values, text, (*plain.notes, *notes))
+
+
+_ASSUMED_JOINTS = Value(0, "assumed", "all hinges and slides of the model")
+
+
+def _list(names: Sequence[str]) -> str:
+    return "[" + ", ".join(f'"{name}"' for name in names) + "]"
+
+
+def _origin(why: str) -> Value:
+    return Value(0, "given") if why == "given" else Value(0, "assumed", why.removeprefix("assumed: "))
+
+
+def _from_degrees(values: Sequence[float], robot: Robot) -> np.ndarray:
+    return np.where(robot.slides, values, np.radians(values))
+
+
+def turns_of(joints: Sequence[str], couplings: Sequence[Coupling]) -> np.ndarray:
+    """Return how the outputs of the gearboxes turn with the joints.
+
+    Args:
+        joints: Names of the axes.
+        couplings: Gearboxes that also turn with another joint.
+
+    Returns:
+        C of outputs = C joints, shape (n_axes, n_axes).
+
+    Raises:
+        InputError: The couplings leave a motion of the joints that no motor sees.
+    """
+    turns = np.eye(len(joints))
+    for one in couplings:
+        turns[list(joints).index(one.gearbox), list(joints).index(one.joint)] += one.factor
+    if abs(np.linalg.det(turns)) < 1e-6:
+        raise InputError("drives: coupling: with these factors the motors cannot hold the arm")
+    return turns
+
+
+def look(spec: mujoco.MjSpec, plain: Plain, turns: np.ndarray) -> list[Seen]:
+    """Look at an arm from its drives: inertias and weight over many poses.
+
+    Args:
+        spec: The plain arm with its payload.
+        plain: What was read from the file.
+        turns: How the outputs of the gearboxes turn with the joints, shape (n_axes, n_axes).
+
+    Returns:
+        What each drive sees.
+    """
+    model = spec.copy().compile()
+    data = mujoco.MjData(model)
+    limited = model.jnt_limited.astype(bool)[:, None]
+    joint_range = np.where(limited, model.jnt_range, [-np.inf, np.inf])
+    poses = sampled_poses(joint_range, np.array(plain.slides), _POSES)
+    poses = np.vstack([np.clip(np.zeros(model.nv), *joint_range.T), poses])
+    back = np.linalg.inv(turns)
+    inertia, gravity = np.empty((2, *poses.shape))
+    for k, pose in enumerate(poses):
+        data.qpos[:], data.qvel[:] = pose, 0.0
+        mujoco.mj_forward(model, data)
+        matrix = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, matrix)
+        inertia[k] = np.diag(back.T @ matrix @ back)
+        gravity[k] = back.T @ (data.qfrc_bias - data.qfrc_passive)
+    return [
+        Seen(
+            slide=plain.slides[k],
+            most=float(inertia[:, k].max()),
+            least=float(inertia[:, k].min()),
+            gravity=float(np.abs(gravity[:, k]).max()),
+            stated=plain.stated[joint],
+        )
+        for k, joint in enumerate(plain.joints)
+    ]
+
+
+def _with_step(
+    spec: mujoco.MjSpec, plain: Plain, name: str, given: float | None
+) -> tuple[Robot, Value]:
+    """The robot with the time step that was given, or one that is small enough."""
+    resolve_inertias(spec)
+    spec.compile()
+    robot = Robot(name, mjcf_text(spec), plain.assets)
+    source = Value(0, "given")
+    if given is None:
+        poses = sampled_poses(robot.joint_range, robot.slides, _STABLE_POSES)
+        stable = min(largest_step(robot, pose) for pose in (zero_pose(robot), *poses))
+        most = min(MARGIN * stable, float(bristle_step(robot).min()))
+        given = next((step for step in STEPS if step <= most), STEPS[-1])
+        source = Value(0, "assumed", f"at most {MARGIN:g} of the largest stable step")
+    spec.option.timestep = given
+    spec.compile()
+    return replace(robot, xml=mjcf_text(spec)), source

@@ -1,0 +1,183 @@
+"""A plain arm: links, joints and limits, without motors, gearboxes and friction.
+
+`plain_arm` brings any MJCF or URDF file into this form. It renames the axes to ``joint1``, ...,
+takes out what belongs to other programs (actuators, sensors, ...), and keeps as data what the file
+states about the drives, such as armature and damping.
+
+    arm = plain_arm(Path("arm.urdf"))
+    arm.joints, arm.stated, arm.notes
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from faultgen.building.chain import (
+    SLIDE,
+    axes_of,
+    chain_findings,
+    moving_links,
+    name_elements,
+    strip,
+)
+from faultgen.building.findings import Finding, refuse
+from faultgen.building.flange import Flange, find_flange
+from faultgen.building.inertias import inertia_findings, repair_inertias
+from faultgen.building.source import Source, read_source
+from faultgen.errors import InputError
+from faultgen.mjcf.edit import mjcf_text
+
+HOME = "home"
+"""Name of the keyframe that is the pose from which tasks start."""
+
+
+@dataclass(frozen=True)
+class Plain:
+    """A plain arm, whose axes are ``joint1``, ``joint2``, ..."""
+
+    name: str
+    """Name of the file without its ending."""
+    xml: str
+    """The MJCF text."""
+    assets: Mapping[str, bytes]
+    """Content of the files that the text refers to, by name."""
+    joints: tuple[str, ...]
+    """Names of the axes in the file, from the base to the tool."""
+    slides: tuple[bool, ...]
+    """Whether the axis slides."""
+    stated: Mapping[str, Mapping[str, float]]
+    """What the file states about the drive of a joint, by joint: armature, damping, frictionloss,
+    torque_limit, speed_limit; joint side, in SI units."""
+    flange: Flange
+    """Where the payload is attached."""
+    home: tuple[float, ...] | None
+    """Joint positions of the keyframe ``home``, in [rad] or [m]."""
+    notes: tuple[str, ...]
+    """What was left out or changed."""
+
+
+def plain_arm(
+    path: Path, joints: Sequence[str] | None = None, flange: str | None = None
+) -> Plain:
+    """Read a plain arm.
+
+    Args:
+        path: An MJCF or URDF file.
+        joints: Names of the joints that are axes, from the base to the tool. Default: all.
+        flange: Name of the body or site to which the payload is attached. Default: found by name.
+
+    Returns:
+        The arm.
+
+    Raises:
+        InputError: The file cannot be read, or no robot can be built from it. The message has all
+            findings, in one line.
+    """
+    source = read_source(path)
+    spec = source.spec
+    name_elements(spec)
+    findings, names = survey(source, joints)
+    refuse(path.name, findings)
+    stated = _stated(source, names)
+    home = _home(spec, names)
+    notes = [*source.notes, *strip(spec, names), *repair_inertias(spec)]
+    place = find_flange(spec, names[-1], flange)
+    slides = tuple(spec.joint(name).type == SLIDE for name in names)
+    _rename(spec, names)
+    spec.modelname = path.stem
+    try:
+        spec.compile()
+        text = mjcf_text(spec)
+    except (ValueError, RuntimeError, mujoco.FatalError) as error:
+        line = " ".join(str(error).split())
+        raise InputError(f"{path.name}: MuJoCo cannot use the model: {line}") from None
+    return Plain(
+        name=source.name,
+        xml=text,
+        assets=source.assets,
+        joints=tuple(names),
+        slides=slides,
+        stated=stated,
+        flange=place,
+        home=home,
+        notes=tuple(notes),
+    )
+
+
+def survey(source: Source, joints: Sequence[str] | None) -> tuple[list[Finding], list[str]]:
+    """List what is wrong with the axes, masses and inertias of a model.
+
+    Args:
+        source: The model, whose elements have names.
+        joints: Names of the joints that are axes. None: all hinges and slides.
+
+    Returns:
+        The findings, and the names of the axes.
+    """
+    found = chain_findings(source.spec, joints)
+    known = {joint.name for joint in source.spec.joints}
+    chosen = None if joints is None else [name for name in joints if name in known]
+    names = [joint.name for joint in axes_of(source.spec, chosen)]
+    return [*found, *inertia_findings(source.spec, moving_links(source.spec, names))], names
+
+
+def _stated(source: Source, names: Sequence[str]) -> dict[str, dict[str, float]]:
+    """What a model states about the drive of each axis, joint side."""
+    spec, found = source.spec, {}
+    for name in names:
+        joint = spec.joint(name)
+        values = {
+            "armature": float(joint.armature),
+            "damping": float(joint.damping[0]),
+            "frictionloss": float(joint.frictionloss),
+            "torque_limit": float(joint.actfrcrange[1]),
+            "speed_limit": source.speed_limit.get(name, 0.0),
+        }
+        for actuator in spec.actuators:
+            if actuator.target == name and actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT:
+                limit = _actuator_limit(actuator)
+                values["torque_limit"] = values["torque_limit"] or limit
+        found[name] = {key: v for key, v in values.items() if v > 0 and np.isfinite(v)}
+    return found
+
+
+def _actuator_limit(actuator: mujoco.MjsActuator) -> float:
+    """Largest torque that an actuator can exert on its joint; 0 if it has no limit."""
+    if actuator.forcerange[1] > 0:
+        return float(abs(actuator.gear[0]) * actuator.forcerange[1])
+    plain_motor = actuator.biastype == mujoco.mjtBias.mjBIAS_NONE
+    if plain_motor and actuator.ctrlrange[1] > 0:
+        return float(abs(actuator.gear[0] * actuator.gainprm[0]) * actuator.ctrlrange[1])
+    return 0.0
+
+
+def _home(spec: mujoco.MjSpec, names: Sequence[str]) -> tuple[float, ...] | None:
+    """Joint positions of the keyframe ``home``, if it has one value for each joint."""
+    widths = {mujoco.mjtJoint.mjJNT_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}
+    for key in spec.keys:
+        values = list(key.qpos)
+        address, at = 0, {}
+        for joint in spec.joints:
+            at[joint.name] = address
+            address += widths.get(joint.type, 1)
+        if key.name == HOME and len(values) == address:
+            return tuple(float(values[at[name]]) for name in names)
+    return None
+
+
+def _rename(spec: mujoco.MjSpec, names: Sequence[str]) -> None:
+    """Name the axes joint1, ..., and take out of them what their drives will have."""
+    for k, joint in enumerate([spec.joint(name) for name in names], start=1):
+        joint.name = f"axis_{k}_of_{len(names)}"  # no other joint is called so
+    for k in range(1, len(names) + 1):
+        joint = spec.joint(f"axis_{k}_of_{len(names)}")
+        joint.name = f"joint{k}"
+        joint.armature = joint.frictionloss = 0.0
+        joint.damping = np.zeros(3)
+        joint.actfrcrange = np.zeros(2)
+        joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE

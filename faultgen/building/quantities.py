@@ -1,0 +1,273 @@
+"""The numbers of a drive, and what is assumed for those that nobody states.
+
+The defaults come from the two supplied robots and from published data of gearboxes and arms; every
+one says why it was chosen. docs/robots.md lists them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+MOTOR_SPEED = 400.0
+"""Speed of a motor at the speed limit of its joint [rad/s]."""
+RATIOS, SLIDE_RATIOS = (30.0, 200.0), (60.0, 2000.0)
+"""Range of assumed gear ratios of hinges, and of slides [rad/m]."""
+JOINT_SPEED, SLIDE_SPEED = np.pi, 1.0
+"""Speed limit of hinges [rad/s] and slides [m/s]."""
+RISE = 0.25
+"""Time in which a joint reaches its speed limit [s]."""
+MOTOR_ACCELERATION = 8000.0
+"""Acceleration of a motor without load at its torque limit [rad/s^2]."""
+RATED = 0.5
+"""Rated torque of a drive over its torque limit."""
+COULOMB = 0.10
+"""Coulomb friction over rated torque."""
+STATIC = 1.2
+"""Static over Coulomb friction."""
+STRIBECK = 0.015
+"""Stribeck velocity over the motor's speed limit."""
+VISCOUS = 1.5
+"""Viscous friction at the motor's speed limit over Coulomb friction."""
+PRESLIDING = 0.01
+"""Turn of the motor in which friction at rest grows to Coulomb friction [rad]."""
+WIND_UP, SLIDE_WIND_UP = 3e-3, 1e-4
+"""Twist of a gearbox at its torque limit [rad], and compression of a screw drive [m]."""
+SLOWEST, FASTEST = 10.0, 120.0
+"""Range of assumed resonances: rotor locked and largest inertia; rotor free and smallest
+inertia [Hz]."""
+GEAR_DAMPING = 0.05
+"""Damping ratio of a gearbox with its rotor locked."""
+SERVO, SERVO_DAMPING = 8.0, 0.8
+"""Bandwidth [Hz] and damping ratio of the servo on the rigid axis."""
+SERVO_SHARE = 0.4
+"""Largest bandwidth of the servo over the resonance with the rotor locked."""
+COUNTS = 4096.0
+"""Encoder counts per motor turn."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the drive of one axis sees of the arm, with payload, over many poses. Joint side."""
+
+    slide: bool
+    """Whether the axis slides."""
+    most: float
+    """Largest inertia about the axis [kg m^2]; the mass [kg] of a slide."""
+    least: float
+    """Smallest inertia."""
+    gravity: float
+    """Largest torque that holds the arm against gravity [N m]."""
+    stated: Mapping[str, float]
+    """What the plain model states: armature, damping, frictionloss, torque_limit, speed_limit."""
+
+
+Values = Mapping[str, float]
+Assumed = tuple[float, str]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One number of a drive."""
+
+    name: str
+    """Key in drives.toml."""
+    unit: str
+    """Unit; that of slides after a semicolon."""
+    assume: Callable[[Values, Seen], Assumed]
+    """From the numbers before it, and what the drive sees: the number, and why."""
+    stated: Callable[[Values, Seen], Assumed | None] = lambda values, seen: None
+    """What the plain model states, and where; None if it states nothing."""
+    zero: bool = False
+    """Whether 0 is right."""
+
+
+def _speed(values: Values, seen: Seen) -> Assumed:
+    return (SLIDE_SPEED, "1 m/s") if seen.slide else (JOINT_SPEED, "180 deg/s")
+
+
+def _ratio(values: Values, seen: Seen) -> Assumed:
+    low, high = SLIDE_RATIOS if seen.slide else RATIOS
+    ratio = float(np.clip(MOTOR_SPEED / values["speed_limit"], low, high))
+    return ratio, f"motor at {MOTOR_SPEED:g} rad/s at the speed limit; {low:g} to {high:g}"
+
+
+def _torque(values: Values, seen: Seen) -> Assumed:
+    needed = seen.gravity + seen.most * values["speed_limit"] / RISE
+    return 2 * needed, f"twice the torque against gravity and to reach full speed in {RISE} s"
+
+
+def _acceleration(values: Values, seen: Seen) -> Assumed:
+    full = values["speed_limit"] / RISE
+    inertia = seen.most + values["rotor_inertia"] * values["gear_ratio"] ** 2
+    left = max(0.7 * values["torque_limit"] - seen.gravity, 0.0) / inertia
+    if left < full:
+        least = 0.05 * full
+        return max(left, least), "what 70 % of the torque limit leave beside gravity"
+    return full, f"full speed in {RISE} s"
+
+
+def _rotor(values: Values, seen: Seen) -> Assumed:
+    inertia = values["torque_limit"] / values["gear_ratio"] / MOTOR_ACCELERATION
+    share = inertia * values["gear_ratio"] ** 2 / seen.most
+    return inertia, (
+        f"the motor alone reaches {MOTOR_ACCELERATION:g} rad/s^2; at the joint "
+        f"{100 * share:.0f} % of the largest inertia of the arm"
+    )
+
+
+def _stated_rotor(values: Values, seen: Seen) -> Assumed | None:
+    armature = seen.stated.get("armature")
+    if not armature:
+        return None
+    return armature / values["gear_ratio"] ** 2, f"the armature of the joint, {armature:g}"
+
+
+def _coulomb(values: Values, seen: Seen) -> Assumed:
+    rated = RATED * values["torque_limit"] / values["gear_ratio"]
+    return COULOMB * rated, f"{100 * COULOMB:g} % of the rated torque, half the torque limit"
+
+
+def _stated_coulomb(values: Values, seen: Seen) -> Assumed | None:
+    loss = seen.stated.get("frictionloss")
+    return (loss / values["gear_ratio"], f"the frictionloss of the joint, {loss:g}") if loss else None
+
+
+def _static(values: Values, seen: Seen) -> Assumed:
+    return STATIC * values["coulomb_friction"], f"{STATIC:g} of Coulomb friction"
+
+
+def _stribeck(values: Values, seen: Seen) -> Assumed:
+    top = values["speed_limit"] * values["gear_ratio"]
+    return STRIBECK * top, f"{100 * STRIBECK:g} % of the motor's speed limit"
+
+
+def _viscous(values: Values, seen: Seen) -> Assumed:
+    top = values["speed_limit"] * values["gear_ratio"]
+    return VISCOUS * values["coulomb_friction"] / top, f"at full speed {VISCOUS:g} of Coulomb friction"
+
+
+def _stated_viscous(values: Values, seen: Seen) -> Assumed | None:
+    damping = seen.stated.get("damping")
+    if not damping:
+        return None
+    return damping / values["gear_ratio"] ** 2, f"the damping of the joint, {damping:g}"
+
+
+def _bristle(values: Values, seen: Seen) -> Assumed:
+    coulomb = max(values["coulomb_friction"], 1e-9)
+    return coulomb / PRESLIDING, f"Coulomb friction within {PRESLIDING:g} rad"
+
+
+def _bristle_damping(values: Values, seen: Seen) -> Assumed:
+    critical = 2 * np.sqrt(values["bristle_stiffness"] * values["rotor_inertia"])
+    return 0.5 * float(critical), "half of critical damping with the rotor"
+
+
+def _stiffness(values: Values, seen: Seen) -> Assumed:
+    reflected = values["rotor_inertia"] * values["gear_ratio"] ** 2
+    both = 1 / (1 / seen.least + 1 / reflected)
+    wind_up = SLIDE_WIND_UP if seen.slide else WIND_UP
+    by_torque = values["torque_limit"] / wind_up
+    lowest = seen.most * (2 * np.pi * SLOWEST) ** 2
+    highest = both * (2 * np.pi * FASTEST) ** 2
+    unit = "m" if seen.slide else "rad"
+    if highest < max(by_torque, lowest):
+        return highest, f"resonance of {FASTEST:g} Hz with the smallest inertia and a free rotor"
+    if by_torque < lowest:
+        return lowest, f"resonance of {SLOWEST:g} Hz with the largest inertia and the rotor locked"
+    return by_torque, f"wind-up of {wind_up:g} {unit} at the torque limit"
+
+
+def _gear_damping(values: Values, seen: Seen) -> Assumed:
+    reflected = values["rotor_inertia"] * values["gear_ratio"] ** 2
+    inertia = min(seen.most, 4 * (1 / (1 / seen.least + 1 / reflected)))
+    damping = 2 * GEAR_DAMPING * np.sqrt(values["gear_stiffness"] * inertia)
+    return float(damping), f"damping ratio of {GEAR_DAMPING:g}"
+
+
+def _servo(values: Values, seen: Seen) -> tuple[float, float]:
+    """Inertia that the servo moves, at the motor [kg m^2], and its bandwidth [rad/s]."""
+    inertia = values["rotor_inertia"] + seen.most / values["gear_ratio"] ** 2
+    locked = np.sqrt(values["gear_stiffness"] / seen.most)
+    return inertia, min(2 * np.pi * SERVO, SERVO_SHARE * float(locked))
+
+
+def _position_gain(values: Values, seen: Seen) -> Assumed:
+    inertia, rate = _servo(values, seen)
+    return inertia * rate**2, f"bandwidth of {rate / (2 * np.pi):.3g} Hz"
+
+
+def _velocity_gain(values: Values, seen: Seen) -> Assumed:
+    inertia, rate = _servo(values, seen)
+    return 2 * SERVO_DAMPING * inertia * rate, f"damping ratio of {SERVO_DAMPING:g}"
+
+
+def _limit(name: str, where: str) -> Callable[[Values, Seen], Assumed | None]:
+    def stated(values: Values, seen: Seen) -> Assumed | None:
+        value = seen.stated.get(name)
+        return None if value is None else (value, f"the {where} of the joint")
+
+    return stated
+
+
+QUANTITIES = (
+    Quantity("speed_limit", "rad/s; m/s, joint", _speed, _limit("speed_limit", "velocity limit")),
+    Quantity("gear_ratio", "motor turns per joint turn; rad/m", _ratio),
+    Quantity("torque_limit", "N m; N, joint", _torque, _limit("torque_limit", "effort limit")),
+    Quantity("rotor_inertia", "kg m^2, motor", _rotor, _stated_rotor),
+    Quantity("acceleration_limit", "rad/s^2; m/s^2, joint", _acceleration),
+    Quantity("coulomb_friction", "N m, motor", _coulomb, _stated_coulomb, zero=True),
+    Quantity("static_friction", "N m, motor", _static, zero=True),
+    Quantity("stribeck_velocity", "rad/s, motor", _stribeck),
+    Quantity("viscous_friction", "N m s/rad, motor", _viscous, _stated_viscous, zero=True),
+    Quantity("bristle_stiffness", "N m/rad, motor", _bristle),
+    Quantity("bristle_damping", "N m s/rad, motor", _bristle_damping),
+    Quantity("gear_stiffness", "N m/rad; N/m, joint", _stiffness),
+    Quantity("gear_damping", "N m s/rad; N s/m, joint", _gear_damping, zero=True),
+    Quantity("position_gain", "N m/rad, motor", _position_gain),
+    Quantity("velocity_gain", "N m s/rad, motor", _velocity_gain),
+    Quantity("encoder_counts", "per motor turn", lambda v, s: (COUNTS, "12 bits"), zero=True),
+)
+"""All numbers of a drive, in the order in which they are determined."""
+
+
+@dataclass(frozen=True)
+class Value:
+    """A number of a drive and where it comes from."""
+
+    value: float
+    """In the unit of its quantity."""
+    source: str
+    """"given" (in drives.toml), "model" (in the plain model) or "assumed"."""
+    why: str = ""
+    """Where the model states it, or why it is assumed."""
+
+
+def drive_of(given: Mapping[str, float], seen: Seen) -> dict[str, Value]:
+    """Determine all numbers of one drive.
+
+    Args:
+        given: Numbers that the user states, by name.
+        seen: What the drive sees of the arm.
+
+    Returns:
+        Every quantity by name. Numbers that are not given have four digits.
+    """
+    values: dict[str, float] = {}
+    found: dict[str, Value] = {}
+    for quantity in QUANTITIES:
+        name = quantity.name
+        if name in given:
+            found[name] = Value(float(given[name]), "given")
+        else:
+            # the sign of a gear ratio is only the direction in which the motor turns
+            plain = {key: abs(value) for key, value in values.items()}
+            stated = quantity.stated(plain, seen)
+            source = "assumed" if stated is None else "model"
+            value, why = quantity.assume(plain, seen) if stated is None else stated
+            found[name] = Value(float(f"{value:.4g}"), source, why)
+        values[name] = found[name].value
+    return found

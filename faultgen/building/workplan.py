@@ -1,0 +1,106 @@
+"""Tasks for a robot that was built: the usual three, where the arm can do them.
+
+    robot, home, notes = plan_tasks(robot, None)
+    robot.tasks["spot_weld"]  # text of a task file
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import numpy as np
+import tomli_w
+
+from faultgen.building.joint_motions import joint_tasks
+from faultgen.building.motions import Content, arc_weld, pick_and_place, spot_weld
+from faultgen.building.workspace import Workspace
+from faultgen.errors import InputError
+from faultgen.robot import Robot
+from faultgen.simulation.motion import plan
+from faultgen.tasks import load_task
+
+_TRIES = 24  # poses about which a task is tried
+_SIZES = (0.25, 0.15, 0.08)  # of a panel over the reach
+_SHRINK = (1.0, 0.7, 0.5, 0.3)  # of joint motions
+_LEAST = 6  # axes with which a tool can have every pose
+
+
+def plan_tasks(robot: Robot, home: np.ndarray | None) -> tuple[Robot, np.ndarray, list[str]]:
+    """Give a robot the tasks ``pick_and_place``, ``spot_weld`` and ``arc_weld``.
+
+    Arms with six or more hinges get motions of the tool. Others, and those for which no such motion
+    is found, get motions of the joints.
+
+    Args:
+        robot: The robot.
+        home: Pose near which it should work, shape (n_axes,), in [rad] or [m]. None: anywhere.
+
+    Returns:
+        The robot with its tasks, its home pose (by default the start of the first task), and one
+        line for each task that is no motion of the tool.
+    """
+    space = Workspace(robot, home)
+    found: dict[str, str] = {}
+    notes = []
+    if robot.n_axes >= _LEAST and not robot.slides.any():
+        down, out = (space.best(downward, _TRIES) for downward in (True, False))
+        options: dict[str, Callable[[], Iterable[Content | None]]] = {
+            "pick_and_place": lambda: (pick_and_place(space, pose) for pose in down),
+            "spot_weld": lambda: (spot_weld(space, p, size) for size in _SIZES for p in out),
+            "arc_weld": lambda: (arc_weld(space, p, size) for size in _SIZES for p in out),
+        }
+        for name, contents in options.items():
+            text = next(filter(None, (_planned(robot, name, one) for one in contents())), None)
+            if text is not None:
+                found[name] = text
+            else:
+                notes.append(f"task {name}: no such motion of the tool was found; joints move")
+    else:
+        notes.append("tasks: joints move, because the tool of this arm cannot have every pose")
+    if len(found) < 3:
+        found = {**_joint_tasks(robot, space), **found}
+    missing = {"pick_and_place", "spot_weld", "arc_weld"} - found.keys()
+    if missing:
+        notes.append(
+            f"tasks {', '.join(sorted(missing))}: no motion was found that keeps all limits; "
+            "raise torque_limit or make the payload lighter in drives.toml"
+        )
+    robot = replace(robot, tasks=dict(sorted(found.items())))
+    if home is None:
+        home = space.poses[0]
+        if found:
+            first = load_task(robot.name, next(iter(sorted(found, reverse=True))), robot.tasks)
+            assert first.start.joints is not None
+            home = np.where(robot.slides, first.start.joints, np.radians(first.start.joints))
+    return robot, home, notes
+
+
+def _planned(robot: Robot, name: str, content: Content | None) -> str | None:
+    """Text of a task file; None if there is no content or the robot cannot do it."""
+    if content is None:
+        return None
+    text = tomli_w.dumps(content)
+    try:
+        plan(load_task(robot.name, name, {name: text}), robot)
+    except InputError:
+        return None
+    return text
+
+
+def _joint_tasks(robot: Robot, space: Workspace) -> dict[str, str]:
+    """Those of the three tasks that the robot can do as motions of its joints."""
+    best: dict[str, str] = {}
+    middles = [] if space.home is None else [space.home]
+    for middle in [*middles, *space.best(True, _TRIES)]:
+        for size in _SHRINK:
+            contents = joint_tasks(space, middle, size)
+            if contents is None:
+                continue
+            texts = {name: _planned(robot, name, one) for name, one in contents.items()}
+            found = {name: text for name, text in texts.items() if text is not None}
+            if len(found) > len(best):
+                best = found
+            if len(best) == len(contents):
+                return best
+    return best

@@ -1,0 +1,144 @@
+"""Commands for robots of one's own: build one from a plain model, and check one."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from faultgen.cli.app import Json, app, print_json, print_table
+from faultgen.errors import InputError
+
+robot = typer.Typer(
+    help="Bring your own robot: build a complete robot from a plain MJCF or URDF model of any arm, "
+    "and check it.",
+    epilog="From a plain model to a labelled dataset: faultgen robot build arm.urdf -o my_arm; "
+    "faultgen robot check my_arm; faultgen generate --robot my_arm --task pick_and_place -o data",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+app.add_typer(robot, name="robot")
+
+
+@robot.command()
+def build(
+    model: Annotated[
+        Path,
+        typer.Argument(
+            help="MJCF or URDF file of the arm: one chain of hinge or slide joints with any names."
+        ),
+    ],
+    drives: Annotated[
+        Path | None,
+        typer.Argument(
+            help="drives.toml: what you know about gears, motors, friction and servos. Every entry "
+            "is optional; what is missing is assumed."
+        ),
+    ] = None,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="Folder of the robot. Its name is the robot's name.")
+    ] = Path("my_robot"),
+    as_json: Json = False,
+) -> None:
+    """Build a complete robot from a plain model of an arm.
+
+    The arm gets rotors, gearboxes, servo drives and friction, a payload and a tool, limits of speed
+    and acceleration, and the tasks pick_and_place, spot_weld and arc_weld. The folder can be given
+    to every command as --robot. Actuators, sensors, free joints and loose objects of the model are
+    dropped, and the command says so.
+
+    The folder also gets a drives.toml with every number that was used. Numbers that were assumed
+    stand behind a #, with the reason. To state one, remove the #, change the number, and build
+    again with this file. docs/robots.md lists the defaults.
+
+    \b
+    faultgen robot build arm.urdf -o my_arm
+    faultgen robot build arm.urdf my_arm/drives.toml -o my_arm
+    """  # noqa: D301
+    from faultgen.building.build import DRIVES
+    from faultgen.building.build import build as run_build
+    from faultgen.building.drives import Drives, read_drives
+
+    if not model.exists():
+        raise InputError(f"robot file {model}: does not exist")
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out}: is a file; give a folder")
+    known = Drives() if drives is None else read_drives(drives)
+    built = run_build(model, known, out.resolve().name)
+    built.write(out)
+    numbers = [value.source for one in built.values for value in one.values()]
+    counts = {source: numbers.count(source) for source in ("given", "model", "assumed")}
+    axes = [
+        {"axis": k + 1, "joint": joint, **{name: one.value for name, one in values.items()}}
+        for k, (joint, values) in enumerate(zip(built.plain.joints, built.values, strict=True))
+    ]
+    result: dict[str, Any] = {
+        "robot": str(out),
+        "axes": axes,
+        "numbers": counts,
+        "tasks": list(built.robot.tasks),
+        "timestep": float(built.robot.model.opt.timestep),
+        "notes": list(built.notes),
+    }
+    if as_json:
+        print_json(result)
+        return
+    shown = ("axis", "joint", "gear_ratio", "torque_limit", "speed_limit", "gear_stiffness")
+    print_table([{key: f"{one[key]:g}" if key in shown[2:] else one[key] for key in shown} for one in axes])
+    for note in built.notes:
+        print(f"note: {note}")
+    print(
+        f"{out}: {len(axes)} axes; {counts['given']} numbers given, {counts['model']} from the "
+        f"model, {counts['assumed']} assumed (see {out / DRIVES}); "
+        f"tasks: {', '.join(built.robot.tasks) or 'none'}"
+    )
+
+
+@robot.command()
+def check(
+    name: Annotated[
+        str,
+        typer.Argument(help="Name of a robot, a robot folder, or an MJCF or URDF file."),
+    ],
+    as_json: Json = False,
+) -> None:
+    """Check a robot or a plain model, and report all findings at once, each with its remedy.
+
+    Checked are names, units, masses and inertias, the resonances of each axis at the zero pose, the
+    largest stable time step, the stiffness of the friction's bristles, whether the axes can hold
+    the arm, whether the tasks are within reach, and one second of simulation. Of a plain model, the
+    command says what 'faultgen robot build' would add.
+
+    The exit status is 0 if the robot is fit, and 1 if something was found.
+    """
+    from faultgen.building.check import check as run_check
+
+    checked = run_check(name)
+    if as_json:
+        print_json({"fit": checked.fit, **asdict(checked)})
+    else:
+        if checked.axes:
+            rows = [
+                {k: f"{v:.4g}" if isinstance(v, float) else v for k, v in one.items()}
+                for one in checked.axes
+            ]
+            print_table(rows)
+        for kind, values in checked.modes.items():
+            listed = " ".join(f"{value:.1f}" for value in values)
+            print(f"resonances at the zero pose, rotors {kind} [Hz]: {listed}")
+        if checked.timestep is not None:
+            print(
+                f"time step {checked.timestep:g} s; the largest stable one is "
+                f"{checked.largest_timestep:.3g} s"
+            )
+        for task, period in checked.tasks.items():
+            print(f"task {task}: a cycle takes {period:.2f} s")
+        for what, value in checked.trial.items():
+            print(f"one second of simulation: {what} {value:.3g}")
+        for finding in checked.findings:
+            print(f"finding: {finding}")
+        print(f"{checked.robot}: {'fit' if checked.fit else f'{len(checked.findings)} findings'}")
+    if not checked.fit:
+        raise typer.Exit(1)
