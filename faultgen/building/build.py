@@ -1,7 +1,7 @@
 """Building a robot from a plain model: `build` does everything up to the folder on the disk.
 
-    built = build(Path("arm.urdf"), Drives(), "my_arm")
-    built.robot.write(Path("my_arm"))
+built = build(Path("arm.urdf"), Drives(), "my_arm")
+built.robot.write(Path("my_arm"))
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def build(path: Path, drives: Drives, name: str) -> Built:
     source = Value(0, "given") if drives.home else Value(0, "assumed", "start of the tasks")
     general: list[tuple[str, str, Value | None]] = [
         ("joints", _list(plain.joints), Value(0, "given") if drives.joints else _ASSUMED_JOINTS),
-        ("tool", f'"{drives.tool or plain.flange.body}"', _origin(plain.flange.why)),
+        ("tool", f'"{plain.flange.name}"', _origin(plain.flange.why)),
         ("timestep", f"{robot.model.opt.timestep!r}", step),
         ("home", str(degrees), source),
     ]
@@ -115,7 +115,9 @@ def _list(names: Sequence[str]) -> str:
 
 
 def _origin(why: str) -> Value:
-    return Value(0, "given") if why == "given" else Value(0, "assumed", why.removeprefix("assumed: "))
+    return (
+        Value(0, "given") if why == "given" else Value(0, "assumed", why.removeprefix("assumed: "))
+    )
 
 
 def _from_degrees(values: Sequence[float], robot: Robot) -> np.ndarray:

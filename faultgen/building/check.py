@@ -1,7 +1,7 @@
 """Checking a robot or a plain model: all findings at once, each with a remedy.
 
-    checked = check("my_arm")
-    checked.fit, checked.findings
+checked = check("my_arm")
+checked.fit, checked.findings
 """
 
 from __future__ import annotations
@@ -241,4 +241,4 @@ def _right_names(names: Sequence[str]) -> int:
 
 
 def _lacking(where: str, what: str) -> Finding:
-    return Finding(where, what, "'faultgen robot build' adds it", fatal=False)
+    return Finding(where, what, "run 'faultgen robot build'", fatal=False)

@@ -1,7 +1,7 @@
 """drives.toml: what a user knows about the drives of an arm, and what was used in the end.
 
-Every entry is optional. `faultgen robot build` writes the file into the folder of the robot with all
-numbers; those that were not given stand behind a #, with the reason.
+Every entry is optional. `faultgen robot build` writes the file into the folder of the robot with
+all numbers; those that were not given stand behind a #, with the reason.
 
     drives = read_drives(Path("drives.toml"))
     drives.of("elbow_joint")  # {"gear_ratio": 101.0}
@@ -176,8 +176,8 @@ def drives_text(
     lines = [
         f"# The drives of {name}: every number that its model has.",
         "# A line that begins with # was not given. To state the number yourself, remove the #,",
-        "# change the number, and run 'faultgen robot build' again with this file. The numbers that",
-        "# remain behind a # are then determined anew.",
+        "# change the number, and run 'faultgen robot build' again with this file. The numbers",
+        "# that remain behind a # are then determined anew.",
         "",
     ]
     lines += [_line(key, text, source, "") for key, text, source in general]
@@ -207,5 +207,7 @@ def _line(key: str, text: str, value: Value | None, unit: str) -> str:
     unit = f"[{unit}] " if unit else ""
     if value.source == "given":
         return f"{key} = {text}  # {unit}given"
-    origin = f"assumed: {value.why}" if value.source == "assumed" else f"from the model: {value.why}"
+    origin = (
+        f"assumed: {value.why}" if value.source == "assumed" else f"from the model: {value.why}"
+    )
     return f"# {key} = {text}  # {unit}{origin}"

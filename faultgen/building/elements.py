@@ -181,6 +181,4 @@ def _add_rotor(spec: mujoco.MjSpec, axis: int, inertia: float) -> None:
 
 
 def _add_actuator(spec: mujoco.MjSpec, name: str, axis: int) -> mujoco.MjsActuator:
-    return spec.add_actuator(
-        name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=f"motor{axis}"
-    )
+    return spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=f"motor{axis}")

@@ -21,6 +21,8 @@ _USUAL = re.compile(
 class Flange:
     """A frame on the last link."""
 
+    name: str
+    """Name of the body or site that it is."""
     body: str
     """Name of the body that carries it."""
     pos: tuple[float, ...]
@@ -66,8 +68,8 @@ def find_flange(spec: mujoco.MjSpec, last: str, wanted: str | None) -> Flange:
 def _frame(one: mujoco.MjsBody | mujoco.MjsSite, why: str) -> Flange:
     if isinstance(one, mujoco.MjsSite):
         pos, quat = np.array(one.pos), np.array(one.quat)
-        return Flange(one.parent.name, tuple(pos.tolist()), tuple(quat.tolist()), why)
-    return Flange(one.name, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), why)
+        return Flange(one.name, one.parent.name, tuple(pos.tolist()), tuple(quat.tolist()), why)
+    return Flange(one.name, one.name, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), why)
 
 
 def _fixed_to(body: mujoco.MjsBody) -> list[mujoco.MjsBody]:

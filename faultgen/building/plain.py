@@ -61,9 +61,7 @@ class Plain:
     """What was left out or changed."""
 
 
-def plain_arm(
-    path: Path, joints: Sequence[str] | None = None, flange: str | None = None
-) -> Plain:
+def plain_arm(path: Path, joints: Sequence[str] | None = None, flange: str | None = None) -> Plain:
     """Read a plain arm.
 
     Args:

@@ -132,7 +132,9 @@ def _coulomb(values: Values, seen: Seen) -> Assumed:
 
 def _stated_coulomb(values: Values, seen: Seen) -> Assumed | None:
     loss = seen.stated.get("frictionloss")
-    return (loss / values["gear_ratio"], f"the frictionloss of the joint, {loss:g}") if loss else None
+    return (
+        (loss / values["gear_ratio"], f"the frictionloss of the joint, {loss:g}") if loss else None
+    )
 
 
 def _static(values: Values, seen: Seen) -> Assumed:
@@ -146,7 +148,9 @@ def _stribeck(values: Values, seen: Seen) -> Assumed:
 
 def _viscous(values: Values, seen: Seen) -> Assumed:
     top = values["speed_limit"] * values["gear_ratio"]
-    return VISCOUS * values["coulomb_friction"] / top, f"at full speed {VISCOUS:g} of Coulomb friction"
+    return VISCOUS * values[
+        "coulomb_friction"
+    ] / top, f"at full speed {VISCOUS:g} of Coulomb friction"
 
 
 def _stated_viscous(values: Values, seen: Seen) -> Assumed | None:

@@ -49,7 +49,9 @@ def sampled_poses(joint_range: np.ndarray, slides: np.ndarray, count: int) -> np
         slides by up to 1 m, to both sides.
     """
     most = np.where(slides, 1.0, np.pi)
-    low, high = (np.where(np.isfinite(x), x, s * most) for x, s in zip(joint_range.T, (-1, 1), strict=True))
+    low, high = (
+        np.where(np.isfinite(x), x, s * most) for x, s in zip(joint_range.T, (-1, 1), strict=True)
+    )
     return low + (high - low) * np.random.default_rng(0).random((count, len(most)))
 
 

@@ -161,9 +161,7 @@ def _unique(name: str, content: bytes, assets: dict[str, bytes]) -> str:
     return new
 
 
-def _gather(
-    spec: mujoco.MjSpec, assets: Mapping[str, bytes], notes: list[str]
-) -> dict[str, bytes]:
+def _gather(spec: mujoco.MjSpec, assets: Mapping[str, bytes], notes: list[str]) -> dict[str, bytes]:
     """Put all assets of a model into one folder; meshes that do not exist are taken out."""
     kept: dict[str, bytes] = {}
 

@@ -34,7 +34,7 @@ def unit_findings(model: mujoco.MjModel, joints: Sequence[str], payload: bool) -
                 Finding(
                     f"joint '{name}'",
                     f"turns by {width[k]:.0f} rad, which is {width[k] / (2 * np.pi):.0f} turns",
-                    'its range was probably meant in degrees: a URDF has radians; MJCF with '
+                    "its range was probably meant in degrees: a URDF has radians; MJCF with "
                     '<compiler angle="radian"/> has them too',
                     fatal=False,
                 )

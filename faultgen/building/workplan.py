@@ -1,13 +1,14 @@
 """Tasks for a robot that was built: the usual three, where the arm can do them.
 
-    robot, home, notes = plan_tasks(robot, None)
-    robot.tasks["spot_weld"]  # text of a task file
+robot, home, notes = plan_tasks(robot, None)
+robot.tasks["spot_weld"]  # text of a task file
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import tomli_w
@@ -21,6 +22,7 @@ from faultgen.simulation.motion import plan
 from faultgen.tasks import load_task
 
 _TRIES = 24  # poses about which a task is tried
+_PLANS = 6  # motions of the tool that are planned before joints move instead
 _SIZES = (0.25, 0.15, 0.08)  # of a panel over the reach
 _SHRINK = (1.0, 0.7, 0.5, 0.3)  # of joint motions
 _LEAST = 6  # axes with which a tool can have every pose
@@ -51,7 +53,8 @@ def plan_tasks(robot: Robot, home: np.ndarray | None) -> tuple[Robot, np.ndarray
             "arc_weld": lambda: (arc_weld(space, p, size) for size in _SIZES for p in out),
         }
         for name, contents in options.items():
-            text = next(filter(None, (_planned(robot, name, one) for one in contents())), None)
+            reached = islice(filter(None, contents()), _PLANS)
+            text = next(filter(None, (_planned(robot, name, one) for one in reached)), None)
             if text is not None:
                 found[name] = text
             else:
@@ -76,10 +79,8 @@ def plan_tasks(robot: Robot, home: np.ndarray | None) -> tuple[Robot, np.ndarray
     return robot, home, notes
 
 
-def _planned(robot: Robot, name: str, content: Content | None) -> str | None:
-    """Text of a task file; None if there is no content or the robot cannot do it."""
-    if content is None:
-        return None
+def _planned(robot: Robot, name: str, content: Content) -> str | None:
+    """Text of a task file; None if the robot cannot do it."""
     text = tomli_w.dumps(content)
     try:
         plan(load_task(robot.name, name, {name: text}), robot)

@@ -86,7 +86,9 @@ def build(
         print_json(result)
         return
     shown = ("axis", "joint", "gear_ratio", "torque_limit", "speed_limit", "gear_stiffness")
-    print_table([{key: f"{one[key]:g}" if key in shown[2:] else one[key] for key in shown} for one in axes])
+    print_table(
+        [{key: f"{one[key]:g}" if key in shown[2:] else one[key] for key in shown} for one in axes]
+    )
     for note in built.notes:
         print(f"note: {note}")
     print(

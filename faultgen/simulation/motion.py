@@ -115,7 +115,7 @@ def plan(task: Task, robot: Robot) -> Motion:
                 raise InputError(f"task {task.name}: the last move must end at the start pose")
             there = start
         if np.abs(there - here).max() > 1e-9 or move.via:
-            path, length = _path(move, arm, here, there, task, number)
+            path, length, there = _path(move, arm, here, there, task, number)
             timing, duration = _time(move, path, length, arm, task, number)
             pieces.append(_Piece(clock, duration, path, timing))
             clock += duration
@@ -169,8 +169,12 @@ def _joints(values: list[float], robot: Robot) -> np.ndarray:
 
 def _path(
     move: Move, arm: Arm, here: np.ndarray, there: np.ndarray, task: Task, number: int
-) -> tuple[Callable[[np.ndarray, int], np.ndarray], float]:
-    """Path q(s) with its derivatives, s from 0 to 1, and the length of the tool's path [m]."""
+) -> tuple[Callable[[np.ndarray, int], np.ndarray], float, np.ndarray]:
+    """Path q(s) with its derivatives, s from 0 to 1, length of the tool's path [m], and its end.
+
+    An arm of more than six axes reaches a pose of the tool with many joint angles. There, a line or
+    spline ends with those to which it leads, except the last move, which ends at the start.
+    """
     if move.path == "joint":
         change = there - here
 
@@ -179,7 +183,7 @@ def _path(
                 return here + s[:, None] * change
             return np.broadcast_to(change if order == 1 else 0 * change, (len(s), len(change)))
 
-        return straight, 0.0
+        return straight, 0.0, there
     if move.path == "line" and move.via:
         raise InputError(f"task {task.name}, move {number}: a line has no 'via'; use a spline")
     first, turned_first = arm.tool_pose(here)
@@ -209,6 +213,8 @@ def _path(
             angles.append(arm.inverse_kinematics(curve(knot), turn(knot), angles[-1]))
         except InputError as error:
             raise InputError(f"task {task.name}, move {number}: {error}") from None
+    if len(there) > 6 and number < len(task.move):
+        there = angles[-1]
     if np.abs(angles[-1] - there).max() > 1e-3:
         raise InputError(
             f"task {task.name}, move {number}: the path ends at other joint angles than those of "
@@ -216,7 +222,7 @@ def _path(
         )
     angles[-1] = there
     spline = CubicSpline(s, np.array(angles))
-    return (lambda at, order: spline(at, order)), float(way[-1])
+    return (lambda at, order: spline(at, order)), float(way[-1]), there
 
 
 def _time(
