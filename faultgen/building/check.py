@@ -158,7 +158,7 @@ def _drivetrain(robot: Robot, checked: Checked) -> list[Finding]:
                 f"make it at most {stable / 2:.2g} s, or the gearboxes softer",
             )
         )
-    for k in np.flatnonzero(step > bristles * (1 + 1e-9)):
+    for k in np.flatnonzero(step > bristles * (1 + 1e-9)).tolist():
         found.append(
             Finding(
                 f"friction{k + 1}",

@@ -114,9 +114,9 @@ def _second_station(space: Workspace, first: Place) -> Place | None:
         if place.turned.as_matrix()[:, 2] @ space.down > 0.999:
             return place
     for pose in space.best(downward=True, count=40):
-        place = _aimed(space, pose, space.down)
-        if place and np.linalg.norm(place.point - first.point) > 0.3 * space.reach:
-            return place
+        other = _aimed(space, pose, space.down)
+        if other and np.linalg.norm(other.point - first.point) > 0.3 * space.reach:
+            return other
     return None
 
 
@@ -147,7 +147,8 @@ def spot_weld(space: Workspace, pose: np.ndarray, size: float) -> Content | None
     start = _line(space, middle, middle.point - _RETRACT * space.reach * goal)
     if start is None:
         return None
-    here, moves = start, []
+    here: Place = start
+    moves: list[Content] = []
     rows = [[(x, 0.5) for x in (-1, -1 / 3, 1 / 3, 1)], [(x, -0.5) for x in (1, 1 / 3, -1 / 3, -1)]]
     for row in rows:
         for x, y in row:

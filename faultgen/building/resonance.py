@@ -56,10 +56,13 @@ def sampled_poses(joint_range: np.ndarray, slides: np.ndarray, count: int) -> np
 
 
 def zero_pose(robot: Robot) -> np.ndarray:
-    """Return the pose at zero, or at the nearest limits, shape (n_axes,), in [rad] or [m].
+    """Return the pose at zero, or at the nearest limits.
 
     Args:
         robot: The robot.
+
+    Returns:
+        Joint positions, shape (n_axes,), in [rad] or [m].
     """
     return np.clip(np.zeros(robot.n_axes), *robot.joint_range.T)
 

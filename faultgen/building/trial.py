@@ -73,4 +73,4 @@ def _motion(robot: Robot, tasks: Sequence[str]) -> Motion:
     )
     moves = [{**there, "speed": 0.5}, {**back, "speed": 0.5, "dwell": SECONDS}]
     content = {"name": "trial", "robot": robot.name, "description": "a small move"}
-    return plan(Task(**content, start=back, move=moves), robot)
+    return plan(Task.model_validate({**content, "start": back, "move": moves}), robot)

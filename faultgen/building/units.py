@@ -75,7 +75,7 @@ def unit_findings(model: mujoco.MjModel, joints: Sequence[str], payload: bool) -
         remedy = "masses are in kg and lengths in m"
         what = f"weighs {total:.3g} kg and is {length:.3g} m long"
         found.append(Finding("arm", what, remedy, fatal=False))
-    for k in np.flatnonzero(moving & (mass > 0)):
+    for k in np.flatnonzero(moving & (mass > 0)).tolist():
         radius = np.sqrt(model.body_inertia[k].max() / mass[k])
         if radius > _FAR * max(length, 0.1):
             found.append(

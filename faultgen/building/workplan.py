@@ -39,8 +39,8 @@ def plan_tasks(robot: Robot, home: np.ndarray | None) -> tuple[Robot, np.ndarray
         home: Pose near which it should work, shape (n_axes,), in [rad] or [m]. None: anywhere.
 
     Returns:
-        The robot with its tasks, its home pose (by default the start of the first task), and one
-        line for each task that is no motion of the tool.
+        The robot with its tasks; its home pose, shape (n_axes,), by default the start of a task;
+        and one line for each task that is no motion of the tool.
     """
     space = Workspace(robot, home)
     found: dict[str, str] = {}

@@ -120,10 +120,13 @@ class Workspace:
         return None if pose is None else Place(pose, point, turned)
 
     def outward(self, point: np.ndarray) -> np.ndarray:
-        """Return the horizontal direction from the base to a point, shape (3,).
+        """Return the horizontal direction from the base to a point.
 
         Args:
             point: Shape (3,), in [m].
+
+        Returns:
+            Unit vector, shape (3,).
         """
         level = (point - self.base) - ((point - self.base) @ self.down) * self.down
         return np.asarray(level / max(float(np.linalg.norm(level)), 1e-9))
@@ -136,7 +139,7 @@ class Workspace:
             count: Number of poses.
 
         Returns:
-            Poses, the best first.
+            Poses, the best first, shape (n_axes,) each.
         """
         scores = []
         for pose in self.poses:
@@ -170,7 +173,7 @@ class Workspace:
             count: Number of poses.
 
         Returns:
-            Poses, the best first.
+            Poses, the best first, shape (n_axes,) each.
         """
         change = np.minimum(np.abs(self.poses - here), np.abs(self.poses - there)) / self.span
         order = np.argsort(change.min(axis=1))[::-1]

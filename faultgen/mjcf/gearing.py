@@ -61,7 +61,7 @@ class Gearing:
             joint: Position, velocity or acceleration of the joints, shape (..., n_axes).
 
         Returns:
-            The same of the outputs. Times the gear ratio, it is that of the motors.
+            The same of the outputs, same shape. Times the gear ratio, it is that of the motors.
         """
         return joint if self._turns is None else joint @ self._turns.T
 
