@@ -126,8 +126,8 @@ def make_plan(
         SimulationFailed: The model diverges on one of them.
     """
     motions = library(robot, rng)
-    if REFERENCE in task_names(robot.name):
-        motions.insert(0, plan(load_task(robot.name, REFERENCE), robot))
+    if REFERENCE in task_names(robot.name, robot.tasks):
+        motions.insert(0, plan(load_task(robot.name, REFERENCE, robot.tasks), robot))
     else:
         names = [motion.task.name for motion in motions]
         motions.insert(0, motions.pop(names.index(_STAND_IN) if _STAND_IN in names else 0))
