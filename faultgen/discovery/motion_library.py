@@ -253,7 +253,12 @@ _TEXTS = {
 
 def _task(robot: Robot, name: str, text: str, start: np.ndarray, legs: Sequence[Leg]) -> Task:
     def joints(pose: np.ndarray) -> list[float]:
-        return [round(float(value), 4) for value in np.degrees(pose)]
+        # task files have degrees, or metres for slides
+        told = np.where(robot.slides, pose, np.degrees(pose))
+        return [
+            round(float(value), 6 if slide else 4)
+            for value, slide in zip(told, robot.slides, strict=True)
+        ]
 
     moves = [Move(joints=joints(pose), speed=round(speed, 4)) for pose, speed in legs]
     return Task(
