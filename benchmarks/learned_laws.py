@@ -87,17 +87,7 @@ def recorded(robot: Robot) -> Recording:
     for name in TASKS:
         motion = plan(load_task(robot.name, name), robot)
         parts.append(motion(np.arange(0, motion.period, PERIOD))[0])
-    reference = np.concatenate(parts)
-    return Recording(
-        source="simulation",
-        robot=robot.name,
-        side="motor",
-        sample_period=PERIOD,
-        position=reference * robot.gear_ratio,
-        torque=np.zeros_like(reference),
-        reference_position=reference,
-        segments=tuple(np.cumsum([0, *(len(part) for part in parts[:-1])]).tolist()),
-    )
+    return Recording.planned(robot, parts, PERIOD)
 
 
 def main(draws: int = 5) -> None:

@@ -266,7 +266,7 @@ def ur10e(data: Path, out: Path) -> None:
                 print(f"payload {mass:.3f} kg at {np.round(place, 3)}")
             row(f"{run}, calibrated", ur10e_errors(read_ur10e(folder, run), model))
             row(f"{run}, with effects", ur10e_errors(read_ur10e(folder, run), model, effects))
-            left = groups_of(problem)
+            left = groups_of(problem.terms)
             gains, first = best.evidence.gains(left, best.terms)
             for k in np.argsort(-gains)[:6]:
                 term = problem.terms[left[k][0]]

@@ -19,7 +19,7 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
@@ -37,10 +37,10 @@ from faultgen.mjcf.dcmotor import COULOMB as COULOMB
 from faultgen.mjcf.dcmotor import OFFSET as OFFSET
 from faultgen.mjcf.dcmotor import STICTION as STICTION
 from faultgen.mjcf.dcmotor import STRIBECK_VELOCITY as STRIBECK_VELOCITY
-from faultgen.mjcf.edit import resolve_inertias
+from faultgen.mjcf.edit import mjcf_text, resolve_inertias
 from faultgen.mjcf.elements import element_ids
 from faultgen.mjcf.folder import read_folder, write_folder
-from faultgen.mjcf.gearing import Gearing
+from faultgen.mjcf.gearing import Gearing, tendon_coefficients
 
 COUPLING = "wrist_coupling"
 """Name of the elements with friction and inertia that two neighbouring axes share."""
@@ -180,12 +180,12 @@ class Robot:
         return digest.hexdigest()
 
     def edited(self, spec: mujoco.MjSpec) -> Robot:
-        """Return a robot with the same name, files and effects and with another model.
+        """Return a robot with the same name, files, effects and tasks and with another model.
 
         Args:
             spec: The other model, compiled.
         """
-        return Robot(self.name, spec.to_xml(), self.assets, self.effects, self.tasks)
+        return replace(self, xml=mjcf_text(spec))
 
     def with_effects(self, effects: Sequence[Applied]) -> Robot:
         """Return the same robot with further effects that MJCF cannot express.
@@ -194,7 +194,7 @@ class Robot:
             effects: Effects that act after those that the robot has. A second severity of the same
                 effect acts on the robot that already has the first one.
         """
-        return Robot(self.name, self.xml, self.assets, (*self.effects, *effects), self.tasks)
+        return replace(self, effects=(*self.effects, *effects))
 
     def write(self, folder: Path) -> None:
         """Write the robot into a folder that `load_robot` reads.
@@ -242,13 +242,8 @@ class Robot:
 
     def _gear_ratio(self, model: mujoco.MjModel, axis: int, findings: list[str]) -> float:
         tendon = self.ids("tendon", "gearbox")[axis]
-        start = model.tendon_adr[tendon]
-        wraps = range(start, start + model.tendon_num[tendon])
-        joint_wraps = [w for w in wraps if model.wrap_type[w] == int(mujoco.mjtWrap.mjWRAP_JOINT)]
-        coefficient = {
-            int(model.jnt_dofadr[model.wrap_objid[w]]): model.wrap_prm[w] for w in joint_wraps
-        }
-        motor, joint = coefficient.get(self.motors[axis]), coefficient.get(self.joints[axis])
+        length = tendon_coefficients(model, tendon)
+        motor, joint = float(length[self.motors[axis]]), float(length[self.joints[axis]])
         if motor and joint == -1.0 and np.isfinite(motor):
             return 1.0 / motor
         findings.append(

@@ -135,6 +135,18 @@ def test_a_torque_constant_becomes_a_gain_of_the_log(tiny_robot):
     assert np.all(tiny_robot.torque_gain == 1)
 
 
+def test_changed_models_keep_the_tasks_of_the_folder(measured, tiny_robot):
+    """A folder that `robot build` wrote has tasks, with which datasets are made afterwards."""
+    given = replace(tiny_robot, tasks={"weld": "start = 1"})
+    named = {term.key: term for term in effect_terms(given)}
+    both = changed(given, [(named["torque_constant", 2], 0.2), (named["load_friction", 1], 0.1)])
+    bare = replace(given, xml=re.sub(r' lugre="[^"]*" damping="[^"]*"', "", tiny_robot.xml))
+    recording = measured([], 1)
+    fitted = calibrate(recording, bare, prior_scales=[3.0]).robot
+    for robot in (both, with_friction_law(bare, recording), fitted):
+        assert robot.tasks == given.tasks
+
+
 def test_recordings_are_filtered_and_thinned(measured):
     recording = replace(measured([], 1), reference_position=None)
     rate = 1 / recording.sample_period

@@ -16,11 +16,11 @@ from faultgen.discovery.classical import (
 from faultgen.discovery.friction_law import with_friction_law, without_friction
 from faultgen.discovery.physical import Drives, Spread, fit
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.regressor import gearing, link_parameters, link_regressor
+from faultgen.discovery.regressor import link_parameters, link_regressor
 from faultgen.discovery.replay import Replay
 from faultgen.effects.coupling import add_coupling_friction
 from faultgen.robot import BRISTLE_STIFFNESS, COULOMB, STRIBECK_VELOCITY, Robot, load_robot
-from faultgen.simulation.arm import Arm, motor_torque
+from faultgen.simulation.arm import Arm, loads, motor_torque
 
 BLANK = Recording(
     source="computed",
@@ -56,12 +56,14 @@ def test_the_regressor_gives_the_torque_of_other_links(name):
 
 def test_motors_turn_with_more_than_one_joint(tiny_robot):
     """A third joint in the tendon of a gearbox is a coupled wrist."""
-    np.testing.assert_allclose(gearing(tiny_robot), np.diag([100.0, -50.0]), rtol=1e-12)
+    np.testing.assert_allclose(tiny_robot.gearing.matrix, np.diag([100.0, -50.0]), rtol=1e-12)
     third = '<joint joint="joint2" coef="-1"/><joint joint="joint1" coef="-0.5"/></fixed>'
     coupled = tiny_robot.xml.replace('<joint joint="joint2" coef="-1"/></fixed>', third)
     assert coupled != tiny_robot.xml
     # length 0 = -0.02 motor2 - joint2 - 0.5 joint1
-    np.testing.assert_allclose(gearing(Robot("wrist", coupled)), [[100, 0], [-25, -50]], rtol=1e-12)
+    np.testing.assert_allclose(
+        Robot("wrist", coupled).gearing.matrix, [[100, 0], [-25, -50]], rtol=1e-12
+    )
 
 
 def test_parameters_of_a_simulated_robot_come_back(measured, tiny_robot):
@@ -159,6 +161,8 @@ def test_the_controller_knows_a_coupling_of_the_model(tiny_robot):
     )
     shared = 3.0 * np.sign(-1.0 - 0.5) + 0.2 * (1.0 - 2.0)
     np.testing.assert_allclose(got - without, [[-shared / 100, shared / -50]], rtol=1e-3)
+    (load, _), (same, _) = (loads(one, q, qd, qdd) for one in (tiny_robot.edited(spec), tiny_robot))
+    np.testing.assert_array_equal(load, same)  # friction and inertia of rotors are no load
 
 
 def without(robot):

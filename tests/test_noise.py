@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from faultgen.discovery.noise import is_same_noise, noise_of, shared_noise
+from faultgen.discovery.noise import autoregression, is_same_noise, noise_of, shared_noise
 
 
 def coloured(rng, n, memory, deviation):
@@ -48,6 +48,18 @@ def test_too_little_to_tell():
     inside[20:, 1] = False
     with pytest.raises(ValueError, match="axis 2: fewer than 50 samples"):
         noise_of(residual, inside, [slice(0, 100)])
+
+
+def test_a_short_part_is_left_out():
+    """A part may have five samples, fewer than the order of the autoregression."""
+    residual = np.random.default_rng(2).standard_normal((400, 2))
+    parts = [slice(0, 200), slice(200, 205), slice(205, 400)]
+    noise = autoregression(residual, np.ones_like(residual, bool), parts)
+    white = noise.whiten(residual, parts)
+    assert (white[200:205] == 0).all()
+    np.testing.assert_array_equal(white[205:], noise.whiten(residual[205:], [slice(0, 195)]))
+    own = noise.of_axis(2).whiten(residual[:, 1:], parts)
+    np.testing.assert_array_equal(own, white[:, 1:])
 
 
 @pytest.fixture(scope="module")

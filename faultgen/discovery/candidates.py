@@ -37,26 +37,8 @@ PAYLOAD = "payload_mass"
 """Effect that consists of four terms, the masses of four points, if the model's payload has no
 mass."""
 
-HIDDEN_BEHIND_GEARS = (
-    "friction_wear",
-    "coulomb_friction",
-    "static_friction",
-    "stribeck_velocity",
-    "viscous_friction",
-    "viscous_asymmetry",
-    "quadratic_viscous_friction",
-    "friction_asymmetry",
-    "low_speed_friction",
-    "load_friction",
-    "temperature_friction",
-    "wrist_coupling_friction",
-    "torque_ripple",
-    "torque_offset",
-    "torque_constant",
-    "rotor_inertia",
-)
-"""Effects on the rotors. A torque sensor behind the gearbox sees only how the servo corrects them,
-which depends on the real servo more than on the effect."""
+HIDDEN_BEHIND_GEARS = tuple(one.name for one in EFFECTS.values() if one.prior.at_motor)
+"""Effects that a torque sensor behind the gearbox does not see."""
 
 FREE_GAINS = {"torque_constant": 150.0, "torque_offset": 500.0}
 """Effects that an unknown torque constant and offset imitate, and the factor of their prior

@@ -23,7 +23,7 @@ from scipy.signal import butter, filtfilt
 
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regression import blocks, counted
-from faultgen.discovery.regressor import gearing, link_parameters, link_regressor
+from faultgen.discovery.regressor import link_parameters, link_regressor
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot
 from faultgen.simulation.arm import Arm
 
@@ -140,7 +140,7 @@ class Regression:
         self.robot = robot
         self.couplings = tuple(couplings)
         self.cut_off = cut_off
-        self.gearing = gearing(robot)
+        self.gearing = robot.gearing.matrix
         self.parts = blocks(recording)
         """Blocks, each a slice of samples."""
         self.inside = counted(recording, robot, twin=False) & _inner(recording, cut_off)[:, None]

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.stats import norm
 
 from faultgen.discovery.candidates import Term
-from faultgen.discovery.selection import SURE, SURE_IMITATED
+from faultgen.discovery.selection import SURE, SURE_IMITATED, groups_of
 from faultgen.effects import get_effect
 from faultgen.robot import COULOMB, Robot
 
@@ -98,16 +98,7 @@ class Candidates:
     @classmethod
     def of(cls, terms: Sequence[Term]) -> Candidates:
         """Group the effects among terms into candidates."""
-        members: dict[tuple, list[int]] = {}
-        for index, term in enumerate(terms):
-            if term.is_effect:
-                joined = dict(term.parameters)
-                joined.pop("phase", None)
-                wave = "order" in joined
-                points = term.name.startswith("payload") and "x" in joined
-                key: tuple = (*term.key, joined["order"]) if wave else (index,)
-                members.setdefault(term.key if points else key, []).append(index)
-        groups = [tuple(group) for group in members.values()]
+        groups = groups_of(terms)
         first = [terms[group[0]] for group in groups]
         priors = [get_effect(term.name).prior for term in first]
         return cls(

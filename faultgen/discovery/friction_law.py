@@ -11,7 +11,6 @@ import mujoco
 import numpy as np
 
 from faultgen.discovery.recording import Recording
-from faultgen.mjcf.edit import mjcf_text
 from faultgen.robot import BRISTLE_STIFFNESS, COULOMB, STICTION, Robot
 
 STRIBECK_SHARE = 0.015
@@ -75,7 +74,7 @@ def with_friction_law(robot: Robot, recording: Recording) -> Robot:
         inertia = float(robot.model.dof_M0[robot.motors[axis]])
         set_bristles(spec, axis + 1, coulomb, inertia, robot.model.opt.timestep)
     spec.compile()
-    return Robot(robot.name, mjcf_text(spec), robot.assets, robot.effects)
+    return robot.edited(spec)
 
 
 def set_bristles(

@@ -96,6 +96,45 @@ def pseudo_inertia(body: mujoco.MjsBody) -> np.ndarray:
     return np.diag(np.append(inertia.sum() / 2 - inertia, body.mass))
 
 
+def main_frame(body: mujoco.MjsBody) -> np.ndarray:
+    """Return the frame of a body's centre of mass and main axes in the body's own frame.
+
+    Args:
+        body: The body.
+
+    Returns:
+        Homogeneous transformation, shape (4, 4).
+    """
+    w, x, y, z = body.iquat
+    frame = np.eye(4)
+    frame[:3, :3] = Rotation.from_quat([x, y, z, w]).as_matrix()
+    frame[:3, 3] = body.ipos
+    return frame
+
+
+def parameters_of(pseudo: np.ndarray) -> np.ndarray:
+    """Read the ten parameters of the torque's regressor (see `regressor`) from pseudo-inertias.
+
+    Args:
+        pseudo: In the frame of the body, shape (..., 4, 4).
+
+    Returns:
+        Shape (..., 10).
+    """
+    xx, yy, zz = (pseudo[..., k, k] for k in range(3))
+    return np.stack(
+        [
+            pseudo[..., 3, 3],
+            *(pseudo[..., k, 3] for k in range(3)),
+            yy + zz,
+            xx + zz,
+            xx + yy,
+            *(-pseudo[..., i, j] for i, j in ((0, 1), (0, 2), (1, 2))),
+        ],
+        axis=-1,
+    )
+
+
 def _transform(body: mujoco.MjsBody, factor: np.ndarray) -> None:
     """Change the pseudo-inertia P about the centre of mass to F P F', that of a possible body."""
     inertia = np.array(body.inertia)

@@ -13,23 +13,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import mujoco
 import numpy as np
-from joblib import delayed
 from scipy.linalg import solve_toeplitz
-from scipy.spatial.transform import Rotation
 
 from faultgen.discovery.candidates import Term
 from faultgen.discovery.friction_discrepancy import discrepancy_sensitivities, discrepancy_terms
-from faultgen.discovery.inertia import PAIRS, inertia_terms, inertial_bodies, pseudo_inertia
+from faultgen.discovery.inertia import (
+    PAIRS,
+    inertia_terms,
+    inertial_bodies,
+    main_frame,
+    parameters_of,
+    pseudo_inertia,
+)
 from faultgen.discovery.noise import Autoregression
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regression import counted
-from faultgen.discovery.regressor import PER_LINK, gearing, link_regressor
+from faultgen.discovery.regressor import PER_LINK, link_ids, link_regressor
 from faultgen.discovery.replay import Replay
-from faultgen.discovery.sensitivities import kept_in, kept_runs
-from faultgen.effects.structure import MASSLESS
-from faultgen.errors import SimulationFailed
+from faultgen.discovery.sensitivities import own_sensitivities, sensitivities
+from faultgen.effects import EFFECTS
 from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm
 from faultgen.simulation.motion import Motion
@@ -46,25 +49,6 @@ _DRIFT = (
 )  # share of the noise's variance that drifts, and its time constant [s]: assumed
 _ORDER = 8  # of the autoregression by which the noise is whitened, as in `noise`
 
-# Effects that change the torque of hardly any axis but their own: by less than 10 % of their change
-# of all torques, except for friction at low speed. They are put on all axes at once.
-_OWN_AXIS = (
-    "friction_wear",
-    "coulomb_friction",
-    "static_friction",
-    "viscous_friction",
-    "stribeck_velocity",
-    "quadratic_viscous_friction",
-    "friction_asymmetry",
-    "viscous_asymmetry",
-    "low_speed_friction",
-    "torque_offset",
-    "load_friction",
-    "rotor_inertia",
-    "torque_constant",
-    "gravity_spring",
-    "torque_ripple",
-)
 _THIN = 5  # samples from one to the next for which the regressor is computed
 _SILENT = 1e-6  # noise of an axis over its torque limit, if it has no torque
 
@@ -111,7 +95,11 @@ def information(
     Raises:
         SimulationFailed: The model diverges on a motion.
     """
-    recording = _recording(robot, motions)
+    ways = [
+        motion(np.arange(int(motion.period / SAMPLE_PERIOD)) * SAMPLE_PERIOD)[0]
+        for motion in motions
+    ]
+    recording = Recording.planned(robot, ways, SAMPLE_PERIOD)
     replay = Replay(recording, robot, measured=False)
     links, forms = inertia_terms(robot), discrepancy_terms(robot)
     base, columns = _simulated(replay, terms, workers, cache)
@@ -166,58 +154,21 @@ def _on_axis(column: _Column, axis: int, part: slice) -> np.ndarray | None:
     return values[part] if own == axis else None
 
 
-def _recording(robot: Robot, motions: Sequence[Motion]) -> Recording:
-    """All motions as one recording whose torque is not yet known."""
-    ways = [
-        motion(np.arange(int(motion.period / SAMPLE_PERIOD)) * SAMPLE_PERIOD)[0]
-        for motion in motions
-    ]
-    way = np.concatenate(ways)
-    return Recording(
-        source="plan",
-        robot=robot.name,
-        side="motor",
-        sample_period=SAMPLE_PERIOD,
-        position=way * robot.gear_ratio,
-        torque=np.zeros_like(way),
-        reference_position=way,
-        segments=tuple(int(n) for n in np.cumsum([0, *(len(one) for one in ways[:-1])])),
-    )
-
-
 def _simulated(
     replay: Replay, terms: Sequence[Term], workers: int, cache: Path | None
 ) -> tuple[np.ndarray, list[_Column]]:
     """Torque of the model, shape (samples, n_axes), and its change per unit of each term."""
-    together: dict[tuple, list[int]] = {}
-    for index, term in enumerate(terms):
-        alone = term.name not in _OWN_AXIS
-        together.setdefault((index,) if alone else (term.name, term.parameters), []).append(index)
-    groups = [[], *together.values()]
-    changes = [[(terms[index], terms[index].step) for index in group] for group in groups]
-    keys = [repr([(t.name, t.axis, v, t.parameters) for t, v in one]).encode() for one in changes]
-    base, *runs = kept_runs(
-        [kept_in(cache, replay, key) for key in keys],
-        [delayed(_torque)(replay, change) for change in changes],
-        workers,
-    )
-    if not np.isfinite(base).all():
-        raise SimulationFailed("the model diverges on a motion of the plan")
-    columns: list[_Column] = [(None, np.zeros(0))] * len(terms)
-    for group, run in zip(groups[1:], runs, strict=True):
-        change = run - base if np.isfinite(run).all() else np.zeros_like(base)
-        for index in group:
-            axis = None if terms[index].name not in _OWN_AXIS else terms[index].axis - 1
-            own = change if axis is None else change[:, axis]
-            columns[index] = axis, (own / terms[index].step).astype(np.float32)
-    return base, columns
-
-
-def _torque(replay: Replay, changes: list[tuple[Term, float]]) -> np.ndarray:
-    try:
-        return replay.torque(changes)
-    except SimulationFailed:
-        return np.full_like(replay.recording.torque, np.nan)
+    alone = {term: EFFECTS[term.name].prior.own_axis_only for term in terms}
+    others = [term for term in terms if not alone[term]]
+    base, told = sensitivities(replay, others, workers=workers, cache=cache)
+    columns: dict[Term, _Column] = {
+        term: (None, change) for term, change in zip(others, told, strict=True)
+    }
+    own = [term for term in terms if alone[term]]
+    told = own_sensitivities(replay, own, base, workers=workers, cache=cache)
+    for term, change in zip(own, told, strict=True):
+        columns[term] = term.axis - 1, change[:, term.axis - 1].copy()
+    return base, [columns[term] for term in terms]
 
 
 def _of_links(
@@ -225,8 +176,8 @@ def _of_links(
 ) -> list[_Column]:
     """Change of the torque per unit of each term of the links, from the rigid arm."""
     arm = Arm(robot)
-    turned = np.linalg.inv(gearing(robot).T) / robot.torque_gain[:, None]
-    changes = np.stack([_parameters(robot, term) for term in terms], axis=1)
+    turned = np.linalg.inv(robot.gearing.matrix.T) / robot.torque_gain[:, None]
+    changes = _changes(robot, len(link_ids(arm)), terms)
     columns = []
     for motion, part in zip(motions, recording.parts, strict=True):
         times = np.arange(part.stop - part.start) * recording.sample_period
@@ -241,24 +192,14 @@ def _of_links(
     return [(None, column) for column in whole]
 
 
-def _parameters(robot: Robot, term: Term) -> np.ndarray:
-    """Change of the regressor's parameters per unit of a term, shape (10 bodies,)."""
-    bodies = [body for body in inertial_bodies(robot.spec(), robot)]
-    body = bodies[term.axis - 1]
-    factor = np.zeros((4, 4))
-    factor[PAIRS[int(dict(term.parameters)["component"])]] = 1.0
-    own = pseudo_inertia(body)
-    change = factor @ own + own @ factor.T
-    w, x, y, z = body.iquat
-    place = np.eye(4)
-    place[:3, :3] = Rotation.from_quat([x, y, z, w]).as_matrix()
-    place[:3, 3] = body.ipos
-    change = place @ change @ place.T
-    inertia = np.trace(change[:3, :3]) * np.eye(3) - change[:3, :3]
-    ten = [change[3, 3], *change[:3, 3], *np.diag(inertia), *inertia[[0, 0, 1], [1, 2, 2]]]
-    model = Arm(robot).model
-    payload = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "payload")
-    count = robot.n_axes + bool(payload >= 0 and model.body_mass[payload] >= MASSLESS)
-    out = np.zeros(count * PER_LINK)
-    out[(term.axis - 1) * PER_LINK : term.axis * PER_LINK] = ten
-    return out
+def _changes(robot: Robot, links: int, terms: Sequence[Term]) -> np.ndarray:
+    """Change of the regressor's parameters per unit of each term, shape (10 links, terms)."""
+    bodies = inertial_bodies(robot.spec(), robot)
+    changes = np.zeros((links, PER_LINK, len(terms)))
+    for k, term in enumerate(terms):
+        body = bodies[term.axis - 1]
+        unit = np.zeros((4, 4))
+        unit[PAIRS[int(dict(term.parameters)["component"])]] = 1.0
+        turned = main_frame(body) @ unit @ pseudo_inertia(body) @ main_frame(body).T
+        changes[term.axis - 1, :, k] = parameters_of(turned + turned.T)
+    return changes.reshape(links * PER_LINK, -1)

@@ -34,6 +34,10 @@ class Autoregression:
         """Return the noise multiplied by a factor."""
         return Autoregression(self.coefficients, factor * self.innovation)
 
+    def of_axis(self, axis: int) -> Autoregression:
+        """Return the noise of one axis, counted from 1."""
+        return Autoregression(self.coefficients[axis - 1 : axis], self.innovation[axis - 1 : axis])
+
     def replaced(self, other: Autoregression, axes: np.ndarray) -> Autoregression:
         """Return the noise with other noise on some axes.
 
@@ -58,33 +62,17 @@ class Autoregression:
 
         Returns:
             Same shape as x, without unit. The first samples of each part, as many as the order, are
-            0.
+            0, and so are parts that are not longer.
         """
-        return self._filtered(x, parts, slice(None))
-
-    def whiten_axis(self, x: np.ndarray, parts: Sequence[slice], axis: int) -> np.ndarray:
-        """Whiten torques of one axis.
-
-        Args:
-            x: Shape (..., samples), in the unit of the noise.
-            parts: Samples of each separate recording.
-            axis: Axis, from 1.
-
-        Returns:
-            Same shape as x, as from `whiten`.
-        """
-        return self._filtered(x[..., None], parts, slice(axis - 1, axis))[..., 0]
-
-    def _filtered(self, x: np.ndarray, parts: Sequence[slice], axes: slice) -> np.ndarray:
-        """Innovations of some axes; x has shape (..., samples, axes)."""
         out = np.zeros_like(x)
         order = self.coefficients.shape[1]
-        scale = self.innovation[axes]
         # a sum over delays; scipy's filters call Python for each row if there is no feedback
-        first = (1.0 / scale).astype(x.dtype)
-        later = (-self.coefficients[axes].T / scale).astype(x.dtype)
+        first = (1.0 / self.innovation).astype(x.dtype)
+        later = (-self.coefficients.T / self.innovation).astype(x.dtype)
         for part in parts:
             own = x[..., part, :]
+            if own.shape[-2] <= order:
+                continue
             new = own[..., order:, :] * first
             for delay, weight in enumerate(later, start=1):
                 new += own[..., order - delay : own.shape[-2] - delay, :] * weight

@@ -49,23 +49,13 @@ class Noise:
 
         Returns:
             Same shape as x, without unit. The first samples of each part, as many as the order of
-            the autoregression, are 0.
+            the autoregression, are 0, and so are parts that are not longer.
         """
         return self.colour.whiten(x / self.level.astype(x.dtype), parts)
 
-    def whiten_axis(self, x: np.ndarray, parts: Sequence[slice], axis: int) -> np.ndarray:
-        """Whiten torques of one axis.
-
-        Args:
-            x: Shape (..., samples), in the unit of the noise.
-            parts: Samples of each separate recording.
-            axis: Axis, from 1.
-
-        Returns:
-            Same shape as x, as from `whiten`.
-        """
-        level = self.level[:, axis - 1].astype(x.dtype)
-        return self.colour.whiten_axis(x / level, parts, axis)
+    def of_axis(self, axis: int) -> Noise:
+        """Return the noise of one axis, counted from 1."""
+        return Noise(self.colour.of_axis(axis), self.level[:, axis - 1 : axis])
 
     def of_samples(self) -> np.ndarray:
         """Standard deviation of the noise in each sample, shape (samples, n_axes).

@@ -15,8 +15,8 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from faultgen.discovery.candidates import INERTIA, Term
 from faultgen.discovery.classical import (
@@ -36,6 +36,8 @@ from faultgen.discovery.inertia import (
     apply_inertia,
     inertia_terms,
     inertial_bodies,
+    main_frame,
+    parameters_of,
     pseudo_inertia,
 )
 from faultgen.discovery.recording import Recording
@@ -44,7 +46,6 @@ from faultgen.effects import get_effect
 from faultgen.effects.coupling import add_coupling_friction
 from faultgen.effects.friction import add_offset
 from faultgen.errors import SimulationFailed
-from faultgen.mjcf.edit import mjcf_text
 from faultgen.robot import COULOMB, OFFSET, STICTION, Robot
 from faultgen.simulation.arm import Arm
 
@@ -186,16 +187,32 @@ class Physical:
             add_coupling_friction(spec, axis, coulomb, ratio=ratio)
             spec.actuators[-1].damping[0] = viscous
             spec.tendons[-1].armature = inertia
-        gain = given.torque_gain * self.gain
-        if np.any(gain != 1):
-            numeric = spec.numeric("torque_gain") or spec.add_numeric(name="torque_gain")
-            numeric.size, numeric.data = len(gain), gain.tolist()
-        try:
-            spec.compile()
-        except ValueError as error:
-            line = " ".join(str(error).split())
-            raise SimulationFailed(f"MuJoCo cannot compile the fitted model: {line}") from None
-        return Robot(given.name, mjcf_text(spec), given.assets, given.effects)
+        return edited(given, spec, given.torque_gain * self.gain)
+
+
+def edited(robot: Robot, spec: mujoco.MjSpec, torque_gain: np.ndarray) -> Robot:
+    """Compile an edited model, and make a robot of it.
+
+    Args:
+        robot: The robot before the edit.
+        spec: Its specification with the edit. It is changed and compiled.
+        torque_gain: Torque of the motors over the torque that is logged, shape (n_axes,).
+
+    Returns:
+        The robot with the edited model.
+
+    Raises:
+        SimulationFailed: MuJoCo cannot compile it.
+    """
+    if np.any(torque_gain != 1):
+        numeric = spec.numeric("torque_gain") or spec.add_numeric(name="torque_gain")
+        numeric.size, numeric.data = len(torque_gain), torque_gain.tolist()
+    try:
+        spec.compile()
+    except ValueError as error:
+        line = " ".join(str(error).split())
+        raise SimulationFailed(f"MuJoCo cannot compile the changed model: {line}") from None
+    return robot.edited(spec)
 
 
 class _Links:
@@ -207,11 +224,7 @@ class _Links:
         self.nominal = link_parameters(Arm(robot))
         self._frames = []
         for body in inertial_bodies(spec, robot)[: len(self.nominal) // PER_LINK]:
-            w, x, y, z = body.iquat
-            frame = np.eye(4)
-            frame[:3, :3] = Rotation.from_quat([x, y, z, w]).as_matrix()
-            frame[:3, 3] = body.ipos
-            self._frames.append((frame, pseudo_inertia(body)))
+            self._frames.append((main_frame(body), pseudo_inertia(body)))
 
     def parameters(self, change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Parameters, shape (parameters,), and their slopes, shape (parameters, terms)."""
@@ -225,26 +238,10 @@ class _Links:
                 unit[PAIRS[int(dict(self.terms[k].parameters)["component"])]] = 1.0
             factor = np.eye(4) + np.tensordot(change[at], units, axes=1)
             rows = slice(PER_LINK * (link - 1), PER_LINK * link)
-            value[rows] = _ten(frame @ factor @ own @ factor.T @ frame.T)
+            value[rows] = parameters_of(frame @ factor @ own @ factor.T @ frame.T)
             turned = frame @ units @ own @ factor.T @ frame.T
-            slope[rows, at] = _ten(turned + turned.swapaxes(1, 2)).T
+            slope[rows, at] = parameters_of(turned + turned.swapaxes(1, 2)).T
         return value, slope
-
-
-def _ten(pseudo: np.ndarray) -> np.ndarray:
-    """Ten parameters of pseudo-inertias, shape (..., 4, 4)."""
-    xx, yy, zz = (pseudo[..., k, k] for k in range(3))
-    return np.stack(
-        [
-            pseudo[..., 3, 3],
-            *(pseudo[..., k, 3] for k in range(3)),
-            yy + zz,
-            xx + zz,
-            xx + yy,
-            *(-pseudo[..., i, j] for i, j in ((0, 1), (0, 2), (1, 2))),
-        ],
-        axis=-1,
-    )
 
 
 def fit(

@@ -26,6 +26,7 @@ import numpy as np
 from scipy.signal import butter, filtfilt, savgol_filter
 
 from faultgen.errors import InputError
+from faultgen.robot import Robot
 from faultgen.system.arrays import write_arrays
 
 _ARRAYS = ("position", "torque", "velocity", "reference_position", "temperature")
@@ -96,6 +97,30 @@ class Recording:
     """Constants with which the torque was found from motor currents; None if it was measured."""
     notes: tuple[str, ...] = ()
     """One line for each thing that was done to the data when they were read."""
+
+    @classmethod
+    def planned(cls, robot: Robot, ways: Sequence[np.ndarray], sample_period: float) -> Recording:
+        """Make a recording of motions whose torque is not yet known.
+
+        Args:
+            robot: The robot.
+            ways: Position of the joints in each motion, shape (samples, n_axes) each, in [rad].
+            sample_period: Time between samples [s].
+
+        Returns:
+            The motions as separate recordings, motor side, with a torque of 0.
+        """
+        way = np.concatenate(ways)
+        return cls(
+            source="plan",
+            robot=robot.name,
+            side="motor",
+            sample_period=sample_period,
+            position=robot.gearing.outputs(way) * robot.gear_ratio,
+            torque=np.zeros_like(way),
+            reference_position=way,
+            segments=tuple(int(n) for n in np.cumsum([0, *(len(one) for one in ways[:-1])])),
+        )
 
     @property
     def n_axes(self) -> int:

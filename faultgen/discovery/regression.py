@@ -146,7 +146,7 @@ class Problem:
             Same shape as x, as from `whiten`.
         """
         weight = (self.inside * self.trust)[:, axis - 1].astype(x.dtype)
-        return self.noise.whiten_axis(x, self.parts, axis) * weight
+        return self.noise.of_axis(axis).whiten(x[..., None], self.parts)[..., 0] * weight
 
     @cached_property
     def _nominal(self) -> Evidence:

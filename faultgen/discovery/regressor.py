@@ -12,7 +12,6 @@ import mujoco
 import numpy as np
 
 from faultgen.effects.structure import MASSLESS
-from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm
 
 PER_LINK = 10
@@ -109,26 +108,3 @@ def _wrench(motion: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
         moment[i, j] = moment[j, i] = 1.0
         wrench[..., 4 + k, :3] = turn @ moment + np.cross(rate, rate @ moment)
     return np.asarray(np.einsum("slpw,slwj->sjlp", wrench, jacobian))
-
-
-def gearing(robot: Robot) -> np.ndarray:
-    """Read how the motors turn with the joints: motor angles = R joint angles.
-
-    R is diagonal with the gear ratios, except where the gearbox of one axis also turns with the
-    joint of another axis, as in coupled wrists. Its tendon then has a coefficient on that joint.
-
-    Args:
-        robot: The robot.
-
-    Returns:
-        R, shape (n_axes, n_axes).
-    """
-    model = robot.model
-    motors, joints = list(robot.motors), list(robot.joints)
-    length = np.zeros((robot.n_axes, model.nv))
-    for axis, tendon in enumerate(robot.ids("tendon", "gearbox")):
-        start = model.tendon_adr[tendon]
-        for wrap in range(start, start + model.tendon_num[tendon]):
-            if model.wrap_type[wrap] == int(mujoco.mjtWrap.mjWRAP_JOINT):
-                length[axis, model.jnt_dofadr[model.wrap_objid[wrap]]] = model.wrap_prm[wrap]
-    return -np.linalg.solve(length[:, motors], length[:, joints])

@@ -64,10 +64,10 @@ class Choice:
     how much the misfit increases."""
 
 
-def groups_of(problem: Problem) -> list[Group]:
+def groups_of(terms: Sequence[Term]) -> list[Group]:
     """List the candidates. Sine and cosine, like the points of a payload, make one candidate."""
     groups: dict[tuple, list[int]] = {}
-    for index, term in enumerate(problem.terms):
+    for index, term in enumerate(terms):
         if not term.is_effect or term.nuisance:
             continue
         order = dict(term.parameters).get("order")
@@ -111,7 +111,7 @@ class _Search:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.candidates = groups_of(problem)
+        self.candidates = groups_of(problem.terms)
         self._seen: dict[frozenset[Group], Fit | None] = {}
         empty = self._fitted(())
         assert empty is not None

@@ -26,14 +26,13 @@ from faultgen.discovery.candidates import (
 from faultgen.discovery.evidence import FREE, Evidence
 from faultgen.discovery.fit import differences
 from faultgen.discovery.inertia import apply_inertia, inertia_terms
-from faultgen.discovery.physical import GAIN
+from faultgen.discovery.physical import GAIN, edited
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regression import Problem, plain, pose
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.sensitivities import sensitivities
 from faultgen.effects import get_effect
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.mjcf.edit import mjcf_text
 from faultgen.robot import Robot
 
 SHARES = (1.0, 0.5, 0.25, 0.1)
@@ -230,15 +229,7 @@ def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
         elif get_effect(one.effect).in_mjcf:
             get_effect(one.effect).apply(spec, one.axis, one.severity, **one.parameters)
     beside = [one for one in effects if not (one.effect == GAIN or get_effect(one.effect).in_mjcf)]
-    if np.any(gain != 1):
-        numeric = spec.numeric("torque_gain") or spec.add_numeric(name="torque_gain")
-        numeric.size, numeric.data = len(gain), gain.tolist()
-    try:
-        spec.compile()
-    except ValueError as error:
-        line = " ".join(str(error).split())
-        raise SimulationFailed(f"MuJoCo cannot compile the changed model: {line}") from None
-    return Robot(robot.name, mjcf_text(spec), robot.assets, (*robot.effects, *beside))
+    return edited(robot, spec, gain).with_effects(beside)
 
 
 def replaying(

@@ -71,6 +71,7 @@ EFFECTS = (
             imitated=True,
             # shafts rub on the sum or on the difference of two speeds, by how the wrist is built
             variants=lambda robot, axis: [{"ratio": 1.0}, {"ratio": -1.0}],
+            at_motor=True,
         ),
         source="Coulomb friction on q'5 + q'6, as of the wrist of the Staubli TX40 "
         "(Gautier, Janot, Vandanjon 2013; from memory)",

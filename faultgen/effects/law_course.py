@@ -115,8 +115,8 @@ class Course:
     def _needed(self) -> tuple[np.ndarray, np.ndarray]:
         every = max(1, round(_EVERY / self.step))
         rows = np.unique(np.append(np.arange(0, len(self.motor), every), len(self.motor) - 1))
-        ratio = self.robot.gear_ratio
-        told = self.loads(*(x[rows] / ratio for x in (self.motor, self.speed, self.acceleration)))
+        courses = (self.motor, self.speed, self.acceleration)
+        told = self.loads(*(self.robot.gearing.joints(x[rows]) for x in courses))
         at = np.arange(len(self.motor))
         load, torque = (
             np.stack([np.interp(at, rows, one) for one in part.T], axis=1) for part in told

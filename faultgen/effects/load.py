@@ -62,7 +62,7 @@ EFFECTS = (
         unit="fraction of the gearbox's torque, motor side (N m a N m)",
         signature="more torque against the motion where the gearbox carries more",
         element="load_friction{i}, passive dcmotor lugre, told the load between steps",
-        prior=Prior(std=0.0003, steps=(0.03,), imitated=True),
+        prior=Prior(std=0.0003, steps=(0.03,), imitated=True, own_axis_only=True, at_motor=True),
         source="load term of Bittencourt et al. 2010, F_c + 0.023 |load|",
         largest=1.0,
         step=0.03,

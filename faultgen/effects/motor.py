@@ -90,7 +90,14 @@ EFFECTS = (
         unit=FRACTION,
         signature="more torque in proportion to acceleration",
         element="body of motor{i}, inertia",
-        prior=Prior(std=0.035, steps=(0.1,), in_every_model=True, imitated=True),
+        prior=Prior(
+            std=0.035,
+            steps=(0.1,),
+            in_every_model=True,
+            imitated=True,
+            own_axis_only=True,
+            at_motor=True,
+        ),
         source="definition",
         smallest=-0.9,
         edit=scale_rotor_inertia,
@@ -101,7 +108,9 @@ EFFECTS = (
         unit="fraction of nominal that is lost, below 1",
         signature="every torque of the axis is larger in the log, by the same factor",
         element="drive{i}, gains and limit; control and log",
-        prior=Prior(std=0.002, steps=(0.05,), in_every_model=True),
+        prior=Prior(
+            std=0.002, steps=(0.05,), in_every_model=True, own_axis_only=True, at_motor=True
+        ),
         source="torque = (1 - severity) of the logged one; magnets lose 0.1 to 0.2 % a kelvin",
         largest=0.9,
         smallest=-1.0,

@@ -63,7 +63,10 @@ class Prior:
     healthy recording to compare with. More evidence is required then."""
     own_axis_only: bool = False
     """Whether the effect changes the torque of other axes so little that it is probed on all axes
-    in one simulation."""
+    in one simulation: by less than 10 % of its change of all torques, except at low speed."""
+    at_motor: bool = False
+    """Whether the effect acts on the rotors. A torque sensor behind the gearbox sees only how the
+    servo corrects it, which depends on the real servo more than on the effect."""
 
     def problem(self) -> str:
         """State what is wrong with the record in one line; empty if nothing is."""

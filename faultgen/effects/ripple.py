@@ -149,6 +149,7 @@ EFFECTS = (
             steps_in_std=1000,
             imitated=True,
             own_axis_only=True,
+            at_motor=True,
         ),
         source="amplitude sin(order q_m + phase); 0.5 to 2 % of the rated torque are usual",
         step=0.01,

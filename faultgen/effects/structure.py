@@ -130,7 +130,7 @@ EFFECTS = (
         slide_units="N/m",
         signature="torque in proportion to the angle of the joint, at all speeds",
         element="joint{i}, stiffness",
-        prior=Prior(std=of_joint_torque(4e-5), steps_in_std=100, imitated=True),
+        prior=Prior(std=of_joint_torque(4e-5), steps_in_std=100, imitated=True, own_axis_only=True),
         source="linear spring",
         largest=1e6,
         smallest=-1e6,

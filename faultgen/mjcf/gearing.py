@@ -16,6 +16,24 @@ import mujoco
 import numpy as np
 
 
+def tendon_coefficients(model: mujoco.MjModel, tendon: int) -> np.ndarray:
+    """Read how the length of a fixed tendon changes with the joints.
+
+    Args:
+        model: The compiled model.
+        tendon: Id of the tendon.
+
+    Returns:
+        Its coefficient on each degree of freedom, shape (nv,).
+    """
+    length = np.zeros(model.nv)
+    start = model.tendon_adr[tendon]
+    for wrap in range(start, start + model.tendon_num[tendon]):
+        if model.wrap_type[wrap] == int(mujoco.mjtWrap.mjWRAP_JOINT):
+            length[model.jnt_dofadr[model.wrap_objid[wrap]]] = model.wrap_prm[wrap]
+    return length
+
+
 class Gearing:
     """The gearboxes of a robot as matrices.
 
@@ -35,12 +53,7 @@ class Gearing:
         joints: np.ndarray,
         ratio: np.ndarray,
     ) -> None:
-        length = np.zeros((len(tendons), model.nv))
-        for axis, tendon in enumerate(tendons):
-            start = model.tendon_adr[tendon]
-            for wrap in range(start, start + model.tendon_num[tendon]):
-                if model.wrap_type[wrap] == int(mujoco.mjtWrap.mjWRAP_JOINT):
-                    length[axis, model.jnt_dofadr[model.wrap_objid[wrap]]] = model.wrap_prm[wrap]
+        length = np.stack([tendon_coefficients(model, tendon) for tendon in tendons])
         self.ratio = ratio
         """Rotor turns per joint turn, shape (n_axes,)."""
         self.matrix = -np.linalg.solve(length[:, motors], length[:, joints])

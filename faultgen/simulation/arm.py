@@ -11,6 +11,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from faultgen.errors import InputError
+from faultgen.mjcf.gearing import tendon_coefficients
 from faultgen.robot import COULOMB, COUPLING, OFFSET, STRIBECK_VELOCITY, Robot
 
 _NEWTON_STEPS = 30  # of `Arm.follow`; a pose that is close needs 3 to 5
@@ -224,15 +225,7 @@ def motor_torque(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np
     Returns:
         Torque at the motors, shape (samples, n_axes), in [N m].
     """
-    robot = arm.robot
-    inertia = robot.model.dof_M0[list(robot.motors)]
-    load = robot.gearing.torque(arm.inverse_dynamics(q, qd, qdd)) / robot.gear_ratio
-    qd, qdd = robot.gearing.outputs(qd), robot.gearing.outputs(qdd)
-    rotor = inertia * robot.gear_ratio * qdd
-    torque = load + rotor + nominal_friction(robot, qd * robot.gear_ratio)
-    for shared in _couplings(robot):
-        torque += shared(qd * robot.gear_ratio, qdd * robot.gear_ratio)
-    return torque
+    return _loads(arm, q, qd, qdd)[1]
 
 
 def _couplings(robot: Robot) -> list[Callable[[np.ndarray, np.ndarray], np.ndarray]]:
@@ -256,11 +249,7 @@ def _shared_torque(
 ) -> np.ndarray:
     model = robot.model
     tendon = model.actuator_trnid[actuator, 0]
-    weight = np.zeros(model.nv)
-    start = model.tendon_adr[tendon]
-    for wrap in range(start, start + model.tendon_num[tendon]):
-        weight[model.jnt_dofadr[model.wrap_objid[wrap]]] = model.wrap_prm[wrap]
-    own = weight[list(robot.motors)]
+    own = tendon_coefficients(model, tendon)[list(robot.motors)]
     shared, bias = speed @ own, model.actuator_biasprm[actuator]
     torque = bias[COULOMB] * np.tanh(shared / bias[STRIBECK_VELOCITY])
     torque += model.actuator_damping[actuator] * shared
@@ -283,7 +272,17 @@ def loads(
         Torque of the rigid arm at the motors, and `motor_torque`. Both have the shape of q and are
         in [N m].
     """
-    torque = motor_torque(Arm(robot), q, qd, qdd)
+    return _loads(Arm(robot), q, qd, qdd)
+
+
+def _loads(
+    arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    robot = arm.robot
+    load = robot.gearing.torque(arm.inverse_dynamics(q, qd, qdd)) / robot.gear_ratio
     qd, qdd = robot.gearing.outputs(qd), robot.gearing.outputs(qdd)
-    own = robot.model.dof_M0[list(robot.motors)] * robot.gear_ratio * qdd
-    return torque - own - nominal_friction(robot, qd * robot.gear_ratio), torque
+    rotor = robot.model.dof_M0[list(robot.motors)] * robot.gear_ratio * qdd
+    torque = load + rotor + nominal_friction(robot, qd * robot.gear_ratio)
+    for shared in _couplings(robot):
+        torque += shared(qd * robot.gear_ratio, qdd * robot.gear_ratio)
+    return load, torque
