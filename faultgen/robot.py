@@ -26,6 +26,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from numpy.typing import ArrayLike
 
 from faultgen.applied import Applied, to_json
 from faultgen.errors import InputError
@@ -203,6 +204,28 @@ class Robot:
             folder: The folder. It is created if it does not exist.
         """
         write_folder(folder, self.name, self.xml, self.assets, self.effects, self.tasks)
+
+    def to_degrees(self, joints: np.ndarray) -> np.ndarray:
+        """Convert joint positions to the units of task files.
+
+        Args:
+            joints: Shape (..., n_axes), in [rad], or [m] where the joint slides.
+
+        Returns:
+            The same in [deg], or [m] where the joint slides.
+        """
+        return np.where(self.slides, joints, np.degrees(joints))
+
+    def from_degrees(self, joints: ArrayLike) -> np.ndarray:
+        """Convert joint positions from the units of task files.
+
+        Args:
+            joints: Shape (..., n_axes), in [deg], or [m] where the joint slides.
+
+        Returns:
+            The same in [rad], or [m] where the joint slides.
+        """
+        return np.where(self.slides, joints, np.radians(joints))
 
     def ids(self, kind: str, name: str, model: mujoco.MjModel | None = None) -> np.ndarray:
         """Find the ids of the elements ``name1`` ... ``name{n_axes}``.

@@ -25,7 +25,7 @@ from faultgen.discovery.information import (
     drifting,
     information,
 )
-from faultgen.discovery.motion_library import Workspace, library, task_toml
+from faultgen.discovery.motion_library import AllowedPoses, library, task_toml
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regression import counted
 from faultgen.discovery.replay import Replay
@@ -60,7 +60,7 @@ def few(robot, include=()):
 def test_motions_keep_the_limits(motions):
     """No motion leaves the joint ranges, is too fast, or goes into the floor."""
     robot = motions[0].robot
-    space = Workspace.of(robot)
+    space = AllowedPoses.of(robot)
     assert len({motion.task.name for motion in motions}) == len(motions) > 5
     for motion in motions:
         q, qd, qdd = motion(np.arange(0, motion.period, 0.01))
@@ -73,7 +73,7 @@ def test_motions_keep_the_limits(motions):
 
 def test_the_floor_is_seen():
     """A pose of the PUMA that reaches down in front of its base is refused."""
-    space = Workspace.of(load_robot("puma560"))
+    space = AllowedPoses.of(load_robot("puma560"))
     assert space.is_allowed(np.radians([0, 90, -90, 0, 0, 0]))
     down = np.radians([0, -40, -90, 0, 0, 0])
     assert not space.is_above_floor(down) and not space.is_allowed(down)

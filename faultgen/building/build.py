@@ -89,9 +89,9 @@ def build(path: Path, drives: Drives, name: str) -> Built:
     )
     add_drives(spec, plain.joints, values, drives.coupling)
     robot, step = _with_step(spec, plain, name, drives.timestep)
-    home = plain.home if drives.home is None else _from_degrees(drives.home, robot)
+    home = plain.home if drives.home is None else robot.from_degrees(drives.home)
     robot, pose, notes = plan_tasks(robot, None if home is None else np.array(home))
-    degrees = [float(f"{x:.6g}") for x in np.where(robot.slides, pose, np.degrees(pose))]
+    degrees = [float(f"{x:.6g}") for x in robot.to_degrees(pose)]
     source = Value(0, "given") if drives.home else Value(0, "assumed", "start of the tasks")
     general: list[tuple[str, str, Value | None]] = [
         ("joints", _list(plain.joints), Value(0, "given") if drives.joints else _ASSUMED_JOINTS),
@@ -118,10 +118,6 @@ def _origin(why: str) -> Value:
     return (
         Value(0, "given") if why == "given" else Value(0, "assumed", why.removeprefix("assumed: "))
     )
-
-
-def _from_degrees(values: Sequence[float], robot: Robot) -> np.ndarray:
-    return np.where(robot.slides, values, np.radians(values))
 
 
 def turns_of(joints: Sequence[str], couplings: Sequence[Coupling]) -> np.ndarray:

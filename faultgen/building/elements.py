@@ -116,8 +116,8 @@ def add_drives(
     for body in spec.bodies:
         if body.name.startswith("rotor"):
             body.name = f"link_{body.name}"
-    for k, numbers in enumerate(values, start=1):
-        number = {name: one.value for name, one in numbers.items()}
+    plain = [{name: one.value for name, one in numbers.items()} for numbers in values]
+    for k, number in enumerate(plain, start=1):
         _add_rotor(spec, k, number["rotor_inertia"])
         others = [one for one in couplings if one.gearbox == joints[k - 1]]
         gearbox = spec.add_tendon(name=f"gearbox{k}")
@@ -126,8 +126,7 @@ def add_drives(
         for one in others:
             gearbox.wrap_joint(f"joint{joints.index(one.joint) + 1}", -one.factor)
         gearbox.stiffness[0], gearbox.damping[0] = number["gear_stiffness"], number["gear_damping"]
-    for k, numbers in enumerate(values, start=1):
-        number = {name: one.value for name, one in numbers.items()}
+    for k, number in enumerate(plain, start=1):
         drive = _add_actuator(spec, f"drive{k}", k)
         drive.set_to_dcmotor(
             motorconst=[1.0, 1.0],
@@ -136,8 +135,7 @@ def add_drives(
             controller=[number["position_gain"], 0, number["velocity_gain"], 0, 0, 0],
             saturation=[number["torque_limit"] / abs(number["gear_ratio"]), 0, 0],
         )
-    for k, numbers in enumerate(values, start=1):
-        number = {name: one.value for name, one in numbers.items()}
+    for k, number in enumerate(plain, start=1):
         friction = _add_actuator(spec, f"friction{k}", k)
         friction.set_to_dcmotor(
             motorconst=[0.0, 0.0],
@@ -153,11 +151,9 @@ def add_drives(
         )
         friction.damping[0] = number["viscous_friction"]
     numerics = {
-        "motor_velocity_limit": [
-            one["speed_limit"].value * abs(one["gear_ratio"].value) for one in values
-        ],
-        "joint_acceleration_limit": [one["acceleration_limit"].value for one in values],
-        "encoder_counts": [one["encoder_counts"].value for one in values],
+        "motor_velocity_limit": [one["speed_limit"] * abs(one["gear_ratio"]) for one in plain],
+        "joint_acceleration_limit": [one["acceleration_limit"] for one in plain],
+        "encoder_counts": [one["encoder_counts"] for one in plain],
         "friction_temperature": [40.0],
     }
     for name, data in numerics.items():

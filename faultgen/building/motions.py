@@ -31,7 +31,7 @@ def listed(robot: Robot, pose: np.ndarray) -> list[float]:
         robot: The robot.
         pose: Joint positions, shape (n_axes,), in [rad] or [m].
     """
-    values = np.where(robot.slides, pose, np.degrees(pose))
+    values = robot.to_degrees(pose)
     return [round(float(value), 5) for value in values]
 
 

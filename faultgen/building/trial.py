@@ -67,10 +67,7 @@ def _motion(robot: Robot, tasks: Sequence[str]) -> Motion:
     low, high = robot.joint_range.T
     middle = np.clip(np.zeros(robot.n_axes), low, high)
     away = np.clip(middle + _SPAN, low, high)
-    there, back = (
-        {"joints": np.where(robot.slides, pose, np.degrees(pose)).tolist()}
-        for pose in (away, middle)
-    )
+    there, back = ({"joints": robot.to_degrees(pose).tolist()} for pose in (away, middle))
     moves = [{**there, "speed": 0.5}, {**back, "speed": 0.5, "dwell": SECONDS}]
     content = {"name": "trial", "robot": robot.name, "description": "a small move"}
     return plan(Task.model_validate({**content, "start": back, "move": moves}), robot)

@@ -75,7 +75,7 @@ def plan_tasks(robot: Robot, home: np.ndarray | None) -> tuple[Robot, np.ndarray
         if found:
             first = load_task(robot.name, next(iter(sorted(found, reverse=True))), robot.tasks)
             assert first.start.joints is not None
-            home = np.where(robot.slides, first.start.joints, np.radians(first.start.joints))
+            home = robot.from_degrees(first.start.joints)
     return robot, home, notes
 
 

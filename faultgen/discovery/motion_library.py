@@ -9,7 +9,7 @@ Every motion is an ordinary task that begins and ends at a pose of its own and m
 - a *mixed* motion consists of moves whose lengths and speeds are drawn.
 
 The poses and directions are drawn. A motion is kept if its poses and its whole way are allowed, see
-`Workspace`.
+`AllowedPoses`.
 
     for motion in library(load_robot("puma560"), np.random.default_rng(0)):
         print(motion.task.name, motion.period)
@@ -48,7 +48,7 @@ Leg = tuple[np.ndarray, float]
 
 
 @dataclass(frozen=True)
-class Workspace:
+class AllowedPoses:
     """The poses of a robot that may be used.
 
     A pose is allowed if every joint is within its range, if gravity takes at most 60 % of each
@@ -69,7 +69,7 @@ class Workspace:
     """Smallest height of each checked point, shape (points,), in [m]."""
 
     @classmethod
-    def of(cls, robot: Robot) -> Workspace:
+    def of(cls, robot: Robot) -> AllowedPoses:
         """Read the limits of a robot."""
         arm = Arm(robot)
         free = np.where(robot.slides, _FREE_SLIDE, _FREE_TURN)
@@ -151,7 +151,7 @@ def library(robot: Robot, rng: np.random.Generator) -> list[Motion]:
     Raises:
         InputError: The robot can do none of them.
     """
-    space = Workspace.of(robot)
+    space = AllowedPoses.of(robot)
     wanted = [(kind, f"{kind}_{k + 1}") for kind, count in _KINDS for k in range(count)]
     drawn = [_drawn(space, kind, name, rng) for kind, name in wanted]
     found = [motion for motion in drawn if motion is not None]
@@ -160,7 +160,7 @@ def library(robot: Robot, rng: np.random.Generator) -> list[Motion]:
     return found
 
 
-def _drawn(space: Workspace, kind: str, name: str, rng: np.random.Generator) -> Motion | None:
+def _drawn(space: AllowedPoses, kind: str, name: str, rng: np.random.Generator) -> Motion | None:
     """Draw a motion until one is allowed; None if none is."""
     robot = space.arm.robot
     for _ in range(_TRIES):
@@ -179,7 +179,7 @@ def _drawn(space: Workspace, kind: str, name: str, rng: np.random.Generator) -> 
 
 
 def _step(
-    space: Workspace, here: np.ndarray, size: np.ndarray, rng: np.random.Generator
+    space: AllowedPoses, here: np.ndarray, size: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
     """Go a step of some size from a pose, each axis in a drawn direction in which there is room."""
     sign = rng.choice([-1.0, 1.0], len(here))
@@ -188,14 +188,14 @@ def _step(
     return space.within(np.where(outside, here - sign * size, there))
 
 
-def _ladder(space: Workspace, start: np.ndarray, rng: np.random.Generator) -> Iterator[Leg]:
+def _ladder(space: AllowedPoses, start: np.ndarray, rng: np.random.Generator) -> Iterator[Leg]:
     far = _step(space, start, space.speed * _LEG, rng)
     for speed in SPEEDS:
         yield start + speed * (far - start), speed
         yield start, speed
 
 
-def _reversals(space: Workspace, start: np.ndarray, rng: np.random.Generator) -> Iterator[Leg]:
+def _reversals(space: AllowedPoses, start: np.ndarray, rng: np.random.Generator) -> Iterator[Leg]:
     here = start
     for _ in range(2):
         for speed in (0.02, 0.05):
@@ -207,7 +207,7 @@ def _reversals(space: Workspace, start: np.ndarray, rng: np.random.Generator) ->
     yield start, 0.7
 
 
-def _sweep(space: Workspace, start: np.ndarray, rng: np.random.Generator) -> Iterator[Leg]:
+def _sweep(space: AllowedPoses, start: np.ndarray, rng: np.random.Generator) -> Iterator[Leg]:
     ends = [space.draw(rng) for _ in range(20)]
     far = max(ends, key=lambda end: np.min(np.abs(end - start) / (space.high - space.low)))
     speed = 0.3
@@ -217,7 +217,7 @@ def _sweep(space: Workspace, start: np.ndarray, rng: np.random.Generator) -> Ite
     yield start, speed
 
 
-def _fast(space: Workspace, start: np.ndarray, rng: np.random.Generator) -> Iterator[Leg]:
+def _fast(space: AllowedPoses, start: np.ndarray, rng: np.random.Generator) -> Iterator[Leg]:
     here = start
     for _ in range(5):
         here = _step(space, here, space.speed * rng.uniform(0.2, 1.2, len(start)), rng)
@@ -225,7 +225,7 @@ def _fast(space: Workspace, start: np.ndarray, rng: np.random.Generator) -> Iter
     yield start, 1.0
 
 
-def _mixed(space: Workspace, start: np.ndarray, rng: np.random.Generator) -> Iterator[Leg]:
+def _mixed(space: AllowedPoses, start: np.ndarray, rng: np.random.Generator) -> Iterator[Leg]:
     here = start
     for _ in range(6):
         speed = float(10 ** rng.uniform(-1.7, 0))
@@ -254,7 +254,7 @@ _TEXTS = {
 def _task(robot: Robot, name: str, text: str, start: np.ndarray, legs: Sequence[Leg]) -> Task:
     def joints(pose: np.ndarray) -> list[float]:
         # task files have degrees, or metres for slides
-        told = np.where(robot.slides, pose, np.degrees(pose))
+        told = robot.to_degrees(pose)
         return [
             round(float(value), 6 if slide else 4)
             for value, slide in zip(told, robot.slides, strict=True)

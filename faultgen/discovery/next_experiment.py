@@ -148,8 +148,7 @@ def library(problem: Problem) -> Iterator[tuple[str, str]]:
 def _own(problem: Problem, robot: Robot) -> Iterator[tuple[str, str]]:
     """Moves between joint angles that lie within the range of the recording."""
     recording = problem.recording
-    joints = recording.joint_position(robot.gear_ratio)
-    joints = np.where(robot.slides, joints, np.degrees(joints))
+    joints = robot.to_degrees(recording.joint_position(robot.gear_ratio))
     low, middle, high = np.quantile(joints, [0.15, 0.5, 0.85], axis=0)
 
     def task(text: str, moves: list[tuple[np.ndarray, float, float]]) -> str:

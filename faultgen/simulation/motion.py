@@ -137,13 +137,13 @@ def _configuration(pose: Pose, arm: Arm, task: Task, before: np.ndarray, where: 
         if value is not None and len(value) != robot.n_axes:
             raise InputError(f"task {task.name}, {where}: '{name}' needs {robot.n_axes} angles")
     if pose.joints is not None:
-        angles = _joints(pose.joints, robot)
+        angles = robot.from_degrees(pose.joints)
     else:
         if pose.position is None or pose.rpy is None:
             raise InputError(
                 f"task {task.name}, {where}: give 'position' and 'rpy', or give 'joints'"
             )
-        near = before if pose.near is None else _joints(pose.near, robot)
+        near = before if pose.near is None else robot.from_degrees(pose.near)
         turned = Rotation.from_euler("xyz", pose.rpy, degrees=True)
         try:
             angles = arm.inverse_kinematics(np.array(pose.position), turned, near)
@@ -160,11 +160,6 @@ def _configuration(pose: Pose, arm: Arm, task: Task, before: np.ndarray, where: 
             f"range of {first:.{digits}f} to {last:.{digits}f} {unit}"
         )
     return angles
-
-
-def _joints(values: list[float], robot: Robot) -> np.ndarray:
-    """Joint positions as tasks state them, in degrees or metres."""
-    return np.where(robot.slides, values, np.radians(values))
 
 
 def _path(

@@ -1,0 +1,280 @@
+"""Commands that examine recordings: discovery and calibration."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from faultgen.cli.app import Json, Out, Workers, app, print_json, worker_count
+from faultgen.errors import InputError
+
+LowPass = Annotated[
+    float | None,
+    typer.Option(
+        help="Cut-off frequency [Hz] of a low-pass filter for recordings without a reference "
+        "position, in which the simulation follows the measured position. "
+        "Default: no filter."
+    ),
+]
+
+
+@app.command()
+def discover(
+    robot: Annotated[
+        str, typer.Option(help="Name of the robot, or the path of its MJCF file or folder.")
+    ],
+    measured: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Recording of the robot (HDF5 or CSV); see docs/measured.md. None with --plan."
+        ),
+    ] = None,
+    healthy: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Recording of the same motions from before the change. It makes small changes "
+            "visible. Repeat the option for several runs: they show how much the unchanged robot "
+            "differs from run to run."
+        ),
+    ] = None,
+    validate: Annotated[
+        Path | None,
+        typer.Option(
+            help="Recording of other motions of the same robot. It is used only to score the "
+            "result, not to find it."
+        ),
+    ] = None,
+    plan: Annotated[
+        bool,
+        typer.Option(
+            "--plan",
+            help="Analyse no recording; write the motions that are worth recording. Only --robot, "
+            "--out, --cache, --include, --workers and --json can be given with it.",
+        ),
+    ] = False,
+    out: Out = Path("discovery-out"),
+    cache: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder that keeps simulated sensitivities, so that later calls with recordings "
+            "of the same program are faster."
+        ),
+    ] = None,
+    include: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Name of an effect that is considered only on request. Repeat the option for "
+            "several effects."
+        ),
+    ] = None,
+    prior_scale: Annotated[
+        float,
+        typer.Option(
+            help="How uncertain the model's parameters are, as a multiple of the default. "
+            "Choose more than 1 for a model that is only roughly known."
+        ),
+    ] = 1.0,
+    white_noise: Annotated[
+        bool,
+        typer.Option(
+            help="Give long-lasting errors full weight instead of treating part of them as "
+            "drifting noise. Use it for recordings that were filtered."
+        ),
+    ] = False,
+    low_pass: LowPass = None,
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Find the effect that a robot has and its model lacks.
+
+    The command compares a recording of the robot with its simulation. With --healthy, the recording
+    from before the change is subtracted, so that even small changes are visible. Without it, the
+    model is first calibrated on the recording, and an effect is reported only if it is larger than
+    the usual errors of a model.
+
+    The recording has position and torque of every axis, or motor current [A] instead of torque; its
+    samples need not be evenly spaced.
+
+    The verdict is one of: no missing effect, named, partly named, ambiguous, unknown effect. If it
+    is ambiguous, the command proposes the motion that would decide between the candidates. It
+    writes discovery.json, model (a robot folder with all that was found; model.xml is its MJCF
+    part), report.html and, if the verdict is ambiguous, next_experiment.toml.
+
+    With --plan, the command needs no recording. It writes motions within the limits of the robot,
+    motion_1.toml and so on, that separate the effects best, and plan.json with the expected rate of
+    right answers for each effect and axis, beside that of the task pick_and_place.
+    """
+    if plan:
+        others = {
+            "a recording": measured is not None,
+            "--healthy": healthy is not None,
+            "--validate": validate is not None,
+            "--prior-scale": prior_scale != 1,
+            "--white-noise": white_noise,
+            "--low-pass": low_pass is not None,
+        }
+        _plan(robot, others, out, worker_count(workers), include or (), cache, as_json)
+        return
+    if measured is None:
+        raise InputError("give a recording of the robot, or --plan to learn what to record")
+    from faultgen.report.discover import discover as run_discover
+
+    result = run_discover(
+        measured,
+        robot,
+        healthy,
+        validate,
+        out=out,
+        workers=worker_count(workers),
+        include=include or (),
+        prior_scale=prior_scale,
+        white_noise=white_noise,
+        low_pass=low_pass,
+        cache=cache,
+    )
+    for warning in result["warnings"]:
+        print(f"faultgen: {warning}", file=sys.stderr)
+    if as_json:
+        print_json(result)
+        return
+    print(result["verdict"])
+    for one in result["effects"]:
+        low, high = one["interval"]["severity"]
+        print(
+            f"{one['effect']} on axis {one['axis']}: {one['parameters']['severity']:.4g} "
+            f"[{low:.4g}, {high:.4g}], {one['parameters']['unit']}; "
+            f"confidence {one['confidence']:.2f}"
+        )
+        if "sentence" in one["parameters"]:
+            print(f"  {one['parameters']['sentence']}: {one['parameters']['formula']}")
+    for one in result["alternatives"]:
+        print(
+            f"also possible: {one['effect']} on axis {one['axis']}; "
+            f"confidence {one['confidence']:.2f}"
+        )
+    if result["next_experiment"]:
+        print(f"to distinguish these effects, run the task {out / 'next_experiment.toml'}")
+    if result["unexplained"]:
+        print(result["unexplained"])
+    print(result["following"])
+    gap = result["gap"]
+    print(
+        f"gap {gap['before']:.4f}, calibrated {gap['calibrated']:.4f}, "
+        f"after {gap['after']:.4f}, floor {gap['floor']:.4f}"
+    )
+
+
+def _plan(
+    robot: str,
+    others: dict[str, bool],
+    out: Path,
+    workers: int,
+    include: Sequence[str],
+    cache: Path | None,
+    as_json: bool,
+) -> None:
+    """Carry out `discover --plan`; the other arguments must not have been given."""
+    from faultgen.report.plan import plan_motions, table
+
+    given = [name for name, is_given in others.items() if is_given]
+    if given:
+        raise InputError(f"--plan analyses no recording: leave out {', '.join(given)}")
+    if out.is_file():
+        raise InputError(f"out: must be a folder, not the file {out}")
+    result = plan_motions(robot, out=out, workers=workers, include=include, cache=cache)
+    if as_json:
+        print_json(result)
+        return
+    for motion in result["motions"]:
+        print(f"{out / motion['file']}: {motion['description']}, {motion['duration']:.1f} s")
+    print(
+        f"\nright answers without a healthy recording, in %: {result['reference']} for "
+        f"{result['duration']:.0f} s -> these motions, which take as long\n\n{table(result)}\n"
+    )
+    mean, alarms = result["mean_rate"], result["false_alarms"]
+    print(
+        f"mean {100 * mean['reference']:.0f} -> {100 * mean['plan']:.0f}; healthy robots in which "
+        f"an effect is named: {100 * alarms['reference']:.0f} -> {100 * alarms['plan']:.0f}\n"
+        f"smallest severity that is named, of {result['reference']} over that of these motions: "
+        f"{result['smaller']:.2f} (geometric mean)\n"
+        f"These are ideal rates: effects add up, the noise is {100 * result['noise']:.0f} % of the "
+        "RMS torque, and robots differ from the model only as assumed (docs/discovery.md)."
+    )
+
+
+@app.command()
+def calibrate(
+    measured: Annotated[
+        Path, typer.Argument(help="Recording of the robot (HDF5 or CSV); see docs/measured.md.")
+    ],
+    robot: Annotated[
+        str, typer.Option(help="Name of the robot, or the path of its MJCF file or folder.")
+    ],
+    out: Annotated[
+        Path,
+        typer.Option("--out", "-o", help="Folder for the calibrated robot and its numbers."),
+    ] = Path("calibrated"),
+    known: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Name of a parameter that is known well and keeps its usual uncertainty, such as "
+            "inertia. Repeat the option for several parameters."
+        ),
+    ] = None,
+    low_pass: LowPass = None,
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Fit the parameters of a roughly known model to a recording.
+
+    The parameters of friction, offsets, rotors, torque constants and links may differ more from
+    the model than usual. How much more is chosen with parts of the recording that were not used
+    for the fit. A recording can hardly separate the torque constants from the masses of the links,
+    so name one of them with --known. The model may be without friction. The recording may have
+    motor current [A] instead of torque; its samples need not be evenly spaced.
+
+    The command prints the relative RMS torque error on motions that were not fitted, beside that
+    of classical identification. It writes a robot folder, which every command accepts as --robot,
+    with calibration.json beside the model.
+    """
+    from threadpoolctl import threadpool_limits
+
+    from faultgen.discovery.calibrate import calibrate as run_calibrate
+    from faultgen.discovery.workflow import dump, usable
+    from faultgen.robot import load_robot
+    from faultgen.system.files import write_text
+
+    if out.suffix == ".xml" or out.is_file():
+        raise InputError(f"out: must be a folder, not {out}; the model is written to its model.xml")
+    model = load_robot(robot)
+    recording, warnings = usable(measured, model, low_pass)
+    for warning in warnings:
+        print(f"faultgen: {warning}", file=sys.stderr)
+    with threadpool_limits(limits=1):
+        found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))
+    result = found.report()
+    if recording.constants is not None:
+        changed = recording.constants.constant * found.robot.torque_gain / model.torque_gain
+        result["torque_constants"] = replace(recording.constants, constant=changed).contract()
+    found.robot.write(out)
+    write_text(out / "calibration.json", dump(result))
+    for line in found.lacks:
+        print(f"faultgen: {line}", file=sys.stderr)
+    if as_json:
+        print_json(result)
+        return
+    errors = {name: f"{100 * error:.1f} %" for name, error in found.errors.items()}
+    print(
+        f"torque error on motions that were not fitted: given model {errors['given']}, "
+        f"classical identification {errors['classical']}, this model {errors['calibrated']}"
+    )
+    print(f"assumed uncertainty of the parameters: {found.prior_scale:g} times the default")
+    for one in found.couplings:
+        print(f"axes {one.axis - 1} and {one.axis} are coupled: they share friction and inertia")
+    for name, values in found.values.items():
+        print(f"{name}: " + ", ".join(f"axis {k} {v:+.3g}" for k, v in values.items()))
