@@ -68,6 +68,19 @@ def test_what_is_missing_is_said(made):
     assert np.isfinite([row["share"] for row in other.results]).all()
 
 
+def test_a_detector_that_can_learn_for_some_runs_only(made):
+    """A worn run learns from two healthy runs, a healthy run only from the other one."""
+    dataset = made("two", sensors="thesis", repetitions=2, cycles=20)
+    result = detect(dataset, levels=(0.2,), progress=False)
+    methods = {
+        level: {row["method"] for row in result.results if row["level"] == level}
+        for level in (0.0, 0.2)
+    }
+    assert methods[0.0] < methods[0.2]
+    (healthy,) = re.findall(r"^\| tiny .*healthy.*$", detection_table(result), re.MULTILINE)
+    assert healthy.count("| - ") == 1 + len(methods[0.2] - methods[0.0])  # and its severity
+
+
 @pytest.mark.parametrize("command", ["detect", "isolate"])
 @pytest.mark.parametrize(
     ("changes", "message"),

@@ -116,6 +116,11 @@ def detect(
     return Detection(chosen, draws, redraw, rows, learned, left_out, made_by)
 
 
+def _cell(row: dict[str, Any] | None) -> str:
+    """A share, or a dash where the detector could not learn."""
+    return "-" if row is None else percent(row)
+
+
 def detection_table(result: Detection) -> str:
     """Return alarms by robot, task, effect and wear as a Markdown table."""
     keys = ("robot", "task", "effect", "level", "method")
@@ -128,7 +133,7 @@ def detection_table(result: Detection) -> str:
             task,
             effect,
             shown_level(effect, level),
-            *(percent(cells[robot, task, effect, level, name]) for name in names),
+            *(_cell(cells.get((robot, task, effect, level, name))) for name in names),
         ]
         for robot, task, effect, level in lines
     ]
