@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: install demo test test-slow lint mutation benchmark pictures clean
+.PHONY: install demo test test-slow fuzz lint mutation benchmark pictures clean
 
 install: $(VENV)/installed
 
@@ -22,6 +22,9 @@ test: install lint
 
 test-slow: install
 	$(BIN)/python -m pytest -n auto -m slow
+
+fuzz: install
+	FAULTGEN_FUZZ=2000 $(BIN)/python -m pytest -n auto tests/test_fuzz.py
 
 lint: install
 	$(BIN)/ruff check .

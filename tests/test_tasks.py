@@ -131,6 +131,12 @@ MOVE_BACK = "[start]\njoints = [0, 0]\n[[move]]\njoints = [9, 9]\n[[move]]\njoin
             MOVE_BACK.replace("joints = [9, 9]", "position = [9, 9, 9]\nrpy = [0, 0, 0]"),
             r"move 1: .*tool pose \(9.000, 9.000, 9.000\) m cannot be reached",
         ),
+        (
+            MOVE_BACK + "speed = 1e-300\n",
+            "move 2: would last .* s, and a cycle may last at most 3600",
+        ),
+        (MOVE_BACK + "duration = 1e12\n", "move 2: would last 1e\\+12 s"),
+        (MOVE_BACK + "dwell = 1e12\n", "a cycle would last 1e\\+12 s"),
         (MOVE_BACK[: MOVE_BACK.rindex("[[")], "the last move must end at the start pose"),
     ],
 )

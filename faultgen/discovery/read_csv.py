@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -68,17 +69,24 @@ def _columns(path: Path) -> dict[str, np.ndarray]:
     if twice:
         raise InputError(f"{path}: column '{min(twice)}' appears more than once")
     try:
-        table = pd.read_csv(
-            io.StringIO(text),
-            header=None,
-            skiprows=1,
-            names=range(len(header)),
-            index_col=False,
-            skipinitialspace=True,
-            on_bad_lines="error",
-            low_memory=False,
-        )
-    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        with warnings.catch_warnings():
+            # rows that are all too long only cause a warning, and their last values are lost
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            table = pd.read_csv(
+                io.StringIO(text),
+                header=None,
+                skiprows=1,
+                names=range(len(header)),
+                index_col=False,
+                skipinitialspace=True,
+                on_bad_lines="error",
+                low_memory=False,
+            )
+    except (
+        pd.errors.ParserError,
+        pd.errors.EmptyDataError,
+        pd.errors.ParserWarning,
+    ) as error:
         line = " ".join(str(error).split())
         raise InputError(
             f"{path}: header has {len(header)} names, but not every row has {len(header)} values "

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from ruckig import InputParameter, Result, Ruckig, Trajectory
+from ruckig import InputParameter, Result, Ruckig, RuckigError, Trajectory
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
@@ -29,6 +29,9 @@ _TICK = 0.02  # a cycle lasts a whole number of these [s], so that samples fall 
 _TORQUE_SHARE = 0.85  # of the motor torque limit that plans use; the rest is for the servo
 _JERK_TIME = 0.1  # time from zero to full acceleration [s]; assumed
 _GRID = 0.004  # at which a planned motion is checked against the limits [s]
+
+LONGEST = 3600.0
+"""Longest cycle [s]. It protects against mistakes such as a speed of 1e-9."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +105,8 @@ def plan(task: Task, robot: Robot) -> Motion:
         The motion, within 85 % of the motor torque limits and all of the others.
 
     Raises:
-        InputError: A pose cannot be reached, or a move needs too much torque at any speed.
+        InputError: A pose cannot be reached, a move needs too much torque at any speed, or a cycle
+            would last longer than `LONGEST`.
     """
     arm = Arm(robot)
     pieces: list[_Piece] = []
@@ -126,6 +130,10 @@ def plan(task: Task, robot: Robot) -> Motion:
         if rest > 0:
             pieces.append(_Piece(clock, rest, _hold(here), _still))
             clock += rest
+    if clock > LONGEST:
+        raise InputError(
+            f"task {task.name}: a cycle would last {clock:.3g} s; it may last at most {LONGEST:g} s"
+        )
     return Motion(robot, task, float(round(clock / _TICK) * _TICK), tuple(pieces))
 
 
@@ -240,6 +248,12 @@ def _time(
     acceleration = move.speed * np.min(robot.joint_acceleration_limit / slope)
     scale, least = 1.0, move.duration
     for _ in range(60):
+        slowest = max(1 / speed, least or 0.0)
+        if slowest > LONGEST:
+            raise InputError(
+                f"task {task.name}, move {number}: would last {slowest:.3g} s, and a cycle may "
+                f"last at most {LONGEST:g} s; choose a higher speed or a shorter duration"
+            )
         timing, duration = _profile(speed, scale * acceleration, least)
         times = np.linspace(0, duration, max(50, int(duration / _GRID)))
         at, rate, change = timing(times)
@@ -281,7 +295,11 @@ def _profile(
     if least is not None:
         parameters.minimum_duration = least
     trajectory = Trajectory(1)
-    if Ruckig(1).calculate(parameters, trajectory) not in (Result.Working, Result.Finished):
+    try:
+        found = Ruckig(1).calculate(parameters, trajectory)
+    except RuckigError:
+        found = Result.Error
+    if found not in (Result.Working, Result.Finished):
         raise InputError(
             "no timing was found for a move, because the limits of the robot are too far apart"
         )

@@ -26,6 +26,9 @@ from faultgen.simulation.arm import Arm
 from faultgen.simulation.channels import RECORD, Channels
 from faultgen.simulation.cycle import Cycle
 from faultgen.simulation.plant import Plant
+from faultgen.simulation.timers import stop_timers
+
+stop_timers()
 
 LEAD_IN = 2.0
 """Time that is simulated before the first cycle and not recorded [s]. In this time the robot moves
