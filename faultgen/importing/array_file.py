@@ -37,6 +37,8 @@ def read_arrays_of(path: Path) -> Table:
     """
     if path.stat().st_size > LARGEST_FILE:
         raise InputError(f"{path}: larger than {LARGEST_FILE:,} bytes; give a shorter log")
+    from scipy.io.matlab import MatReadError
+
     try:
         named = dict(_named(path))
     except InputError:
@@ -44,7 +46,7 @@ def read_arrays_of(path: Path) -> Table:
     # a damaged file can make the readers raise any of these
     except (
         *(OSError, ValueError, TypeError, KeyError, NotImplementedError, RuntimeError),
-        *(MemoryError, EOFError, zlib.error, zipfile.BadZipFile),
+        *(MemoryError, EOFError, zlib.error, zipfile.BadZipFile, MatReadError),
     ) as error:
         raise InputError(f"{path}: cannot be read ({' '.join(str(error).split())})") from None
     arrays = {name: np.squeeze(values) for name, values in named.items()}
@@ -70,22 +72,23 @@ def read_arrays_of(path: Path) -> Table:
 
 
 def _named(path: Path) -> Iterator[tuple[str, np.ndarray]]:
-    with path.open("rb") as file:
+    with path.open("rb") as file:  # the readers leave files open that they cannot read
         begin = file.read(128)
-    if begin.startswith(b"PK"):
-        with np.load(path, allow_pickle=False) as file:
-            for name in file.files:
-                yield from _numeric(name, file[name])
-    elif begin.startswith(_HDF5) or h5py.is_hdf5(path):
-        with h5py.File(path, "r") as file:
-            yield from _of_group("", file, path)
-    else:
-        from scipy.io import loadmat
+        file.seek(0)
+        if begin.startswith(b"PK"):
+            with np.load(file, allow_pickle=False) as content:
+                for name in content.files:
+                    yield from _numeric(name, content[name])
+            return
+        if not (begin.startswith(_HDF5) or h5py.is_hdf5(path)):
+            from scipy.io import loadmat
 
-        content = loadmat(path, squeeze_me=False, struct_as_record=False)
-        for name, value in content.items():
-            if not name.startswith("__"):
-                yield from _of_matlab(name, value)
+            for name, value in loadmat(file, struct_as_record=False).items():
+                if not name.startswith("__"):
+                    yield from _of_matlab(name, value)
+            return
+    with h5py.File(path, "r") as tree:
+        yield from _of_group("", tree, path)
 
 
 def _of_matlab(name: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:

@@ -234,8 +234,10 @@ def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
     out = dict(base)
     for key, value in over.items():
         inner = out.get(key)
-        both = isinstance(inner, Mapping) and isinstance(value, Mapping)
-        out[key] = _merged(inner, value) if both else value
+        # a column of times and a sample period exclude each other
+        if isinstance(inner, Mapping) and isinstance(value, Mapping) and key != "time":
+            value = _merged(inner, value)
+        out[key] = value
     return out
 
 

@@ -7,6 +7,7 @@ joint. Source of the message: sensor_msgs/msg/JointState of ROS 2.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -48,7 +49,7 @@ def read_bag(path: Path, file: File) -> Table:
             topics = {one.topic for one in reader.connections if one.msgtype == TYPE}
             topic = _topic(path, topics, file.topic)
             wanted = [one for one in reader.connections if one.topic == topic]
-            messages = [
+            messages: list[Any] = [
                 reader.deserialize(raw, one.msgtype) for one, _, raw in reader.messages(wanted)
             ]
     except (AnyReaderError, OSError, ValueError, KeyError) as error:

@@ -108,7 +108,7 @@ def _text(path: Path, encoding: str) -> tuple[str, list[str]]:
             return content.decode(name, errors="replace"), [f"the text is {name}"]
     if b"\0" in content[:1000]:
         raise InputError(
-            f"{path}: is not text; state its format under [file], or export it as text"
+            f"{path}: is not text; state file.format in the map, or export the log as text"
         )
     try:
         return content.decode("utf-8-sig"), []
