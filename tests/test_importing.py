@@ -3,6 +3,8 @@
 import gzip
 import re
 import sqlite3
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +21,8 @@ from faultgen.discovery.import_log import import_log
 from faultgen.errors import InputError
 from faultgen.importing import load_map, map_of, preset_names
 
-DATA = Path(__file__).parents[2] / "shared" / "data" / "measured"
+ROOT = Path(__file__).parents[1]
+DATA = ROOT.parent / "shared" / "data" / "measured"
 PERIOD = 0.004
 COUNT = 300
 AXES = 2
@@ -353,7 +356,7 @@ def test_bags_that_cannot_be_read(tmp_path):
 
 def test_bags_need_a_package_that_is_optional(tmp_path, monkeypatch):
     (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
-    monkeypatch.setitem(__import__("sys").modules, "rosbags.highlevel", None)
+    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
     with pytest.raises(InputError, match=re.escape("pip install 'faultgen[ros2]'")):
         import_log(tmp_path, load_map(None, "ros2"))
 
@@ -837,6 +840,33 @@ def test_a_preset_that_is_printed_is_a_map(tmp_path, capsys):
     path = tmp_path / "columns.toml"
     path.write_text(capsys.readouterr().out)
     assert load_map(path) == load_map(None, "ur_rtde")
+
+
+def test_the_example_of_the_docs(tmp_path):
+    """The log, the map, the command and the table in docs/importing.md are as they are there."""
+    text = (ROOT / "docs" / "importing.md").read_text()
+    makes_log, uses_frame = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    (content,) = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+    (printed,) = re.findall(r"```text\n(.*?)```", text, re.DOTALL)
+    (command,) = re.findall(r"^    faultgen (import cell7.*)$", text, re.MULTILINE)
+    (tmp_path / "cell7.toml").write_text(content)
+    python = [sys.executable, "-W", "error", "-c"]
+    subprocess.run([*python, makes_log], cwd=tmp_path, check=True)
+    for line in (tmp_path / "cell7.txt").read_text(encoding="cp1252").splitlines()[:4]:
+        assert f"\n    {line}\n" in text
+    done = faultgen(*command.split(), cwd=tmp_path)
+    assert done.stdout == printed
+    made = subprocess.run(
+        [*python, uses_frame], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert made.stdout == "(940, 2) (0, 500)\n"
+    one, other = (read_recording(tmp_path / name) for name in ("cell7.h5", "cell7_again.h5"))
+    np.testing.assert_array_equal(one.torque, other.torque)
+    time = np.delete(np.arange(1000) * PERIOD, slice(500, 560))
+    wanted = np.radians([30, -45]) * np.stack([np.sin(2 * time), np.cos(3 * time)], axis=1)
+    np.testing.assert_allclose(one.position, wanted, atol=1e-5)
+    wanted = 101 * 0.31 * (0.02 + 3.8 * np.cos(2 * time))
+    np.testing.assert_allclose(one.torque[:, 0], wanted, atol=5e-3)
 
 
 # real logs

@@ -108,13 +108,16 @@ def import_(
         ]
     )
     period = recording.sample_period
-    gaps = f"{len(made.gaps)} gaps of up to {max(made.gaps):.3g} s" if made.gaps else "no gaps"
+    gaps = "no gaps"
+    if made.gaps:
+        count = "a gap of" if len(made.gaps) == 1 else f"{len(made.gaps)} gaps of up to"
+        gaps = f"{count} {max(made.gaps):.3g} s"
     axes, segments = recording.n_axes, len(recording.segments)
     print(
         f"{len(recording.position)} samples of {axes} {'axis' if axes == 1 else 'axes'}, "
         f"{recording.side} side, "
-        f"every {period:.6g} s ({1 / period:.6g} Hz); largest jitter {made.jitter:.2g} s "
-        f"({100 * made.jitter / period:.0f} % of the period); {gaps}; "
+        f"every {period:.6g} s ({1 / period:.6g} Hz); largest jitter "
+        f"{100 * made.jitter / period:.0f} % of the period; {gaps}; "
         f"{segments} {'segment' if segments == 1 else 'segments'}"
     )
     for note in made.notes:

@@ -25,6 +25,7 @@ GAP = 3.5
 are interpolated."""
 
 _UNEVEN = 0.05  # share of the sample period by which times may be off even ones
+_ROUNDING = 1e-6  # share of the sample period below which jitter is that of the numbers
 _CLOSE = 0.2  # share of the sample period below which a sample adds nothing to the one before
 _DIGITS = 3  # of the period of resampled recordings, so that two of one program have the same
 _SMOOTH = ("position", "reference_position")  # motion has no steps; torque may have
@@ -122,7 +123,8 @@ def irregular(time: np.ndarray, segments: Sequence[int], period: float) -> tuple
     """
     steps = np.delete(np.diff(time), np.array(segments[1:], int) - 1)
     is_gap = steps > GAP * period
-    return float(np.abs(steps[~is_gap] - period).max(initial=0.0)), steps[is_gap]
+    jitter = float(np.abs(steps[~is_gap] - period).max(initial=0.0))
+    return 0.0 if jitter < _ROUNDING * period else jitter, steps[is_gap]
 
 
 def _over_longer(time: np.ndarray, parts: Sequence[slice], period: float) -> float:
