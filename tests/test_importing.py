@@ -437,6 +437,8 @@ def test_units_may_stand_with_the_names_or_below(tmp_path):
         log = write_csv(tmp_path / "log.csv", named, separator=";", encoding=encoding)
         made = imported(log, bare)
         check(made.recording)
+        repeated = {**bare, "position": {"columns": "q{axis} (°)"}}
+        check(imported(log, repeated).recording)
         assert any("not UTF-8" in note for note in made.notes) == (encoding == "cp1252")
     plain = dict(zip(generic(), named.values(), strict=True))
     log = write_csv(tmp_path / "log.csv", plain, separator=";")

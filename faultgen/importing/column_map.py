@@ -13,9 +13,10 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from faultgen.errors import InputError
+from faultgen.importing.units import split_unit
 from faultgen.system.reading import read_text
 
 AXIS = "{axis}"
@@ -34,6 +35,8 @@ QUANTITIES = (
 Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Side = Literal["motor", "joint"]
 Sign = Literal[1, -1]
+# tables know their columns without the units in brackets, which a map may repeat
+Column = Annotated[str, AfterValidator(lambda name: split_unit(name)[0])]
 
 
 class _Part(BaseModel):
@@ -43,7 +46,7 @@ class _Part(BaseModel):
 class Quantity(_Part):
     """Columns that hold one quantity of all axes."""
 
-    columns: str | Annotated[list[str], Field(min_length=1)]
+    columns: Column | Annotated[list[Column], Field(min_length=1)]
     """A pattern with {axis}, or one name for each axis. A temperature may have a single column."""
     unit: str | Finite | list[str | Finite] | None = None
     """Unit of the numbers, or of those of each axis. None: as the log states."""
@@ -96,7 +99,7 @@ class Axes(_Part):
 class Time(_Part):
     """When the rows were recorded."""
 
-    column: str | None = None
+    column: Column | None = None
     """Column with times."""
     unit: str | Finite | None = None
     """Unit of that column; "iso" for dates with clock times. None: as the log states."""
@@ -129,7 +132,7 @@ class ColumnMap(_Part):
     """The axes."""
     time: Time
     """When the rows were recorded."""
-    segment: str | None = None
+    segment: Column | None = None
     """Column whose value changes with each separate recording."""
     position: Quantity
     """Positions."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -11,13 +10,12 @@ import numpy as np
 import pandas as pd
 
 from faultgen.errors import InputError
-from faultgen.importing.units import known_unit
+from faultgen.importing.units import split_unit
 
 LARGEST_FILE = 2_000_000_000
 """Largest file that is read [bytes]."""
 
 _MOST_LISTED = 12  # names that a message lists
-_UNIT = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]\s*$")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -126,11 +124,8 @@ def named_with_units(names: Iterable[str]) -> tuple[list[str], dict[str, str]]:
     """
     bare, units = [], {}
     for name in names:
-        name = name.strip()
-        found = _UNIT.search(name)
-        unit = known_unit(found[1]) if found else None
-        if found and unit and name[: found.start()].strip():
-            name = name[: found.start()].strip()
+        name, unit = split_unit(name)
+        if unit:
             units[name] = unit
         bare.append(name)
     return bare, units

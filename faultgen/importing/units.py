@@ -7,6 +7,7 @@ conversion("position", 1e-4).factor   # one unit of the log is 1e-4 rad
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 
 from faultgen.errors import InputError
@@ -51,6 +52,7 @@ _OTHER_NAMES = {
     **{"percent": PERCENT, "iso8601": ISO},
 }
 _KELVIN = -273.15
+_IN_BRACKETS = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]\s*$")
 
 
 @dataclass(frozen=True)
@@ -110,3 +112,20 @@ def known_unit(text: str) -> str | None:
         return PERCENT
     names = {name.lower(): name for units in _UNITS.values() for name in units}
     return names.get(plain)
+
+
+def split_unit(name: str) -> tuple[str, str | None]:
+    """Separate the name of a column from a unit that stands behind it in brackets.
+
+    Args:
+        name: Such as "AxisPos_Act1 [°]". Brackets without a unit remain part of the name.
+
+    Returns:
+        The name, and the usual name of the unit; None if there is none.
+    """
+    name = name.strip()
+    found = _IN_BRACKETS.search(name)
+    unit = known_unit(found[1]) if found else None
+    if not found or not unit or not name[: found.start()]:
+        return name, None
+    return name[: found.start()], unit
