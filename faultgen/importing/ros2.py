@@ -41,7 +41,7 @@ def read_bag(path: Path, file: File) -> Table:
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
         raise InputError(
-            "ROS 2 bags need the package rosbags; install it with: pip install 'faultgen[ros2]'"
+            "ROS 2 bags need the package rosbags (the extra ros2); install it: pip install rosbags"
         ) from None
     folder = path.parent if path.is_file() and (path.parent / "metadata.yaml").is_file() else path
     try:
