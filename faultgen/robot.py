@@ -212,7 +212,7 @@ class Robot:
             joints: Shape (..., n_axes), in [rad], or [m] where the joint slides.
 
         Returns:
-            The same in [deg], or [m] where the joint slides.
+            The same in [deg], or [m] where the joint slides, same shape.
         """
         return np.where(self.slides, joints, np.degrees(joints))
 
@@ -223,7 +223,7 @@ class Robot:
             joints: Shape (..., n_axes), in [deg], or [m] where the joint slides.
 
         Returns:
-            The same in [rad], or [m] where the joint slides.
+            The same in [rad], or [m] where the joint slides, same shape.
         """
         return np.where(self.slides, joints, np.radians(joints))
 

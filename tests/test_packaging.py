@@ -17,12 +17,15 @@ import sys
 from pathlib import Path
 import faultgen, faultgen.robots
 from faultgen.analysis import net_transfer_entropy
+from faultgen.importing import load_map, preset_names
 from faultgen.report.page import page
 from faultgen.robot import load_robot, robot_names
 from faultgen.tasks import task_names
 assert all(load_robot(name).n_axes for name in robot_names())
 assert callable(net_transfer_entropy)
 assert "<html" in page("base.html")
+assert [load_map(None, name) for name in preset_names()]
+assert (Path(faultgen.__file__).parent / "py.typed").is_file()
 print(Path(faultgen.__file__).parent)
 print(*(f"{robot}/{task}" for robot in robot_names() for task in task_names(robot)))
 """

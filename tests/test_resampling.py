@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from faultgen.discovery import read_recording, write_recording
+from faultgen.discovery.in_step import in_step
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.resampling import in_step
 from faultgen.discovery.workflow import usable
 from faultgen.errors import InputError
 

@@ -12,11 +12,21 @@ import sys
 from types import FrameType
 from typing import NoReturn
 
-from faultgen.cli import data, discovery, fleet, judge, lists, robot
+from faultgen.cli import data, discovery, fleet, judge, lists, machine, recordings, robot
 from faultgen.cli.app import app
 from faultgen.errors import InputError, SimulationFailed, StorageFailed
 
-__all__ = ["data", "discovery", "fleet", "judge", "lists", "main", "robot"]
+__all__ = [
+    "data",
+    "discovery",
+    "fleet",
+    "judge",
+    "lists",
+    "machine",
+    "main",
+    "recordings",
+    "robot",
+]
 
 _INTERRUPTED = 130
 

@@ -15,7 +15,6 @@ app = typer.Typer(
     "in MuJoCo, and find the physical effects that a robot has and its model lacks.",
     epilog="To begin, run: faultgen demo -o demo-out",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},

@@ -17,17 +17,22 @@ Uneven times are resampled.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.signal import butter, filtfilt, savgol_filter
 
+from faultgen.discovery.fields import fields_of
 from faultgen.errors import InputError
+from faultgen.importing import arranged, load_map, map_of, table_of_frame
 from faultgen.robot import Robot
 from faultgen.system.arrays import write_arrays
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _ARRAYS = ("position", "torque", "velocity", "reference_position", "temperature")
 _SMOOTHING = 0.06  # window of the derivatives [s]
@@ -121,6 +126,31 @@ class Recording:
             reference_position=way,
             segments=tuple(int(n) for n in np.cumsum([0, *(len(one) for one in ways[:-1])])),
         )
+
+    @classmethod
+    def from_dataframe(
+        cls,
+        frame: pd.DataFrame,
+        mapping: Mapping[str, Any] | str | Path,
+        *,
+        source: str = "data frame",
+    ) -> Recording:
+        """Make a recording of a table whose columns a map describes; see docs/importing.md.
+
+        Args:
+            frame: A row for each sample. An index with a name is a column too.
+            mapping: The content of a map file, or its path. Its entry `preset` may name a preset.
+            source: Name of the recording, for messages.
+
+        Returns:
+            The recording in SI units, brought to even times.
+
+        Raises:
+            InputError: The map is wrong, or does not fit the table. The message is one line.
+        """
+        given = map_of(mapping) if isinstance(mapping, Mapping) else load_map(mapping)
+        made = arranged(table_of_frame(frame, source), given)
+        return cls(**fields_of(source, made.named, made.attributes))
 
     @property
     def n_axes(self) -> int:

@@ -10,12 +10,11 @@ times, and long gaps begin a new segment:
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from faultgen.discovery.recording import Recording
 from faultgen.errors import InputError
 
 FEWEST = 5
@@ -26,9 +25,9 @@ GAP = 3.5
 are interpolated."""
 
 _UNEVEN = 0.05  # share of the sample period by which times may be off even ones
+_ROUNDING = 1e-6  # share of the sample period below which jitter is that of the numbers
 _CLOSE = 0.2  # share of the sample period below which a sample adds nothing to the one before
 _DIGITS = 3  # of the period of resampled recordings, so that two of one program have the same
-_CUT = 0.01  # share of a recording by which two of the same program may differ in length
 _SMOOTH = ("position", "reference_position")  # motion has no steps; torque may have
 
 
@@ -97,9 +96,8 @@ def evened(
         name: None if values is None else _interpolated(name, values, time, kept, grids)
         for name, values in arrays.items()
     }
-    gaps = steps[steps > GAP * period]
+    jitter, gaps = irregular(time, segments, period)
     lost = len(time) - sum(len(piece) for piece in kept)
-    jitter = np.abs(steps[steps <= GAP * period] - period).max(initial=0.0)
     told = (
         f"its {len(time)} samples are not evenly spaced: they were interpolated at {sum(lengths)} "
         f"times {period:.6g} s apart; the largest jitter is {jitter:.3g} s"
@@ -109,6 +107,24 @@ def evened(
     if lost:
         told += f"; {lost} samples between gaps, or too close to others, were left out"
     return Even(found, period, tuple(np.cumsum([0, *lengths[:-1]]).tolist()), (told,))
+
+
+def irregular(time: np.ndarray, segments: Sequence[int], period: float) -> tuple[float, np.ndarray]:
+    """Measure how far times are from even ones.
+
+    Args:
+        time: Time of each sample [s], shape (samples,), ascending within each segment.
+        segments: First sample of each separate recording, ascending from 0.
+        period: Time between two samples [s].
+
+    Returns:
+        The largest difference between a step and the period [s], and the steps that are gaps [s],
+        shape (gaps,).
+    """
+    steps = np.delete(np.diff(time), np.array(segments[1:], int) - 1)
+    is_gap = steps > GAP * period
+    jitter = float(np.abs(steps[~is_gap] - period).max(initial=0.0))
+    return 0.0 if jitter < _ROUNDING * period else jitter, steps[is_gap]
 
 
 def _over_longer(time: np.ndarray, parts: Sequence[slice], period: float) -> float:
@@ -171,45 +187,3 @@ def _interpolated(
         told = np.stack([np.interp(wanted, known, column) for column in columns], axis=1)
         out.append(told.reshape(len(wanted), *values.shape[1:]))
     return np.concatenate(out)
-
-
-def in_step(recordings: Sequence[Recording]) -> list[Recording]:
-    """Cut recordings of the same program to common lengths, if any of them was resampled.
-
-    Args:
-        recordings: The recordings.
-
-    Returns:
-        The recordings, each separate one as long as the shortest of its kind. They are unchanged if
-        their number of separate recordings differs, or a length differs by more than 1 %.
-    """
-    counts = {len(one.segments) for one in recordings}
-    if len(counts) != 1 or not any(one.notes for one in recordings):
-        return list(recordings)
-    lengths = np.array([[part.stop - part.start for part in one.parts] for one in recordings])
-    least = lengths.min(axis=0)
-    if np.any(lengths.max(axis=0) - least > np.maximum(_CUT * least, 1)):
-        return list(recordings)
-    return [_cut(one, least.tolist()) for one in recordings]
-
-
-def _cut(recording: Recording, lengths: Sequence[int]) -> Recording:
-    rows = np.concatenate(
-        [
-            np.arange(part.start, part.start + length)
-            for part, length in zip(recording.parts, lengths, strict=True)
-        ]
-    )
-
-    def of(values: np.ndarray | None) -> np.ndarray | None:
-        return None if values is None else values[rows]
-
-    return replace(
-        recording,
-        position=recording.position[rows],
-        torque=recording.torque[rows],
-        velocity=of(recording.velocity),
-        reference_position=of(recording.reference_position),
-        temperature=of(recording.temperature),
-        segments=tuple(np.cumsum([0, *lengths[:-1]]).tolist()),
-    )

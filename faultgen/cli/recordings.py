@@ -1,0 +1,125 @@
+"""Commands for recordings of real robots."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from faultgen.cli.app import Json, app, print_json, print_table
+from faultgen.errors import InputError
+
+
+@app.command("import")
+def import_(
+    log: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Log of a controller: text with columns, a KUKA trace (.dat), a MATLAB or NumPy "
+            "file, or a ROS 2 bag."
+        ),
+    ] = None,
+    map_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--map", help="Map (TOML): which column is which quantity of which axis, and its unit."
+        ),
+    ] = None,
+    preset: Annotated[
+        str | None,
+        typer.Option(
+            help="Map that comes with faultgen: abb, kuka, mat, ros2 or ur_rtde. Entries of --map "
+            "replace its entries."
+        ),
+    ] = None,
+    show_preset: Annotated[
+        str | None,
+        typer.Option(help="Print the map of a preset, to copy and edit it. No log is read."),
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Recording to write (HDF5).")] = Path(
+        "measured.h5"
+    ),
+    as_json: Json = False,
+) -> None:
+    """Make a recording for 'faultgen discover' from the log of a robot controller.
+
+    The command tells how it understood each column: the quantity and the axis, the unit and the
+    factor to the SI unit, and the range of the values. Check them, and the picture beside the
+    recording. Uneven times are resampled, and a gap of more than three sample periods begins a new
+    segment. docs/importing.md describes the map.
+
+    \b
+    faultgen import log.csv --preset ur_rtde -o measured.h5
+    faultgen import --show-preset ur_rtde > columns.toml
+    faultgen import log.csv --map columns.toml -o measured.h5
+    """  # noqa: D301
+    from faultgen.discovery.import_log import import_log
+    from faultgen.discovery.recording import write_recording
+    from faultgen.importing import load_map, preset_text
+    from faultgen.report.recording_figure import recording_png
+    from faultgen.system.files import write_bytes
+
+    if show_preset is not None:
+        print(preset_text(show_preset), end="")
+        return
+    if log is None:
+        raise InputError("give the log that should be imported")
+    if out.suffix.lower() not in (".h5", ".hdf5"):
+        raise InputError(f"--out {out}: give a name that ends with .h5, because it is HDF5")
+    if out.resolve() == log.resolve():
+        raise InputError(f"--out {out}: is the log itself; give another name")
+    made = import_log(log, load_map(map_file, preset))
+    recording = made.recording
+    picture = out.with_suffix(".png")
+    png = recording_png(recording)  # before anything is written
+    write_recording(recording, out)
+    write_bytes(picture, png)
+    result = {
+        "recording": str(out),
+        "picture": str(picture),
+        "side": recording.side,
+        "axes": recording.n_axes,
+        "samples": len(recording.position),
+        "sample_period": recording.sample_period,
+        "jitter": made.jitter,
+        "gaps": list(made.gaps),
+        "segments": list(recording.segments),
+        "columns": [asdict(row) for row in made.rows],
+        "notes": list(made.notes),
+    }
+    if as_json:
+        print_json(result)
+        return
+    print_table(
+        [
+            {
+                "quantity": row.quantity,
+                "axis": "-" if row.axis is None else row.axis,
+                "column": row.column,
+                "unit": row.unit,
+                "factor": f"{row.factor:.6g}",
+                "from": f"{row.lowest:.4g}",
+                "to": f"{row.highest:.4g}",
+                "in": row.si,
+            }
+            for row in made.rows
+        ]
+    )
+    period = recording.sample_period
+    gaps = "no gaps"
+    if made.gaps:
+        count = "a gap of" if len(made.gaps) == 1 else f"{len(made.gaps)} gaps of up to"
+        gaps = f"{count} {max(made.gaps):.3g} s"
+    axes, segments = recording.n_axes, len(recording.segments)
+    print(
+        f"{len(recording.position)} samples of {axes} {'axis' if axes == 1 else 'axes'}, "
+        f"{recording.side} side, "
+        f"every {period:.6g} s ({1 / period:.6g} Hz); largest jitter "
+        f"{100 * made.jitter / period:.0f} % of the period; {gaps}; "
+        f"{segments} {'segment' if segments == 1 else 'segments'}"
+    )
+    for note in made.notes:
+        print(f"note: {note}")
+    print(f"{out} and {picture} are written")

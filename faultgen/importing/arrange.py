@@ -1,0 +1,382 @@
+"""From the columns of a log to the arrays of a recording, in SI units.
+
+made = arranged(table, column_map)
+made.named["joint_position"]  # [rad], shape (samples, n_axes)
+made.rows[0]                  # what was read as position of axis 1, and how it was converted
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from faultgen.errors import InputError
+from faultgen.importing.column_map import AXIS, ColumnMap, Quantity
+from faultgen.importing.table import Table, is_blank
+from faultgen.importing.units import ISO, PERCENT, conversion, known_unit
+
+_MOST_LOST = 0.5  # share of the rows that may be left out for blank cells
+_MOST_EQUAL = 0.2  # share of the rows that may have the time of the row before
+_KINDS = {"reference_position": "position"}
+_SIGNED = ("position", "velocity", "torque", "current", "reference_position")
+
+
+@dataclass(frozen=True)
+class Row:
+    """How one column was understood."""
+
+    quantity: str
+    """Name of the array in the recording."""
+    axis: int | None
+    """Axis, from 1; None for a quantity of the whole robot."""
+    column: str
+    """Name in the log."""
+    unit: str
+    """Unit in the log."""
+    factor: float
+    """SI units in one unit of the log, with signs, gear ratio and torque constant."""
+    lowest: float
+    """Smallest value [SI]."""
+    highest: float
+    """Largest value [SI]."""
+    si: str
+    """SI unit."""
+
+
+@dataclass(frozen=True, eq=False)
+class Arranged:
+    """A log as named arrays."""
+
+    named: dict[str, np.ndarray]
+    """Arrays by the names that recordings have, and `time` [s]."""
+    attributes: dict[str, Any]
+    """Attributes by the names that recordings have."""
+    rows: tuple[Row, ...]
+    """How each column was understood."""
+    notes: tuple[str, ...]
+    """One line for each decision that the map did not state."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Read:
+    """A quantity as the log has it."""
+
+    columns: list[str]
+    units: list[str | float]
+    values: np.ndarray
+    """[SI], without signs and gear ratios, shape (rows, columns)."""
+    factors: np.ndarray
+    si: list[str]
+
+
+def arranged(table: Table, column_map: ColumnMap) -> Arranged:
+    """Read the quantities of a recording from a table.
+
+    Args:
+        table: The columns.
+        column_map: What they mean.
+
+    Returns:
+        The arrays.
+
+    Raises:
+        InputError: A column is missing or holds no numbers, a unit is unknown, or an entry is
+            missing. The message is one line that names it and the remedy.
+    """
+    if not len(table):
+        raise InputError(f"{table.source}: has no rows of numbers")
+    notes = list(table.notes)
+    axes = _axes(table, column_map)
+    found: dict[str, _Read] = {}
+    for name in ("position", "velocity", "torque", "reference_position", "temperature"):
+        one = _read(table, column_map, name, axes, notes)
+        if one is not None:
+            found[name] = one
+    if "torque" not in found:
+        one = _read(table, column_map, "current", axes, notes)
+        if one is None:
+            raise InputError(
+                f"{table.source}: has neither torque nor current; name the columns of one of them "
+                "under [torque] or [current] in the map"
+            )
+        found["current"] = one
+    elif column_map.current is not None:
+        notes.append("the torque was read; currents were left out")
+    time, attributes = _time(table, column_map, notes)
+    kept = _complete(table, found, time, notes)
+    starts = _segments(table, column_map, kept)
+    kept, starts = _without_equal_times(table, time, kept, starts, notes)
+    side = column_map.position.side or column_map.side
+    named, rows = {}, []
+    for name, one in found.items():
+        target, factor, si = _target(name, one, column_map, side, axes)
+        values = one.values[kept] * factor
+        for k, column in enumerate(one.columns):
+            rows.append(
+                Row(
+                    quantity=target,
+                    axis=k + 1 if len(one.columns) > 1 or len(axes) == 1 else None,
+                    column=column,
+                    unit=str(one.units[k]),
+                    factor=float(one.factors[k] * factor[k]),
+                    lowest=float(values[:, k].min()),
+                    highest=float(values[:, k].max()),
+                    si=si[k],
+                )
+            )
+        named[target] = values[:, 0] if name == "temperature" and values.shape[1] == 1 else values
+    if "sample_period" not in attributes or len(kept) < len(table):
+        attributes.pop("sample_period", None)
+        named["time"] = time[kept]
+    attributes["robot"] = column_map.robot
+    attributes["torque_sensor"] = column_map.torque_sensor
+    if len(starts) > 1:
+        attributes["segments"] = starts
+    if column_map.payload_mass is not None:
+        attributes["payload_mass"] = column_map.payload_mass
+    return Arranged(named, attributes, tuple(rows), tuple(notes))
+
+
+def _axes(table: Table, column_map: ColumnMap) -> list[str]:
+    """What stands for {axis} in patterns; numbers of columns for a list of names."""
+    if column_map.axes.names is not None:
+        return [str(name) for name in column_map.axes.names]
+    if isinstance(column_map.position.columns, list):
+        return [str(k + 1) for k in range(len(column_map.position.columns))]
+    if table.axes:
+        return list(table.axes)
+    pattern = column_map.position.columns
+    before, after = pattern.split(AXIS, 1)
+    wanted = re.compile(re.escape(before) + r"(\d+)" + re.escape(after.replace(AXIS, "\0")))
+    numbers = sorted(int(m[1]) for name in table.columns if (m := wanted.fullmatch(name)))
+    if not numbers:
+        raise table.missing(pattern, "position")
+    if numbers != list(range(numbers[0], numbers[0] + len(numbers))) or numbers[0] > 1:
+        has = ", ".join(map(str, numbers))
+        raise InputError(
+            f"{table.source}: columns '{pattern}' have the numbers {has}; they must begin with 0 "
+            "or 1 and have no gap, or state axes.names"
+        )
+    return [str(number) for number in numbers]
+
+
+def _read(
+    table: Table, column_map: ColumnMap, name: str, axes: Sequence[str], notes: list[str]
+) -> _Read | None:
+    """A quantity; None if the map has none, or the log lacks an optional one."""
+    quantity: Quantity | None = getattr(column_map, name)
+    if quantity is None:
+        return None
+    if isinstance(quantity.columns, list):
+        columns = quantity.columns
+    elif AXIS in quantity.columns:
+        columns = [quantity.columns.replace(AXIS, axis) for axis in axes]
+    else:
+        columns = [quantity.columns]
+    if len(columns) != len(axes) and not (name == "temperature" and len(columns) == 1):
+        raise InputError(
+            f"{table.source}: {name}.columns lists {len(columns)} columns, but there are "
+            f"{len(axes)} axes; list one for each axis"
+        )
+    lacking = [column for column in columns if column not in table.columns]
+    if lacking and quantity.optional:
+        if len(lacking) < len(columns):
+            notes.append(f"{name} was left out, because there is no column '{lacking[0]}'")
+        return None
+    if lacking:
+        raise table.missing(lacking[0], name)
+    kind = _KINDS.get(name, name)
+    given = _each(f"{name}.unit", quantity.unit, len(columns))
+    zero = _each(f"{name}.zero", quantity.zero, len(columns))
+    rated = _each(f"{name}.rated", quantity.rated, len(columns))
+    units, values, factors, si = [], [], [], []
+    for k, column in enumerate(columns):
+        stated = table.units.get(column)
+        unit = given[k] if given[k] is not None else stated
+        if unit is None:
+            raise InputError(
+                f"{table.source}: the unit of column '{column}' is not known; state {name}.unit in "
+                "the map"
+            )
+        if stated is not None and isinstance(unit, str) and known_unit(unit) != known_unit(stated):
+            notes.append(f"column '{column}' states {stated}; it was read as {unit}, as in the map")
+        try:
+            how = conversion(kind, unit)
+        except InputError as error:
+            raise InputError(f"{table.source}: column '{column}', {name}.{error}") from None
+        factor = how.factor
+        if isinstance(unit, str) and known_unit(unit) == PERCENT:
+            if rated[k] is None:
+                raise InputError(
+                    f"{table.source}: column '{column}' is in percent; state {name}.rated in the "
+                    f"map, which is 100 % in [{how.si}]"
+                )
+            factor *= rated[k]
+        units.append(unit)
+        factors.append(factor)
+        si.append(how.si)
+        values.append(factor * (table.numbers(column) - zero[k]) + how.offset)
+    return _Read(columns, units, np.stack(values, axis=1), np.array(factors), si)
+
+
+def _each(entry: str, value: Any, count: int) -> list[Any]:
+    """A value for each axis."""
+    if not isinstance(value, list | tuple):
+        return [value] * count
+    if len(value) != count:
+        raise InputError(f"map: {entry}: lists {len(value)} values for {count} axes")
+    return list(value)
+
+
+def _target(
+    name: str, one: _Read, column_map: ColumnMap, side: str, axes: Sequence[str]
+) -> tuple[str, np.ndarray, list[str]]:
+    """Name in the recording, factor of each column for signs, gears and constants, SI units."""
+    count = len(one.columns)
+    if name == "temperature":
+        return name, np.ones(count), one.si
+    quantity: Quantity = getattr(column_map, name)
+    own = quantity.side or column_map.side
+    factor = np.array(_each(f"{name}.sign", quantity.sign, count), float)
+    factor = factor * np.array(_each("axes.sign", column_map.axes.sign, count), float)
+    si = one.si
+    if name == "current":
+        constants = _each("axes.torque_constant", column_map.axes.torque_constant, count)
+        if constants[0] is None:
+            return "motor_current", factor, si
+        factor = factor * np.array(constants, float)
+        si = ["N m"] * count
+    wanted = "joint" if name == "reference_position" else side
+    if own != wanted:
+        ratio = _each("axes.gear_ratio", column_map.axes.gear_ratio, count)
+        if ratio[0] is None or 0 in ratio:
+            raise InputError(
+                f"map: {name} is on the {own} side, but the recording needs it on the {wanted} "
+                f'side; state axes.gear_ratio, not 0, or {name}.side = "{wanted}" if the log has '
+                "it there"
+            )
+        to_motor = (wanted == "motor") != (name in ("torque", "current"))
+        factor = factor * np.array(ratio, float) ** (1 if to_motor else -1)
+    if name == "reference_position":
+        return name, factor, si
+    return f"{side}_{'torque' if name == 'current' else name}", factor, si
+
+
+def _time(
+    table: Table, column_map: ColumnMap, notes: list[str]
+) -> tuple[np.ndarray, dict[str, Any]]:
+    """Time of each row [s], NaN where it is blank; and the sample period if it is given."""
+    given = column_map.time
+    if given.column is None:
+        assert given.sample_period is not None
+        even = given.sample_period * np.arange(len(table))
+        return even, {"sample_period": given.sample_period}
+    name = given.column
+    if name not in table.columns:
+        raise table.missing(name, "time")
+    column = table.columns[name]
+    unit = given.unit if given.unit is not None else table.units.get(name)
+    dates = pd.api.types.is_datetime64_any_dtype(column)
+    if dates or (isinstance(unit, str) and known_unit(unit) == ISO):
+        return _of_dates(table, name), {}
+    if unit is None:
+        raise InputError(
+            f"{table.source}: the unit of column '{name}' is not known; state time.unit in the map"
+        )
+    try:
+        factor = conversion("time", unit).factor
+    except InputError as error:
+        raise InputError(f"{table.source}: column '{name}', time.{error}") from None
+    whole = pd.to_numeric(column, errors="coerce")
+    if whole.dtype.kind in "iu":  # nanoseconds since 1970 have more digits than a float
+        whole = whole.to_numpy()
+        return (whole - whole[0]).astype(float) * factor, {}
+    values = table.numbers(name)
+    first = values[~np.isnan(values)][:1]
+    return (values - (first[0] if len(first) else 0.0)) * factor, {}
+
+
+def _of_dates(table: Table, name: str) -> np.ndarray:
+    column = table.columns[name]
+    if not pd.api.types.is_datetime64_any_dtype(column):
+        text = column.astype(str).str.strip().str.replace(",", ".", regex=False)
+        dates = pd.to_datetime(text, errors="coerce", utc=True, format="ISO8601")
+        wrong = np.flatnonzero(dates.isna().to_numpy() & ~is_blank(column))
+        if len(wrong):
+            row = int(wrong[0])
+            raise InputError(
+                f"{table.source}: column '{name}' holds {str(column.iloc[row])[:30]!r} in "
+                f"{table.place(row)}, which is no ISO 8601 time such as 2026-03-01T09:30:00.004; "
+                "correct time.unit in the map"
+            )
+        column = dates
+    return (column - column.min()).dt.total_seconds().to_numpy(float)
+
+
+def _complete(
+    table: Table, found: dict[str, _Read], time: np.ndarray, notes: list[str]
+) -> np.ndarray:
+    """Numbers of the rows in which no column that is needed is blank."""
+    blank = {"time": np.isnan(time)}
+    blank |= {
+        column: np.isnan(one.values[:, k])
+        for one in found.values()
+        for k, column in enumerate(one.columns)
+    }
+    lost = np.logical_or.reduce(list(blank.values()))
+    if lost.mean() > _MOST_LOST:
+        name = max(blank, key=lambda key: blank[key].sum())
+        raise InputError(
+            f"{table.source}: column '{name}' is blank in {blank[name].sum()} of {len(table)} rows"
+            "; leave it out of the map, or write all columns in every row of the log"
+        )
+    if lost.any():
+        row = int(np.argmax(lost))
+        notes.append(
+            f"{lost.sum()} rows with blank cells were left out, the first is {table.place(row)}"
+        )
+    return np.flatnonzero(~lost)
+
+
+def _segments(table: Table, column_map: ColumnMap, kept: np.ndarray) -> np.ndarray:
+    """First of the kept rows of each separate recording."""
+    name = column_map.segment
+    if name is None:
+        return np.array([0])
+    if name not in table.columns:
+        raise table.missing(name, "segment")
+    values = table.columns[name].to_numpy()[kept]
+    return np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
+
+
+def _without_equal_times(
+    table: Table, time: np.ndarray, kept: np.ndarray, starts: np.ndarray, notes: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Leave out rows with the time of the row before, which say nothing about when they were."""
+    step = np.diff(time[kept], prepend=-np.inf)
+    step[starts] = np.inf
+    back = np.flatnonzero(step < 0)
+    if len(back):
+        row = int(kept[back[0]])
+        raise InputError(
+            f"{table.source}: the time goes back in {table.place(row)}; sort the log, or name a "
+            "column that differs between separate recordings as segment in the map"
+        )
+    equal = step == 0
+    if equal.mean() > _MOST_EQUAL:
+        raise InputError(
+            f"{table.source}: {equal.sum()} of {len(kept)} rows have the time of the row before; "
+            "correct time.unit, or give time.sample_period instead of time.column"
+        )
+    if equal.any():
+        row = int(kept[np.argmax(equal)])
+        notes.append(
+            f"{equal.sum()} rows with the time of the row before were left out, the first is "
+            f"{table.place(row)}"
+        )
+    return kept[~equal], starts - np.cumsum(equal)[starts]

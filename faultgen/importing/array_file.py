@@ -1,0 +1,125 @@
+"""Files of named arrays: MATLAB (.mat, all versions) and NumPy (.npz).
+
+A matrix ``q`` with a row, or a column, for each sample becomes the columns ``q_1``, ``q_2``, …; a
+vector becomes one column. Arrays in a struct ``log`` are ``log.q_1`` and so on.
+"""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pandas as pd
+
+from faultgen.errors import InputError
+from faultgen.importing.table import LARGEST_FILE, Table
+
+_HDF5 = b"MATLAB 7.3"
+
+
+def read_arrays_of(path: Path) -> Table:
+    """Read the arrays of a file.
+
+    Args:
+        path: MATLAB or NumPy file.
+
+    Returns:
+        Its arrays as columns; those of another length than the others are left out.
+
+    Raises:
+        InputError: The file cannot be read, or has no arrays of numbers.
+    """
+    if path.stat().st_size > LARGEST_FILE:
+        raise InputError(f"{path}: larger than {LARGEST_FILE:,} bytes; give a shorter log")
+    from scipy.io.matlab import MatReadError
+
+    try:
+        named = dict(_named(path))
+    except InputError:
+        raise
+    # a damaged file can make the readers raise any of these
+    except (
+        *(OSError, ValueError, TypeError, KeyError, NotImplementedError, RuntimeError),
+        *(MemoryError, EOFError, zlib.error, zipfile.BadZipFile, MatReadError),
+    ) as error:
+        raise InputError(f"{path}: cannot be read ({' '.join(str(error).split())})") from None
+    arrays = {name: np.squeeze(values) for name, values in named.items()}
+    arrays = {name: values for name, values in arrays.items() if values.ndim in (1, 2)}
+    lengths = Counter(max(values.shape) for values in arrays.values())
+    if not lengths:
+        raise InputError(f"{path}: has no arrays of numbers; save vectors or matrices")
+    # the samples are what most columns have as their length
+    length = max(lengths, key=lambda one: (one > 1, lengths[one], one))
+    columns, left = {}, []
+    for name, values in arrays.items():
+        if length not in values.shape:
+            left.append(name)
+        elif values.ndim == 1:
+            columns[name] = pd.Series(values)
+        else:
+            rows = values if values.shape[0] == length else values.T
+            columns.update({f"{name}_{k + 1}": pd.Series(row) for k, row in enumerate(rows.T)})
+    notes = [f"{length} samples"]
+    if left:
+        notes.append(f"arrays of another length were left out: {', '.join(left)}")
+    return Table(source=str(path), columns=columns, notes=tuple(notes))
+
+
+def _named(path: Path) -> Iterator[tuple[str, np.ndarray]]:
+    with path.open("rb") as file:  # the readers leave files open that they cannot read
+        begin = file.read(128)
+        file.seek(0)
+        if begin.startswith(b"PK"):
+            with np.load(file, allow_pickle=False) as content:
+                for name in content.files:
+                    yield from _numeric(name, content[name])
+            return
+        if not (begin.startswith(_HDF5) or h5py.is_hdf5(path)):
+            from scipy.io import loadmat
+
+            for name, value in loadmat(file, struct_as_record=False).items():
+                if not name.startswith("__"):
+                    yield from _of_matlab(name, value)
+            return
+    with h5py.File(path, "r") as tree:
+        yield from _of_group("", tree, path)
+
+
+def _of_matlab(name: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
+    fields = getattr(value, "_fieldnames", None)
+    if fields is not None:  # a struct
+        for field in fields:
+            yield from _of_matlab(f"{name}.{field}", getattr(value, field))
+    elif isinstance(value, np.ndarray) and value.dtype == object:
+        if value.size == 1:
+            yield from _of_matlab(name, value.item())
+    elif isinstance(value, np.ndarray):
+        yield from _numeric(name, value)
+
+
+def _of_group(prefix: str, group: h5py.Group, path: Path) -> Iterator[tuple[str, np.ndarray]]:
+    for key in group:
+        name = f"{prefix}.{key}" if prefix else key
+        link = group.get(key, getlink=True)
+        if key.startswith("#") or not isinstance(link, h5py.HardLink):
+            continue
+        item = group[key]
+        if isinstance(item, h5py.Group):
+            yield from _of_group(name, item, path)
+        elif item.is_virtual or item.external:
+            raise InputError(f"{path}: the data of {name} are in other files; copy them into this")
+        elif item.dtype.kind in "fiu" and item.size:
+            if item.nbytes > LARGEST_FILE or not item.id.get_storage_size():
+                raise InputError(f"{path}: {name} claims shape {item.shape}, which it cannot have")
+            yield from _numeric(name, item[()])
+
+
+def _numeric(name: str, values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    if values.dtype.kind in "fiu" and values.size:
+        yield name, values

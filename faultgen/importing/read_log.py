@@ -1,0 +1,87 @@
+"""Any log as a table of columns.
+
+table = read_log("log.csv", column_map.file)
+table.columns["actual_q_0"]
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from faultgen.errors import InputError
+from faultgen.importing.array_file import read_arrays_of
+from faultgen.importing.column_map import File
+from faultgen.importing.ros2 import read_bag
+from faultgen.importing.table import Table, named_with_units
+from faultgen.importing.text_log import read_text_log
+from faultgen.importing.trace import BEGIN, read_trace
+
+_ARRAYS = (".mat", ".npz")
+_BAGS = (".db3", ".mcap")
+
+
+def read_log(path: str | Path, file: File) -> Table:
+    """Read a log.
+
+    Args:
+        path: The file, or the folder of a ROS 2 bag.
+        file: What the map says about it.
+
+    Returns:
+        Its columns.
+
+    Raises:
+        InputError: The log cannot be read. The message is one line with the remedy.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise InputError(f"{path}: no such file")
+    kind = file.format if file.format != "auto" else _format(path)
+    if path.is_dir() and kind != "ros2":
+        raise InputError(f"{path}: is a folder; give a file, or the folder of a ROS 2 bag")
+    if kind == "ros2":
+        return read_bag(path, file)
+    if not path.is_file():
+        raise InputError(f"{path}: is not a regular file")
+    if kind == "arrays":
+        return read_arrays_of(path)
+    if kind == "trace":
+        return read_trace(path)
+    return read_text_log(path, file)
+
+
+def _format(path: Path) -> str:
+    """What a log is, from its name and beginning."""
+    if path.is_dir():
+        return "ros2" if (path / "metadata.yaml").is_file() else "text"
+    if path.suffix.lower() in _BAGS:
+        return "ros2"
+    if path.suffix.lower() in _ARRAYS:
+        return "arrays"
+    if path.suffix.lower() == ".dat" and path.is_file():
+        with path.open("rb") as file:
+            if BEGIN.encode() in file.read(65536):
+                return "trace"
+    return "text"
+
+
+def table_of_frame(frame: pd.DataFrame, source: str) -> Table:
+    """Make a table of a data frame.
+
+    Args:
+        frame: The data frame. An index that has a name becomes a column.
+        source: What it is, for messages.
+
+    Returns:
+        Its columns.
+    """
+    if frame.index.name is not None:
+        frame = frame.reset_index()
+    names, units = named_with_units(map(str, frame.columns))
+    twice = {name for name in names if names.count(name) > 1}
+    if twice:
+        raise InputError(f"{source}: column '{min(twice)}' appears more than once; rename one")
+    columns = {name: frame.iloc[:, k].reset_index(drop=True) for k, name in enumerate(names)}
+    return Table(source=source, columns=columns, units=units)

@@ -1,0 +1,131 @@
+"""The columns of a log, before their meaning is known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+
+import numpy as np
+import pandas as pd
+
+from faultgen.errors import InputError
+from faultgen.importing.units import split_unit
+
+LARGEST_FILE = 2_000_000_000
+"""Largest file that is read [bytes]."""
+
+_MOST_LISTED = 12  # names that a message lists
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Table:
+    """A log as columns of the same length."""
+
+    source: str
+    """Name of the file or other origin, for messages."""
+    columns: Mapping[str, pd.Series]
+    """Columns by name; numbers or texts."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Units that the log itself states, by column."""
+    axes: tuple[str, ...] = ()
+    """Names of the axes, if the log has such."""
+    lines: np.ndarray | None = None
+    """Line of the file in which each row stands, from 1. Shape (rows,)."""
+    notes: tuple[str, ...] = ()
+    """One line for each decision that was taken while reading."""
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values()), ()))
+
+    def place(self, row: int) -> str:
+        """Say where a row is, for messages.
+
+        Args:
+            row: Number of the row, from 0.
+        """
+        return f"row {row + 1}" if self.lines is None else f"line {self.lines[row]}"
+
+    def numbers(self, name: str) -> np.ndarray:
+        """Return a column as numbers.
+
+        Args:
+            name: Its name.
+
+        Returns:
+            Shape (rows,). Blank cells are NaN.
+
+        Raises:
+            InputError: A cell holds something else.
+        """
+        column = self.columns[name]
+        values = pd.to_numeric(column, errors="coerce").to_numpy(float)
+        wrong = np.flatnonzero(np.isnan(values) & ~is_blank(column))
+        if len(wrong):
+            row = int(wrong[0])
+            raise InputError(
+                f"{self.source}: column '{name}' holds {str(column.iloc[row])[:30]!r} in "
+                f"{self.place(row)}, which is no number; name another column in the map, or state "
+                "the separator and the decimal sign under [file]"
+            )
+        return values
+
+    def missing(self, wanted: str, what: str) -> InputError:
+        """Make the error for a column that is not there.
+
+        Args:
+            wanted: Name or pattern that the map has.
+            what: Entry of the map, such as "position".
+
+        Returns:
+            The error. Its message lists names that are similar.
+        """
+        plain = wanted.replace("{axis}", "1")
+        near = get_close_matches(plain, self.columns, n=4, cutoff=0.5)
+        if near:
+            told = f"similar columns are {_listed(near)}"
+        else:
+            told = f"the log has {len(self.columns)} columns: {_listed(self.columns)}"
+        return InputError(
+            f"{self.source}: no column '{wanted}' for [{what}]; {told}; correct the map"
+        )
+
+
+def is_blank(column: pd.Series) -> np.ndarray:
+    """Find blank cells of a column.
+
+    Args:
+        column: The column.
+
+    Returns:
+        Whether each cell is blank or "nan". Shape (rows,).
+    """
+    blank = column.isna().to_numpy()
+    if column.dtype.kind in "OTU" or column.dtype == "string":
+        text = column.astype(str).str.strip().str.lower()
+        blank = blank | text.isin(["", "nan", "-nan", "null", "none"]).to_numpy()
+    return blank
+
+
+def _listed(names: Iterable[str]) -> str:
+    found = [f"'{name}'" for name in names]
+    more = f" and {len(found) - _MOST_LISTED} more" if len(found) > _MOST_LISTED else ""
+    return ", ".join(found[:_MOST_LISTED]) + more
+
+
+def named_with_units(names: Iterable[str]) -> tuple[list[str], dict[str, str]]:
+    """Separate names of columns from units that stand behind them in brackets.
+
+    Args:
+        names: Such as "AxisPos_Act1 [°]". Brackets without a unit remain part of the name.
+
+    Returns:
+        The names, and the units by name.
+    """
+    bare, units = [], {}
+    for name in names:
+        name, unit = split_unit(name)
+        if unit:
+            units[name] = unit
+        bare.append(name)
+    return bare, units

@@ -1,0 +1,248 @@
+"""Logs that are text: columns with any separator, names, comments and lines before them.
+
+What the map does not state is found out from the lines: the separator and the decimal sign under
+which a line has the most numbers, and the names in the line above the first such line.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import gzip
+import io
+import re
+import zlib
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from faultgen.errors import InputError
+from faultgen.importing.column_map import File
+from faultgen.importing.table import LARGEST_FILE, Table, named_with_units
+from faultgen.importing.units import known_unit
+
+_SEPARATORS = {";": ";", "tab": "\t", ",": ",", "blank": " "}
+_NUMBER = {
+    mark: re.compile(rf"[+-]?(\d+({re.escape(mark)}\d*)?|{re.escape(mark)}\d+)([eE][+-]?\d+)?")
+    for mark in (".", ",")
+}
+_SEVERAL = re.compile(r"\d\s+[+-]?\d")  # a cell with several numbers: split by a wrong separator
+_CLOCK = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d")  # a date and a time make one cell
+_LOOKED_AT = 400  # lines in which the first row of numbers is searched for
+_BLANK = {"", "nan", "-nan", "null", "none"}
+
+
+def read_text_log(path: Path, file: File) -> Table:
+    """Read a log that is text, also if it is compressed with gzip.
+
+    Args:
+        path: The file.
+        file: What the map says about it.
+
+    Returns:
+        Its columns.
+
+    Raises:
+        InputError: The file is no such text. The message is one line that states where it is wrong
+            and what would be right.
+    """
+    text, notes = _text(path, file.encoding)
+    comments = (file.comment,) if isinstance(file.comment, str) else tuple(file.comment)
+    comments = tuple(mark for mark in comments if mark)
+    lines = text.splitlines()
+    kept = [
+        k for k, line in enumerate(lines) if line.strip() and not line.lstrip().startswith(comments)
+    ]
+    separator, decimal, first = _layout(path, [lines[k] for k in kept[:_LOOKED_AT]], file)
+    names, units = _names(path, lines, kept, first, separator, file, comments)
+    rows = kept[first:]
+    table = _parsed(path, [lines[k] for k in rows], rows, len(names), separator, decimal)
+    filled = {
+        name: table[k]
+        for k, name in enumerate(names)
+        if name or not table[k].isna().all()  # lines may end with a separator
+    }
+    if "" in filled:
+        raise InputError(
+            f"{path}: column {names.index('') + 1} has no name; state all names under [file] names"
+        )
+    shown = {"\t": "tabs", " ": "blanks"}.get(separator, f"'{separator}'")
+    notes.append(f"columns are separated by {shown}, fractions by '{decimal}'")
+    return Table(
+        source=str(path),
+        columns=filled,
+        units=units,
+        lines=np.array(rows) + 1,
+        notes=tuple(notes),
+    )
+
+
+def _text(path: Path, encoding: str) -> tuple[str, list[str]]:
+    """The text of a file, and a note if its encoding was guessed."""
+    try:
+        with path.open("rb") as file:
+            zipped = file.read(2) == b"\x1f\x8b"
+        with gzip.open(path, "rb") if zipped else path.open("rb") as file:
+            content = file.read(LARGEST_FILE + 1)
+    except (OSError, EOFError, zlib.error) as error:
+        raise InputError(f"{path}: cannot be read ({' '.join(str(error).split())})") from None
+    if len(content) > LARGEST_FILE:
+        raise InputError(f"{path}: larger than {LARGEST_FILE:,} bytes; give a shorter log")
+    if encoding != "auto":
+        try:
+            return content.decode(encoding), []
+        except LookupError:
+            raise InputError(
+                f"file.encoding: '{encoding}' is unknown; give utf-8 or cp1252"
+            ) from None
+        except UnicodeDecodeError as error:
+            row = content.count(b"\n", 0, error.start) + 1
+            raise InputError(
+                f"{path}: line {row} is not {encoding}; correct file.encoding in the map"
+            ) from None
+    marks = {codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
+    for mark, name in marks.items():
+        if content.startswith(mark):
+            return content.decode(name, errors="replace"), [f"the text is {name}"]
+    if b"\0" in content[:1000]:
+        raise InputError(
+            f"{path}: is not text; state file.format in the map, or export the log as text"
+        )
+    try:
+        return content.decode("utf-8-sig"), []
+    except UnicodeDecodeError:
+        return content.decode("cp1252", errors="replace"), ["the text is not UTF-8, read as cp1252"]
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    if separator == " ":
+        return line.split()
+    return [cell.strip() for cell in next(csv.reader([line.rstrip()], delimiter=separator), [])]
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    return bool(_NUMBER[decimal].fullmatch(cell))
+
+
+def _score(cells: Sequence[str], decimal: str) -> int:
+    """How many numbers a row has; 0 if it is no row of numbers."""
+    numbers = sum(_is_number(cell, decimal) for cell in cells)
+    if any(_SEVERAL.search(cell) and not _CLOCK.match(cell) for cell in cells):
+        return 0
+    # names of columns and lines of text have few numbers, or none
+    others = sum(not _is_number(cell, decimal) and cell.lower() not in _BLANK for cell in cells)
+    return numbers if numbers >= 2 and numbers > others else 0
+
+
+def _layout(path: Path, lines: Sequence[str], file: File) -> tuple[str, str, int]:
+    """Separator, decimal sign and number of the first row of numbers."""
+    separators = list(_SEPARATORS) if file.separator == "auto" else [file.separator]
+    decimals = [".", ","] if file.decimal == "auto" else [file.decimal]
+    best, found = 0, None
+    for name in separators:
+        separator = _SEPARATORS[name]
+        for decimal in decimals:
+            if decimal == separator:
+                continue
+            scores = [_score(_cells(line, separator), decimal) for line in lines]
+            total = sum(scores)
+            if total > best:
+                first = next(k for k, score in enumerate(scores) if score)
+                best, found = total, (separator, decimal, first)
+    if found is None:
+        raise InputError(
+            f"{path}: no line with two or more numbers among the first {len(lines)}; state the "
+            "separator and the decimal sign under [file] in the map"
+        )
+    return found
+
+
+def _names(
+    path: Path,
+    lines: Sequence[str],
+    kept: Sequence[int],
+    first: int,
+    separator: str,
+    file: File,
+    comments: tuple[str, ...],
+) -> tuple[list[str], dict[str, str]]:
+    """Names of the columns, and the units that stand with them or in a line below."""
+    count = len(_cells(lines[kept[first]], separator))
+    if file.names is not None:
+        if len(file.names) != count:
+            raise InputError(
+                f"{path}: file.names lists {len(file.names)} names, but line {kept[first] + 1} has "
+                f"{count} columns"
+            )
+        return _unique(path, *named_with_units(file.names))
+    if file.header is not None:
+        if file.header > len(lines):
+            raise InputError(f"{path}: file.header is {file.header}, but it has {len(lines)} lines")
+        above = [_uncommented(lines[file.header - 1], comments)]
+    else:
+        above = [lines[k] for k in kept[:first]][::-1]
+        if not above:  # the names may be in a comment
+            above = [_uncommented(line, comments) for line in lines[: kept[first]] if line.strip()]
+            above = above[::-1]
+    rows = [_cells(line, separator) for line in above]
+    rows = [cells for cells in rows if len(cells) == count]
+    if not rows:
+        near = len(_cells(above[0], separator)) if above else 0
+        told = f"the line above has {near} cells" if near else "there is no line above"
+        raise InputError(
+            f"{path}: line {kept[first] + 1} has {count} numbers, but {told}; state the line with "
+            "the names as file.header, or the names as file.names"
+        )
+    below: dict[str, str] = {}
+    names = rows[0]
+    if len(rows) > 1 and all(known_unit(cell.strip("[]()")) or not cell for cell in names):
+        names, marks = rows[1], [known_unit(cell.strip("[]()")) for cell in names]
+        below = {name: mark for name, mark in zip(names, marks, strict=True) if mark}
+    bare, units = named_with_units(names)
+    return _unique(path, bare, {**below, **units})
+
+
+def _uncommented(line: str, comments: Iterable[str]) -> str:
+    line = line.lstrip()
+    mark = next((mark for mark in comments if line.startswith(mark)), "")
+    return line[len(mark) :].lstrip(" ")
+
+
+def _unique(
+    path: Path, names: list[str], units: dict[str, str]
+) -> tuple[list[str], dict[str, str]]:
+    twice = {name for name in names if name and names.count(name) > 1}
+    if twice:
+        raise InputError(
+            f"{path}: column '{min(twice)}' appears more than once; state other names under [file] "
+            "names"
+        )
+    return names, units
+
+
+def _parsed(
+    path: Path, lines: Sequence[str], rows: Sequence[int], count: int, separator: str, decimal: str
+) -> pd.DataFrame:
+    text = "\n".join(line.rstrip() if separator == " " else line for line in lines)
+    try:
+        return pd.read_csv(
+            io.StringIO(text),
+            sep=r"\s+" if separator == " " else separator,
+            decimal=decimal,
+            header=None,
+            names=range(count),
+            index_col=False,
+            skipinitialspace=True,
+            on_bad_lines="error",
+            low_memory=False,
+        )
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, ValueError) as error:
+        found = re.search(r"line (\d+)", str(error))
+        row = min(int(found[1]) - 1, len(rows) - 1) if found else 0
+        has = len(_cells(lines[row], separator))
+        raise InputError(
+            f"{path}: line {rows[row] + 1} has {has} columns, but there are {count} names; remove "
+            "the line, or state what begins such lines as file.comment"
+        ) from None
