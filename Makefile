@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: install demo test test-slow fuzz lint mutation benchmark pictures clean
+.PHONY: install demo docs test test-slow fuzz lint mutation benchmark pictures clean
 
 install: $(VENV)/installed
 
@@ -16,6 +16,10 @@ $(VENV)/installed: pyproject.toml
 
 demo: install
 	$(BIN)/faultgen demo --out demo-out
+
+docs: install
+	$(BIN)/mkdocs build --quiet
+	@echo build/site/index.html
 
 test: install lint
 	$(BIN)/python -m pytest -n auto -m 'not slow'
