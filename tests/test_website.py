@@ -49,7 +49,7 @@ def commands(page):
 def test_commands_in_the_documentation_are_understood(page):
     """Every command and option exists, and takes what the example gives it."""
     for line in commands(page):
-        words = shlex.split(line, comments=True)[1:]
+        words = shlex.split(line.split(" > ")[0], comments=True)[1:]
         command = typer.main.get_command(app)
         while hasattr(command, "commands"):
             name = words.pop(0)
