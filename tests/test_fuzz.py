@@ -25,8 +25,10 @@ from faultgen.dataset.planning import plan_runs
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
 from faultgen.discovery import check_recording, read_recording
+from faultgen.discovery.import_log import import_log
 from faultgen.errors import InputError
 from faultgen.fleet.plan import load_fleet
+from faultgen.importing import load_map
 from faultgen.robot import load_robot
 from faultgen.simulation.arm import Arm
 from faultgen.simulation.motion import plan
@@ -265,6 +267,48 @@ def test_csv_recordings(places, tiny_robot, data):
     path.write_bytes(data.draw(changed(table())))
     with one_line():
         check_recording(read_recording(path), tiny_robot)
+
+
+LOG = """# cell 7; recorded by hand
+Zeit [ms];A1 Ist [deg];A2 Ist [deg];A1 Strom [A];A2 Strom [A]
+""" + "".join(
+    f"{10 * k};{k / 7:.3f};{-k / 3:.3f};{k % 5},1;{k % 3},2\n".replace(".", ",") for k in range(80)
+)
+
+MAP = """
+side = "motor"
+[file]
+separator = ";"
+decimal = ","
+comment = "#"
+[axes]
+gear_ratio = [100, -50]
+torque_constant = 0.5
+sign = [1, -1]
+[time]
+column = "Zeit"
+unit = "ms"
+[position]
+columns = "A{axis} Ist"
+unit = "deg"
+side = "joint"
+[current]
+columns = ["A1 Strom", "A2 Strom"]
+unit = "A"
+"""
+
+
+@fuzz()
+@given(data=st.data())
+def test_logs_and_their_maps(places, data):
+    log, column_map = places / "log.txt", places / "map.toml"
+    texts = [LOG.encode(), MAP.encode()]
+    which = data.draw(st.integers(0, 1))
+    texts[which] = data.draw(changed([LOG, MAP][which]))
+    for path, text in zip((log, column_map), texts, strict=True):
+        path.write_bytes(text)
+    with one_line():
+        import_log(log, load_map(column_map))
 
 
 SHAPES = st.one_of(
