@@ -45,6 +45,7 @@ mutation: install
 
 benchmark: install
 	$(BIN)/python benchmarks/speed.py --save benchmarks/results/speed.json
+	$(BIN)/python benchmarks/peers.py --save benchmarks/results/peers.json
 	$(BIN)/python benchmarks/bench_transfer_entropy.py
 
 pictures: install
