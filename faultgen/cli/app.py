@@ -55,7 +55,10 @@ Sensors = Annotated[
 ]
 Seeds = Annotated[int, typer.Option(help="How often the noise is drawn anew for each run.")]
 Folder = Annotated[
-    Path, typer.Argument(help="Folder of a dataset that 'faultgen generate' has written.")
+    Path,
+    typer.Argument(
+        help="Folder of a dataset that 'faultgen generate' has written, or its dataset.h5."
+    ),
 ]
 
 

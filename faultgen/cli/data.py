@@ -91,6 +91,14 @@ def generate(
         bool,
         typer.Option(help="Replace the runs that another version of faultgen has made."),
     ] = False,
+    keep: Annotated[
+        str,
+        typer.Option(
+            help="all: keep a file for each run beside dataset.h5. merged: keep only dataset.h5, "
+            "which needs half the disk space; the run files are removed after dataset.h5 was read "
+            "back and compared with them."
+        ),
+    ] = "all",
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
@@ -136,7 +144,9 @@ def generate(
                     f"give an experiment file, or --robot and --task: --{name} is missing"
                 )
         chosen = make_experiment(given)
-    summary = run_generate(chosen, out, workers=worker_count(workers), regenerate=regenerate)
+    summary = run_generate(
+        chosen, out, workers=worker_count(workers), regenerate=regenerate, keep=keep
+    )
     if as_json:
         print_json(asdict(summary))
     else:
@@ -157,7 +167,7 @@ def info(folder: Folder, as_json: Json = False) -> None:
     The command reports whether the dataset is complete and intact. The exit status is 1 if runs are
     missing or damaged, or were made by different versions of faultgen.
     """
-    from faultgen.dataset.reader import open_dataset
+    from faultgen.dataset.reader import MERGED, open_dataset
 
     dataset = open_dataset(folder)
     damaged = dataset.damaged()
@@ -182,14 +192,19 @@ def info(folder: Folder, as_json: Json = False) -> None:
                 "state": state,
             }
         )
-    merged = folder / "dataset.h5"
+    merged = dataset.path / MERGED
     complete = not dataset.missing and merged.is_file()
     whole = complete and not damaged and len(versions) < 2
-    result = {
+    result: dict[str, Any] = {
         "folder": str(folder),
         "complete": complete,
         "intact": not damaged,
         "runs": rows,
+        "splits": {
+            by: {part: len(ids) for part, ids in parts.items()}
+            for by, parts in dataset.manifest.splits.items()
+        },
+        "only_copy": sum(not run.own_file for run in dataset.runs),
         "missing": dataset.missing,
         "failed": dataset.failed,
         "damaged": damaged,
@@ -200,6 +215,10 @@ def info(folder: Folder, as_json: Json = False) -> None:
     else:
         print_table(rows)
         print(f"{len(rows)} runs planned, {len(dataset.missing)} missing, {len(damaged)} damaged")
+        for by, counts in result["splits"].items():
+            print(f"split by {by}: " + ", ".join(f"{n} {part}" for part, n in counts.items()))
+        if result["only_copy"]:
+            print(f"{result['only_copy']} runs have no file of their own; {MERGED} holds them")
         for run_id, reason in dataset.failed.items():
             print(f"failed: {run_id}: {reason}")
         for name, reason in damaged.items():
@@ -224,9 +243,12 @@ def info(folder: Folder, as_json: Json = False) -> None:
 
 @app.command()
 def export(
-    runs: Annotated[
+    sources: Annotated[
         list[Path],
-        typer.Argument(help="Run files of a dataset, such as dataset/runs/0123456789abcdef.h5."),
+        typer.Argument(
+            help="Run files of a dataset, such as dataset/runs/0123456789abcdef.h5; or, with "
+            "--parquet, a dataset or a fleet."
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", help="Recording to write (HDF5).")] = Path(
         "measured.h5"
@@ -234,24 +256,57 @@ def export(
     cycle: Annotated[
         int | None, typer.Option(help="Number of the cycle, from 1. Default: the last one.")
     ] = None,
+    parquet: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write labels and features of all cycles as a table to this Parquet file."
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Turn runs of a dataset into a recording, as if a controller had logged it.
+    """Turn data into another form: runs into a recording, or a dataset or fleet into a table.
 
-    One cycle of each run becomes a segment of the recording. The recording holds positions,
-    torques, commanded positions and the temperature, but no label, so that it can be given to
-    'faultgen discover' as measured data. 'faultgen info' lists the runs of a dataset.
-    """
+    \b
+    faultgen export dataset/runs/0123456789abcdef.h5 -o measured.h5
+    faultgen export dataset --parquet cycles.parquet
+
+    The first form makes a recording, as if a controller had logged it. One cycle of each run
+    becomes a segment of the recording. It holds positions, torques, commanded positions and the
+    temperature, but no label, so that it can be given to 'faultgen discover' as measured data.
+    'faultgen info' lists the runs of a dataset.
+
+    The second form writes one row for each cycle of a dataset, or for each sample of a fleet.
+    """  # noqa: D301
+    if parquet is not None:
+        if cycle is not None:
+            raise InputError("cycle: leave it out, because the table has all cycles")
+        _export_table(sources, parquet, as_json)
+        return
     from faultgen.discovery.from_runs import recording_of
     from faultgen.discovery.recording import write_recording
 
-    recording = recording_of(runs, cycle)
+    recording = recording_of(sources, cycle)
     write_recording(recording, out)
-    told = {"recording": str(out), "samples": len(recording.position), "segments": len(runs)}
+    told = {"recording": str(out), "samples": len(recording.position), "segments": len(sources)}
     if as_json:
         print_json(told)
         return
     print(f"{out}: {told['samples']} samples in {told['segments']} segments")
+
+
+def _export_table(sources: list[Path], path: Path, as_json: bool) -> None:
+    """Write the table of one dataset."""
+    from faultgen.dataset.reader import open_dataset
+    from faultgen.system.tables import write_parquet
+
+    if len(sources) != 1:
+        raise InputError(f"give one dataset with --parquet, not {len(sources)}")
+    frame = open_dataset(sources[0]).to_dataframe()
+    write_parquet(frame, path)
+    told = {"table": str(path), "rows": len(frame), "columns": len(frame.columns)}
+    print_json(told) if as_json else print(
+        f"{path}: {len(frame)} rows, {len(frame.columns)} columns"
+    )
 
 
 @app.command()

@@ -40,8 +40,9 @@ def detect(
     from faultgen.evaluation.detect import detect as run_detect
     from faultgen.evaluation.detect import detection_table, save_detection
 
-    result = run_detect(open_dataset(folder), sensors=sensors, seeds=seeds)
-    save_detection(result, folder)
+    dataset = open_dataset(folder)
+    result = run_detect(dataset, sensors=sensors, seeds=seeds)
+    save_detection(result, dataset.path)
     print_json(vars(result)) if as_json else print(detection_table(result))
 
 
@@ -65,8 +66,9 @@ def isolate(
     from faultgen.evaluation.isolate import isolate as run_isolate
     from faultgen.evaluation.outcomes import save, table, to_dict
 
-    result = run_isolate(open_dataset(folder), sensors=sensors, seeds=seeds)
-    save(result, folder)
+    dataset = open_dataset(folder)
+    result = run_isolate(dataset, sensors=sensors, seeds=seeds)
+    save(result, dataset.path)
     print_json(to_dict(result)) if as_json else print(table(result))
 
 
