@@ -20,7 +20,7 @@ from importlib.metadata import entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from faultgen.errors import InputError
 
@@ -134,7 +134,7 @@ def added(group: str, fits: Callable[[object], bool], what: str) -> Iterator[tup
             yield where, one
     if group in (ISOLATORS, DETECTORS):
         for name in _named():
-            named = load(name)
+            named: Any = load(name)
             if fits(named):  # one that does not may be of the other kind
                 yield f"method '{name}'", named
 

@@ -162,13 +162,17 @@ def generate(
 
 @app.command()
 def info(folder: Folder, as_json: Json = False) -> None:
-    """List the runs of a dataset, and check all of its files.
+    """List the runs of a dataset, or the robots of a fleet, and check all of its files.
 
     The command reports whether the dataset is complete and intact. The exit status is 1 if runs are
     missing or damaged, or were made by different versions of faultgen.
     """
     from faultgen.dataset.reader import MERGED, open_dataset
+    from faultgen.fleet.data import is_fleet
 
+    if is_fleet(folder):
+        _fleet_info(folder, as_json)
+        return
     dataset = open_dataset(folder)
     damaged = dataset.damaged()
     broken = {Path(name).stem for name in damaged}
@@ -241,6 +245,25 @@ def info(folder: Folder, as_json: Json = False) -> None:
         raise typer.Exit(1)
 
 
+def _fleet_info(folder: Path, as_json: bool) -> None:
+    """Carry out `info` on a fleet."""
+    from faultgen.fleet.data import fleet_state
+
+    rows = fleet_state(folder)
+    whole = all(row["state"] == "ok" for row in rows)
+    if as_json:
+        print_json({"folder": str(folder), "complete": whole, "intact": whole, "robots": rows})
+    else:
+        print_table(rows)
+        print(
+            "the fleet is complete and intact"
+            if whole
+            else "the fleet is not in order; run the fleet command again to complete it"
+        )
+    if not whole:
+        raise typer.Exit(1)
+
+
 @app.command()
 def export(
     sources: Annotated[
@@ -262,21 +285,33 @@ def export(
             help="Write labels and features of all cycles as a table to this Parquet file."
         ),
     ] = None,
+    layout: Annotated[
+        str | None,
+        typer.Option(
+            help="ncmapss: write the robots of a fleet that fail, with their remaining life, in "
+            "the layout of the data set N-CMAPSS to the file of --out."
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Turn data into another form: runs into a recording, or a dataset or fleet into a table.
+    """Turn data into another form: a recording, a table, or the layout of another data set.
 
     \b
     faultgen export dataset/runs/0123456789abcdef.h5 -o measured.h5
     faultgen export dataset --parquet cycles.parquet
+    faultgen export fleet --layout ncmapss -o fleet_ncmapss.h5
 
     The first form makes a recording, as if a controller had logged it. One cycle of each run
     becomes a segment of the recording. It holds positions, torques, commanded positions and the
     temperature, but no label, so that it can be given to 'faultgen discover' as measured data.
     'faultgen info' lists the runs of a dataset.
 
-    The second form writes one row for each cycle of a dataset, or for each sample of a fleet.
+    The second form writes one row for each cycle of a dataset, or for each sample of a fleet. The
+    third form writes run-to-failure data; docs/fleet.md lists its columns.
     """  # noqa: D301
+    if layout is not None:
+        _export_layout(sources, layout, out, as_json)
+        return
     if parquet is not None:
         if cycle is not None:
             raise InputError("cycle: leave it out, because the table has all cycles")
@@ -295,13 +330,15 @@ def export(
 
 
 def _export_table(sources: list[Path], path: Path, as_json: bool) -> None:
-    """Write the table of one dataset."""
+    """Write the table of one dataset or fleet."""
     from faultgen.dataset.reader import open_dataset
+    from faultgen.fleet.data import is_fleet, open_fleet
     from faultgen.system.tables import write_parquet
 
     if len(sources) != 1:
         raise InputError(f"give one dataset with --parquet, not {len(sources)}")
-    frame = open_dataset(sources[0]).to_dataframe()
+    source = open_fleet(sources[0]) if is_fleet(sources[0]) else open_dataset(sources[0])
+    frame = source.to_dataframe()
     write_parquet(frame, path)
     told = {"table": str(path), "rows": len(frame), "columns": len(frame.columns)}
     print_json(told) if as_json else print(
@@ -309,16 +346,39 @@ def _export_table(sources: list[Path], path: Path, as_json: bool) -> None:
     )
 
 
+def _export_layout(sources: list[Path], layout: str, out: Path, as_json: bool) -> None:
+    """Write a fleet in the layout of another data set."""
+    from faultgen.fleet.data import open_fleet
+    from faultgen.fleet.tables import write_ncmapss
+
+    if layout != "ncmapss":
+        raise InputError(f"layout: must be ncmapss, not '{layout}'")
+    if len(sources) != 1:
+        raise InputError(f"give one fleet with --layout, not {len(sources)}")
+    arrays = write_ncmapss(open_fleet(sources[0]).robots, out)
+    units = {part: len(set(arrays[f"A_{part}"][:, 0].tolist())) for part in ("dev", "test")}
+    told = {"file": str(out), "units": units, "samples": sum(len(arrays[f"Y_{p}"]) for p in units)}
+    if as_json:
+        print_json(told)
+        return
+    print(
+        f"{out}: {units['dev']} training units, {units['test']} test units, "
+        f"{told['samples']} samples"
+    )
+
+
 @app.command()
 def report(folder: Folder, as_json: Json = False) -> None:
-    """Write a report of a dataset as an HTML page.
+    """Write a report of a dataset or a fleet as an HTML page.
 
-    The page contains figures and the isolators' results. It is written to report.html in the
-    dataset's folder, and needs no other files.
+    The page contains figures and, for a dataset, the isolators' results. It is written to
+    report.html in the folder, and needs no other files.
     """
+    from faultgen.fleet.data import is_fleet
     from faultgen.report import write_report
+    from faultgen.report.fleet_report import write_fleet_report
 
-    path = write_report(folder)
+    path = write_fleet_report(folder) if is_fleet(folder) else write_report(folder)
     print_json({"report": str(path)}) if as_json else print(path)
 
 

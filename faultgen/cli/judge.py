@@ -84,6 +84,35 @@ def isolate(
 
 
 @app.command()
+def benchmark(
+    out: Out = Path("benchmark-out"),
+    quick: Annotated[
+        bool, typer.Option(help="Use fewer axes, robots and runs, for a first look.")
+    ] = False,
+    method: Methods = None,
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Compare all isolators and detectors on the standard data, and write a leader board.
+
+    The command generates two kinds of data from fixed seeds: two robots in three tasks with
+    friction wear, and robots that differ from each other, with several effects. Methods are tested
+    on the test runs of fixed divisions. The leader board is written to benchmark.md, the counts to
+    benchmark.json. Data that exist are used again, so that a further --method takes less time.
+    """
+    from faultgen.evaluation.benchmark import benchmark_board, run_benchmark
+    from faultgen.plugins import load
+
+    methods: list[Any] = [load(name) for name in method or ()]
+    result = run_benchmark(out, quick=quick, methods=methods, workers=worker_count(workers))
+    if as_json:
+        print_json(result)
+        return
+    print(f"{benchmark_board(result, 'isolation')}\n\n{benchmark_board(result, 'detection')}\n")
+    print(out / "benchmark.md")
+
+
+@app.command()
 def study(
     name: Annotated[
         str,
