@@ -1,6 +1,7 @@
 """Methods that take part by --method, without being installed."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +87,14 @@ def test_a_class_of_a_file_is_a_row_of_the_table(made, tmp_path):
     healthy = [run for run in open_dataset(made).runs if not run["axis"]]
     tested = sum(parts[run.id] == "test" for run in healthy)
     assert [row["total"] for row in rows if row["level"] == 0] == [tested]
+
+
+def test_a_method_of_ones_own_is_in_the_report(made, tmp_path):
+    folder = Path(shutil.copytree(made, tmp_path / "out"))
+    (tmp_path / "their_report_method.py").write_text(MODULE)
+    done = faultgen("report", folder, "--method", "their_report_method.py:Second", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "always the second" in (folder / "report.html").read_text()
 
 
 class Recorder(Classifier):

@@ -11,6 +11,7 @@ import typer
 from faultgen.cli.app import (
     Folder,
     Json,
+    Methods,
     Out,
     Workers,
     app,
@@ -368,17 +369,27 @@ def _export_layout(sources: list[Path], layout: str, out: Path, as_json: bool) -
 
 
 @app.command()
-def report(folder: Folder, as_json: Json = False) -> None:
+def report(folder: Folder, method: Methods = None, as_json: Json = False) -> None:
     """Write a report of a dataset or a fleet as an HTML page.
 
     The page contains figures and, for a dataset, the isolators' results. It is written to
     report.html in the folder, and needs no other files.
     """
+    from faultgen.dataset.reader import open_dataset
+    from faultgen.evaluation.isolate import isolate as run_isolate
     from faultgen.fleet.data import is_fleet
+    from faultgen.plugins import load
     from faultgen.report import write_report
     from faultgen.report.fleet_report import write_fleet_report
 
-    path = write_fleet_report(folder) if is_fleet(folder) else write_report(folder)
+    if is_fleet(folder):
+        if method:
+            raise InputError("--method: the report of a fleet compares no methods")
+        path = write_fleet_report(folder)
+    else:
+        dataset = open_dataset(folder)
+        methods: list[Any] = [load(name) for name in method or ()]
+        path = write_report(folder, run_isolate(dataset, methods=methods, progress=False))
     print_json({"report": str(path)}) if as_json else print(path)
 
 
