@@ -34,7 +34,7 @@ def result():
         *rows("careful", (0.1, 5, 10), (0.0, 9, 10)),
         *rows("always", (0.1, 10, 10), (0.0, 0, 10)),
     ]
-    shared = {"experiment_sha256": "ab", "runs": 9, "cycles": 90, "tested": 3, "left_out": {}}
+    shared = {"runs_sha256": "ab", "runs": 9, "cycles": 90, "tested": 3, "left_out": {}}
     shared |= {"made_by": ["faultgen", "faultgen"]}
     sets = [
         {"kind": kind, "name": kind, "split": split, "isolation": found, "detection": found}

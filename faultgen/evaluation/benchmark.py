@@ -14,6 +14,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from hashlib import sha256
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -156,7 +157,8 @@ def run_benchmark(
                 "kind": kind,
                 "name": name,
                 "split": split,
-                "experiment_sha256": dataset.manifest.experiment_sha256,
+                # ids of runs do not depend on folders, as the experiment file of the robots does
+                "runs_sha256": sha256(" ".join(sorted(dataset.planned)).encode()).hexdigest(),
                 "runs": len(dataset.runs),
                 "cycles": sum(int(run["cycles"]) for run in dataset.runs),
                 "tested": sum(part == "test" for part in dataset.part_of(split).values()),
@@ -377,7 +379,8 @@ def benchmark_page(result: dict[str, Any]) -> str:
         "## Leader board: which axis is worn?",
         "Right answers in percent, with 95 % Wilson intervals. An answer about a worn robot is "
         f"right if it names the worn axis, at a severity of {levels} for effects that are "
-        "fractions of nominal, otherwise in the last cycle. An answer about a healthy "
+        "fractions of nominal, otherwise in the last cycle. Severities that a run reaches in "
+        "fewer than 5 cycles do not count. An answer about a healthy "
         "robot is right if it names no axis. The score is the mean of the columns. "
         "What a method could not answer counts as wrong.",
         benchmark_board(result, "isolation"),
@@ -393,9 +396,9 @@ def benchmark_page(result: dict[str, Any]) -> str:
         "deviations; assumed). Several effects occur, and methods that learn from labels are "
         "tested on other robots. In both, temperature and payload drift.",
         table(
-            ["dataset", "division", "runs", "test runs", "cycles", "experiment (SHA-256)"],
+            ["dataset", "division", "runs", "test runs", "cycles", "runs (SHA-256 of their ids)"],
             [
-                [s["name"], s["split"], s["runs"], s["tested"], s["cycles"], s["experiment_sha256"]]
+                [s["name"], s["split"], s["runs"], s["tested"], s["cycles"], s["runs_sha256"]]
                 for s in result["sets"]
             ],
         ),
