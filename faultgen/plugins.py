@@ -5,13 +5,22 @@ objects, of the kind that the group is for:
 
     [project.entry-points."faultgen.isolators"]
     mine = "my_package.isolators:ISOLATORS"
+
+A single isolator or detector needs no package: the option ``--method`` of the commands names its
+class, as "my_package:MyIsolator" or "./my_file.py:MyIsolator".
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from importlib import import_module
 from importlib.metadata import entry_points
-from typing import TypeVar
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+from typing import Any, TypeVar
 
 from faultgen.errors import InputError
 
@@ -19,7 +28,82 @@ EFFECTS = "faultgen.effects"
 ISOLATORS = "faultgen.isolators"
 DETECTORS = "faultgen.detectors"
 
+NAMED = "FAULTGEN_METHODS"
+"""Environment variable that passes the classes of ``--method`` on to worker processes."""
+
 T = TypeVar("T")
+
+
+def load(name: str) -> object:
+    """Load the object that a user names.
+
+    Args:
+        name: "module:object", or "path/of/file.py:object".
+
+    Returns:
+        The object.
+
+    Raises:
+        InputError: There is no such module, file or object, or the module cannot be loaded.
+    """
+    place, colon, wanted = name.rpartition(":")
+    if not colon or not place or not wanted:
+        raise InputError(f"method '{name}': give my_package:MyClass or ./my_file.py:MyClass")
+    try:
+        module = _module_of_file(Path(place)) if place.endswith(".py") else import_module(place)
+    except InputError:
+        raise
+    except Exception as error:  # whatever the code of another package raises
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise InputError(f"method '{name}': {place} cannot be loaded ({reason})") from None
+    if not hasattr(module, wanted):
+        raise InputError(f"method '{name}': {place} has no '{wanted}'")
+    return getattr(module, wanted)
+
+
+def _module_of_file(path: Path) -> ModuleType:
+    """Load a file as a module that bears its name."""
+    path = path.resolve()
+    if not path.is_file():
+        raise InputError(f"method: there is no file {path}")
+    known = sys.modules.get(path.stem)
+    if known is not None:
+        if getattr(known, "__file__", None) == str(path):
+            return known
+        raise InputError(f"method: rename {path}, because another module is called {path.stem}")
+    spec = spec_from_file_location(path.stem, path)
+    assert spec is not None and spec.loader is not None
+    module = sys.modules[path.stem] = module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[path.stem]
+        raise
+    return module
+
+
+def use(names: Sequence[str]) -> None:
+    """Let isolators and detectors take part in studies, also in worker processes.
+
+    This must be called before the methods are imported.
+
+    Args:
+        names: Classes as in `load`.
+    """
+    places = [name.rpartition(":") for name in names]
+    whole = [
+        f"{Path(place).resolve()}:{wanted}" if place.endswith(".py") else f"{place}:{wanted}"
+        for place, _, wanted in places
+    ]
+    os.environ[NAMED] = "\n".join(whole)
+    # workers find the modules of files under their names
+    folders = [str(Path(one.rpartition(":")[0]).parent) for one in whole if ".py:" in one]
+    before = os.environ.get("PYTHONPATH")
+    os.environ["PYTHONPATH"] = os.pathsep.join([*folders, *([before] if before else [])])
+
+
+def _named() -> list[str]:
+    return [name for name in os.environ.get(NAMED, "").split("\n") if name]
 
 
 def added(group: str, fits: Callable[[object], bool], what: str) -> Iterator[tuple[str, T]]:
@@ -48,8 +132,16 @@ def added(group: str, fits: Callable[[object], bool], what: str) -> Iterator[tup
             if not fits(one):
                 raise InputError(f"{where}: must be {what} or a list of them")
             yield where, one
+    if group in (ISOLATORS, DETECTORS):
+        for name in _named():
+            named: Any = load(name)
+            if fits(named):  # one that does not may be of the other kind
+                yield f"method '{name}'", named
 
 
 def modules(group: str) -> list[str]:
-    """Names of the modules that installed packages add to a group."""
-    return [point.module for point in entry_points(group=group)]
+    """Names of the modules that installed packages, and the option ``--method``, add to a group."""
+    found = [point.module for point in entry_points(group=group)]
+    if group in (ISOLATORS, DETECTORS):
+        found += [getattr(load(name), "__module__", "") for name in _named()]
+    return found

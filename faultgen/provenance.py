@@ -62,16 +62,18 @@ class Provenance:
 
 
 @lru_cache
-def provenance(module: str, *groups: str) -> Provenance:
+def provenance(module: str, *groups: str, more: tuple[str, ...] = ()) -> Provenance:
     """Return the provenance of the results of a module.
 
     Args:
         module: Name of the module that produces the result, such as "faultgen.dataset.run".
         groups: Groups of entry points on which the result depends besides `plugins.EFFECTS`, such
             as `plugins.ISOLATORS`.
+        more: Names of further modules on which the result depends.
     """
     total = hashlib.sha256()
-    added = [name for group in (plugins.EFFECTS, *groups) for name in plugins.modules(group)]
+    added = [*more]
+    added += [name for group in (plugins.EFFECTS, *groups) for name in plugins.modules(group)]
     for name, path in sorted(source_files(module, *added).items()):
         total.update(f"{name}\n{code_of(path.read_text(encoding='utf-8'))}\n".encode())
     return Provenance(version("faultgen"), version("mujoco"), total.hexdigest())

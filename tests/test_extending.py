@@ -51,7 +51,7 @@ def folder(tmp_path_factory):
     """A folder with every file of the page, and the package installed beside it."""
     out = tmp_path_factory.mktemp("extending")
     files = blocks()
-    for name in ("arm.xml", "swing.toml"):
+    for name in ("arm.xml", "swing.toml", "my_classifier.py"):
         (out / name).write_text(files[name])
     install(out / "site", files)
     return out
@@ -106,6 +106,18 @@ def test_the_detector_of_the_page_raises_alarms(results):
     assert len({method for method, _ in rows}) == 8
     worn, healthy = (rows["largest deviation", level]["share"] for level in (0.15, 0.0))
     assert worn > 0.5 > healthy
+
+
+def test_the_classifier_of_the_page_is_compared(results):
+    """In ten lines, beside the others, on test runs only; it is better than chance."""
+    code = blocks()["my_classifier.py"].strip().splitlines()[1:]
+    assert sum(bool(line.strip()) for line in code) <= 10
+    found = results["isolate", "noisy"]
+    rows = {(r["method"], r["level"]): r for r in found["results"]}
+    assert len({method for method, _ in rows}) == 9 and found["split"] == "run"
+    # of each kind of run 2 of 8 are tested, and the others learned from
+    assert {row["total"] for (_, level), row in rows.items() if level == 0.15} == {4}
+    assert rows["random forest", 0.15]["accuracy"] >= 0.5
 
 
 @pytest.mark.slow

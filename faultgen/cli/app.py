@@ -55,7 +55,26 @@ Sensors = Annotated[
 ]
 Seeds = Annotated[int, typer.Option(help="How often the noise is drawn anew for each run.")]
 Folder = Annotated[
-    Path, typer.Argument(help="Folder of a dataset that 'faultgen generate' has written.")
+    Path,
+    typer.Argument(
+        help="Folder of a dataset that 'faultgen generate' has written, or its dataset.h5."
+    ),
+]
+Methods = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--method",
+        help="A method of your own that takes part: my_package:MyClass or ./my_file.py:MyClass. "
+        "Repeat the option for several. docs/extending.md shows how to write one.",
+    ),
+]
+Split = Annotated[
+    str | None,
+    typer.Option(
+        help="Division of the dataset: run, axis, robot or task. Methods learn from its training "
+        "part and are asked about its test part. Default: all runs; or run, if a method learns "
+        "from labels."
+    ),
 ]
 
 

@@ -11,6 +11,7 @@ import typer
 from faultgen.cli.app import (
     Folder,
     Json,
+    Methods,
     Out,
     Workers,
     app,
@@ -91,6 +92,14 @@ def generate(
         bool,
         typer.Option(help="Replace the runs that another version of faultgen has made."),
     ] = False,
+    keep: Annotated[
+        str,
+        typer.Option(
+            help="all: keep a file for each run beside dataset.h5. merged: keep only dataset.h5, "
+            "which needs half the disk space; the run files are removed after dataset.h5 was read "
+            "back and compared with them."
+        ),
+    ] = "all",
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
@@ -136,7 +145,9 @@ def generate(
                     f"give an experiment file, or --robot and --task: --{name} is missing"
                 )
         chosen = make_experiment(given)
-    summary = run_generate(chosen, out, workers=worker_count(workers), regenerate=regenerate)
+    summary = run_generate(
+        chosen, out, workers=worker_count(workers), regenerate=regenerate, keep=keep
+    )
     if as_json:
         print_json(asdict(summary))
     else:
@@ -152,13 +163,17 @@ def generate(
 
 @app.command()
 def info(folder: Folder, as_json: Json = False) -> None:
-    """List the runs of a dataset, and check all of its files.
+    """List the runs of a dataset, or the robots of a fleet, and check all of its files.
 
     The command reports whether the dataset is complete and intact. The exit status is 1 if runs are
     missing or damaged, or were made by different versions of faultgen.
     """
-    from faultgen.dataset.reader import open_dataset
+    from faultgen.dataset.reader import MERGED, open_dataset
+    from faultgen.fleet.data import is_fleet
 
+    if is_fleet(folder):
+        _fleet_info(folder, as_json)
+        return
     dataset = open_dataset(folder)
     damaged = dataset.damaged()
     broken = {Path(name).stem for name in damaged}
@@ -182,14 +197,19 @@ def info(folder: Folder, as_json: Json = False) -> None:
                 "state": state,
             }
         )
-    merged = folder / "dataset.h5"
+    merged = dataset.path / MERGED
     complete = not dataset.missing and merged.is_file()
     whole = complete and not damaged and len(versions) < 2
-    result = {
+    result: dict[str, Any] = {
         "folder": str(folder),
         "complete": complete,
         "intact": not damaged,
         "runs": rows,
+        "splits": {
+            by: {part: len(ids) for part, ids in parts.items()}
+            for by, parts in dataset.manifest.splits.items()
+        },
+        "only_copy": sum(not run.own_file for run in dataset.runs),
         "missing": dataset.missing,
         "failed": dataset.failed,
         "damaged": damaged,
@@ -200,6 +220,10 @@ def info(folder: Folder, as_json: Json = False) -> None:
     else:
         print_table(rows)
         print(f"{len(rows)} runs planned, {len(dataset.missing)} missing, {len(damaged)} damaged")
+        for by, counts in result["splits"].items():
+            print(f"split by {by}: " + ", ".join(f"{n} {part}" for part, n in counts.items()))
+        if result["only_copy"]:
+            print(f"{result['only_copy']} runs have no file of their own; {MERGED} holds them")
         for run_id, reason in dataset.failed.items():
             print(f"failed: {run_id}: {reason}")
         for name, reason in damaged.items():
@@ -222,11 +246,33 @@ def info(folder: Folder, as_json: Json = False) -> None:
         raise typer.Exit(1)
 
 
+def _fleet_info(folder: Path, as_json: bool) -> None:
+    """Carry out `info` on a fleet."""
+    from faultgen.fleet.data import fleet_state
+
+    rows = fleet_state(folder)
+    whole = all(row["state"] == "ok" for row in rows)
+    if as_json:
+        print_json({"folder": str(folder), "complete": whole, "intact": whole, "robots": rows})
+    else:
+        print_table(rows)
+        print(
+            "the fleet is complete and intact"
+            if whole
+            else "the fleet is not in order; run the fleet command again to complete it"
+        )
+    if not whole:
+        raise typer.Exit(1)
+
+
 @app.command()
 def export(
-    runs: Annotated[
+    sources: Annotated[
         list[Path],
-        typer.Argument(help="Run files of a dataset, such as dataset/runs/0123456789abcdef.h5."),
+        typer.Argument(
+            help="Run files of a dataset, such as dataset/runs/0123456789abcdef.h5; or, with "
+            "--parquet, a dataset or a fleet."
+        ),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", help="Recording to write (HDF5).")] = Path(
         "measured.h5"
@@ -234,36 +280,116 @@ def export(
     cycle: Annotated[
         int | None, typer.Option(help="Number of the cycle, from 1. Default: the last one.")
     ] = None,
+    parquet: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write labels and features of all cycles as a table to this Parquet file."
+        ),
+    ] = None,
+    layout: Annotated[
+        str | None,
+        typer.Option(
+            help="ncmapss: write the robots of a fleet that fail, with their remaining life, in "
+            "the layout of the data set N-CMAPSS to the file of --out."
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Turn runs of a dataset into a recording, as if a controller had logged it.
+    """Turn data into another form: a recording, a table, or the layout of another data set.
 
-    One cycle of each run becomes a segment of the recording. The recording holds positions,
-    torques, commanded positions and the temperature, but no label, so that it can be given to
-    'faultgen discover' as measured data. 'faultgen info' lists the runs of a dataset.
-    """
+    \b
+    faultgen export dataset/runs/0123456789abcdef.h5 -o measured.h5
+    faultgen export dataset --parquet cycles.parquet
+    faultgen export fleet --layout ncmapss -o fleet_ncmapss.h5
+
+    The first form makes a recording, as if a controller had logged it. One cycle of each run
+    becomes a segment of the recording. It holds positions, torques, commanded positions and the
+    temperature, but no label, so that it can be given to 'faultgen discover' as measured data.
+    'faultgen info' lists the runs of a dataset.
+
+    The second form writes one row for each cycle of a dataset, or for each sample of a fleet. The
+    third form writes run-to-failure data; docs/fleet.md lists its columns.
+    """  # noqa: D301
+    if layout is not None:
+        _export_layout(sources, layout, out, as_json)
+        return
+    if parquet is not None:
+        if cycle is not None:
+            raise InputError("cycle: leave it out, because the table has all cycles")
+        _export_table(sources, parquet, as_json)
+        return
     from faultgen.discovery.from_runs import recording_of
     from faultgen.discovery.recording import write_recording
 
-    recording = recording_of(runs, cycle)
+    recording = recording_of(sources, cycle)
     write_recording(recording, out)
-    told = {"recording": str(out), "samples": len(recording.position), "segments": len(runs)}
+    told = {"recording": str(out), "samples": len(recording.position), "segments": len(sources)}
     if as_json:
         print_json(told)
         return
     print(f"{out}: {told['samples']} samples in {told['segments']} segments")
 
 
+def _export_table(sources: list[Path], path: Path, as_json: bool) -> None:
+    """Write the table of one dataset or fleet."""
+    from faultgen.dataset.reader import open_dataset
+    from faultgen.fleet.data import is_fleet, open_fleet
+    from faultgen.system.tables import write_parquet
+
+    if len(sources) != 1:
+        raise InputError(f"give one dataset with --parquet, not {len(sources)}")
+    source = open_fleet(sources[0]) if is_fleet(sources[0]) else open_dataset(sources[0])
+    frame = source.to_dataframe()
+    write_parquet(frame, path)
+    told = {"table": str(path), "rows": len(frame), "columns": len(frame.columns)}
+    print_json(told) if as_json else print(
+        f"{path}: {len(frame)} rows, {len(frame.columns)} columns"
+    )
+
+
+def _export_layout(sources: list[Path], layout: str, out: Path, as_json: bool) -> None:
+    """Write a fleet in the layout of another data set."""
+    from faultgen.fleet.data import open_fleet
+    from faultgen.fleet.tables import write_ncmapss
+
+    if layout != "ncmapss":
+        raise InputError(f"layout: must be ncmapss, not '{layout}'")
+    if len(sources) != 1:
+        raise InputError(f"give one fleet with --layout, not {len(sources)}")
+    arrays = write_ncmapss(open_fleet(sources[0]).robots, out)
+    units = {part: len(set(arrays[f"A_{part}"][:, 0].tolist())) for part in ("dev", "test")}
+    told = {"file": str(out), "units": units, "samples": sum(len(arrays[f"Y_{p}"]) for p in units)}
+    if as_json:
+        print_json(told)
+        return
+    print(
+        f"{out}: {units['dev']} training units, {units['test']} test units, "
+        f"{told['samples']} samples"
+    )
+
+
 @app.command()
-def report(folder: Folder, as_json: Json = False) -> None:
-    """Write a report of a dataset as an HTML page.
+def report(folder: Folder, method: Methods = None, as_json: Json = False) -> None:
+    """Write a report of a dataset or a fleet as an HTML page.
 
-    The page contains figures and the isolators' results. It is written to report.html in the
-    dataset's folder, and needs no other files.
+    The page contains figures and, for a dataset, the isolators' results. It is written to
+    report.html in the folder, and needs no other files.
     """
+    from faultgen.dataset.reader import open_dataset
+    from faultgen.evaluation.isolate import isolate as run_isolate
+    from faultgen.fleet.data import is_fleet
+    from faultgen.plugins import load
     from faultgen.report import write_report
+    from faultgen.report.fleet_report import write_fleet_report
 
-    path = write_report(folder)
+    if is_fleet(folder):
+        if method:
+            raise InputError("--method: the report of a fleet compares no methods")
+        path = write_fleet_report(folder)
+    else:
+        dataset = open_dataset(folder)
+        methods: list[Any] = [load(name) for name in method or ()]
+        path = write_report(folder, run_isolate(dataset, methods=methods, progress=False))
     print_json({"report": str(path)}) if as_json else print(path)
 
 

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from faultgen.cli.app import (
     Folder,
     Json,
+    Methods,
     Out,
     Seeds,
     Sensors,
+    Split,
     Workers,
     app,
     names,
     print_json,
     worker_count,
 )
+from faultgen.errors import InputError
 
 
 @app.command()
@@ -26,6 +29,8 @@ def detect(
     folder: Folder,
     sensors: Sensors = None,
     seeds: Seeds = 20,
+    method: Methods = None,
+    split: Split = None,
     as_json: Json = False,
 ) -> None:
     """Measure how reliably each detector recognises wear.
@@ -39,9 +44,12 @@ def detect(
     from faultgen.dataset.reader import open_dataset
     from faultgen.evaluation.detect import detect as run_detect
     from faultgen.evaluation.detect import detection_table, save_detection
+    from faultgen.plugins import load
 
-    result = run_detect(open_dataset(folder), sensors=sensors, seeds=seeds)
-    save_detection(result, folder)
+    dataset = open_dataset(folder)
+    methods: list[Any] = [load(name) for name in method or ()]
+    result = run_detect(dataset, sensors=sensors, seeds=seeds, methods=methods, split=split)
+    save_detection(result, dataset.path)
     print_json(vars(result)) if as_json else print(detection_table(result))
 
 
@@ -50,6 +58,8 @@ def isolate(
     folder: Folder,
     sensors: Sensors = None,
     seeds: Seeds = 20,
+    method: Methods = None,
+    split: Split = None,
     as_json: Json = False,
 ) -> None:
     """Measure how often each isolator names the worn axis.
@@ -64,10 +74,42 @@ def isolate(
     from faultgen.dataset.reader import open_dataset
     from faultgen.evaluation.isolate import isolate as run_isolate
     from faultgen.evaluation.outcomes import save, table, to_dict
+    from faultgen.plugins import load
 
-    result = run_isolate(open_dataset(folder), sensors=sensors, seeds=seeds)
-    save(result, folder)
+    dataset = open_dataset(folder)
+    methods: list[Any] = [load(name) for name in method or ()]
+    result = run_isolate(dataset, sensors=sensors, seeds=seeds, methods=methods, split=split)
+    save(result, dataset.path)
     print_json(to_dict(result)) if as_json else print(table(result))
+
+
+@app.command()
+def benchmark(
+    out: Out = Path("benchmark-out"),
+    quick: Annotated[
+        bool, typer.Option(help="Use fewer axes, robots and runs, for a first look.")
+    ] = False,
+    method: Methods = None,
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Compare all isolators and detectors on the standard data, and write a leader board.
+
+    The command generates two kinds of data from fixed seeds: two robots in three tasks with
+    friction wear, and robots that differ from each other, with several effects. Methods are tested
+    on the test runs of fixed divisions. The leader board is written to benchmark.md, the counts to
+    benchmark.json. Data that exist are used again, so that a further --method takes less time.
+    """
+    from faultgen.evaluation.benchmark import benchmark_board, run_benchmark
+    from faultgen.plugins import load
+
+    methods: list[Any] = [load(name) for name in method or ()]
+    result = run_benchmark(out, quick=quick, methods=methods, workers=worker_count(workers))
+    if as_json:
+        print_json(result)
+        return
+    print(f"{benchmark_board(result, 'isolation')}\n\n{benchmark_board(result, 'detection')}\n")
+    print(out / "benchmark.md")
 
 
 @app.command()
@@ -103,6 +145,7 @@ def study(
     quick: Annotated[
         bool, typer.Option(help="Use fewer seeds or robots, for a first look at the results.")
     ] = False,
+    method: Methods = None,
     seed: Annotated[
         int,
         typer.Option(
@@ -120,6 +163,8 @@ def study(
     The study writes results.json, tables.md and figures/ into the folder. Simulated cycles are
     kept there too, and the next call uses them again.
     """
+    if method:
+        _join_study(name, method)
     from faultgen.studies.runner import run_study
 
     result = run_study(
@@ -138,3 +183,28 @@ def study(
     for goal in result["goals"]:
         print(f"{goal['name']}: {goal['measured']} (goal {goal['goal']}; thesis {goal['thesis']})")
     print(f"\ntables:  {out / 'tables.md'}\nfigures: {out / 'figures'}")
+
+
+def _join_study(name: str, methods: list[str]) -> None:
+    """Let methods take part in a study; refuse those that it cannot compare."""
+    from faultgen.evaluation.methods import Detector, Isolator
+    from faultgen.plugins import load, use
+
+    kinds: dict[str, type] = {"isolation": Isolator, "detection": Detector}
+    if name not in kinds:
+        raise InputError(
+            f"--method: study '{name}' compares no methods of this kind; choose "
+            f"{' or '.join(kinds)}"
+        )
+    for one in methods:
+        loaded: Any = load(one)
+        if not (isinstance(loaded, type) and issubclass(loaded, kinds[name])):
+            raise InputError(
+                f"method '{one}': must be a subclass of faultgen.evaluation.{kinds[name].__name__}"
+            )
+        if loaded.supervised:  # type: ignore[attr-defined]
+            raise InputError(
+                f"method '{one}': learns from labelled runs, which a study does not have; use "
+                "'faultgen isolate' or 'faultgen detect' on a dataset"
+            )
+    use(methods)

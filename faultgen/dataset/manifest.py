@@ -1,7 +1,8 @@
 """The list of runs that a dataset should hold: the file ``runs.json``.
 
-The list carries its own checksum and that of ``experiment.toml``, so that a change of either file
-is noticed. Both files can be restored from the experiment.
+The list also says how the runs are divided into a training part and a test part. It carries its own
+checksum and that of ``experiment.toml``, so that a change of either file is noticed. Both files can
+be restored from the experiment.
 """
 
 from __future__ import annotations
@@ -9,15 +10,17 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from faultgen.dataset.splits import RunParts
 from faultgen.errors import InputError
 from faultgen.system.files import write_text
 
 FILE = "runs.json"
 EXPERIMENT = "experiment.toml"
+DATA_CARD = "DATACARD.md"
 
 _RUN_ID = re.compile(r"[0-9a-f]{16}")
 _NEEDED = ("robot", "task", "seed", "effect", "axes", "severity", "cycles", "sensors")
@@ -31,6 +34,17 @@ class Manifest:
     """Parameters of every run, by id."""
     experiment_sha256: str
     """Hash of ``experiment.toml``."""
+    splits: RunParts = field(default_factory=dict)
+    """Ids of the runs of each part, by division; empty in datasets of older versions."""
+
+    def text(self) -> str:
+        """Return the content of the file, which begins with its checksum."""
+        content = {
+            "experiment_sha256": self.experiment_sha256,
+            "runs": self.runs,
+            "splits": self.splits,
+        }
+        return json.dumps({"sha256": _sha256(content), **content}, indent=1) + "\n"
 
     def write(self, folder: Path) -> None:
         """Write the list into the folder of a dataset.
@@ -41,9 +55,7 @@ class Manifest:
         Raises:
             StorageFailed: The file cannot be written.
         """
-        content = {"experiment_sha256": self.experiment_sha256, "runs": self.runs}
-        text = json.dumps({"sha256": _sha256(content), **content}, indent=1)
-        write_text(folder / FILE, text + "\n")
+        write_text(folder / FILE, self.text())
 
     @classmethod
     def read(cls, folder: Path) -> Manifest:
@@ -60,7 +72,30 @@ class Manifest:
         """
         path = folder / FILE
         try:
-            content = json.loads(path.read_bytes())
+            return cls.parse(path.read_bytes(), path)
+        except FileNotFoundError:
+            raise InputError(
+                f"{folder}: is not a dataset (it has no {FILE}); make one with 'faultgen generate'"
+            ) from None
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+
+    @classmethod
+    def parse(cls, text: bytes, path: Path) -> Manifest:
+        """Read the list from the content of its file.
+
+        Args:
+            text: The content.
+            path: The file that holds it, for messages.
+
+        Returns:
+            The list.
+
+        Raises:
+            InputError: The list is damaged, or was not written by `write`.
+        """
+        try:
+            content = json.loads(text)
             if content.pop("sha256") != _sha256(content):
                 raise ValueError("it differs from its checksum")
             for run_id, parameters in content["runs"].items():
@@ -68,13 +103,7 @@ class Manifest:
                     raise ValueError(f"'{run_id}' is not the id of a run")
                 if missing := [name for name in _NEEDED if name not in parameters]:
                     raise ValueError(f"run {run_id} has no {missing[0]}")
-            return cls(content["runs"], content["experiment_sha256"])
-        except FileNotFoundError:
-            raise InputError(
-                f"{folder}: is not a dataset (it has no {FILE}); make one with 'faultgen generate'"
-            ) from None
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+            return cls(content["runs"], content["experiment_sha256"], content.get("splits", {}))
         except KeyError as error:
             raise _damaged(path, f"it has no {error}") from None
         except (ValueError, TypeError, AttributeError, RecursionError) as error:

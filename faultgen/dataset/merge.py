@@ -1,4 +1,9 @@
-"""All runs of a dataset in one HDF5 file, verified against the run files."""
+"""All runs of a dataset in one HDF5 file, verified against the run files.
+
+The file also holds a table of the runs, their list, the experiment and the data card, so that it
+can be read without the rest of the folder. It can be the only copy of the runs: their own files are
+removed after the file of all runs was read back and compared with them.
+"""
 
 from __future__ import annotations
 
@@ -10,22 +15,35 @@ from typing import Any
 
 import h5py
 import numpy as np
+import pandas as pd
 
-from faultgen.dataset.reader import Dataset
+from faultgen.dataset.card import data_card
+from faultgen.dataset.manifest import DATA_CARD, EXPERIMENT
+from faultgen.dataset.reader import MERGED, ONLY_COPY, Dataset
+from faultgen.dataset.tables import INDEX, runs_table
 from faultgen.errors import InputError, StorageFailed
-from faultgen.system.files import publish, temporary_name, verify
+from faultgen.system.files import (
+    checksum_path,
+    damage,
+    publish,
+    temporary_name,
+    verify,
+    write_text,
+)
 from faultgen.system.hdf5 import new_hdf5, open_verified
 
 
-def merge(dataset: Dataset) -> Path:
+def merge(dataset: Dataset, *, only_copy: bool = False) -> Path:
     """Merge all runs into ``dataset.h5`` and compare the merged file with the run files.
 
     The file has a group ``runs/<id>`` with the content and attributes of each run file, and the
-    root attributes ``complete`` and ``n_runs``. A file that already holds exactly these runs is not
-    written again.
+    root attributes ``complete``, ``n_runs`` and ``only_copy``. The group ``index`` is a table of
+    the runs. The texts ``manifest``, ``experiment.toml`` and ``DATACARD.md`` are copies of files in
+    the folder. A file that already holds exactly these runs is not written again.
 
     Args:
         dataset: The dataset.
+        only_copy: Whether to remove the run files after the merged file was found intact.
 
     Returns:
         Path of the merged file.
@@ -35,39 +53,131 @@ def merge(dataset: Dataset) -> Path:
         StorageFailed: The merged file cannot be written, or differs from the run files when it is
             read back.
     """
-    path = dataset.path / "dataset.h5"
-    sums = {run.id: verify(run.path) for run in dataset.runs}
-    content = hashlib.sha256(json.dumps([sums, dataset.missing]).encode()).hexdigest()
+    path = dataset.path / MERGED
+    sums = _sums(dataset, path)
+    # runs that have no file any more stay in the merged file
+    only_copy = only_copy or not all(run.own_file for run in dataset.runs)
+    texts = {
+        "manifest": dataset.manifest.text(),
+        EXPERIMENT: (dataset.path / EXPERIMENT).read_text(encoding="utf-8"),
+        DATA_CARD: data_card(dataset.runs, dataset.manifest),
+    }
+    told = json.dumps([sums, dataset.missing, only_copy, texts])
+    content = hashlib.sha256(told.encode()).hexdigest()
+    if not _holds(path, content):
+        _write(dataset, path, content, only_copy, sums, texts)
+    card = dataset.path / DATA_CARD
+    if not card.is_file() or card.read_bytes() != texts[DATA_CARD].encode():
+        write_text(card, texts[DATA_CARD])
+    return path
+
+
+def remove_run_files(dataset: Dataset) -> None:
+    """Remove the run files of a dataset whose merged file is the only copy of the runs.
+
+    Nothing is removed before the whole merged file was read from the disk and agreed with its
+    checksum, and before every run file was found in it with its checksum.
+
+    Args:
+        dataset: The dataset, merged with ``only_copy``.
+
+    Raises:
+        StorageFailed: The merged file is damaged, or does not hold a run.
+    """
+    path = dataset.path / MERGED
+    reason = damage(path)
+    if reason is not None:
+        raise StorageFailed(f"{path}: {reason}; the run files are kept")
+    with open_verified(path) as merged:
+        held = _index_sums(merged) if merged.attrs[ONLY_COPY] else {}
+    files = [run for run in dataset.runs if run.own_file]
+    for run in files:
+        if held.get(run.id) != verify(run.path):
+            raise StorageFailed(f"{path}: does not hold run {run.id}; the run files are kept")
+    for run in files:
+        # the checksum goes first: a run file without one counts as damaged, not as whole
+        checksum_path(run.path).unlink(missing_ok=True)
+        run.path.unlink(missing_ok=True)
+
+
+def _sums(dataset: Dataset, path: Path) -> dict[str, str]:
+    """The checksum that the file of each run has, or had before it was removed."""
+    merged_only = [run.id for run in dataset.runs if not run.own_file]
+    held: dict[str, str] = {}
+    if merged_only:
+        with open_verified(path) as merged:
+            held = _index_sums(merged)
+    return {run.id: verify(run.path) if run.own_file else held[run.id] for run in dataset.runs}
+
+
+def _index_sums(merged: h5py.File) -> dict[str, str]:
+    ids, sums = (merged[f"index/{name}"].asstr()[()] for name in ("run", "file_sha256"))
+    return dict(zip(ids.tolist(), sums.tolist(), strict=True))
+
+
+def _holds(path: Path, content: str) -> bool:
+    """Whether a merged file is intact and has this content."""
     with suppress(InputError):  # a missing or damaged file is replaced
         with open_verified(path) as file:
-            if file.attrs.get("content_sha256") == content:
-                return path
+            return bool(file.attrs.get("content_sha256") == content)
+    return False
+
+
+def _write(
+    dataset: Dataset,
+    path: Path,
+    content: str,
+    only_copy: bool,
+    sums: dict[str, str],
+    texts: dict[str, str],
+) -> None:
+    table = runs_table(dataset.runs, dataset.manifest.splits)
+    if len(table):
+        table["file_sha256"] = [sums[i] for i in table["run"]]
     temporary = temporary_name(path)
     with new_hdf5(path) as (merged, sink):
         merged.attrs["content_sha256"] = content
         merged.attrs["complete"] = not dataset.missing
         merged.attrs["n_runs"] = len(dataset.runs)
+        merged.attrs[ONLY_COPY] = only_copy
+        for name, text in texts.items():
+            merged[name] = text
+        _write_index(merged.create_group("index"), table)
         for run in dataset.runs:
-            with open_verified(run.path) as file:
+            with run.open() as file:
                 copy_run(file, merged.create_group(f"runs/{run.id}"))
             sink.check()
     try:
-        _verify(dataset, temporary)
+        _verify(dataset, temporary, table, texts)
         publish(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
-    return path
+
+
+def _write_index(group: h5py.Group, table: pd.DataFrame) -> None:
+    """Write each column of the table of runs as an array, with a common dimension scale."""
+    scale = group.create_dataset("run_number", data=np.arange(1, len(table) + 1))
+    scale.attrs.update({"units": "1", "long_name": "run, from 1"})
+    scale.make_scale("run_number")
+    for name, column in table.items():
+        values = column.to_numpy()
+        kind = h5py.string_dtype() if column.dtype.kind not in "iuf" else column.dtype
+        data = group.create_dataset(str(name), data=values.astype(kind), dtype=kind)
+        units, long_name = INDEX.get(str(name), ("", "part of the run in this division"))
+        data.attrs.update({"units": units, "long_name": long_name})
+        data.dims[0].label = "run_number"
+        data.dims[0].attach_scale(scale)
 
 
 # attributes in which HDF5 keeps dimension scales; their references do not survive a copy
 _SCALE_ATTRIBUTES = ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST")
 
 
-def copy_run(file: h5py.File, group: h5py.Group) -> None:
+def copy_run(file: h5py.Group, group: h5py.Group) -> None:
     """Copy a run file into a group without unpacking it, and attach the dimension scales again.
 
     Args:
-        file: The run file, open for reading.
+        file: The run file, or its group in a merged file, open for reading.
         group: Where its content goes.
     """
     group.attrs.update(file.attrs)
@@ -88,7 +198,7 @@ def copy_run(file: h5py.File, group: h5py.Group) -> None:
                 dimension.attach_scale(group[dimension.label])
 
 
-def _array_names(file: h5py.File) -> list[str]:
+def _array_names(file: h5py.Group) -> list[str]:
     names: list[str] = []
 
     def note(name: str, item: Any) -> None:
@@ -99,27 +209,41 @@ def _array_names(file: h5py.File) -> list[str]:
     return names
 
 
-def _verify(dataset: Dataset, merged_path: Path) -> None:
+def _verify(
+    dataset: Dataset, merged_path: Path, table: pd.DataFrame, texts: dict[str, str]
+) -> None:
     """Compare the merged file with the run files, which agree with their own checksums.
 
     Raises:
         StorageFailed: An array or attribute differs from the run file.
     """
     with h5py.File(merged_path, "r") as merged:
+        index = merged["index"]
+        read = {name: index[name].asstr()[()] for name in table if index[name].dtype == object}
+        wrong = [name for name, text in texts.items() if merged[name].asstr()[()] != text]
+        wrong += [
+            f"index/{name}"
+            for name, column in table.items()
+            if not np.array_equal(read.get(name, index[name][()]), column.to_numpy())
+        ]
+        if wrong:
+            raise StorageFailed(
+                f"{dataset.path / MERGED}: '{wrong[0]}' differs from what was written"
+            )
         for run in dataset.runs:
             group = merged[f"runs/{run.id}"]
-            with open_verified(run.path) as file:
+            with run.open() as file:
                 names = _array_names(file)
                 wrong = [name for name in names if not _same(file[name], group[name])]
                 wrong += [name for name in ["/", *names] if not _same_attributes(file, group, name)]
                 if wrong:
                     raise StorageFailed(
-                        f"{merged_path.parent / 'dataset.h5'}: '{wrong[0]}' of run {run.id} "
+                        f"{dataset.path / MERGED}: '{wrong[0]}' of run {run.id} "
                         "differs from what was written"
                     )
 
 
-def _same_attributes(file: h5py.File, group: h5py.Group, name: str) -> bool:
+def _same_attributes(file: h5py.Group, group: h5py.Group, name: str) -> bool:
     one, other = (file, group) if name == "/" else (file[name], group[name])
     return all(
         np.array_equal(value, other.attrs[key])

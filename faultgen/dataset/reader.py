@@ -2,10 +2,13 @@
 
 A dataset is a folder: ``experiment.toml``, ``runs.json`` (the runs it should hold),
 ``runs/<id>.h5`` with a checksum beside each, and ``dataset.h5`` with all runs merged. A file that
-exists is complete, and it is compared with its checksum before it is read. Reading a dataset does
+exists is complete, and it is compared with its checksum before it is read. ``dataset.h5`` can be
+the only copy of the runs, and can be read without the rest of the folder. Reading a dataset does
 not need the simulator.
 
-    dataset = open_dataset("out")
+    dataset = open_dataset("out")               # or "out/dataset.h5"
+    cycles = dataset.to_dataframe()
+    x, y, groups = dataset.to_xy(split="train", label="axis")
     for run in dataset.runs:
         run["axis"], run["severity"], run.read("monitoring/mean_abs_torque").shape
 """
@@ -13,20 +16,33 @@ not need the simulator.
 from __future__ import annotations
 
 import json
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import h5py
 import numpy as np
 
-from faultgen.dataset.manifest import EXPERIMENT, Manifest
-from faultgen.errors import InputError
+from faultgen.dataset.manifest import DATA_CARD, EXPERIMENT, Manifest
+from faultgen.dataset.splits import SCHEMES, TEST, TRAIN, UNUSED
+from faultgen.errors import InputError, StorageFailed
 from faultgen.provenance import Provenance
 from faultgen.system.arrays import plain_value
 from faultgen.system.files import damage, file_sha256
 from faultgen.system.hdf5 import open_verified
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+MERGED = "dataset.h5"
+"""Name of the file that holds all runs."""
+
+ONLY_COPY = "only_copy"
+"""Attribute of that file: whether runs without a file of their own are to be read from it."""
 
 
 @dataclass(frozen=True)
@@ -36,13 +52,47 @@ class StoredRun:
     id: str
     """Id of the run, 16 hexadecimal digits."""
     path: Path
-    """Path of the run file."""
+    """Path of the run file, or of the file of all runs."""
+    group: str = "/"
+    """Group of the file that holds the run."""
+
+    @classmethod
+    def at(cls, path: Path) -> StoredRun:
+        """Return the run of a run file, also if only the file of all runs still holds it.
+
+        Args:
+            path: Path that the run file has, or had before only the file of all runs was kept.
+        """
+        merged = path.parent.parent / MERGED
+        if not path.is_file() and path.parent.name == "runs" and path.stem in only_in(merged):
+            return cls(path.stem, merged, f"runs/{path.stem}")
+        return cls(path.stem, path)
+
+    @property
+    def own_file(self) -> bool:
+        """Whether the run has a file of its own."""
+        return self.group == "/"
+
+    @contextmanager
+    def open(self) -> Iterator[h5py.Group]:
+        """Open the run for reading.
+
+        Yields:
+            The group that has the arrays and attributes of the run.
+
+        Raises:
+            InputError: The file is damaged, or does not hold the run.
+        """
+        with open_verified(self.path) as file:
+            if self.group not in file:
+                raise InputError(f"{self.path}: does not hold the run {self.id}")
+            yield file[self.group]
 
     @cached_property
     def attributes(self) -> dict[str, Any]:
-        """Root attributes of the run file."""
-        with open_verified(self.path) as file:
-            return {name: plain_value(value) for name, value in file.attrs.items()}
+        """Root attributes of the run."""
+        with self.open() as run:
+            return {name: plain_value(value) for name, value in run.attrs.items()}
 
     @property
     def made_by(self) -> Provenance:
@@ -67,22 +117,39 @@ class StoredRun:
         Raises:
             InputError: There is no such array in this run.
         """
-        with open_verified(self.path) as file:
-            if name not in file:
+        with self.open() as run:
+            if name not in run:
                 raise InputError(f"{self.path}: holds no '{name}'")
-            return file[name][select]
+            return run[name][select]
 
     def __contains__(self, name: str) -> bool:
-        with open_verified(self.path) as file:
-            return name in file
+        with self.open() as run:
+            return name in run
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return all arrays of the run as an xarray dataset.
+
+        Returns:
+            The arrays, named as in the file, with their units. Their coordinates are the cycle, the
+            time in the cycle [s], the axis and the bin, all of them as in the file.
+
+        Raises:
+            InputError: xarray is not installed.
+        """
+        from faultgen.dataset.tables import run_to_xarray
+
+        with self.open() as run:
+            return run_to_xarray(run)
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """A dataset folder."""
+    """A dataset folder, or a file of all runs by itself."""
 
     path: Path
     """Path of the folder."""
+    file: Path | None = None
+    """The file of all runs, if nothing else of the folder is to be read."""
 
     @cached_property
     def manifest(self) -> Manifest:
@@ -91,7 +158,15 @@ class Dataset:
         Raises:
             InputError: The list is missing or damaged.
         """
-        return Manifest.read(self.path)
+        if self.file is None:
+            return Manifest.read(self.path)
+        with open_verified(self.file) as merged:
+            if "manifest" not in merged:
+                raise InputError(
+                    f"{self.file}: is not the file of a dataset, or is of an older version; give "
+                    "the folder of the dataset"
+                )
+            return Manifest.parse(merged["manifest"][()], self.file)
 
     @property
     def planned(self) -> dict[str, dict[str, Any]]:
@@ -100,14 +175,27 @@ class Dataset:
 
     @cached_property
     def runs(self) -> list[StoredRun]:
-        """The runs whose files exist, in the order of the plan."""
-        every = [StoredRun(i, self.path / "runs" / f"{i}.h5") for i in self.planned]
-        return [run for run in every if run.path.is_file()]
+        """The runs that exist, in the order of the plan.
+
+        A run is read from its own file if it has one.
+        """
+        if self.file is not None:
+            with open_verified(self.file) as merged:
+                held = [i for i in self.planned if i in merged["runs"]]
+            return [StoredRun(i, self.file, f"runs/{i}") for i in held]
+        every = {i: StoredRun(i, self.path / "runs" / f"{i}.h5") for i in self.planned}
+        lost = {i for i, run in every.items() if not run.path.is_file()}
+        merged_path = self.path / MERGED
+        merged_only = only_in(merged_path) if lost else set()
+        for i in lost:
+            every[i] = StoredRun(i, merged_path, f"runs/{i}")
+        return [run for i, run in every.items() if i not in lost - merged_only]
 
     @property
     def missing(self) -> list[str]:
-        """Ids of the planned runs whose files do not exist."""
-        return [i for i in self.planned if not (self.path / "runs" / f"{i}.h5").is_file()]
+        """Ids of the planned runs that do not exist."""
+        there = {run.id for run in self.runs}
+        return [i for i in self.planned if i not in there]
 
     @property
     def failed(self) -> dict[str, str]:
@@ -133,13 +221,27 @@ class Dataset:
         Returns:
             Reasons by file name, relative to the folder; empty if no file is damaged.
         """
-        files = [run.path for run in self.runs]
-        merged = self.path / "dataset.h5"
+        merged = self.path / MERGED if self.file is None else self.file
+        files = [run.path for run in self.runs if run.own_file]
         if merged.is_file():
             files.append(merged)
         reasons = {str(path.relative_to(self.path)): damage(path) for path in files}
-        reasons[EXPERIMENT] = self._experiment_damage()
+        if self.file is None:
+            reasons[EXPERIMENT] = self._experiment_damage()
+            reasons[DATA_CARD] = self._card_damage() if reasons.get(MERGED, "") is None else None
         return {name: reason for name, reason in reasons.items() if reason is not None}
+
+    def _card_damage(self) -> str | None:
+        """Compare the data card with its copy in the file of all runs."""
+        with open_verified(self.path / MERGED) as merged:
+            wanted = merged[DATA_CARD][()] if DATA_CARD in merged else None
+        try:
+            found = (self.path / DATA_CARD).read_bytes()
+        except OSError as error:
+            found, reason = b"", f"cannot be read ({error.strerror})"
+        else:
+            reason = f"differs from its copy in {MERGED}"
+        return reason if wanted is not None and found != wanted else None
 
     def _experiment_damage(self) -> str | None:
         try:
@@ -149,6 +251,128 @@ class Dataset:
         if found != self.manifest.experiment_sha256:
             return "is not the experiment that made this dataset"
         return None
+
+    @property
+    def index(self) -> pd.DataFrame:
+        """A table with one row for each run: its parameters, and its part in every division."""
+        from faultgen.dataset.tables import runs_table
+
+        return runs_table(self.runs, self.manifest.splits)
+
+    def to_dataframe(self, features: Sequence[str] | None = None) -> pd.DataFrame:
+        """Return a table with one row for each cycle of every run.
+
+        Its first columns are labels: the run, its robot, task, effect, axis and seed, its part in
+        each division, the cycle, its severity and temperature, and the severity of every fault on
+        every axis. The others are features, one column for each axis, or for each axis and bin,
+        such as mean_abs_torque_2 or torque_histogram_2_12. A value is nan if the robot has no such
+        axis.
+
+        Args:
+            features: Names of arrays under ``/monitoring``, or "temperature". Default: all of them.
+
+        Returns:
+            The table. ``frame.attrs["units"]`` has the SI unit of each column, and
+            ``frame.attrs["features"]`` the names of the feature columns.
+
+        Raises:
+            InputError: There is no such feature, or the dataset has no runs.
+        """
+        from faultgen.dataset.tables import cycles_table
+
+        return cycles_table(self.runs, self.manifest.splits, features, where=str(self.path))
+
+    def to_xy(
+        self,
+        features: Sequence[str] | None = None,
+        *,
+        split: str | None = None,
+        by: str = "run",
+        label: str = "axis",
+    ) -> tuple[pd.DataFrame, np.ndarray, np.ndarray]:
+        """Return features and labels as scikit-learn wants them.
+
+        Args:
+            features: Names of arrays under ``/monitoring``, or "temperature". Default: all of them.
+            split: "train" or "test" for one part of a division; by default all cycles.
+            by: Name of the division: "run", "axis", "robot" or "task".
+            label: "axis" (the worn axis from 1, or 0 while nothing is worn), "effect" ("healthy"
+                while nothing is worn), "worn" (whether something is worn), "severity" (in the unit
+                of the effect), or another column of `to_dataframe`.
+
+        Returns:
+            The features, shape (cycles, columns), without columns that have no value in the whole
+            dataset; the labels, shape (cycles,); and the groups, shape (cycles,): the seed of the
+            run, which cross-validation must not divide. Units are those of `to_dataframe`.
+
+        Raises:
+            InputError: There is no such feature, label or division.
+        """
+        from faultgen.dataset.tables import features_and_labels
+
+        self._check_division(split, by)
+        return features_and_labels(
+            self.to_dataframe(features), None if split is None else (by, split), label
+        )
+
+    def _check_division(self, split: str | None, by: str) -> None:
+        if split not in (None, TRAIN, TEST):
+            raise InputError(f"split: must be '{TRAIN}' or '{TEST}', not '{split}'")
+        if by not in SCHEMES:
+            raise InputError(f"by: there is no division by '{by}': choose {', '.join(SCHEMES)}")
+        if split is not None and by not in self.manifest.splits:
+            known = ", ".join(self.manifest.splits) or "none"
+            raise InputError(
+                f"{self.path}: has no division by {by}, because all of its runs would be on one "
+                f"side, or because it is of an older version; it has: {known}"
+            )
+
+    def part_of(self, by: str) -> dict[str, str]:
+        """Return the part of every run in a division.
+
+        Args:
+            by: Name of the division.
+
+        Returns:
+            "train", "test" or "unused" by id of the run.
+
+        Raises:
+            InputError: The dataset has no such division.
+        """
+        self._check_division(TRAIN, by)
+        parts = self.manifest.splits[by]
+        return {i: part for part in (TRAIN, TEST, UNUSED) for i in parts.get(part, [])}
+
+    def to_parquet(self, path: str | Path) -> None:
+        """Write the table of `to_dataframe` to a Parquet file.
+
+        Args:
+            path: The file.
+
+        Raises:
+            InputError: pyarrow is not installed.
+            StorageFailed: The file cannot be written.
+        """
+        from faultgen.system.tables import write_parquet
+
+        write_parquet(self.to_dataframe(), Path(path))
+
+
+def only_in(merged: Path) -> set[str]:
+    """Find the runs that a file of all runs holds in place of run files.
+
+    Args:
+        merged: Path of the file.
+
+    Returns:
+        Their ids; none if the file is missing or damaged, or if the runs have files of their own.
+    """
+    if not merged.is_file():
+        return set()
+    with suppress(InputError, StorageFailed):  # a damaged file is reported by `damaged`
+        with open_verified(merged) as file:
+            return set(file["runs"]) if file.attrs.get(ONLY_COPY, False) else set()
+    return set()
 
 
 def _reason(note: Path) -> str:
@@ -165,14 +389,16 @@ def open_dataset(folder: str | Path) -> Dataset:
     Every file is compared with its checksum before it is first read.
 
     Args:
-        folder: Folder that `faultgen generate` wrote.
+        folder: Folder that `faultgen generate` wrote, or its file ``dataset.h5``. The file can be
+            read without the rest of the folder, except its checksum ``dataset.h5.sha256``.
 
     Returns:
         The dataset.
 
     Raises:
-        InputError: The folder is not a dataset, or its list of runs is damaged.
+        InputError: This is not a dataset, or its list of runs is damaged.
     """
-    dataset = Dataset(Path(folder))
+    path = Path(folder)
+    dataset = Dataset(path.parent, path) if path.is_file() else Dataset(path)
     _ = dataset.manifest
     return dataset

@@ -22,14 +22,18 @@ from tqdm import tqdm
 
 from faultgen.dataset.experiment import Experiment, load_experiment, to_toml
 from faultgen.dataset.manifest import EXPERIMENT, Manifest
-from faultgen.dataset.merge import merge
+from faultgen.dataset.merge import merge, remove_run_files
 from faultgen.dataset.planning import Run, check_runs, plan_runs
-from faultgen.dataset.reader import Dataset, open_dataset
+from faultgen.dataset.reader import MERGED, Dataset, only_in, open_dataset
 from faultgen.dataset.run import make_run
 from faultgen.dataset.run_file import run_provenance
+from faultgen.dataset.splits import make_splits
 from faultgen.errors import InputError
 from faultgen.system.files import write_text, writer_of
 from faultgen.system.parallel import check_workers, in_parallel
+
+KEEP = ("all", "merged")
+"""Which files of the runs can be kept."""
 
 
 @dataclass
@@ -54,6 +58,7 @@ def generate(
     *,
     workers: int = 1,
     regenerate: bool = False,
+    keep: str = "all",
     progress: bool = True,
 ) -> Summary:
     """Generate a dataset, or finish one that was interrupted.
@@ -66,6 +71,9 @@ def generate(
         out: Folder for the dataset. It is created if it does not exist.
         workers: Number of processes that simulate.
         regenerate: Whether to replace runs that another version of the code has made.
+        keep: "all" keeps the run files and the file of all runs. "merged" removes the run files
+            when the file of all runs was found intact, which halves the disk space. Run files that
+            were removed before are not made again.
         progress: Whether to show a progress bar on stderr.
 
     Returns:
@@ -80,6 +88,8 @@ def generate(
     if not isinstance(experiment, Experiment):
         experiment = load_experiment(experiment)
     check_workers(workers)
+    if keep not in KEEP:
+        raise InputError(f"keep: must be {' or '.join(KEEP)}, not '{keep}'")
     runs = plan_runs(experiment)
     for line in check_runs(runs):  # what cannot be is refused before anything is written
         if progress:
@@ -100,7 +110,10 @@ def generate(
             else:
                 summary.failed[run.id] = f"{run.label}: {reason}"
                 write_text(note, json.dumps({"run": asdict(run), "reason": reason}, indent=1))
-        merge(open_dataset(folder))
+        dataset = open_dataset(folder)
+        merge(dataset, only_copy=keep == "merged")
+        if keep == "merged":
+            remove_run_files(dataset)
     return summary
 
 
@@ -152,12 +165,14 @@ def _prepare(folder: Path, experiment: Experiment, runs: list[Run]) -> Dataset:
     """Create the folder, or check that it holds this same experiment; restore its lists."""
     text = to_toml(experiment)
     planned = {run.id: asdict(run) for run in runs}
-    manifest = Manifest(planned, hashlib.sha256(text.encode()).hexdigest())
     written = folder / EXPERIMENT
     old = _manifest_of(folder)
+    # divisions that exist stay as they are: results that were published depend on them
+    splits = old.splits if old is not None and old.splits else make_splits(planned, experiment.seed)
+    manifest = Manifest(planned, hashlib.sha256(text.encode()).hexdigest(), splits)
     if old is None:
         # without a list of runs, the run files show which dataset this is
-        there = {path.stem for path in folder.glob("runs/*.h5")}
+        there = {path.stem for path in folder.glob("runs/*.h5")} | only_in(folder / MERGED)
         if there - planned.keys():
             raise InputError(f"{folder}: holds runs of another dataset; give another folder")
         if not there and _differs(written, text):

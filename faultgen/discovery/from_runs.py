@@ -32,7 +32,7 @@ def recording_of(files: Sequence[str | Path], cycle: int | None = None) -> Recor
         InputError: A file is no run, lacks the signals or the cycle, or the runs do not fit
             together.
     """
-    runs = [StoredRun(Path(file).stem, Path(file)) for file in files]
+    runs = [StoredRun.at(Path(file)) for file in files]
     parts = [_part(run, cycle) for run in runs]
     names = set.intersection(*(set(part) for part in parts))
     for what in ("robot", "sample_period"):

@@ -9,6 +9,7 @@ alarm is reported as well.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,14 +17,14 @@ from typing import Any
 from tqdm import tqdm
 
 from faultgen import plugins
-from faultgen.dataset.reader import Dataset
+from faultgen.dataset.reader import Dataset, StoredRun
 from faultgen.errors import InputError
 from faultgen.evaluation.detectors import DETECTORS, RUN_LENGTH
 from faultgen.evaluation.isolate import LEVELS, cuts, require_cycles
 from faultgen.evaluation.markdown import percent, table
-from faultgen.evaluation.methods import CYCLES, alarms, needed
-from faultgen.evaluation.observed_runs import noise_of, places
-from faultgen.evaluation.outcomes import other_effects, shown_level
+from faultgen.evaluation.methods import CYCLES, Detector, alarms, needed, with_methods
+from faultgen.evaluation.observed_runs import division_of, noise_of, places
+from faultgen.evaluation.outcomes import other_effects, shown_level, tested_on
 from faultgen.evaluation.shares import share
 from faultgen.provenance import provenance
 from faultgen.system.files import write_text
@@ -47,6 +48,8 @@ class Detection:
     """Why detectors were not used, by robot and task."""
     made_by: str
     """Versions and code that made the result, with that of detectors of other packages."""
+    split: str = ""
+    """Division by which the methods were tested; empty if they were asked about all runs."""
 
 
 def detect(
@@ -56,6 +59,8 @@ def detect(
     seeds: int = 20,
     seed: int = 1000,
     levels: tuple[float, ...] = LEVELS,
+    methods: Sequence[type[Detector]] = (),
+    split: str | None = None,
     progress: bool = True,
 ) -> Detection:
     """Run every detector on a dataset.
@@ -67,6 +72,8 @@ def detect(
         seeds: Number of noise draws for each run.
         seed: First seed of the draws.
         levels: Severities up to which alarms are counted.
+        methods: Further detectors beside those of the table `DETECTORS`.
+        split: Division of the dataset, as for `faultgen.evaluation.isolate.isolate`.
         progress: Whether to show a progress bar on stderr.
 
     Returns:
@@ -74,21 +81,26 @@ def detect(
 
     Raises:
         InputError: The dataset has no runs, or lacks the signals that new noise needs, or no run is
-            long enough, or there are no healthy cycles to learn from.
+            long enough, or there are no healthy cycles to learn from; a method is none, or there is
+            no such division.
     """
+    listed = with_methods(DETECTORS, Detector, methods)  # type: ignore[type-abstract]
+    split = division_of(listed.values(), split)
     chosen, redraw = noise_of(dataset, sensors)
     if seeds < 1:
         raise InputError(f"seeds: must be at least 1, not {seeds}")
     require_cycles(dataset, levels)
-    of_cycles = {name: one for name, one in DETECTORS.items() if CYCLES in one.rows}
+    of_cycles = {name: one for name, one in listed.items() if CYCLES in one.rows}
     outcomes: dict[tuple[str, str, str, float, str], list[bool]] = {}
     left_out: dict[str, str] = {}
     learned: dict[str, int] = {}
     shown = None if progress else True
     bar = tqdm(total=len(dataset.runs), unit="run", desc="detecting", disable=shown)
-    for place in places(dataset, sensors):
+    seen_runs: list[StoredRun] = []
+    for place in places(dataset, sensors, split):
         where = f"{place.robot}/{place.task}"
-        for run in place.runs:
+        for run in place.tested:
+            seen_runs.append(run)
             detectors, lacking = place.fitted(of_cycles, run)
             if lacking:
                 left_out[where] = lacking
@@ -111,9 +123,11 @@ def detect(
         told = share(sum(found), len(found))
         row_of = {"robot": robot, "task": task, "effect": effect, "level": level, "method": method}
         rows.append({**row_of, "alarms": told.pop("right"), **told})
-    draws = seeds if redraw else len({run["seed"] for run in dataset.runs})
-    made_by = str(provenance("faultgen.evaluation.detect", plugins.ISOLATORS, plugins.DETECTORS))
-    return Detection(chosen, draws, redraw, rows, learned, left_out, made_by)
+    draws = seeds if redraw else len({run["seed"] for run in seen_runs})
+    groups = (plugins.ISOLATORS, plugins.DETECTORS)
+    more = tuple(method.__module__ for method in methods)
+    made_by = str(provenance("faultgen.evaluation.detect", *groups, more=more))
+    return Detection(chosen, draws, redraw, rows, learned, left_out, made_by, split or "")
 
 
 def _cell(row: dict[str, Any] | None) -> str:
@@ -143,7 +157,8 @@ def detection_table(result: Detection) -> str:
         f"in {RUN_LENGTH:g} cycles if the healthy spread were known; learned from few cycles they "
         "alarm more often. Learned from: "
         + ", ".join(f"{where} {count} cycles" for where, count in result.healthy_cycles.items())
-        + ".",
+        + "."
+        + tested_on(result.split),
     ]
     if shown:
         said.append(table(["robot", "task", "effect", "severity", *names], shown))

@@ -8,7 +8,7 @@ each of many seeds.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from tqdm import tqdm
@@ -18,9 +18,9 @@ from faultgen.dataset.reader import Dataset, StoredRun
 from faultgen.effects import HEALTHY, get_effect
 from faultgen.errors import InputError
 from faultgen.evaluation.isolators import ISOLATORS
-from faultgen.evaluation.methods import axis_of, needed
+from faultgen.evaluation.methods import Isolator, axis_of, needed, with_methods
 from faultgen.evaluation.methods import isolate as ask
-from faultgen.evaluation.observed_runs import noise_of, places
+from faultgen.evaluation.observed_runs import division_of, noise_of, places
 from faultgen.evaluation.outcomes import Isolation, Outcomes
 from faultgen.provenance import provenance
 
@@ -38,6 +38,8 @@ def isolate(
     seeds: int = 20,
     seed: int = 1000,
     levels: tuple[float, ...] = LEVELS,
+    methods: Sequence[type[Isolator]] = (),
+    split: str | None = None,
     progress: bool = True,
 ) -> Isolation:
     """Run every isolator on a dataset.
@@ -49,6 +51,10 @@ def isolate(
         seeds: Number of noise draws for each run.
         seed: First seed of the draws.
         levels: Severities at which isolators answer.
+        methods: Further isolators beside those of the table `ISOLATORS`.
+        split: Division of the dataset: isolators learn from its training part and are asked about
+            its test part. Default: they are asked about all runs, unless one learns from labels;
+            then the division is "run".
         progress: Whether to show a progress bar on stderr.
 
     Returns:
@@ -56,8 +62,10 @@ def isolate(
 
     Raises:
         InputError: The dataset has no runs, or lacks the signals that new noise needs, or no run is
-            long enough.
+            long enough; a method is none, or there is no such division.
     """
+    table = with_methods(ISOLATORS, Isolator, methods)  # type: ignore[type-abstract]
+    split = division_of(table.values(), split)
     chosen, redraw = noise_of(dataset, sensors)
     if seeds < 1:
         raise InputError(f"seeds: must be at least 1, not {seeds}")
@@ -68,15 +76,17 @@ def isolate(
     short: set[float] = set()
     shown = None if progress else True
     bar = tqdm(total=len(dataset.runs), unit="run", desc="isolating", disable=shown)
-    for place in places(dataset, sensors):
+    seen_runs: list[StoredRun] = []
+    for place in places(dataset, sensors, split):
         where = f"{place.robot}/{place.task}"
-        for run in place.runs:
+        for run in place.tested:
+            seen_runs.append(run)
             worn = tuple(int(axis) for axis in run["axes"])
             severity = run.read("cycle/severity")
             ends = list(cuts(run, levels))
             asked = levels if in_fractions(run["effect"]) else ()
             short |= {a for a in asked if worn and severity.max() >= a} - {a for a, _ in ends}
-            isolators, lacking = place.fitted(ISOLATORS, run)
+            isolators, lacking = place.fitted(table, run)
             if lacking:
                 left_out[where] = lacking
             names = {"mean_abs_torque", *needed(isolators.values())}
@@ -90,11 +100,14 @@ def isolate(
                         outcomes.setdefault(key, Outcomes(*key)).add(answer, worn)
             bar.update()
     bar.close()
-    draws = seeds if redraw else len({run["seed"] for run in dataset.runs})
+    draws = seeds if redraw else len({run["seed"] for run in seen_runs})
     too_short = ", ".join(f"{100 * level:g} %" for level in sorted(short))
     counted = list(outcomes.values())
-    made_by = str(provenance("faultgen.evaluation.isolate", plugins.ISOLATORS))
-    return Isolation(chosen, draws, redraw, counted, unobservable, too_short, left_out, made_by)
+    more = tuple(method.__module__ for method in methods)
+    made_by = str(provenance("faultgen.evaluation.isolate", plugins.ISOLATORS, more=more))
+    return Isolation(
+        chosen, draws, redraw, counted, unobservable, too_short, left_out, made_by, split or ""
+    )
 
 
 def in_fractions(effect: str) -> bool:

@@ -57,6 +57,20 @@ class Setting:
     """Axes that turn, and whose friction can therefore be observed, shape (n_axes,). None: all."""
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LabelledRun:
+    """A run of the training part of a division, with its true labels."""
+
+    features: Features
+    """Features of all its cycles, by name."""
+    severity: np.ndarray
+    """Severity of the fault in each cycle, in the unit of the effect, shape (cycles,)."""
+    axes: tuple[int, ...]
+    """Axes on which the fault acts, from 0; empty for a healthy run."""
+    effect: str
+    """Name of the effect; 'healthy' if there is none."""
+
+
 class Method(ABC):
     """Common part of isolators and detectors."""
 
@@ -68,6 +82,9 @@ class Method(ABC):
     """Names of the features that it needs, of `FEATURES`."""
     learns: ClassVar[bool] = True
     """Whether `fit` needs healthy cycles. If not, it gets empty lists."""
+    supervised: ClassVar[bool] = False
+    """Whether it learns from labelled runs, by `learn`, instead of from healthy cycles, by `fit`.
+    All methods are then asked only about runs of the test part of a division."""
 
     def __init__(self, setting: Setting) -> None:
         """Store what is known before there are data."""
@@ -83,6 +100,17 @@ class Method(ABC):
         Raises:
             ValueError: The cycles are too few. The method is then left out, with this message.
         """
+
+    def learn(self, runs: Sequence[LabelledRun]) -> None:
+        """Learn from labelled runs, if the method is supervised.
+
+        Args:
+            runs: Runs of the training part. They have all features that the method needs.
+
+        Raises:
+            ValueError: The runs are too few. The method is then left out, with this message.
+        """
+        raise NotImplementedError(f"{class_name(type(self))} has no method 'learn'")
 
 
 class Isolator(Method):
@@ -159,13 +187,43 @@ def registered(kind: type[M], group: str, own: Sequence[type[M]]) -> dict[str, t
     Raises:
         InputError: A class lacks something, or a name exists. The message names the class.
     """
-    found: dict[str, type[M]] = {}
-    known = (*FEATURES, *HOURLY_FEATURES)
     what = f"a subclass of faultgen.evaluation.{kind.__name__}"
     others: Iterable[tuple[str, type[M]]] = added(
         group, lambda one: isinstance(one, type) and issubclass(one, kind), what
     )
-    for where, method in [*(("", one) for one in own), *others]:
+    return _checked_table([*(("", one) for one in own), *others])
+
+
+def with_methods(
+    table: Mapping[str, type[M]], kind: type[M], more: Sequence[type[M]]
+) -> dict[str, type[M]]:
+    """Add methods to a table of methods.
+
+    Args:
+        table: Methods by name.
+        kind: `Isolator` or `Detector`.
+        more: Further methods of this kind.
+
+    Returns:
+        All methods by name.
+
+    Raises:
+        InputError: A class is of another kind or lacks something, or a name exists.
+    """
+    for one in more:
+        if not (isinstance(one, type) and issubclass(one, kind)):
+            raise InputError(
+                f"method {getattr(one, '__qualname__', repr(one))}: must be a subclass of "
+                f"faultgen.evaluation.{kind.__name__}"
+            )
+    return _checked_table([*(("", one) for one in table.values()), *(("", one) for one in more)])
+
+
+def _checked_table(methods: Iterable[tuple[str, type[M]]]) -> dict[str, type[M]]:
+    """Check methods, each with the place that named it, and list them by name."""
+    found: dict[str, type[M]] = {}
+    known = (*FEATURES, *HOURLY_FEATURES)
+    for where, method in methods:
         before = f"{where}: " if where else ""
         name = getattr(method, "name", None)
         missing = sorted(getattr(method, "__abstractmethods__", ()))
@@ -173,6 +231,8 @@ def registered(kind: type[M], group: str, own: Sequence[type[M]]) -> dict[str, t
             raise InputError(f"{before}{class_name(method)} has no method '{missing[0]}'")
         if not isinstance(name, str) or not name:
             raise InputError(f"{before}{class_name(method)} has no name")
+        if method.supervised and method.learn is Method.learn:
+            raise InputError(f"{before}{class_name(method)} has no method 'learn'")
         features = getattr(method, "features", None)
         if not isinstance(features, tuple) or not features:
             raise InputError(

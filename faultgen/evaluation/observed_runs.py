@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from faultgen.dataset.reader import Dataset, StoredRun
+from faultgen.dataset.splits import TEST, TRAIN
 from faultgen.errors import InputError
 from faultgen.evaluation.features import HOURLY_FEATURES, SIGNALS, Features, features
-from faultgen.evaluation.methods import M, Setting, fit
+from faultgen.evaluation.methods import LabelledRun, M, Method, Setting, fit
 from faultgen.evaluation.wear_model import WearModel, wear_model, wear_points
 from faultgen.monitoring.reductions import SPEED_WINDOW, Limits, mean_abs_torque
 from faultgen.monitoring.sensors import Measured, Sensors, get_sensors, measure
@@ -25,6 +26,7 @@ WEAR = "friction_wear"
 
 _REFERENCE_DRAWS = 10
 _REFERENCE_SEED = 10_000_000  # far from the seeds of tests
+_TRAINING_DRAWS = 3  # of each labelled run, if its noise is drawn anew
 
 
 def noise_of(dataset: Dataset, sensors: str | None) -> tuple[str, bool]:
@@ -84,6 +86,10 @@ class Place:
     """What methods may know before they see data."""
     limits: Limits
     """Design values of the robot, which set the ranges of the histograms."""
+    parts: Mapping[str, str] = field(default_factory=dict)
+    """Part of every run of the dataset in the division by which methods are tested; empty: none."""
+    others: list[Place] = field(default_factory=list)
+    """The other robots and tasks of the dataset."""
     _fitted: dict[tuple[str, ...], tuple[dict[str, Any], dict[str, list[str]]]] = field(
         default_factory=dict
     )
@@ -144,8 +150,7 @@ class Place:
             Features by name for each healthy run or draw; arrays have shape (cycles, ...).
         """
         if self.sensors is None:
-            others = [r for r in self.runs if not len(r["axes"]) and r["seed"] != run["seed"]]
-            return [self._stored(r, names) for r in others]
+            return [self._stored(r, names) for r in self._healthy_runs(run)]
         key = tuple(sorted(names))
         if key not in self._reference:
             own = [r for r in self.runs if not len(r["axes"])][:1]
@@ -156,14 +161,53 @@ class Place:
             ]
         return self._reference[key]
 
+    def _healthy_runs(self, run: StoredRun) -> list[StoredRun]:
+        """Healthy runs of other seeds, and of the training part if it has some of this place.
+
+        If methods are tested on other robots or tasks than those of the training part, they still
+        know how this robot behaves in this task while it is healthy.
+        """
+        found = [r for r in self.runs if not len(r["axes"]) and r["seed"] != run["seed"]]
+        trained = [r for r in found if self.parts.get(r.id) == TRAIN]
+        return trained or found
+
+    @property
+    def tested(self) -> list[StoredRun]:
+        """The runs about which methods are asked: those of the test part, or all."""
+        return [run for run in self.runs if self.parts.get(run.id, TEST) == TEST]
+
+    def labelled(self, names: Collection[str]) -> list[LabelledRun]:
+        """List the labelled runs from which supervised methods learn.
+
+        Args:
+            names: Names of the features.
+
+        Returns:
+            The training runs of this robot and task. If there are none, those of all other robots
+            and tasks whose robot has as many axes.
+        """
+        alike = [one for one in self.others if one.setting.n_axes == self.setting.n_axes]
+        for places_here in ([self], alike):
+            found = [
+                LabelledRun(
+                    features=seen,
+                    severity=run.read("cycle/severity"),
+                    axes=tuple(int(axis) - 1 for axis in run["axes"]),
+                    effect=run["effect"],
+                )
+                for place in places_here
+                for run in place.runs
+                if self.parts.get(run.id) == TRAIN
+                for seen in place.draws(run, names, _TRAINING_DRAWS, _REFERENCE_SEED)
+            ]
+            if found:
+                return found
+        return []
+
     def healthy_cycles(self, run: StoredRun) -> int:
         """Number of cycles of the series that `healthy` returns."""
         if self.sensors is None:
-            return sum(
-                int(r["cycles"])
-                for r in self.runs
-                if not len(r["axes"]) and r["seed"] != run["seed"]
-            )
+            return sum(int(r["cycles"]) for r in self._healthy_runs(run))
         own = [int(r["cycles"]) for r in self.runs if not len(r["axes"])][:1]
         return _REFERENCE_DRAWS * sum(own)
 
@@ -200,10 +244,25 @@ class Place:
                 reasons.setdefault(_lacks(lacking[0]), []).append(f"'{name}'")
             else:
                 usable[name] = method
-        learning = [method for method in usable.values() if method.learns]
+        learning = [one for one in usable.values() if one.learns and not one.supervised]
         features_needed = {name for method in learning for name in method.features}
         healthy = self.healthy(run, features_needed) if learning else []
+        labelled: list[LabelledRun] = []
+        if any(method.supervised for method in usable.values()):
+            supervised = [method for method in usable.values() if method.supervised]
+            labelled = self.labelled({name for method in supervised for name in method.features})
         for name, method in usable.items():
+            if method.supervised:
+                one = method(self.setting)
+                try:
+                    if not labelled:
+                        raise ValueError("the training part has none")
+                    one.learn(labelled)
+                    found[name] = one
+                except ValueError as error:
+                    reason = f"too few labelled runs to learn from ({error})"
+                    reasons.setdefault(reason, []).append(f"'{name}'")
+                continue
             if method.learns and not healthy:
                 reasons.setdefault(self._no_healthy(), []).append(f"'{name}'")
                 continue
@@ -298,7 +357,22 @@ def _speed_window(run: StoredRun) -> ArrayLike:
     return run.attributes.get("speed_window", SPEED_WINDOW)
 
 
-def places(dataset: Dataset, sensors: str | None = None) -> list[Place]:
+def division_of(methods: Iterable[type[Method]], split: str | None) -> str | None:
+    """Determine by which division methods are tested.
+
+    Args:
+        methods: The methods.
+        split: The division that the user chose, or None.
+
+    Returns:
+        That division; else "run" if a method learns from labels; else None, for all runs.
+    """
+    if split is None and any(method.supervised for method in methods):
+        return "run"
+    return split
+
+
+def places(dataset: Dataset, sensors: str | None = None, split: str | None = None) -> list[Place]:
     """Group the runs of a dataset by robot and task.
 
     Some cycles of each robot and task are simulated to find the directions of wear.
@@ -306,14 +380,17 @@ def places(dataset: Dataset, sensors: str | None = None) -> list[Place]:
     Args:
         dataset: The dataset.
         sensors: Noise to draw anew; see `noise_of`.
+        split: Division by which methods are tested; None: they are asked about all runs.
 
     Returns:
         One group for each robot and task.
 
     Raises:
-        InputError: As `noise_of`, or a robot's file has changed since the dataset was generated.
+        InputError: As `noise_of`, or there is no such division, or a robot's file has changed since
+            the dataset was generated.
     """
     chosen, redraw = noise_of(dataset, sensors)
+    parts = dataset.part_of(split) if split is not None else {}
     groups: dict[tuple[str, str], list[StoredRun]] = {}
     for run in dataset.runs:
         groups.setdefault((run["robot"], run["task"]), []).append(run)
@@ -333,7 +410,9 @@ def places(dataset: Dataset, sensors: str | None = None) -> list[Place]:
             directions=model.directions,
             turning=model.turning,
         )
-        found.append(Place(robot, task, runs, preset, model, setting, limits))
+        found.append(Place(robot, task, runs, preset, model, setting, limits, parts))
+    for place in found:
+        place.others = [one for one in found if one is not place]
     return found
 
 

@@ -108,6 +108,22 @@ class Isolation:
     """Why isolators were not used, by robot and task."""
     made_by: str
     """Versions and code that made the result, with that of isolators of other packages."""
+    split: str = ""
+    """Division by which the methods were tested; empty if they were asked about all runs."""
+
+
+def tested_on(split: str) -> str:
+    """Say on which runs methods were tested.
+
+    Args:
+        split: The division, or an empty text.
+
+    Returns:
+        A sentence that begins with a space, or an empty text.
+    """
+    if not split:
+        return ""
+    return f" Only runs of the test part of the division by {split} are counted."
 
 
 def shown_level(effect: str, level: float) -> str:
@@ -143,7 +159,8 @@ def table(result: Isolation) -> str:
     drawn = f"{result.seeds} draws of" if result.redrawn else "the stored"
     lines = [
         f"Axis isolated, percent [95 % Wilson interval]; {drawn} '{result.sensors}' noise"
-        + ("; thesis' figure after the slash." if beside else "."),
+        + ("; thesis' figure after the slash." if beside else ".")
+        + tested_on(result.split),
         "",
     ]
     body = []
@@ -221,6 +238,7 @@ def to_dict(result: Isolation) -> dict[str, Any]:
         "too_short": result.too_short,
         "left_out": result.left_out,
         "made_by": result.made_by,
+        "split": result.split,
     }
 
 

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from faultgen.errors import InputError
+from faultgen.fleet.tables import samples_and_labels, samples_table, write_ncmapss
 from faultgen.system.arrays import read_arrays
+from faultgen.system.tables import write_parquet
+
+PLAN = "fleet.json"
+"""Name of the file with the plan of a fleet."""
 
 STORED = (
     "day",
@@ -60,6 +67,8 @@ class FleetRobot:
     """Number of events of each kind on each day, shape (days, events)."""
     truth: Mapping[str, np.ndarray] = field(default_factory=dict)
     """Arrays that a monitoring system cannot know, by name; docs/fleet.md lists them."""
+    split: str = "train"
+    """Fixed part of the fleet to which the robot belongs, "train" or "test"."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +85,101 @@ class Fleet:
     """Seed of all random numbers."""
     attributes: Mapping[str, Any] = field(default_factory=dict)
     """Further attributes of the files, such as the versions and the hash of the plan."""
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a table with one row for each sample of every robot.
+
+        Its first columns are labels: the robot (``unit``), its model, whether it fails, its part
+        (``split``), the damage and the remaining life [d]. The others are what the monitoring
+        stores, one column for each axis, or for each axis and bin.
+
+        Returns:
+            The table. ``frame.attrs["units"]`` has the SI unit of each column.
+        """
+        return samples_table(self.robots)
+
+    def to_xy(
+        self, *, split: str | None = None, label: str = "remaining_life"
+    ) -> tuple[pd.DataFrame, np.ndarray, np.ndarray]:
+        """Return features and labels as scikit-learn wants them.
+
+        Args:
+            split: "train" or "test" for one part of the robots; by default all.
+            label: Name of a column of `to_dataframe`, such as "remaining_life" or "failed".
+
+        Returns:
+            Features, shape (samples, columns); labels, shape (samples,), in the unit of the column;
+            and the names of the robots, shape (samples,), by which cross-validation must divide.
+
+        Raises:
+            InputError: There is no such part or label.
+        """
+        return samples_and_labels(self.to_dataframe(), split, label)
+
+    def to_parquet(self, path: str | Path) -> None:
+        """Write the table of `to_dataframe` to a Parquet file.
+
+        Args:
+            path: The file.
+
+        Raises:
+            InputError: pyarrow is not installed.
+            StorageFailed: The file cannot be written.
+        """
+        write_parquet(self.to_dataframe(), Path(path))
+
+    def to_ncmapss(self, path: str | Path) -> None:
+        """Write the robots that fail as run-to-failure data in the layout of N-CMAPSS.
+
+        Args:
+            path: The HDF5 file.
+
+        Raises:
+            InputError: No robot fails in one of the two parts.
+            StorageFailed: The file cannot be written.
+        """
+        write_ncmapss(self.robots, Path(path))
+
+
+def is_fleet(folder: str | Path) -> bool:
+    """Whether a folder is that of a fleet."""
+    return (Path(folder) / PLAN).is_file()
+
+
+def fleet_state(folder: Path) -> list[dict[str, Any]]:
+    """Read every file of a fleet, and say whether it is intact.
+
+    Args:
+        folder: Folder of the fleet.
+
+    Returns:
+        One row for each planned robot: its name, and its state, "ok", "missing" or the damage; of
+        an intact one also what it is.
+
+    Raises:
+        InputError: The plan cannot be read.
+    """
+    try:
+        count = int(json.loads((folder / PLAN).read_bytes())["robots"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{folder / PLAN}: damaged ({' '.join(str(error).split())})") from None
+    rows: list[dict[str, Any]] = []
+    for number in range(1, count + 1):
+        row: dict[str, Any] = dict.fromkeys(
+            ("name", "robot", "failed", "axis", "split", "samples"), ""
+        )
+        row["name"] = f"robot{number:03d}"
+        path = folder / "robots" / f"{row['name']}.h5"
+        try:
+            one = read_robot(path)[0] if path.is_file() else None
+            row["state"] = "missing" if one is None else "ok"
+            if one is not None:
+                row |= {"robot": one.robot, "failed": one.failed, "axis": one.axis}
+                row |= {"split": one.split, "samples": len(one.day)}
+        except InputError as error:
+            row["state"] = str(error)
+        rows.append(row)
+    return rows
 
 
 def read_robot(path: Path) -> tuple[FleetRobot, dict[str, Any]]:
@@ -95,6 +199,7 @@ def read_robot(path: Path) -> tuple[FleetRobot, dict[str, Any]]:
         stored: dict[str, Any] = {name: arrays.pop(name) for name in STORED}
         truth = {name.removeprefix("truth/"): values for name, values in arrays.items()}
         own: dict[str, Any] = {name: told.pop(name) for name in ("name", "robot", "failed", "axis")}
+        own["split"] = told.pop("split", "train")  # files of older versions have none
         return FleetRobot(**own, **stored, truth=truth), told
     except (KeyError, TypeError) as error:
         raise InputError(f"{path}: is not the record of a robot (it has no {error})") from None

@@ -10,10 +10,12 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.fleet.data import STORED, Fleet, open_fleet, read_robot
+from faultgen.fleet.data import PLAN, STORED, Fleet, open_fleet, read_robot
 from faultgen.fleet.events import event_names
 from faultgen.fleet.plan import FleetPlan
 from faultgen.fleet.record import record_robot
+from faultgen.fleet.robot_instance import draw_instance
+from faultgen.fleet.tables import FLEET_ARRAYS, divide
 from faultgen.provenance import Provenance, provenance
 from faultgen.system.arrays import write_arrays
 from faultgen.system.files import write_text
@@ -47,14 +49,15 @@ def generate_fleet(
         (out / "robots").mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{out}: cannot be used as a folder ({error.strerror})") from None
-    told = out / "fleet.json"
+    told = out / PLAN
     text = plan.model_dump_json(indent=1) + "\n"
     if told.is_file() and told.read_bytes() != text.encode():
         raise InputError(f"{out}: holds a fleet with another plan; give another folder")
     write_text(told, text)
+    parts = divide([draw_instance(plan, k).fails for k in range(plan.robots)], plan.seed)
     left = [k for k in range(plan.robots) if not _is_done(_path(out, k), plan)]
     done = in_parallel(
-        [delayed(_make)(plan, k, _path(out, k)) for k in left],
+        [delayed(_make)(plan, k, _path(out, k), parts[k]) for k in left],
         min(workers, max(len(left), 1)),
         ordered=False,
     )
@@ -92,7 +95,7 @@ def _made_by() -> Provenance:
     return provenance("faultgen.fleet.record")
 
 
-def _make(plan: FleetPlan, number: int, path: Path) -> str | None:
+def _make(plan: FleetPlan, number: int, path: Path, split: str) -> str | None:
     """Simulate a robot and write its file. Return None, or the reason why that failed."""
     try:
         with threadpool_limits(1):  # sums in another order would differ in their last digits
@@ -109,6 +112,7 @@ def _make(plan: FleetPlan, number: int, path: Path) -> str | None:
             "robot": one.robot,
             "failed": one.failed,
             "axis": one.axis,
+            "split": split,
             "robots": plan.robots,
             "days": plan.days,
             "seed": plan.seed,
@@ -116,5 +120,6 @@ def _make(plan: FleetPlan, number: int, path: Path) -> str | None:
             "plan_sha256": plan.sha256,
             **asdict(_made_by()),
         },
+        described=FLEET_ARRAYS,
     )
     return None

@@ -110,6 +110,7 @@ def record_robot(
         robot=instance.model,
         failed=instance.fails,
         axis=instance.life.axis if instance.life and instance.fails else 0,
+        split="train",  # the parts are drawn for the whole fleet when its files are written
         **arrays,
         events=count_events(robot, strains, calendar, rng_events),
         truth=truth,

@@ -23,7 +23,11 @@ _CONTENT = "content_sha256"
 
 
 def write_arrays(
-    path: Path, arrays: Mapping[str, np.ndarray], attributes: Mapping[str, Any]
+    path: Path,
+    arrays: Mapping[str, np.ndarray],
+    attributes: Mapping[str, Any],
+    *,
+    described: Mapping[str, tuple[str, str]] | None = None,
 ) -> None:
     """Write arrays and root attributes to an HDF5 file. If that fails, no new file is left.
 
@@ -33,6 +37,8 @@ def write_arrays(
         path: The file. Its folder is created if it does not exist.
         arrays: Arrays by name. Names may contain groups, as in "truth/damage".
         attributes: Numbers, texts or arrays by name.
+        described: SI unit and meaning of arrays by name, which become their attributes ``units``
+            and ``long_name``. Names that are not among the arrays are ignored.
 
     Raises:
         StorageFailed: The file cannot be written. An older file of that name is unchanged.
@@ -43,8 +49,11 @@ def write_arrays(
     with new_hdf5(path) as (file, _):
         for name, values in arrays.items():
             file[name] = values
+        told = {name: text for name, text in (described or {}).items() if name in arrays}
+        for name, (units, long_name) in told.items():
+            file[name].attrs.update({"units": units, "long_name": long_name})
         file.attrs.update(attributes)
-        file.attrs[_CONTENT] = _sum_up(arrays, attributes)
+        file.attrs[_CONTENT] = _sum_up(arrays, attributes, told)
     try:
         read_arrays(temporary)
         with named_failures(path):
@@ -70,10 +79,13 @@ def read_arrays(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         InputError: The file cannot be read, is damaged, or was not written by `write_arrays`.
     """
     arrays: dict[str, np.ndarray] = {}
+    told: dict[str, tuple[str, str]] = {}
 
     def note(name: str, item: Any) -> None:
         if isinstance(item, h5py.Dataset):
             arrays[name] = item[()]
+            if item.attrs:
+                told[name] = (str(item.attrs.get("units")), str(item.attrs.get("long_name")))
 
     try:
         with h5py.File(path, "r") as file:
@@ -83,7 +95,7 @@ def read_arrays(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         line = " ".join(str(error).split())
         raise InputError(f"{path}: damaged or not an HDF5 file ({line})") from None
     wanted = attributes.pop(_CONTENT, None)
-    if wanted != _sum_up(arrays, attributes):
+    if wanted != _sum_up(arrays, attributes, told):
         raise InputError(f"{path}: damaged (its content differs from its checksum)")
     return arrays, attributes
 
@@ -93,7 +105,11 @@ def plain_value(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _sum_up(arrays: Mapping[str, np.ndarray], attributes: Mapping[str, Any]) -> str:
+def _sum_up(
+    arrays: Mapping[str, np.ndarray],
+    attributes: Mapping[str, Any],
+    described: Mapping[str, tuple[str, str]],
+) -> str:
     total = hashlib.sha256()
     for name in sorted(arrays):
         values = np.asarray(arrays[name])
@@ -102,4 +118,6 @@ def _sum_up(arrays: Mapping[str, np.ndarray], attributes: Mapping[str, Any]) -> 
     for name in sorted(attributes):
         value = np.asarray(plain_value(attributes[name]))
         total.update(f"{name} {value.tolist()!r} ".encode())
+    for name in sorted(described):
+        total.update(f"{name} {described[name]!r} ".encode())
     return total.hexdigest()

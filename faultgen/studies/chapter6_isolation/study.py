@@ -211,6 +211,8 @@ def _methods(
         name: [] for name in ("isolation", "healthy", "severity", "pairs", "observable")
     }
     for method in ISOLATORS.values():
+        if method.supervised:  # these series have no labelled runs to learn from
+            continue
         isolator = method(setting)
         judged = _Judged(isolator, series)
         fit(isolator, [judged.seen(r) for r in series.of(REFERENCE)] if method.learns else [])
@@ -334,7 +336,7 @@ def _controls(series: Series, block: Block) -> list[dict]:
     by_order = [
         method(setting)
         for method in ISOLATORS.values()
-        if not method.learns and method.features == ("mean_abs_torque",)
+        if not (method.learns or method.supervised) and method.features == ("mean_abs_torque",)
     ]
     n = _cycles_to(0.10)
     torque = np.nan_to_num(series.stored["mean_abs_torque"])[:, :n]

@@ -1,0 +1,123 @@
+"""Fixed divisions of the runs of a dataset into a training part and a test part.
+
+A method that learns from labels must be tested on other runs than those from which it has learned.
+If all users of a dataset divide it in the same way, their results can be compared. The divisions
+are therefore drawn once, from the seed of the experiment, and stored in ``runs.json``. They never
+divide a run, because the cycles of a run share the robot, the fault and a drifting temperature.
+
+    splits = make_splits(manifest.runs, seed=0)
+    splits["run"]["test"]                       # ids of the runs on which methods are tested
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+SCHEMES = {
+    "run": "whole runs, and all runs that share a seed together",
+    "axis": "axes: no axis that wears in the test part wears in the training part",
+    "robot": "robots, which may be instances of one model that differ in their parameters",
+    "task": "tasks",
+}
+"""What each division holds apart, by its name."""
+
+TRAIN, TEST, UNUSED = "train", "test", "unused"
+"""Parts of a division. A run is unused if it shares its seed with runs of the other part."""
+
+RunParts = dict[str, dict[str, list[str]]]
+"""Ids of the runs by division and part."""
+
+_TEST_SHARE = 0.3
+
+_Runs = Mapping[str, Mapping[str, Any]]
+
+
+def make_splits(runs: _Runs, seed: int) -> RunParts:
+    """Draw all divisions that a dataset allows.
+
+    About 30 % of the runs, axes, robots or tasks become the test part. The division by runs
+    represents every robot, task and fault in both parts if it has several runs.
+
+    Args:
+        runs: Parameters of every run by id, as in ``runs.json``.
+        seed: Seed of the experiment.
+
+    Returns:
+        The divisions. One that is impossible is left out, such as that by tasks if the dataset has
+        a single task.
+    """
+    chosen = {"run": _by_run(runs, _generator(seed, "run"))}
+    in_test = chosen["run"]
+    paired = len({run["seed"] for run in runs.values()}) < len(runs)
+    for scheme, keys_of in _KEYS.items():
+        keys = list(dict.fromkeys(key for run in runs.values() for key in keys_of(run)))
+        held_out = _drawn(keys, _generator(seed, scheme))
+        chosen[scheme] = {
+            i: bool(held_out & set(keys_of(run))) if keys_of(run) else in_test[i]
+            for i, run in runs.items()
+        }
+    found: RunParts = {}
+    for scheme, tested in chosen.items():
+        parts: dict[str, list[str]] = {TRAIN: [], TEST: [], UNUSED: []}
+        for i in runs:
+            # twins share their noise: they must not stand on both sides
+            twins = paired and tested[i] != in_test[i]
+            parts[UNUSED if twins else TEST if tested[i] else TRAIN].append(i)
+        if parts[TRAIN] and parts[TEST]:
+            found[scheme] = parts
+    # without a worn axis on each side, a division by axes is none
+    sides = [found.get("axis", {}).get(part, []) for part in (TRAIN, TEST)]
+    if not all(any(runs[i]["axes"] for i in side) for side in sides):
+        found.pop("axis", None)
+    return found
+
+
+def _robot(run: Mapping[str, Any]) -> list[Hashable]:
+    return [(Path(run["robot"]).stem, run.get("model_sha256"))]
+
+
+_KEYS: dict[str, Callable[[Mapping[str, Any]], Sequence[Hashable]]] = {
+    "axis": lambda run: run["axes"],
+    "robot": _robot,
+    "task": lambda run: [Path(run["task"]).stem],
+}
+"""What is held apart; a run without any, which is healthy, is divided as by runs."""
+
+
+def _generator(seed: int, scheme: str) -> np.random.Generator:
+    """A stream of its own for each division, so that a further one leaves the others unchanged."""
+    return np.random.default_rng([seed, *scheme.encode()])
+
+
+def _drawn(units: Sequence[Hashable], rng: np.random.Generator) -> set[Hashable]:
+    """Draw the units of the test part: none of a single one, else some but not all."""
+    count = int(_TEST_SHARE * len(units) + 0.5)
+    count = min(max(count, 1), len(units) - 1) if len(units) > 1 else 0
+    return {units[k] for k in rng.permutation(len(units))[:count].tolist()}
+
+
+def _by_run(runs: _Runs, rng: np.random.Generator) -> dict[str, bool]:
+    """Whether each run belongs to the test part of the division by runs."""
+    by_seed: dict[int, list[str]] = {}
+    for i, run in runs.items():
+        by_seed.setdefault(run["seed"], []).append(i)
+    groups: dict[Hashable, list[int]] = {}
+    if len(by_seed) < len(runs):
+        groups["paired"] = list(by_seed)
+    else:
+        for run in runs.values():
+            fault = (run["effect"], tuple(run["axes"]), run["severity"])
+            groups.setdefault((_robot(run)[0], run["task"], fault), []).append(run["seed"])
+        # kinds of runs that occur only once are drawn from together, healthy and worn ones apart
+        for key in [key for key, seeds in groups.items() if len(seeds) == 1]:
+            (seed,) = groups.pop(key)
+            single = "worn" if runs[by_seed[seed][0]]["axes"] else "healthy"
+            groups.setdefault(single, []).append(seed)
+    tested: set[Hashable] = set()
+    for seeds in groups.values():
+        tested |= _drawn(seeds, rng)
+    return {i: run["seed"] in tested for i, run in runs.items()}

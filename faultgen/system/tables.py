@@ -1,0 +1,66 @@
+"""Tables that are written for other programs, and the packages that this needs."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from faultgen.errors import InputError, StorageFailed
+from faultgen.system.files import named_failures, publish, temporary_name
+
+
+def optional(package: str) -> Any:
+    """Import a package that only the exchange of data needs.
+
+    Args:
+        package: Name of the package.
+
+    Returns:
+        The package.
+
+    Raises:
+        InputError: It is not installed. The message says how to install it.
+    """
+    try:
+        return import_module(package)
+    except ImportError:
+        raise InputError(
+            f"{package} is not installed; install it with: pip install 'faultgen[data]'"
+        ) from None
+
+
+def write_parquet(frame: pd.DataFrame, path: Path) -> None:
+    """Write a table to a Parquet file, with a checksum beside it.
+
+    The metadata of the file hold ``frame.attrs``. pandas reads both back.
+
+    Args:
+        frame: The table.
+        path: The file. Its folder is created if it does not exist.
+
+    Raises:
+        InputError: pyarrow is not installed.
+        StorageFailed: The file cannot be written, or differs from the table when it is read back.
+    """
+    optional("pyarrow")
+    temporary = temporary_name(path)
+    try:
+        with named_failures(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            frame.to_parquet(temporary, engine="pyarrow", index=False)
+            handle = os.open(temporary, os.O_RDWR)
+            try:
+                os.fsync(handle)
+            finally:
+                os.close(handle)
+        if not pd.read_parquet(temporary, engine="pyarrow").equals(frame):
+            raise StorageFailed(f"{path}: differs from what was written")
+        publish(temporary, path)
+    finally:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
