@@ -10,10 +10,11 @@ from linear import linear
 from faultgen.discovery import investigate
 from faultgen.discovery import model_edit as model
 from faultgen.discovery import next_experiment as motions
+from faultgen.discovery import verdict as judgement
 from faultgen.discovery.certainty import LEVEL, certainty
 from faultgen.discovery.fit import fit
 from faultgen.discovery.replay import Replay, settled
-from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE
+from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE, PARTLY
 from faultgen.discovery.selection import SIMILAR, Choice, choose
 from faultgen.discovery.verdict import answer, confirmed, is_part
 from faultgen.effects import get_effect
@@ -78,8 +79,13 @@ def test_what_other_things_look_like_has_to_be_surer_without_a_twin(
     assert found.fits[0].misfit - fit(quiet, [(0,)]).misfit == pytest.approx(gain, rel=0.02)
 
 
-def test_what_looks_the_same_is_not_excluded(posed):
-    """Two terms of nearly one shape are rivals, two of other shapes are none."""
+@pytest.mark.parametrize("is_part", [False, True])
+def test_what_looks_the_same_is_not_excluded(posed, is_part, monkeypatch):
+    """Two terms of nearly one shape are rivals, two of other shapes are none.
+
+    Effects that explain only a part are named only where they are certain.
+    """
+    monkeypatch.setattr(judgement, "is_part", lambda *errors: is_part)
     problem = posed[True]
     one, other = at(problem, "viscous_friction", 2), at(problem, "coulomb_friction", 2)
     rng = np.random.default_rng(5)
@@ -96,7 +102,7 @@ def test_what_looks_the_same_is_not_excluded(posed):
         assert bool(found.rivals) == is_rival
         assert all(worse < SIMILAR for _, _, worse in found.rivals)
         told = answer(found.problem, found)
-        assert (told.verdict == AMBIGUOUS) == is_rival
+        assert told.verdict == (AMBIGUOUS if is_rival else PARTLY if is_part else NAMED)
         assert len(told.alternatives) == is_rival
         total = told.effects[0].confidence + sum(odds for _, _, odds in told.alternatives)
         assert total == pytest.approx(1.0, abs=1e-3)

@@ -93,10 +93,10 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     of_noise = float(np.sqrt(np.mean(floor[_scored(problem).any(axis=0)] ** 2)))
     if not known:
         verdict = UNKNOWN if strange else NONE
-    elif is_part(before[0], after[0], of_noise):
-        verdict = PARTLY
+    elif choice.rivals:  # what is listed in part must be certain
+        verdict = AMBIGUOUS
     else:
-        verdict = AMBIGUOUS if choice.rivals else NAMED
+        verdict = PARTLY if is_part(before[0], after[0], of_noise) else NAMED
     return Answer(
         verdict=verdict,
         effects=effects if known else (),

@@ -14,7 +14,7 @@ from faultgen.discovery.law_words import NAMES
 from faultgen.discovery.learned_law import Learned, learn
 from faultgen.discovery.regression import Problem
 from faultgen.discovery.replay import Replay, relative_error, relative_errors
-from faultgen.discovery.result import NONE, PARTLY, UNKNOWN, Answer
+from faultgen.discovery.result import NAMED, NONE, PARTLY, UNKNOWN, Answer
 from faultgen.discovery.selection import Choice
 from faultgen.discovery.verdict import answer, is_part
 from faultgen.errors import InputError, SimulationFailed
@@ -70,7 +70,7 @@ def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, l
         if own and simpler.after <= EQUAL * whole.after:
             return replace(simpler, verdict=PARTLY if simpler.effects else UNKNOWN), own
     if is_part(told.before, told.after, whole.floor):
-        return replace(whole, verdict=PARTLY), laws
+        return replace(whole, verdict=PARTLY if told.verdict == NAMED else told.verdict), laws
     return told, []
 
 
