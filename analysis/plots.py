@@ -13,24 +13,43 @@ import matplotlib.pyplot as plt
 import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
-from matplotlib.colors import hsv_to_rgb, to_hex
+from matplotlib.colors import hsv_to_rgb, to_hex, to_rgb
 from numpy.typing import ArrayLike
 
 # Okabe and Ito (2008), a palette that colour-blind people can tell apart
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">", "p", "h")
+_LIGHTER = 0.35  # least share of the way to white, on a dark background
 
 
-def colour(number: int) -> str:
-    """Return the colour of a line by its number. No two numbers have the same colour.
+def marker(number: int) -> str:
+    """Return the marker of a line by its number. The first twelve numbers have different markers.
 
     Args:
         number: From 0.
 
     Returns:
+        The marker, as Matplotlib names it.
+    """
+    return MARKERS[number % len(MARKERS)]
+
+
+def colour(number: int, *, dark: bool = False) -> str:
+    """Return the colour of a line by its number. No two numbers have the same colour.
+
+    Args:
+        number: From 0.
+        dark: Whether the background is dark. Colours are then lighter.
+
+    Returns:
         The colour as #RRGGBB: one of the palette or, beyond it, one of a hue between those used so
         far, in one of three degrees of brightness.
     """
+    if dark:
+        rgb = np.array(to_rgb(colour(number)))
+        share = _LIGHTER + (1 - _LIGHTER) * (1 - rgb.max())  # the darkest change most
+        red, green, blue = (rgb + share * (1 - rgb)).tolist()
+        return to_hex((red, green, blue))
     if number < len(COLOURS):
         return COLOURS[number]
     beyond = number - len(COLOURS)
@@ -134,7 +153,7 @@ def plot_accuracy(
         yerr=errors,
         label=label,
         color=colour(number),
-        marker=MARKERS[number % len(MARKERS)],
+        marker=marker(number),
         capsize=2,
         lw=1.2,
     )

@@ -18,7 +18,6 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 from joblib import delayed
-from tqdm import tqdm
 
 from faultgen.dataset.experiment import Experiment, load_experiment, to_toml
 from faultgen.dataset.manifest import EXPERIMENT, Manifest
@@ -30,6 +29,7 @@ from faultgen.dataset.run_file import run_provenance
 from faultgen.errors import InputError
 from faultgen.system.files import write_text, writer_of
 from faultgen.system.parallel import check_workers, in_parallel
+from faultgen.system.progress import Progress
 
 
 @dataclass
@@ -66,7 +66,7 @@ def generate(
         out: Folder for the dataset. It is created if it does not exist.
         workers: Number of processes that simulate.
         regenerate: Whether to replace runs that another version of the code has made.
-        progress: Whether to show a progress bar on stderr.
+        progress: Whether to show on stderr how far the simulation is.
 
     Returns:
         What was done. A run that fails is listed there, and does not stop the other runs.
@@ -108,24 +108,11 @@ def _make_all(
     runs: list[Run], folder: Path, workers: int, progress: bool
 ) -> Iterator[tuple[Run, str | None]]:
     """Make runs in parallel. Yield each run with None, or with the reason why it failed."""
-    bar = tqdm(
-        total=sum(run.cycles for run in runs),
-        unit="cycle",
-        disable=None if progress and runs else True,
-        desc="simulating",
-    )
     workers = min(workers, max(len(runs), 1))
-    # within this process the bar moves with every cycle, else with every run
-    on_cycle = bar.update if workers == 1 else None
-    results = in_parallel(
-        (delayed(make_run)(run, folder, on_cycle) for run in runs), workers, ordered=False
-    )
-    finished = 0
-    with bar:
-        for run, reason in results:
-            finished += run.cycles
-            bar.update(finished - bar.n)
-            yield run, reason
+    cycles = sum(run.cycles for run in runs)
+    with Progress("simulating", cycles, "cycle", progress) as shown:
+        calls = (delayed(make_run)(run, folder, shown.counter) for run in runs)
+        yield from in_parallel(calls, workers, ordered=False)
 
 
 def _outdated(dataset: Dataset, again: set[str], regenerate: bool) -> set[str]:

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from faultgen import plugins
 from faultgen.dataset.reader import Dataset
 from faultgen.errors import InputError
@@ -27,6 +25,7 @@ from faultgen.evaluation.outcomes import other_effects, shown_level
 from faultgen.evaluation.shares import share
 from faultgen.provenance import provenance
 from faultgen.system.files import write_text
+from faultgen.system.progress import follow
 
 
 @dataclass(frozen=True)
@@ -84,26 +83,22 @@ def detect(
     outcomes: dict[tuple[str, str, str, float, str], list[bool]] = {}
     left_out: dict[str, str] = {}
     learned: dict[str, int] = {}
-    shown = None if progress else True
-    bar = tqdm(total=len(dataset.runs), unit="run", desc="detecting", disable=shown)
-    for place in places(dataset, sensors):
+    every = ((place, run) for place in places(dataset, sensors) for run in place.runs)
+    for place, run in follow(every, "detecting", len(dataset.runs), "run", progress):
         where = f"{place.robot}/{place.task}"
-        for run in place.runs:
-            detectors, lacking = place.fitted(of_cycles, run)
-            if lacking:
-                left_out[where] = lacking
-            names = needed(detectors.values())
-            if detectors:
-                learned[where] = place.healthy_cycles(run)
-            ends = list(cuts(run, levels))
-            for seen in place.draws(run, names, seeds, seed) if detectors else ():
-                for name, detector in detectors.items():
-                    over = alarms(detector, seen)
-                    for level, length in ends:
-                        row = (run["robot"], run["task"], run["effect"], level, name)
-                        outcomes.setdefault(row, []).append(bool(over[:length].any()))
-            bar.update()
-    bar.close()
+        detectors, lacking = place.fitted(of_cycles, run)
+        if lacking:
+            left_out[where] = lacking
+        names = needed(detectors.values())
+        if detectors:
+            learned[where] = place.healthy_cycles(run)
+        ends = list(cuts(run, levels))
+        for seen in place.draws(run, names, seeds, seed) if detectors else ():
+            for name, detector in detectors.items():
+                over = alarms(detector, seen)
+                for level, length in ends:
+                    row = (run["robot"], run["task"], run["effect"], level, name)
+                    outcomes.setdefault(row, []).append(bool(over[:length].any()))
     if not outcomes:
         raise InputError(f"{dataset.path}: {next(iter(left_out.values()))}")
     rows = []
