@@ -13,13 +13,36 @@ import matplotlib.pyplot as plt
 import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
-from matplotlib.colors import hsv_to_rgb, to_hex, to_rgb
+from matplotlib.colors import hsv_to_rgb, to_hex
 from numpy.typing import ArrayLike
 
-# Okabe and Ito (2008), a palette that colour-blind people can tell apart
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+# Okabe and Ito (2008), a palette that colour-blind people can tell apart, then brown, grey, violet
+COLOURS = (
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#CC79A7",
+    "#E69F00",
+    "#56B4E9",
+    "#000000",
+    "#8C510A",
+    "#8A8A8A",
+    "#6A3D9A",
+)
+# the same hues, light enough for a dark background
+DARK_COLOURS = (
+    "#4C9FE0",
+    "#FF8A3D",
+    "#2FC79A",
+    "#E39CC4",
+    "#F2C445",
+    "#9AD8FF",
+    "#F4F4F4",
+    "#B8803C",
+    "#A3A3A3",
+    "#B48AE8",
+)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">", "p", "h")
-_LIGHTER = 0.35  # least share of the way to white, on a dark background
 
 
 def marker(number: int) -> str:
@@ -45,16 +68,13 @@ def colour(number: int, *, dark: bool = False) -> str:
         The colour as #RRGGBB: one of the palette or, beyond it, one of a hue between those used so
         far, in one of three degrees of brightness.
     """
-    if dark:
-        rgb = np.array(to_rgb(colour(number)))
-        share = _LIGHTER + (1 - _LIGHTER) * (1 - rgb.max())  # the darkest change most
-        red, green, blue = (rgb + share * (1 - rgb)).tolist()
-        return to_hex((red, green, blue))
-    if number < len(COLOURS):
-        return COLOURS[number]
-    beyond = number - len(COLOURS)
+    palette = DARK_COLOURS if dark else COLOURS
+    if number < len(palette):
+        return palette[number]
+    beyond = number - len(palette)
     hue = (0.5 + beyond * (np.sqrt(5) - 1) / 2) % 1  # golden section: never the same hue again
-    red, green, blue = hsv_to_rgb((hue, 0.9, (0.55, 0.75, 0.95)[beyond % 3])).tolist()
+    bright = ((0.75, 0.85, 0.95) if dark else (0.55, 0.75, 0.95))[beyond % 3]
+    red, green, blue = hsv_to_rgb((hue, 0.5 if dark else 0.9, bright)).tolist()
     return to_hex((red, green, blue))
 
 

@@ -1,7 +1,8 @@
 """What a dataset will take, before it is generated: runs, time and bytes.
 
-A short run of each robot, task and effect is made in a temporary folder. Its time and the size of
-its file are measured, and extended to all cycles.
+Short runs of each robot and task are made in a temporary folder: one without a fault, one with a
+fault, and one with a fault that acts between steps, if there are such runs. Their time and the size
+of their files are measured, and extended to all cycles.
 
     estimate(load_experiment("experiment.toml"), workers=2).seconds
 """
@@ -17,7 +18,7 @@ from pathlib import Path
 from faultgen.dataset.experiment import Experiment
 from faultgen.dataset.planning import Run, check_runs, plan_runs
 from faultgen.dataset.run import make_run
-from faultgen.dataset.wear import SCHEDULES
+from faultgen.effects import get_effect
 from faultgen.errors import SimulationFailed
 from faultgen.system.progress import follow
 
@@ -56,11 +57,12 @@ def estimate(experiment: Experiment, *, workers: int = 1, progress: bool = True)
     """
     runs = plan_runs(experiment)
     check_runs(runs)
-    kinds: dict[tuple[str, str, str], list[Run]] = {}
+    kinds: dict[tuple[str, str, bool, bool], list[Run]] = {}
     for run in runs:
-        kinds.setdefault((run.robot, run.task, run.effect), []).append(run)
+        stepped = any(get_effect(one.effect).between is not None for one in run.faults)
+        kinds.setdefault((run.robot, run.task, bool(run.axes), stepped), []).append(run)
     seconds, size = 0.0, 0.0
-    for of in follow(list(kinds.values()), "measuring", len(kinds), "kind of run", progress):
+    for of in follow(list(kinds.values()), "measuring", len(kinds), "run", progress):
         measured = [_measured(of[0], cycles) for cycles in (_SHORT, _LONG)]
         first, rate = _line([one[0] for one in measured])
         head, growth = _line([one[1] for one in measured])
@@ -76,7 +78,8 @@ def estimate(experiment: Experiment, *, workers: int = 1, progress: bool = True)
 
 def _measured(run: Run, cycles: int) -> tuple[float, float]:
     """Time [s] and size [bytes] of a run with few cycles, of which each has another severity."""
-    schedule = "linear" if run.schedule in SCHEDULES else run.schedule[:cycles]
+    growing = isinstance(run.schedule, str)
+    schedule = "linear" if growing else (run.schedule * cycles)[:cycles]
     short = replace(run, cycles=cycles, schedule=schedule)
     with tempfile.TemporaryDirectory(prefix="faultgen-estimate-") as folder:
         started = time.monotonic()

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 import matplotlib
 
@@ -227,7 +228,7 @@ class _Sheet:
         return round(box.x0), round(box.x1), round(height - box.y1), round(height - box.y0)
 
 
-def _line(number: int) -> dict[str, float | str]:
+def _line(number: int) -> dict[str, Any]:
     return _LINES["worn" if number else "healthy"]
 
 
