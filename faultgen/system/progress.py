@@ -80,12 +80,14 @@ class Progress:
         self._shown = shown and not off and total != 0
         self._on_terminal = sys.stderr.isatty()
         self._ended = threading.Event()
-        self._lines = 0
 
     def __enter__(self) -> Progress:
         """Begin to show the progress."""
-        handle, name = tempfile.mkstemp(prefix="faultgen-progress-")
-        os.close(handle)
+        try:
+            handle, name = tempfile.mkstemp(prefix="faultgen-progress-")
+            os.close(handle)
+        except OSError:  # nothing can be counted; the work goes on
+            name, self._shown = os.devnull, False
         self._file = Path(name)
         self.counter = Counter(name)
         """Counts steps. It can be given to other processes."""
@@ -113,10 +115,13 @@ class Progress:
         if self._shown:
             self._thread.join()
             self._bar.close()
-            if self._lines and kind is None:
-                took = clock(time.monotonic() - self._started)
-                self._print(f"{self._what}: done, {self._counted(self._done())} in {took}")
-        self._file.unlink(missing_ok=True)
+            elapsed = time.monotonic() - self._started
+            if not self._on_terminal and kind is None and elapsed >= FIRST_LINE:
+                done = self._done()
+                steps = f", {done} {plural(self._unit, done)}" if done else ""
+                _print(f"{self._what}: done{steps} in {clock(elapsed)}")
+        if self._file != Path(os.devnull):
+            self._file.unlink(missing_ok=True)
 
     def _done(self) -> int:
         """Number of steps that have been counted."""
@@ -133,16 +138,8 @@ class Progress:
                 self._bar.update(done - self._bar.n)
                 self._bar.refresh()
             elif elapsed >= due:
-                self._print(line(self._what, done, self._total, self._unit, elapsed))
+                _print(line(self._what, done, self._total, self._unit, elapsed))
                 due = elapsed + max(_NEXT_LINE, _SHARE * elapsed)
-
-    def _counted(self, done: int) -> str:
-        return f"{done} {self._unit}{'' if done == 1 else 's'}" if self._unit else str(done)
-
-    def _print(self, text: str) -> None:
-        self._lines += 1
-        with suppress(OSError, ValueError):  # stderr may be closed
-            print(f"faultgen: {text}", file=sys.stderr, flush=True)
 
 
 def follow(
@@ -179,7 +176,7 @@ def line(what: str, done: int, total: int | None, unit: str, elapsed: float) -> 
     Returns:
         The steps, the rate and the time left, or the time so far as long as nothing is done.
     """
-    steps = f"{unit}s" if unit else "steps"
+    steps = plural(unit, total or done)
     if total is None:
         return f"{what}: {f'{done} {steps}, ' if done else ''}{clock(elapsed)} so far"
     told = f"{what}: {done} of {total} {steps} ({100 * done / total:.0f} %)"
@@ -188,6 +185,21 @@ def line(what: str, done: int, total: int | None, unit: str, elapsed: float) -> 
     rate = done / elapsed
     shown = f"{rate:.3g} {steps}/s" if rate >= 1 else f"{1 / rate:.3g} s/{unit or 'step'}"
     return f"{told}, {shown}, {clock(max(total - done, 0) / rate)} left"
+
+
+def _print(text: str) -> None:
+    with suppress(OSError, ValueError):  # stderr may be closed
+        print(f"faultgen: {text}", file=sys.stderr, flush=True)
+
+
+def plural(unit: str, count: int) -> str:
+    """Return the name of steps.
+
+    Args:
+        unit: Name of one step; without it, it is "step".
+        count: Number of steps.
+    """
+    return f"{unit or 'step'}{'' if count == 1 else 's'}"
 
 
 def clock(seconds: float) -> str:

@@ -36,7 +36,11 @@ class Canvas(Protocol):
     """Name of the method, such as 'egl'."""
 
     def draw(self) -> np.ndarray:
-        """Draw the stage as it is now: shape (height, width, 3), of type uint8."""
+        """Draw the stage as it is now.
+
+        Returns:
+            Shape (height, width, 3), of type uint8.
+        """
 
 
 @contextmanager

@@ -81,13 +81,21 @@ class Stage:
             self.model.geom_matid[own] = -1
 
     def shown(self) -> np.ndarray:
-        """Ids of the geoms that are drawn, shape (geoms,)."""
+        """Find the geoms that are drawn.
+
+        Returns:
+            Their ids, shape (geoms,).
+        """
         model = self.model
         opaque = model.geom_rgba[:, 3] > 0
         return np.flatnonzero((model.geom_group < _SHOWN_GROUPS) & opaque)
 
     def view_axes(self) -> np.ndarray:
-        """Axes of the camera as rows: right, up, and towards the viewer. Shape (3, 3)."""
+        """Compute the axes of the camera.
+
+        Returns:
+            Rows that point right, up, and towards the viewer, shape (3, 3).
+        """
         azimuth, elevation = np.radians([self.camera.azimuth, self.camera.elevation])
         flat = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         ahead = np.cos(elevation) * flat + np.sin(elevation) * np.array([0.0, 0.0, 1.0])
