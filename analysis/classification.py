@@ -12,7 +12,6 @@ the number of workers.
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -31,7 +30,6 @@ from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.svm import SVC
 from threadpoolctl import threadpool_limits
-from tqdm import tqdm
 
 from .preprocessing import Combination
 
@@ -124,6 +122,16 @@ class PairResult:
     pairs."""
 
 
+def count_pairs(failed: ArrayLike) -> int:
+    """Number of pairs of a failing and a normal robot.
+
+    Args:
+        failed: Whether each robot fails, shape (robots,).
+    """
+    fails = np.asarray(failed, dtype=bool)
+    return int(fails.sum()) * int((~fails).sum())
+
+
 def leave_pair_out(
     rows: Sequence[ArrayLike],
     failed: ArrayLike,
@@ -132,7 +140,7 @@ def leave_pair_out(
     seed: int = 0,
     workers: int = 1,
     groups: Mapping[Any, Ints] | None = None,
-    label: str = "pairs",
+    on_pair: Callable[[], object] | None = None,
 ) -> PairResult:
     """Train on all robots except a failing and a normal one, and test on these two, for all pairs.
 
@@ -147,7 +155,7 @@ def leave_pair_out(
         workers: Number of processes. It has no effect on the results.
         groups: Columns whose importance is computed. Each group is shuffled over the rows of the
             tested pair. Default: none.
-        label: Name of the progress bar, which is written to stderr.
+        on_pair: Function that is called after each pair, such as one that shows progress.
 
     Returns:
         AUC of each pair over the rows of both robots, shape (failing, normal), processor time, and
@@ -171,9 +179,11 @@ def leave_pair_out(
     done = Parallel(n_jobs=workers, return_as="generator")(
         delayed(_pair)(arrays, fails, pair, make, [seed, *pair], groups or {}) for pair in pairs
     )
-    found = list(
-        tqdm(done, total=len(pairs), desc=label, leave=False, disable=None, file=sys.stderr)
-    )
+    found = []
+    for one in done:
+        found.append(one)
+        if on_pair is not None:
+            on_pair()
     return PairResult(
         auc=np.array([auc for auc, _, _ in found]).reshape(len(ill), len(well)),
         seconds=sum(seconds for _, seconds, _ in found),

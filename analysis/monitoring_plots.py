@@ -13,7 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import ArrayLike
 from scipy.stats import f
 
-from .plots import COLOURS, MARKERS, colour
+from .plots import COLOURS, colour, marker
 
 _LINES = ("--", "-", "-.", ":")
 _DECADES = 1.5  # between the highest and the usual value; from here on the scale is logarithmic
@@ -119,7 +119,7 @@ def plot_scores(
             own[:, 0],
             own[:, 1],
             ls="",
-            marker=MARKERS[k % len(MARKERS)],
+            marker=marker(k),
             ms=4,
             mfc="none",
             mec=colour(k),
@@ -161,7 +161,7 @@ def plot_divergence(
             line,
             color=colour(k),
             ls=_LINES[(k + 1) % len(_LINES)],
-            marker=MARKERS[k % len(MARKERS)],
+            marker=marker(k),
             markevery=(k * every // len(lines.T), every),
             ms=5,
             lw=1.3,
@@ -191,7 +191,7 @@ def plot_detection_delay(
         delay,
         color=colour(number),
         ls=_LINES[(number + 1) % len(_LINES)],
-        marker=MARKERS[number % len(MARKERS)],
+        marker=marker(number),
         ms=4.5,
         lw=1.3,
         label=label,

@@ -16,26 +16,65 @@ from matplotlib.axes import Axes
 from matplotlib.colors import hsv_to_rgb, to_hex
 from numpy.typing import ArrayLike
 
-# Okabe and Ito (2008), a palette that colour-blind people can tell apart
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+# Okabe and Ito (2008), a palette that colour-blind people can tell apart, then brown, grey, violet
+COLOURS = (
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#CC79A7",
+    "#E69F00",
+    "#56B4E9",
+    "#000000",
+    "#8C510A",
+    "#8A8A8A",
+    "#6A3D9A",
+)
+# the same hues, light enough for a dark background
+DARK_COLOURS = (
+    "#4C9FE0",
+    "#FF8A3D",
+    "#2FC79A",
+    "#E39CC4",
+    "#F2C445",
+    "#9AD8FF",
+    "#F4F4F4",
+    "#B8803C",
+    "#A3A3A3",
+    "#B48AE8",
+)
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">", "p", "h")
 
 
-def colour(number: int) -> str:
-    """Return the colour of a line by its number. No two numbers have the same colour.
+def marker(number: int) -> str:
+    """Return the marker of a line by its number. The first twelve numbers have different markers.
 
     Args:
         number: From 0.
 
     Returns:
+        The marker, as Matplotlib names it.
+    """
+    return MARKERS[number % len(MARKERS)]
+
+
+def colour(number: int, *, dark: bool = False) -> str:
+    """Return the colour of a line by its number. No two numbers have the same colour.
+
+    Args:
+        number: From 0.
+        dark: Whether the background is dark. Colours are then lighter.
+
+    Returns:
         The colour as #RRGGBB: one of the palette or, beyond it, one of a hue between those used so
         far, in one of three degrees of brightness.
     """
-    if number < len(COLOURS):
-        return COLOURS[number]
-    beyond = number - len(COLOURS)
+    palette = DARK_COLOURS if dark else COLOURS
+    if number < len(palette):
+        return palette[number]
+    beyond = number - len(palette)
     hue = (0.5 + beyond * (np.sqrt(5) - 1) / 2) % 1  # golden section: never the same hue again
-    red, green, blue = hsv_to_rgb((hue, 0.9, (0.55, 0.75, 0.95)[beyond % 3])).tolist()
+    bright = ((0.75, 0.85, 0.95) if dark else (0.55, 0.75, 0.95))[beyond % 3]
+    red, green, blue = hsv_to_rgb((hue, 0.5 if dark else 0.9, bright)).tolist()
     return to_hex((red, green, blue))
 
 
@@ -134,7 +173,7 @@ def plot_accuracy(
         yerr=errors,
         label=label,
         color=colour(number),
-        marker=MARKERS[number % len(MARKERS)],
+        marker=marker(number),
         capsize=2,
         lw=1.2,
     )

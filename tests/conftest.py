@@ -21,11 +21,14 @@ HANG = 1800
 
 
 def faultgen(*arguments, cwd=None, variables=None) -> subprocess.CompletedProcess[str]:
-    """Run the command faultgen, in a folder and with further environment variables."""
+    """Run the command faultgen, in a folder and with further environment variables.
+
+    Lines about the progress depend on how fast the machine is, so they are off unless asked for.
+    """
     return subprocess.run(
         [sys.executable, "-m", "faultgen.cli", *map(str, arguments)],
         cwd=cwd,
-        env=os.environ | (variables or {}),
+        env=os.environ | {"TQDM_DISABLE": "1"} | (variables or {}),
         capture_output=True,
         text=True,
         timeout=HANG,

@@ -10,8 +10,18 @@ from faultgen.analysis.monitoring_plots import (
     plot_divergence,
     plot_scores,
 )
-from faultgen.analysis.plots import COLOURS, colour, legend_beside, plot_accuracy, style
+from faultgen.analysis.plots import (
+    COLOURS,
+    colour,
+    legend_beside,
+    marker,
+    plot_accuracy,
+    style,
+)
 from matplotlib.colors import to_rgb, to_rgba
+
+from faultgen.evaluation.detectors import DETECTORS
+from faultgen.evaluation.isolators import ISOLATORS
 
 
 @pytest.fixture
@@ -139,8 +149,31 @@ def test_seven_methods_can_be_told_apart(axes):
     assert len({bar.lines[0].get_marker() for bar in axes.containers}) == 7
 
 
-def test_no_two_lines_have_the_same_colour():
-    """Also far beyond the palette."""
-    colours = np.array([to_rgb(colour(number)) for number in range(40)])
+@pytest.mark.parametrize("dark", [False, True])
+def test_no_two_lines_have_the_same_colour(dark):
+    """Also far beyond the palette, and on a dark background."""
+    colours = np.array([to_rgb(colour(number, dark=dark)) for number in range(40)])
     distance = np.abs(colours[:, None] - colours[None]).max(axis=2) + np.eye(40)
-    assert distance.min() > 0.04
+    assert distance.min() > (0.02 if dark else 0.04)
+
+
+@pytest.mark.parametrize("methods", [ISOLATORS, DETECTORS])
+@pytest.mark.parametrize("dark", [False, True])
+def test_no_two_methods_share_a_colour_or_a_marker(methods, dark):
+    """Those of `faultgen isolate` and `detect`, and three more that a user may add."""
+    count = len(methods) + 3
+    colours = np.array([to_rgb(colour(number, dark=dark)) for number in range(count)])
+    distance = np.abs(colours[:, None] - colours[None]).max(axis=2) + np.eye(count)
+    assert distance.min() > 0.1
+    assert len({marker(number) for number in range(count)}) == count
+
+
+@pytest.mark.parametrize(("dark", "background"), [(False, 1.0), (True, 0.01)])
+def test_colours_stand_out_from_the_background(dark, background):
+    """Contrast as WCAG defines it, from relative luminance; the palette's lightest has 2."""
+    for number in range(10):
+        rgb = np.array(to_rgb(colour(number, dark=dark)))
+        linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+        luminance = linear @ [0.2126, 0.7152, 0.0722]
+        lighter, darker = max(luminance, background), min(luminance, background)
+        assert (lighter + 0.05) / (darker + 0.05) > (4.5 if dark else 2), number

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -21,6 +21,9 @@ from faultgen.cli.app import (
     worker_count,
 )
 from faultgen.errors import InputError, SimulationFailed
+
+if TYPE_CHECKING:
+    from faultgen.dataset.experiment import Experiment
 
 
 @app.command()
@@ -88,6 +91,29 @@ def generate(
             "by their noise.",
         ),
     ] = None,
+    healthy: Annotated[
+        bool | None,
+        typer.Option(
+            "--healthy/--no-healthy",
+            help="Whether each robot, task and repetition also gets a run without a fault. "
+            "Default: it does.",
+        ),
+    ] = None,
+    signals: Annotated[
+        str | None,
+        typer.Option(
+            help="Sampled signals that the files keep: all, none, or names such as "
+            "signals/motor_torque,truth/friction_torque. Default: all."
+        ),
+    ] = None,
+    dry_run: Annotated[
+        bool,
+        typer.Option(
+            "--dry-run",
+            help="Simulate only a few cycles, write nothing, and print the number of runs, and the "
+            "estimated time and size of the dataset.",
+        ),
+    ] = False,
     regenerate: Annotated[
         bool,
         typer.Option(help="Replace the runs that another version of faultgen has made."),
@@ -130,6 +156,8 @@ def generate(
         "seed": seed,
         "repetitions": repetitions,
         "paired": paired,
+        "healthy": healthy,
+        "signals": signals if signals in ("all", "none") else names(signals) or None,
     }
     given = {name: value for name, value in flags.items() if value is not None}
     if experiment is not None and given:
@@ -145,6 +173,9 @@ def generate(
                     f"give an experiment file, or --robot and --task: --{name} is missing"
                 )
         chosen = make_experiment(given)
+    if dry_run:
+        _dry_run(chosen, worker_count(workers), as_json)
+        return
     summary = run_generate(
         chosen, out, workers=worker_count(workers), regenerate=regenerate, keep=keep
     )
@@ -413,13 +444,18 @@ def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = F
             "robot": "puma560",
             "task": "pick_and_place",
             "cycles": 30,
-            "signals": ["signals/motor_velocity", "signals/motor_torque"],
+            "signals": [
+                "signals/motor_velocity",
+                "signals/motor_torque",
+                "truth/friction_torque",
+                "truth/joint_position",
+            ],
         }
     )
     summary = run_generate(chosen, out, workers=worker_count(workers))
     if summary.failed:
         raise SimulationFailed("; ".join(summary.failed.values()))
-    result = run_isolate(open_dataset(out), seeds=5, progress=False)
+    result = run_isolate(open_dataset(out), seeds=5)
     save(result, out)
     path = write_report(out, result)
     if as_json:
@@ -427,6 +463,21 @@ def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = F
         return
     print(table(result))
     print(f"\ndataset: {out / 'dataset.h5'}\nreport:  {path}")
+
+
+def _dry_run(experiment: Experiment, workers: int, as_json: bool) -> None:
+    """Print what a dataset would take."""
+    from faultgen.dataset.estimate import estimate
+    from faultgen.system.progress import clock
+
+    found = estimate(experiment, workers=workers)
+    if as_json:
+        print_json({**asdict(found), "workers": workers})
+        return
+    print(
+        f"{found.runs} runs, {found.cycles} cycles; about {clock(found.seconds)} with {workers} "
+        f"workers on this machine, if each has a processor core; about {found.bytes / 1e6:.3g} MB"
+    )
 
 
 def _axes(text: str | None) -> list[list[int]] | None:

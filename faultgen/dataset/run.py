@@ -24,14 +24,15 @@ from faultgen.simulation.stepping import simulate
 
 
 def make_run(
-    run: Run, folder: Path, on_cycle: Callable[[], object] | None = None
+    run: Run, folder: Path, on_cycle: Callable[[int], object] | None = None
 ) -> tuple[Run, str | None]:
     """Simulate one run and write its file.
 
     Args:
         run: The run.
         folder: The folder ``runs`` of the dataset.
-        on_cycle: Function without arguments that is called after each cycle, or None.
+        on_cycle: Function that is called with the number of cycles that have been done since its
+            last call, or None. The numbers add up to the cycles of the run, also if it fails.
 
     Returns:
         The run, and either None or the reason why it failed.
@@ -39,14 +40,24 @@ def make_run(
     Raises:
         StorageFailed: The file could not be written; other runs would fail in the same way.
     """
+    left = run.cycles
+
+    def count() -> None:
+        nonlocal left
+        left -= 1
+        if on_cycle:
+            on_cycle(1)
+
     try:
-        _simulate_and_write(run, folder, on_cycle)
+        _simulate_and_write(run, folder, count)
     except (SimulationFailed, InputError, ValueError, ArithmeticError) as error:
+        if on_cycle:
+            on_cycle(left)
         return run, " ".join(str(error).split()) or type(error).__name__
     return run, None
 
 
-def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], object] | None) -> None:
+def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], None]) -> None:
     shared = nominal(run.robot, run.task, run.sample_period)
     robot, sensors = shared.robot, get_sensors(run.sensors)
     rng_surroundings, rng_sensors, rng_faults = np.random.default_rng(run.seed).spawn(3)
@@ -78,8 +89,7 @@ def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], object] |
                 group, channel = name.split("/")
                 values = getattr(seen if group == "signals" else cycle, channel)
                 writer.put(name, index, values[:: run.thin])
-            if on_cycle:
-                on_cycle()
+            on_cycle()
 
 
 def _plants(run: Run, robot: Robot, around: Surroundings) -> Iterator[Plant]:

@@ -18,7 +18,6 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 from joblib import delayed
-from tqdm import tqdm
 
 from faultgen.dataset.experiment import Experiment, load_experiment, to_toml
 from faultgen.dataset.manifest import EXPERIMENT, Manifest
@@ -31,6 +30,7 @@ from faultgen.dataset.splits import make_splits
 from faultgen.errors import InputError
 from faultgen.system.files import write_text, writer_of
 from faultgen.system.parallel import check_workers, in_parallel
+from faultgen.system.progress import Progress
 
 KEEP = ("all", "merged")
 """Which files of the runs can be kept."""
@@ -74,7 +74,7 @@ def generate(
         keep: "all" keeps the run files and the file of all runs. "merged" removes the run files
             when the file of all runs was found intact, which halves the disk space. Run files that
             were removed before are not made again.
-        progress: Whether to show a progress bar on stderr.
+        progress: Whether to show on stderr how far the simulation is.
 
     Returns:
         What was done. A run that fails is listed there, and does not stop the other runs.
@@ -121,24 +121,11 @@ def _make_all(
     runs: list[Run], folder: Path, workers: int, progress: bool
 ) -> Iterator[tuple[Run, str | None]]:
     """Make runs in parallel. Yield each run with None, or with the reason why it failed."""
-    bar = tqdm(
-        total=sum(run.cycles for run in runs),
-        unit="cycle",
-        disable=None if progress and runs else True,
-        desc="simulating",
-    )
     workers = min(workers, max(len(runs), 1))
-    # within this process the bar moves with every cycle, else with every run
-    on_cycle = bar.update if workers == 1 else None
-    results = in_parallel(
-        (delayed(make_run)(run, folder, on_cycle) for run in runs), workers, ordered=False
-    )
-    finished = 0
-    with bar:
-        for run, reason in results:
-            finished += run.cycles
-            bar.update(finished - bar.n)
-            yield run, reason
+    cycles = sum(run.cycles for run in runs)
+    with Progress("simulating", cycles, "cycle", progress) as shown:
+        calls = (delayed(make_run)(run, folder, shown.counter) for run in runs)
+        yield from in_parallel(calls, workers, ordered=False)
 
 
 def _outdated(dataset: Dataset, again: set[str], regenerate: bool) -> set[str]:

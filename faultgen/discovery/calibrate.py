@@ -39,6 +39,7 @@ from faultgen.discovery.simulated_fit import SimulatedFit
 from faultgen.effects.coupling import coupled_axes
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import Robot
+from faultgen.system.progress import Progress
 
 PRIOR_SCALES = (1.0, 3.0, 10.0, 30.0, 100.0)
 """Prior scales that are tried, as multiples of the default prior standard deviations."""
@@ -139,13 +140,14 @@ def calibrate(
     classical = _error(modelled, regression.torque(identify(products)), judged)
     errors = {"classical": classical, "given": _judge(recording, robot, judged)}
     spread, physical, errors["physical"] = None, robot, np.inf
-    for wider in spreads(regression, fitting, prior_scales, known, exclude):
-        made = fit(regression, products, wider).robot
-        error = _judge(recording, made, judged)
-        if spread is None or error < errors["physical"]:
-            spread, physical, errors["physical"] = wider, made, error
-        if error <= _EQUAL * classical:
-            break
+    with Progress("fitting the physical model", None):
+        for wider in spreads(regression, fitting, prior_scales, known, exclude):
+            made = fit(regression, products, wider).robot
+            error = _judge(recording, made, judged)
+            if spread is None or error < errors["physical"]:
+                spread, physical, errors["physical"] = wider, made, error
+            if error <= _EQUAL * classical:
+                break
     assert spread is not None
     models = {"given": robot, "physical": physical}
     if not np.isfinite(errors["given"]) and not np.isfinite(errors["physical"]):

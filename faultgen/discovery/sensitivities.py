@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from joblib import delayed
-from tqdm import tqdm
 
 from faultgen.discovery.candidates import Term
 from faultgen.discovery.replay import Replay
@@ -24,6 +23,7 @@ from faultgen.errors import InputError, SimulationFailed
 from faultgen.provenance import provenance
 from faultgen.system.arrays import read_arrays, write_arrays
 from faultgen.system.parallel import in_parallel
+from faultgen.system.progress import follow
 
 TEMPERATURE = "temperature_friction"
 """Effect whose column is computed from others, so that it does not depend on the time of
@@ -144,10 +144,8 @@ def kept_runs(files: Sequence[Path | None], calls: Sequence[Any], workers: int) 
     todo = [k for k in range(len(calls)) if k not in known]
     if todo:
         done = in_parallel([calls[k] for k in todo], min(workers, len(todo)))
-        progress = tqdm(
-            done, total=len(todo), unit="replay", desc="probing", disable=None, leave=False
-        )
-        for k, result in zip(todo, progress, strict=True):
+        shown = follow(done, "simulating candidates", len(todo), "replay")
+        for k, result in zip(todo, shown, strict=True):
             known[k] = result
             file = files[k]
             if file is not None:

@@ -48,6 +48,7 @@ from faultgen.discovery.verdict import answer
 from faultgen.effects import EFFECTS
 from faultgen.errors import InputError
 from faultgen.robot import Robot
+from faultgen.system.progress import Progress
 
 LONGEST = 3600.0
 """Longest recording that can be used [s]. It is simulated again for every term."""
@@ -144,9 +145,14 @@ def investigate(
     problem = _with_orders(problem, workers, exclude)
     if runs:
         problem = widened(problem, differences(runs))
-    choice = choose(plain(problem) if white_noise else problem)
-    told = answer(problem, choice)
-    experiment = next_experiment(problem, choice) if told.verdict == AMBIGUOUS else None
+    with Progress("choosing effects", None):
+        choice = choose(plain(problem) if white_noise else problem)
+    with Progress("checking the choice", None):
+        told = answer(problem, choice)
+    experiment = None
+    if told.verdict == AMBIGUOUS:
+        with Progress("planning the next experiment", None):
+            experiment = next_experiment(problem, choice)
     return Discovery(problem, choice, told, experiment, following)
 
 

@@ -14,8 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from faultgen import plugins
 from faultgen.dataset.reader import Dataset, StoredRun
 from faultgen.errors import InputError
@@ -28,6 +26,7 @@ from faultgen.evaluation.outcomes import other_effects, shown_level, tested_on
 from faultgen.evaluation.shares import share
 from faultgen.provenance import provenance
 from faultgen.system.files import write_text
+from faultgen.system.progress import follow
 
 
 @dataclass(frozen=True)
@@ -94,28 +93,24 @@ def detect(
     outcomes: dict[tuple[str, str, str, float, str], list[bool]] = {}
     left_out: dict[str, str] = {}
     learned: dict[str, int] = {}
-    shown = None if progress else True
-    bar = tqdm(total=len(dataset.runs), unit="run", desc="detecting", disable=shown)
     seen_runs: list[StoredRun] = []
-    for place in places(dataset, sensors, split):
+    every = ((place, run) for place in places(dataset, sensors, split) for run in place.tested)
+    for place, run in follow(every, "detecting", len(dataset.runs), "run", progress):
+        seen_runs.append(run)
         where = f"{place.robot}/{place.task}"
-        for run in place.tested:
-            seen_runs.append(run)
-            detectors, lacking = place.fitted(of_cycles, run)
-            if lacking:
-                left_out[where] = lacking
-            names = needed(detectors.values())
-            if detectors:
-                learned[where] = place.healthy_cycles(run)
-            ends = list(cuts(run, levels))
-            for seen in place.draws(run, names, seeds, seed) if detectors else ():
-                for name, detector in detectors.items():
-                    over = alarms(detector, seen)
-                    for level, length in ends:
-                        row = (run["robot"], run["task"], run["effect"], level, name)
-                        outcomes.setdefault(row, []).append(bool(over[:length].any()))
-            bar.update()
-    bar.close()
+        detectors, lacking = place.fitted(of_cycles, run)
+        if lacking:
+            left_out[where] = lacking
+        names = needed(detectors.values())
+        if detectors:
+            learned[where] = place.healthy_cycles(run)
+        ends = list(cuts(run, levels))
+        for seen in place.draws(run, names, seeds, seed) if detectors else ():
+            for name, detector in detectors.items():
+                over = alarms(detector, seen)
+                for level, length in ends:
+                    row = (run["robot"], run["task"], run["effect"], level, name)
+                    outcomes.setdefault(row, []).append(bool(over[:length].any()))
     if not outcomes:
         raise InputError(f"{dataset.path}: {next(iter(left_out.values()))}")
     rows = []

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from tqdm import tqdm
 
 from faultgen import plugins
 from faultgen.dataset.reader import Dataset, StoredRun
@@ -23,6 +22,7 @@ from faultgen.evaluation.methods import isolate as ask
 from faultgen.evaluation.observed_runs import division_of, noise_of, places
 from faultgen.evaluation.outcomes import Isolation, Outcomes
 from faultgen.provenance import provenance
+from faultgen.system.progress import follow
 
 LEVELS = (0.01, 0.05, 0.10, 0.15)
 """Levels of wear at which the thesis isolates."""
@@ -74,32 +74,28 @@ def isolate(
     unobservable: dict[str, list[int]] = {}
     left_out: dict[str, str] = {}
     short: set[float] = set()
-    shown = None if progress else True
-    bar = tqdm(total=len(dataset.runs), unit="run", desc="isolating", disable=shown)
     seen_runs: list[StoredRun] = []
-    for place in places(dataset, sensors, split):
+    every = ((place, run) for place in places(dataset, sensors, split) for run in place.tested)
+    for place, run in follow(every, "isolating", len(dataset.runs), "run", progress):
+        seen_runs.append(run)
         where = f"{place.robot}/{place.task}"
-        for run in place.tested:
-            seen_runs.append(run)
-            worn = tuple(int(axis) for axis in run["axes"])
-            severity = run.read("cycle/severity")
-            ends = list(cuts(run, levels))
-            asked = levels if in_fractions(run["effect"]) else ()
-            short |= {a for a in asked if worn and severity.max() >= a} - {a for a, _ in ends}
-            isolators, lacking = place.fitted(table, run)
-            if lacking:
-                left_out[where] = lacking
-            names = {"mean_abs_torque", *needed(isolators.values())}
-            for seen in place.draws(run, names, seeds, seed):
-                observed = np.isfinite(seen["mean_abs_torque"]).all(axis=0)
-                unobservable[where] = [int(axis) + 1 for axis in np.flatnonzero(~observed)]
-                for level, length in ends:
-                    for method, isolator in isolators.items():
-                        key = (run["robot"], run["task"], run["effect"], level, method)
-                        answer = axis_of(ask(isolator, seen, length)) + 1
-                        outcomes.setdefault(key, Outcomes(*key)).add(answer, worn)
-            bar.update()
-    bar.close()
+        worn = tuple(int(axis) for axis in run["axes"])
+        severity = run.read("cycle/severity")
+        ends = list(cuts(run, levels))
+        asked = levels if in_fractions(run["effect"]) else ()
+        short |= {a for a in asked if worn and severity.max() >= a} - {a for a, _ in ends}
+        isolators, lacking = place.fitted(table, run)
+        if lacking:
+            left_out[where] = lacking
+        names = {"mean_abs_torque", *needed(isolators.values())}
+        for seen in place.draws(run, names, seeds, seed):
+            observed = np.isfinite(seen["mean_abs_torque"]).all(axis=0)
+            unobservable[where] = [int(axis) + 1 for axis in np.flatnonzero(~observed)]
+            for level, length in ends:
+                for method, isolator in isolators.items():
+                    key = (run["robot"], run["task"], run["effect"], level, method)
+                    answer = axis_of(ask(isolator, seen, length)) + 1
+                    outcomes.setdefault(key, Outcomes(*key)).add(answer, worn)
     draws = seeds if redraw else len({run["seed"] for run in seen_runs})
     too_short = ", ".join(f"{100 * level:g} %" for level in sorted(short))
     counted = list(outcomes.values())

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from joblib import delayed
 from threadpoolctl import threadpool_limits
-from tqdm import tqdm
 
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.fleet.data import PLAN, STORED, Fleet, open_fleet, read_robot
@@ -20,6 +19,7 @@ from faultgen.provenance import Provenance, provenance
 from faultgen.system.arrays import write_arrays
 from faultgen.system.files import write_text
 from faultgen.system.parallel import in_parallel
+from faultgen.system.progress import follow
 
 
 def generate_fleet(
@@ -61,10 +61,8 @@ def generate_fleet(
         min(workers, max(len(left), 1)),
         ordered=False,
     )
-    bar = tqdm(
-        done, total=len(left), unit="robot", desc="fleet", disable=None if progress else True
-    )
-    failed = [reason for reason in bar if reason]
+    shown = follow(done, "simulating the fleet", len(left), "robot", progress)
+    failed = [reason for reason in shown if reason]
     if failed:
         raise SimulationFailed(f"{len(failed)} of {plan.robots} robots failed: {failed[0]}")
     return open_fleet(out)

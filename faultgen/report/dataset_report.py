@@ -1,35 +1,30 @@
-"""The report of a dataset: its content, how wear changes the torque, and the isolators' results."""
+"""The report of a dataset: its content, its signals, how they change with wear, and the isolators.
+
+path = write_report("out")  # out/report.html
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
-import matplotlib
-
-matplotlib.use("Agg")  # no display needed
-
-import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.figure import Figure
 
-from faultgen.analysis.plots import (
-    legend_beside,
-    plot_accuracy,
-    plot_net_transfer_entropy,
-    plot_series,
-    style,
-)
+from faultgen.analysis.plots import marker
 from faultgen.analysis.transfer_entropy import net_transfer_entropy
 from faultgen.dataset.reader import Dataset, StoredRun, open_dataset
-from faultgen.effects import get_effect
 from faultgen.evaluation.isolate import isolate
 from faultgen.evaluation.observed_runs import one_series
 from faultgen.evaluation.outcomes import Isolation, table
-from faultgen.report.page import image, markdown, page
+from faultgen.report.chart import SYMBOLS, Chart, axes, library, line, square_map
+from faultgen.report.page import markdown, page
+from faultgen.report.signals import Place, in_words, signal_charts
 from faultgen.system.files import write_text
 
 _LINES = 4  # worn runs drawn for an axis
+_MOST_CYCLES = 1000  # points of a line over cycles
+_ROOM = 2_500_000  # characters of charts of signals; the page then has less than 5 MB
 
 
 def write_report(folder: str | Path, result: Isolation | None = None) -> Path:
@@ -43,7 +38,7 @@ def write_report(folder: str | Path, result: Isolation | None = None) -> Path:
         Path of the page.
     """
     dataset = open_dataset(folder)
-    result = result or isolate(dataset, progress=False)
+    result = result or isolate(dataset)
     toml = dataset.path / "experiment.toml"
     text = page(
         "dataset.html",
@@ -52,22 +47,38 @@ def write_report(folder: str | Path, result: Isolation | None = None) -> Path:
         planned=len(dataset.planned),
         cycles=sum(int(run["cycles"]) for run in dataset.runs),
         failed=list(dataset.failed.values()),
-        lines=_LINES,
-        places=[
-            {
-                "robot": robot,
-                "task": task,
-                "wear": image(_wear_figure(here)),
-                "isolation": image(_isolation_figure(here, result, robot, task)),
-            }
-            for robot, task, here in _places(dataset)
-        ],
+        places=list(_shown(dataset, result)),
         answers=markdown(table(result)),
         experiment=toml.read_text(encoding="utf-8") if toml.is_file() else None,
+        library=library(),
     )
     path = dataset.path / "report.html"
     write_text(path, text)
     return path
+
+
+def _shown(dataset: Dataset, result: Isolation) -> Iterator[dict[str, Any]]:
+    """What the page shows of each robot and task."""
+    room = _ROOM
+    for robot, task, runs in _places(dataset):
+        place = Place.of(runs, dataset.planned[runs[0].id]["robot"])
+        charts, notes = signal_charts(place)
+        room -= sum(len(chart.json) for chart in charts)
+        if room < 0:
+            charts, room = [], 0
+            notes = ["The charts of signals are left out, because the page would become too large."]
+        worn = [axis for axis in range(1, place.n_axes + 1) if place.worn(axis)]
+        yield {
+            "robot": robot,
+            "task": task,
+            "axes": [
+                (axis, f"{axis}" if axis in worn else f"{axis} (never worn)")
+                for axis in range(1, place.n_axes + 1)
+            ],
+            "first": worn[0] if worn else 1,
+            "charts": [*charts, _wear(place), *_isolation(runs, result, robot, task)],
+            "notes": notes,
+        }
 
 
 def _places(dataset: Dataset) -> Iterator[tuple[str, str, list[StoredRun]]]:
@@ -76,60 +87,99 @@ def _places(dataset: Dataset) -> Iterator[tuple[str, str, list[StoredRun]]]:
         yield *place, [run for run in dataset.runs if (run["robot"], run["task"]) == place]
 
 
-def _wear_figure(runs: list[StoredRun]) -> Figure:
+def _wear(place: Place) -> Chart:
     """Mean |torque| of each axis, in the healthy run and in runs in which that axis wears."""
-    n_axes = runs[0].read("monitoring/mean_abs_torque").shape[1]
-    with style():
-        columns = min(3, n_axes)
-        rows = -(-n_axes // columns)
-        figure, grid = plt.subplots(rows, columns, figsize=(9, 2.4 * rows), squeeze=False)
-        for axis, axes in enumerate(grid.flat[:n_axes], start=1):
-            healthy = [run for run in runs if run["axis"] == 0][:1]
-            chosen = healthy + [run for run in runs if axis in run["axes"]][:_LINES]
-            for number, run in enumerate(chosen):
-                values = run.read("monitoring/mean_abs_torque")[:, axis - 1]
-                plot_series(axes, np.arange(1, len(values) + 1), values, _name(run), number)
-            axes.set(title=f"axis {axis}", ylabel="mean |torque| [N m]")
-            if chosen:
-                axes.legend(loc="upper left", fontsize=7)
-    return figure
+    traces, told = [], []
+    for axis in range(1, place.n_axes + 1):
+        healthy = [run for run in place.runs if run["axis"] == 0][:1]
+        worn = [run for run in place.runs if axis in run["axes"]][:_LINES]
+        names = [in_words(run) for run in [*healthy, *worn]]
+        for number, (name, run) in enumerate(zip(names, [*healthy, *worn], strict=True)):
+            values = run.read("monitoring/mean_abs_torque")[:, axis - 1]
+            every = -(-len(values) // _MOST_CYCLES)
+            told_apart = name if names.count(name) == 1 else f"{name}, seed {run['seed']}"
+            place_of_colour = number + 1 - len(healthy)  # that of the healthy run stays free
+            traces.append(
+                line(told_apart, values[::every], place_of_colour, start=1, step=every, axis=axis)
+            )
+            if worn and run is worn[0]:
+                told.append(f"axis {axis} {values[0]:.3g} to {values[-1]:.3g}")
+    return Chart(
+        title="Mean torque of each cycle",
+        traces=traces,
+        layout=axes("cycle", "mean |motor torque| [N m]"),
+        caption=f"Mean |motor torque| as stored: the healthy robot and up to {_LINES} runs in "
+        "which the axis wears. Only samples within the speed window of the dataset count, by "
+        "default motor speeds of 50 to 120 rad/s. The chart is empty if no sample is within it.",
+        description="Lines of the mean absolute motor torque over cycles, healthy and worn. From "
+        f"the first to the last cycle of a worn run, in N m: {', '.join(told) or 'no worn run'}.",
+    )
 
 
-def _name(run: StoredRun) -> str:
-    if run["axis"] == 0:
-        return "healthy"
-    shown = get_effect(run["effect"]).shown(run["severity"])
-    return f"{run['effect']} {shown}, seed {run['seed']}"
-
-
-def _isolation_figure(runs: list[StoredRun], result: Isolation, robot: str, task: str) -> Figure:
-    """Net transfer entropy of a healthy and of a worn run, and accuracy by severity."""
-    healthy = next((run for run in runs if run["axis"] == 0), None)
-    worn = next((run for run in runs if run["axis"] > 0), None)
-    with style():
-        figure, grid = plt.subplots(1, 3, figsize=(9, 3))
-        for axes, run in ((grid[0], healthy), (grid[1], worn)):
-            x = None if run is None else np.nan_to_num(one_series(run))
-            if run is None or x is None or len(x) < 3:
-                axes.axis("off")
-                continue
-            title = "healthy" if run["axis"] == 0 else f"axis {run['axis']} worn"
-            plot_net_transfer_entropy(axes, net_transfer_entropy(x), f"net TE [bit], {title}")
-        here = [t for t in result.outcomes if (t.robot, t.task) == (robot, task) and t.level > 0]
-        first = min((t.effect for t in here), default="")
-        for number, method in enumerate(dict.fromkeys(t.method for t in here)):
-            cells = [t for t in here if (t.effect, t.method) == (first, method)]
-            if cells:
-                plot_accuracy(
-                    grid[2],
-                    [t.level for t in cells],
-                    [t.accuracy for t in cells],
-                    [t.interval for t in cells],
-                    method,
-                    number,
-                )
-        if here:
-            legend_beside(grid[2])
-        else:
-            grid[2].axis("off")
-    return figure
+def _isolation(
+    runs: Sequence[StoredRun], result: Isolation, robot: str, task: str
+) -> Iterator[Chart]:
+    """Accuracy by severity, and net transfer entropy of a healthy and of a worn run."""
+    here = [t for t in result.outcomes if (t.robot, t.task) == (robot, task) and t.level > 0]
+    first = min((t.effect for t in here), default="")
+    traces, told = [], []
+    for number, method in enumerate(dict.fromkeys(t.method for t in here)):
+        cells = [t for t in here if (t.effect, t.method) == (first, method)]
+        if not cells:
+            continue
+        share = 100 * np.array([t.accuracy for t in cells])
+        low, high = 100 * np.array([t.interval for t in cells]).T
+        traces.append(
+            line(
+                method,
+                share,
+                number,
+                x=100 * np.array([t.level for t in cells]) + 0.08 * number,
+                mode="lines+markers",
+                marker={"symbol": SYMBOLS[marker(number)], "size": 9},
+                error_y={
+                    "type": "data",
+                    "array": np.maximum(high - share, 0).tolist(),
+                    "arrayminus": np.maximum(share - low, 0).tolist(),
+                    "thickness": 1,
+                    "width": 3,
+                },
+            )
+        )
+        told.append(f"{method} {share[-1]:.0f} %")
+    if traces:
+        yield Chart(
+            title="How often isolators name the worn axis",
+            traces=traces,
+            layout=axes("wear [%]", "right axis named [%]", range=[-3, 105]),
+            caption=f"Share of runs with {first} in which the worn axis is named, with 95 % "
+            "intervals. Methods are shifted sideways a little, so that no interval covers another.",
+            description="Lines of the share of right answers over the wear, one for each method. "
+            f"At the highest wear: {', '.join(told)}.",
+        )
+    for run, which in (
+        (next((run for run in runs if run["axis"] == 0), None), "healthy"),
+        (next((run for run in runs if run["axis"] > 0), None), "worn"),
+    ):
+        x = None if run is None else np.nan_to_num(one_series(run))
+        if run is None or x is None or len(x) < 3:
+            continue
+        net = net_transfer_entropy(x)
+        largest = int(np.argmax(net.sum(axis=1))) + 1
+        yield Chart(
+            title=f"Net transfer entropy, {which} robot",
+            traces=[square_map(net, "bit")],
+            layout={
+                "xaxis": {"title": {"text": "to axis"}, "type": "category"},
+                "yaxis": {
+                    "title": {"text": "from axis"},
+                    "type": "category",
+                    "autorange": "reversed",
+                },
+                "showlegend": False,
+            },
+            caption=f"Over all cycles of a run ({in_words(run)}), for one draw of the noise. The "
+            "axis with the largest row is named as worn; a healthy robot, too, has such an axis.",
+            description=f"Map of the net transfer entropy between the axes. Axis {largest} has "
+            "the largest row.",
+        )

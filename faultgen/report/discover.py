@@ -33,6 +33,7 @@ from faultgen.discovery.workflow import (
 from faultgen.effects import EFFECTS
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import load_robot
+from faultgen.system.progress import Progress
 
 
 def discover(
@@ -206,7 +207,8 @@ def _completed(found: Discovery) -> Discovery:
     """The discovery with laws learned from what effects leave unexplained."""
     if found.problem.recording.link:  # laws act on the rotors
         return found
-    told, laws = with_laws(found.problem, found.choice, found.answer)
+    with Progress("learning laws", None):
+        told, laws = with_laws(found.problem, found.choice, found.answer)
     return replace(found, answer=told, laws=tuple(laws))
 
 

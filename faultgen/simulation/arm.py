@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from faultgen.errors import InputError
 from faultgen.mjcf.gearing import tendon_coefficients
-from faultgen.robot import COULOMB, COUPLING, OFFSET, STRIBECK_VELOCITY, Robot
+from faultgen.robot import COULOMB, COUPLING, OFFSET, STICTION, STRIBECK_VELOCITY, Robot
 
 _NEWTON_STEPS = 30  # of `Arm.follow`; a pose that is close needs 3 to 5
 
@@ -211,6 +211,35 @@ def nominal_friction(robot: Robot, speed: np.ndarray) -> np.ndarray:
     share = np.tanh(speed / np.where(width > 0, width, 1.0))
     sliding = bias[:, COULOMB] * share - bias[:, OFFSET] * np.abs(share)
     return sliding + robot.model.actuator_damping[friction] * speed
+
+
+def steady_friction(
+    robot: Robot, model: mujoco.MjModel, axis: int, speed: np.ndarray
+) -> np.ndarray:
+    """Compute the friction of an axis in steady sliding, with its Stribeck curve.
+
+    Equation: sign(w) (F_c + (F_s - F_c) exp(-(w / v_s)^2)) - f_0 + f_v w + f_2 w |w| + ...
+
+    Args:
+        robot: The healthy robot.
+        model: Its model, or one with effects.
+        axis: Axis, from 1.
+        speed: Motor speed, shape (n,), in [rad/s].
+
+    Returns:
+        Torque that overcomes friction, shape (n,), in [N m].
+
+    Source: docs/physics.md, LuGre friction.
+    """
+    element = robot.ids("actuator", "friction", model)[axis - 1]
+    bias = model.actuator_biasprm[element]
+    width = bias[STRIBECK_VELOCITY] if bias[STRIBECK_VELOCITY] > 0 else 1.0
+    static = bias[STICTION] - bias[COULOMB]
+    sliding = np.sign(speed) * (bias[COULOMB] + static * np.exp(-((speed / width) ** 2)))
+    viscous = model.actuator_damping[element] * speed
+    for power, coefficient in enumerate(model.actuator_dampingpoly[element], start=1):
+        viscous = viscous + coefficient * speed * np.abs(speed) ** power
+    return sliding - bias[OFFSET] + viscous
 
 
 def motor_torque(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:

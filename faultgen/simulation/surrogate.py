@@ -25,7 +25,6 @@ from typing import Any
 
 import numpy as np
 from joblib import delayed
-from tqdm import tqdm
 
 from faultgen.effects import Applied
 from faultgen.effects.temperature import TEMPERATURE_RANGE
@@ -37,6 +36,7 @@ from faultgen.simulation.state import Condition, plant_at
 from faultgen.simulation.stepping import simulate
 from faultgen.system.arrays import read_arrays, write_arrays
 from faultgen.system.parallel import in_parallel
+from faultgen.system.progress import follow
 
 CHANNELS = ("motor_position", "motor_velocity", "motor_torque")
 """Names of the channels that are interpolated."""
@@ -297,13 +297,8 @@ def build_surrogate(
         delayed(simulate_at)(robot, task, sample_period, condition, controller)
         for condition in conditions
     ]
-    shown = tqdm(
-        in_parallel(calls, workers),
-        total=len(conditions),
-        unit="cycle",
-        desc=f"{simulated.name} {task}",
-        disable=None if progress else True,
-    )
+    what = f"simulating {simulated.name} {Path(task).stem}"
+    shown = follow(in_parallel(calls, workers), what, len(conditions), "cycle", progress)
     return Surrogate(
         robot_path=robot,
         task_path=task,

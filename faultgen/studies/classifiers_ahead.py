@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from faultgen.analysis.classification import PairResult, leave_pair_out
+from faultgen.analysis.classification import PairResult, count_pairs, leave_pair_out
 from faultgen.analysis.own_history import (
     FEATURES,
     FEWEST,
@@ -23,6 +23,7 @@ from faultgen.analysis.own_history import (
 from faultgen.analysis.plain_history import PLAIN, plain_history, untrained_auc
 from faultgen.errors import InputError
 from faultgen.fleet.data import Fleet
+from faultgen.system.progress import Progress
 
 OWN = "own history"
 OWN_EVENTS = "own history and events"
@@ -114,19 +115,22 @@ def days_ahead(
     farther = [h for h in FARTHER if h + DAYS + FEWEST <= fleet.days]
     width = {OWN: len(FEATURES), OWN_EVENTS: len(FEATURES) + 1}
     trained, untrained = {}, []
-    for horizon in (*horizons, *farther):
-        rows = rows_before(fleet, prepared, horizon)
-        for name, columns in width.items():
-            trained[horizon, name] = leave_pair_out(
-                [own[:, :columns] for own in rows],
-                failed,
-                make_history_classifier,
-                seed=seed,
-                workers=workers,
-                label=f"{name}, {horizon} d",
-            )
-        untrained += [
-            {"horizon": horizon, "column": name, "auc": float(auc)}
-            for name, auc in zip(UNTRAINED, untrained_auc(rows, failed), strict=True)
-        ]
+    ahead = (*horizons, *farther)
+    pairs = len(ahead) * len(width) * count_pairs(failed)
+    with Progress("training on histories", pairs, "pair") as progress:
+        for horizon in ahead:
+            rows = rows_before(fleet, prepared, horizon)
+            for name, columns in width.items():
+                trained[horizon, name] = leave_pair_out(
+                    [own[:, :columns] for own in rows],
+                    failed,
+                    make_history_classifier,
+                    seed=seed,
+                    workers=workers,
+                    on_pair=progress.counter,
+                )
+            untrained += [
+                {"horizon": horizon, "column": name, "auc": float(auc)}
+                for name, auc in zip(UNTRAINED, untrained_auc(rows, failed), strict=True)
+            ]
     return trained, untrained

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from joblib import delayed
 from threadpoolctl import threadpool_limits
-from tqdm import tqdm
 
 from faultgen.analysis import cross_correlation_lags, leading_axis
 from faultgen.dataset.wear import severities
@@ -40,6 +39,7 @@ from faultgen.studies.chapter3_detection.hourly_torque import (
 )
 from faultgen.studies.places import place_name
 from faultgen.system.parallel import in_parallel
+from faultgen.system.progress import follow
 
 ROBOT = "puma560"
 TASKS = ("chapter3_task1", "chapter3_task2", "chapter3_task3")
@@ -140,15 +140,7 @@ def run_detection(
         delayed(_job)(files[task], task, noise, role, number, seed)
         for task, noise, role, number in jobs
     )
-    parts = list(
-        tqdm(
-            in_parallel(calls, workers),
-            total=len(jobs),
-            unit="record",
-            desc="detecting",
-            disable=None,
-        )
-    )
+    parts = list(follow(in_parallel(calls, workers), "detecting", len(jobs), "record"))
     healthy = {(t, n, r, k): p for (t, n, r, k), p in zip(jobs, parts, strict=True) if r != _WEAR}
     worn = [
         row for (_, _, role, _), p in zip(jobs, parts, strict=True) if role == _WEAR for row in p

@@ -18,6 +18,7 @@ import faultgen.studies.chapter5_classifiers.findings as findings
 from faultgen.analysis.classification import (
     CLASSIFIERS,
     PairResult,
+    count_pairs,
     leave_pair_out,
     make_classifier,
 )
@@ -30,6 +31,7 @@ from faultgen.studies.chapter5_classifiers.findings import (
     WITHOUT_DIFFERENCES,
 )
 from faultgen.studies.classifiers_ahead import days_ahead, rows_before
+from faultgen.system.progress import Progress
 
 HORIZON = 3
 """Days ahead for the tables and tests."""
@@ -90,15 +92,20 @@ def run_classifiers(
     """
     chosen = _chosen(fleet, size.robots)
     found: dict[tuple[int, str, str], PairResult] = {}
-    for horizon in size.horizons:
-        names = size.combinations if horizon == HORIZON else size.others
-        for name in names:
+    columns = [
+        (horizon, name)
+        for horizon in size.horizons
+        for name in (size.combinations if horizon == HORIZON else size.others)
+    ]
+    failed = _failed(chosen)
+    cells = len(columns) * len(size.classifiers)
+    with Progress("training classifiers", cells * count_pairs(failed), "pair") as progress:
+        for horizon, name in columns:
             rows = horizon_rows(chosen, name, horizon)
             for classifier in size.classifiers:
                 make = partial(make_classifier, classifier, Combination.of(name))
-                label = f"{classifier} {name}, {horizon} d"
                 found[horizon, name, classifier] = leave_pair_out(
-                    rows, _failed(chosen), make, seed=seed, workers=workers, label=label
+                    rows, failed, make, seed=seed, workers=workers, on_pair=progress.counter
                 )
     trained, untrained = days_ahead(chosen, size.horizons, seed=seed, workers=workers)
     found |= {(horizon, name, "LR"): one for (horizon, name), one in trained.items()}
@@ -194,19 +201,22 @@ def _importance(
         groups[name, 0] = np.concatenate([groups[name, axis] for axis in range(1, n_axes + 1)])
     rows = horizon_rows(fleet, FULL_CHAIN, HORIZON)
     told = []
-    for classifier in classifiers:
-        make = partial(make_classifier, classifier, combination)
-        found = leave_pair_out(
-            rows,
-            _failed(fleet),
-            make,
-            seed=seed,
-            workers=workers,
-            groups=groups,
-            label=f"importance, {classifier}",
-        )
-        told += [
-            {"classifier": classifier, "measurement": name, "axis": axis, "lost": lost}
-            for (name, axis), lost in found.importance.items()
-        ]
+    failed = _failed(fleet)
+    pairs = len(classifiers) * count_pairs(failed)
+    with Progress("shuffling measurements", pairs, "pair") as progress:
+        for classifier in classifiers:
+            make = partial(make_classifier, classifier, combination)
+            found = leave_pair_out(
+                rows,
+                failed,
+                make,
+                seed=seed,
+                workers=workers,
+                groups=groups,
+                on_pair=progress.counter,
+            )
+            told += [
+                {"classifier": classifier, "measurement": name, "axis": axis, "lost": lost}
+                for (name, axis), lost in found.importance.items()
+            ]
     return told

@@ -7,7 +7,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
-from faultgen.analysis.plots import MARKERS, legend_beside, plot_accuracy, plot_net_transfer_entropy
+from faultgen.analysis.plots import legend_beside, marker, plot_accuracy, plot_net_transfer_entropy
 from faultgen.evaluation.isolate import LEVELS
 from faultgen.evaluation.isolators import FRICTION, CrossCorrelation, TransferEntropy5
 from faultgen.studies.chapter6_isolation.series import NOISES
@@ -126,7 +126,7 @@ def _severity(result: dict[str, Any]) -> Figure:
             axes.plot(
                 [100 * row["severity"] for row in rows],
                 [100 * row["rms_error"] for row in rows],
-                marker=MARKERS[number % len(MARKERS)],
+                marker=marker(number),
                 label=f"{robot} {task}",
                 lw=1.2,
             )

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from joblib import delayed
 from threadpoolctl import threadpool_limits
-from tqdm import tqdm
 
 from faultgen.analysis import net_transfer_entropy
 from faultgen.analysis.isolation import Answer
@@ -44,6 +43,7 @@ from faultgen.studies.chapter6_isolation.series import (
 )
 from faultgen.studies.places import place_name
 from faultgen.system.parallel import in_parallel
+from faultgen.system.progress import follow
 
 ROBOTS = ("irb6700", "puma560")
 TASKS = ("pick_and_place", "spot_weld", "arc_weld")
@@ -120,15 +120,7 @@ def run_isolation(
     calls = (
         delayed(_judge)(block, files[block.robot, block.task], out / "series") for block in blocks
     )
-    parts = list(
-        tqdm(
-            in_parallel(calls, workers),
-            total=len(blocks),
-            unit="block",
-            desc="isolating",
-            disable=None,
-        )
-    )
+    parts = list(follow(in_parallel(calls, workers), "isolating", len(blocks), "block"))
     result: dict[str, Any] = {"seed": seed, "seeds": size.worn, "size": vars(size)}
     for name in parts[0]:
         result[name] = [row for part in parts for row in part[name]]

@@ -1,0 +1,1 @@
+"""Looking at robots: a window, films and pictures of a robot that does its task."""

@@ -1,0 +1,188 @@
+"""The model that is drawn: the robot with floor and light, and a camera that sees all of it.
+
+stage = Stage(robot, position)
+stage.pose(position[0])
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from faultgen.errors import InputError
+from faultgen.robot import Robot
+
+LARGEST_PICTURE = 1280
+"""Largest width and height of a picture [pixels]."""
+
+_SHOWN_GROUPS = 3  # of geoms; MuJoCo hides the others, such as rotors
+_POSES = 25  # of a motion, among which the camera looks for the outermost points
+_AZIMUTH, _ELEVATION = 130.0, -16.0  # of the camera [deg]
+_ANGLE = 35.0  # of the camera's view, upright [deg]
+_MARGIN = 1.05  # of the camera's distance, so that nothing touches the border
+_FAULTY = (0.85, 0.16, 0.14, 1.0)  # colour of the link whose axis has a fault
+_STICK = (0.75, 0.77, 0.80, 1.0)  # colour of links that have no shape of their own
+
+
+class Stage:
+    """A robot that can be drawn in any pose. Its drivetrain is not simulated here."""
+
+    def __init__(self, robot: Robot, position: np.ndarray) -> None:
+        """Build the model and place the camera.
+
+        Args:
+            robot: The robot.
+            position: Joint positions of the motion that will be shown, shape (samples, n_axes), in
+                [rad], or [m] for slides.
+
+        Raises:
+            InputError: The robot cannot be drawn.
+        """
+        spec = robot.spec()
+        _dress(spec)
+        try:
+            self.model = spec.compile()
+        except ValueError as error:
+            line = " ".join(str(error).split())
+            raise InputError(f"robot {robot.name}: cannot be drawn ({line})") from None
+        self.data = mujoco.MjData(self.model)
+        joints = self.model.jnt_qposadr[robot.ids("joint", "joint", self.model)]
+        self._joints = joints.tolist()
+        points = self._outline(position)
+        floor = self.model.geom("faultgen_floor").id
+        self.model.geom_pos[floor, 2] = min(0.0, points[:, 2].min())
+        self.camera = mujoco.MjvCamera()
+        self.camera.azimuth, self.camera.elevation = _AZIMUTH, _ELEVATION
+        self._look_at(points)
+        self._colours = self.model.geom_rgba.copy()
+        self._materials = self.model.geom_matid.copy()
+
+    def pose(self, position: np.ndarray) -> None:
+        """Put the robot into a pose.
+
+        Args:
+            position: Joint positions, shape (n_axes,), in [rad], or [m] for slides.
+        """
+        self.data.qpos[self._joints] = position
+        mujoco.mj_forward(self.model, self.data)
+
+    def paint(self, axis: int) -> None:
+        """Paint the link behind an axis red, and all other links in their own colours.
+
+        Args:
+            axis: From 1; 0 paints no link.
+        """
+        self.model.geom_rgba[:] = self._colours
+        self.model.geom_matid[:] = self._materials
+        if axis:
+            link = self.model.joint(f"joint{axis}").bodyid[0]
+            own = self.model.geom_bodyid == link
+            self.model.geom_rgba[own] = _FAULTY
+            self.model.geom_matid[own] = -1
+
+    def shown(self) -> np.ndarray:
+        """Find the geoms that are drawn.
+
+        Returns:
+            Their ids, shape (geoms,).
+        """
+        model = self.model
+        opaque = model.geom_rgba[:, 3] > 0
+        return np.flatnonzero((model.geom_group < _SHOWN_GROUPS) & opaque)
+
+    def view_axes(self) -> np.ndarray:
+        """Compute the axes of the camera.
+
+        Returns:
+            Rows that point right, up, and towards the viewer, shape (3, 3).
+        """
+        azimuth, elevation = np.radians([self.camera.azimuth, self.camera.elevation])
+        flat = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        ahead = np.cos(elevation) * flat + np.sin(elevation) * np.array([0.0, 0.0, 1.0])
+        right = np.array([np.sin(azimuth), -np.cos(azimuth), 0.0])
+        return np.array([right, np.cross(right, ahead), -ahead])
+
+    def _outline(self, position: np.ndarray) -> np.ndarray:
+        """Corners of the boxes around all shapes in poses of a motion, shape (n, 3), in [m]."""
+        corners = np.stack(np.meshgrid(*[[-1, 1]] * 3), axis=-1).reshape(-1, 3)
+        geoms = [k for k in self.shown() if self.model.geom_type[k] != mujoco.mjtGeom.mjGEOM_PLANE]
+        if not geoms:
+            raise InputError("the model has no shapes that could be drawn")
+        found = []
+        for row in np.linspace(0, len(position) - 1, _POSES).astype(int):
+            self.pose(position[row])
+            for geom in geoms:
+                centre, half = self.model.geom_aabb[geom].reshape(2, 3)
+                turned = self.data.geom_xmat[geom].reshape(3, 3)
+                found.append((centre + corners * half) @ turned.T + self.data.geom_xpos[geom])
+        return np.concatenate(found)
+
+    def _look_at(self, points: np.ndarray) -> None:
+        """Put the camera as near as all points of a square picture allow."""
+        axes = self.view_axes()
+        seen = points @ axes.T
+        low, high = seen.min(axis=0), seen.max(axis=0)
+        for _ in range(2):  # what is near needs more room: the middle moves towards it
+            middle = (low + high) / 2
+            away = seen - middle
+            slope = np.tan(np.radians(_ANGLE / 2))
+            distance = (np.abs(away[:, :2]).max(axis=1) / slope + away[:, 2]).max()
+            shown = away[:, :2] / (distance - away[:, 2:])
+            shift = (shown.max(axis=0) + shown.min(axis=0)) / 2 * distance
+            low[:2], high[:2] = low[:2] + shift, high[:2] + shift
+        self.camera.lookat[:] = middle @ axes
+        self.camera.distance = _MARGIN * distance
+
+
+def _dress(spec: mujoco.MjSpec) -> None:
+    """Add floor, light and sky to a robot, and shapes to links if it has none at all."""
+    shapes = [geom for geom in spec.geoms if geom.group < _SHOWN_GROUPS and geom.rgba[3] > 0]
+    if not shapes:
+        _add_sticks(spec)
+    spec.visual.global_.offwidth = spec.visual.global_.offheight = LARGEST_PICTURE
+    spec.visual.global_.fovy = _ANGLE
+    spec.visual.headlight.ambient = [0.35] * 3
+    spec.visual.headlight.diffuse = [0.45] * 3
+    spec.visual.headlight.specular = [0.0] * 3
+    spec.add_texture(
+        name="faultgen_sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=[0.97, 0.98, 1.0],
+        rgb2=[0.86, 0.89, 0.93],
+        width=64,
+        height=64,
+    )
+    spec.worldbody.add_light(
+        pos=[2, -3, 5],
+        dir=[-0.4, 0.5, -1],
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        diffuse=[0.5] * 3,
+        castshadow=False,
+    )
+    spec.worldbody.add_geom(
+        name="faultgen_floor",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[0, 0, 1],  # without end
+        rgba=[0.80, 0.82, 0.84, 1],
+        contype=0,
+        conaffinity=0,
+    )
+
+
+def _add_sticks(spec: mujoco.MjSpec) -> None:
+    """Draw each link as a stick from its body to the bodies that it carries."""
+    for body in list(spec.bodies):
+        for child in body.bodies:
+            if child.name.startswith("rotor") or not np.linalg.norm(child.pos) > 0:
+                continue
+            length = float(np.linalg.norm(child.pos))
+            body.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+                fromto=[0, 0, 0, *child.pos],
+                size=[0.1 * length, 0, 0],
+                rgba=_STICK,
+                mass=0,
+                contype=0,
+                conaffinity=0,
+            )
