@@ -239,7 +239,7 @@ def write_ncmapss(robots: Sequence[Recorded], path: Path) -> dict[str, np.ndarra
         path: The HDF5 file. Its folder is created if it does not exist.
 
     Returns:
-        The arrays that were written; see `ncmapss_arrays`.
+        The arrays that were written, with the shapes of `ncmapss_arrays`.
 
     Raises:
         InputError: As `ncmapss_arrays`.
