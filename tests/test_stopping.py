@@ -13,6 +13,7 @@ from conftest import HANG
 from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
+from faultgen.system.files import temporary_name
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX systems")
 
@@ -81,7 +82,11 @@ def test_resuming_waits_for_writers_of_a_killed_program(
     given = {"robot": tiny_robot_path, "task": tiny_task_path, "axis": [1], "cycles": 2}
     generate(make_experiment(given), tmp_path, progress=False)
     writer = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(3600)"])
-    unfinished = tmp_path / "runs" / f".{'0' * 16}.h5.{writer.pid}.tmp"
+    unfinished = (
+        tmp_path
+        / "runs"
+        / temporary_name(Path("0" * 16 + ".h5")).name.replace(str(os.getpid()), str(writer.pid))
+    )
     unfinished.write_text("being written")
     waits = []
 

@@ -312,21 +312,3 @@ def test_a_wrong_copy_is_not_merged(dataset, monkeypatch, change, name):
         merging.merge(open_dataset(dataset))
     assert not (dataset / "dataset.h5").exists()
     assert not list(dataset.glob(".*.tmp"))
-
-
-def test_the_progress_bar_ends_at_the_last_cycle(
-    tiny_robot_path, tiny_task_path, tmp_path, monkeypatch
-):
-    """It counts every cycle of every run once."""
-    bars = []
-
-    class Shown(sweep.tqdm):
-        def __init__(self, **options):
-            super().__init__(**options | {"disable": False, "file": io.StringIO()})
-            bars.append(self)
-
-    monkeypatch.setattr(sweep, "tqdm", Shown)
-    given = {"robot": tiny_robot_path, "task": tiny_task_path, "axis": 1, "cycles": 3}
-    sweep.generate(make_experiment(given), tmp_path)
-    (bar,) = bars
-    assert bar.n == bar.total == 6

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -24,6 +25,7 @@ from faultgen.errors import InputError, SimulationFailed
 
 if TYPE_CHECKING:
     from faultgen.dataset.experiment import Experiment
+    from faultgen.dataset.sweep import Summary
 
 
 @app.command()
@@ -126,6 +128,13 @@ def generate(
             "back and compared with them."
         ),
     ] = "all",
+    part: Annotated[
+        str | None,
+        typer.Option(
+            help="K/N: make only part K of N of the runs, and merge nothing. Several machines that "
+            "share the folder can make the parts at the same time; then call faultgen merge."
+        ),
+    ] = None,
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
@@ -177,19 +186,55 @@ def generate(
         _dry_run(chosen, worker_count(workers), as_json)
         return
     summary = run_generate(
-        chosen, out, workers=worker_count(workers), regenerate=regenerate, keep=keep
+        chosen,
+        out,
+        workers=worker_count(workers),
+        regenerate=regenerate,
+        keep=keep,
+        part=_part(part),
     )
+    _print_summary(summary, as_json)
+
+
+def _part(text: str | None) -> tuple[int, int] | None:
+    """Part and number of parts from '3/10'."""
+    if text is None:
+        return None
+    found = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text)
+    if found is None:
+        raise InputError(f"--part: must be K/N such as 3/10, not '{text}'")
+    return int(found[1]), int(found[2])
+
+
+def _print_summary(summary: Summary, as_json: bool) -> None:
+    """Print what was made; exit with status 1 if a run failed."""
     if as_json:
         print_json(asdict(summary))
     else:
         print(
-            f"{out}: {summary.planned} runs, {summary.done} made now, "
+            f"{summary.folder}: {summary.planned} runs, {summary.done} made now, "
             f"{summary.kept} already present, {len(summary.failed)} failed"
         )
         for run_id, reason in summary.failed.items():
             print(f"failed: {run_id}: {reason}")
     if summary.failed:
         raise typer.Exit(1)
+
+
+@app.command()
+def merge(
+    folder: Folder,
+    keep: Annotated[str, typer.Option(help="all or merged, as in 'faultgen generate'.")] = "all",
+    as_json: Json = False,
+) -> None:
+    """Merge a dataset whose parts were made by 'faultgen generate --part'.
+
+    Every part must be complete. The command writes dataset.h5, the table of runs and the data card,
+    as 'faultgen generate' does when it makes all parts itself.
+    """
+    from faultgen.dataset.sweep import merge_parts
+
+    _print_summary(merge_parts(folder, keep=keep), as_json)
 
 
 @app.command()

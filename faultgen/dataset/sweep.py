@@ -59,6 +59,7 @@ def generate(
     workers: int = 1,
     regenerate: bool = False,
     keep: str = "all",
+    part: tuple[int, int] | None = None,
     progress: bool = True,
 ) -> Summary:
     """Generate a dataset, or finish one that was interrupted.
@@ -74,6 +75,9 @@ def generate(
         keep: "all" keeps the run files and the file of all runs. "merged" removes the run files
             when the file of all runs was found intact, which halves the disk space. Run files that
             were removed before are not made again.
+        part: Number of a part, from 1, and number of all parts: only the runs of this part are
+            made, and nothing is merged. Parts may be made at the same time by machines that share
+            the folder. `merge_parts` ends the work.
         progress: Whether to show on stderr how far the simulation is.
 
     Returns:
@@ -88,20 +92,24 @@ def generate(
     if not isinstance(experiment, Experiment):
         experiment = load_experiment(experiment)
     check_workers(workers)
-    if keep not in KEEP:
-        raise InputError(f"keep: must be {' or '.join(KEEP)}, not '{keep}'")
+    _check_keep(keep)
+    if part is not None and not 1 <= part[0] <= part[1]:
+        raise InputError(f"part: must be K/N with K from 1 to N, not {part[0]}/{part[1]}")
+    if part is not None and keep != "all":
+        raise InputError("keep: give it to 'faultgen merge', because a part merges nothing")
     runs = plan_runs(experiment)
     for line in check_runs(runs):  # what cannot be is refused before anything is written
         if progress:
             print(f"faultgen: {line}", file=sys.stderr)
     folder = Path(out)
-    with _locked(folder):
-        dataset = _prepare(folder, experiment, runs)
-        summary = Summary(str(folder), planned=len(runs))
+    own = runs if part is None else runs[part[0] - 1 :: part[1]]
+    with _locked(folder, part):
+        dataset = _prepare(folder, experiment, runs, None if part is None else own)
+        summary = Summary(str(folder), planned=len(own))
         again = {*dataset.missing, *(Path(name).stem for name in dataset.damaged())}
         again |= _outdated(dataset, again, regenerate)
-        todo = [run for run in runs if run.id in again]
-        summary.kept = len(runs) - len(todo)
+        todo = [run for run in own if run.id in again]
+        summary.kept = len(own) - len(todo)
         for run, reason in _make_all(todo, folder / "runs", workers, progress):
             note = folder / "runs" / f"{run.id}.failed.json"
             if reason is None:
@@ -110,11 +118,51 @@ def generate(
             else:
                 summary.failed[run.id] = f"{run.label}: {reason}"
                 write_text(note, json.dumps({"run": asdict(run), "reason": reason}, indent=1))
-        dataset = open_dataset(folder)
-        merge(dataset, only_copy=keep == "merged")
-        if keep == "merged":
-            remove_run_files(dataset)
+        if part is None:
+            _merge(folder, keep)
     return summary
+
+
+def merge_parts(out: str | Path, *, keep: str = "all") -> Summary:
+    """Merge a dataset whose parts were made one by one.
+
+    Args:
+        out: Folder of the dataset.
+        keep: As in `generate`.
+
+    Returns:
+        The runs that were merged, and those that failed.
+
+    Raises:
+        InputError: There is no dataset, or a run is missing or damaged.
+        StorageFailed: As in `generate`.
+    """
+    _check_keep(keep)
+    folder = Path(out)
+    dataset = open_dataset(folder)
+    with _locked(folder):
+        failed = dataset.failed
+        missing = [run_id for run_id in dataset.missing if run_id not in failed]
+        if missing:
+            raise InputError(
+                f"{folder}: {len(missing)} of {len(dataset.planned)} runs are missing, such as "
+                f"{missing[0]}; make them with 'faultgen generate --part' first"
+            )
+        _merge(folder, keep)
+    kept = len(dataset.planned) - len(failed)
+    return Summary(str(folder), len(dataset.planned), kept=kept, failed=failed)
+
+
+def _check_keep(keep: str) -> None:
+    if keep not in KEEP:
+        raise InputError(f"keep: must be {' or '.join(KEEP)}, not '{keep}'")
+
+
+def _merge(folder: Path, keep: str) -> None:
+    dataset = open_dataset(folder)
+    merge(dataset, only_copy=keep == "merged")
+    if keep == "merged":
+        remove_run_files(dataset)
 
 
 def _make_all(
@@ -148,8 +196,13 @@ def _outdated(dataset: Dataset, again: set[str], regenerate: bool) -> set[str]:
     return set(others)
 
 
-def _prepare(folder: Path, experiment: Experiment, runs: list[Run]) -> Dataset:
-    """Create the folder, or check that it holds this same experiment; restore its lists."""
+def _prepare(
+    folder: Path, experiment: Experiment, runs: list[Run], part: list[Run] | None
+) -> Dataset:
+    """Create the folder, or check that it holds this same experiment; restore its lists.
+
+    Unfinished files are removed; if only a part of the runs is made, those of its runs.
+    """
     text = to_toml(experiment)
     planned = {run.id: asdict(run) for run in runs}
     written = folder / EXPERIMENT
@@ -175,7 +228,11 @@ def _prepare(folder: Path, experiment: Experiment, runs: list[Run]) -> Dataset:
     if _differs(written, text) or not written.is_file():
         write_text(written, text)
     (folder / "runs").mkdir(exist_ok=True)
-    _clear_temporary([*folder.glob(".*.tmp"), *(folder / "runs").glob(".*.tmp")])
+    unfinished = [*folder.glob(".*.tmp"), *(folder / "runs").glob(".*.tmp")]
+    if part is not None:
+        own = {run.id for run in part}
+        unfinished = [file for file in unfinished if file.name.split(".")[1] in own]
+    _clear_temporary(unfinished)
     return open_dataset(folder)
 
 
@@ -215,13 +272,14 @@ def _is_running(process: int | None) -> bool:
 
 
 @contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Hold the folder for this process alone.
+def _locked(folder: Path, part: tuple[int, int] | None = None) -> Iterator[None]:
+    """Hold the folder, or one part of its runs, for this process alone.
 
     Raises:
         InputError: The folder cannot be written, or another process holds it.
     """
-    lock = FileLock(folder / ".lock", timeout=0)
+    name = ".lock" if part is None else f".lock-{part[0]}-of-{part[1]}"
+    lock = FileLock(folder / name, timeout=0)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock.acquire()

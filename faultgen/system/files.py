@@ -14,6 +14,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
+import platform
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -24,15 +25,24 @@ from faultgen.errors import InputError, StorageFailed
 _NO_FOLDER_SYNC = {errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EACCES, errno.EISDIR}
 
 
+_MACHINE = hashlib.sha256(platform.node().encode()).hexdigest()[:8]
+"""This machine, for names of files."""
+
+
 def temporary_name(path: Path) -> Path:
-    """The name under which this process writes a file until the file is complete."""
-    return path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    """The name under which this process writes a file until the file is complete.
+
+    It contains the machine and the process, because machines may share a folder.
+    """
+    return path.with_name(f".{path.name}.{_MACHINE}.{os.getpid()}.tmp")
 
 
 def writer_of(temporary: Path) -> int | None:
-    """The process id in a temporary name; None if there is none."""
+    """The process id in a temporary name; None if there is none, or if it is another machine's."""
     parts = temporary.name.split(".")
-    return int(parts[-2]) if len(parts) > 2 and parts[-2].isdigit() else None
+    if len(parts) < 4 or parts[-3] != _MACHINE or not parts[-2].isdigit():
+        return None
+    return int(parts[-2])
 
 
 BINARY = getattr(os, "O_BINARY", 0)
