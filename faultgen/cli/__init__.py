@@ -12,7 +12,7 @@ import sys
 from types import FrameType
 from typing import NoReturn
 
-from faultgen.cli import data, discovery, fleet, judge, lists, machine, recordings, robot
+from faultgen.cli import data, discovery, fleet, judge, lists, machine, recordings, robot, twin
 from faultgen.cli.app import app
 from faultgen.errors import InputError, SimulationFailed, StorageFailed
 
@@ -26,6 +26,7 @@ __all__ = [
     "main",
     "recordings",
     "robot",
+    "twin",
 ]
 
 _INTERRUPTED = 130
