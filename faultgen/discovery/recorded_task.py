@@ -21,7 +21,7 @@ KNOT = 0.02
 
 _CALM = 0.04  # time between knots of a smoothed measured motion [s]
 _SAME = 0.01  # largest difference of two separate recordings of one motion, over its range
-_AT_REST = 0.01  # speed over the largest one, below which an axis counts as being at rest
+_AT_REST = 0.02  # speed over the largest one, below which an axis counts as being at rest
 _LONGEST = 120.0  # longest cycle [s]
 _RETURN = 0.5  # share of the limits of speed and acceleration on the way back to the start
 
@@ -147,7 +147,8 @@ def _is_same(way: np.ndarray, move: Move, sample_period: float, robot: Robot) ->
     path = robot.from_degrees(move.samples)
     seconds = (len(way) - 1) * sample_period
     # ramps may have been added to the path
-    if not 0.98 * seconds <= (len(path) - 1) * move.sample_period <= seconds + 2.0:
+    longest = seconds + min(2.0, 0.3 * seconds)
+    if not 0.98 * seconds <= (len(path) - 1) * move.sample_period <= longest:
         return False
     reach = np.ptp(way, axis=0)
     apart = np.abs(np.percentile(way, (0, 100), axis=0) - np.percentile(path, (0, 100), axis=0))

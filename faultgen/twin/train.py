@@ -80,46 +80,25 @@ def train(
     robot = load_robot(_place(dataset, runs[0], "robot"))
     motion = _motion(dataset, runs, robot)
     faults, examples = _examples(runs)
-    rng = np.random.default_rng(seed)
-    results, fitted = [], {}
-    labels = examples.fault, examples.severity
-    for kind in KINDS:
-        x = features_of(kind, examples.torque, motion)
-        if not np.isfinite(x).all():
-            continue
-        inside, outside = examples.part(False), examples.part(True)
-        try:
-            own = fit_classes(x[inside], *(a[inside] for a in labels), len(faults))
-        except ValueError as error:
-            raise InputError(
-                f"{dataset.path}: {error}; generate with more --cycles or --repetitions"
-            ) from None
-        results.append({"features": kind, **_score(own, x[outside], *(a[outside] for a in labels))})
-        fitted[kind] = own, x
-    best = max(results, key=lambda one: one["log_probability"])
-    kind = str(best["features"])
-    trial, x = fitted[kind]
-    classes = fit_classes(x, *labels, len(faults))
     told = _twin_of(dataset, runs[0])
     baselines = len(told["recordings"]) if told else 0
-    healthy = examples.part(True)
-    healthy = healthy[examples.fault[healthy] < 0]
-    places, rest = trial.place(x[healthy])
-    variance = 1 + (1 / baselines if baselines else 0.0)
-    limits = find_limits(
-        classes, baselines, false_alarms, gains(trial, places, variance), rest, rng
-    )
+    try:
+        found = learn(examples, motion, len(faults), baselines, false_alarms, seed)
+    except ValueError as error:
+        raise InputError(
+            f"{dataset.path}: {error}; generate with more --cycles or --repetitions"
+        ) from None
     first = runs[0]
     return Detector(
         robot=robot.name,
         task=str(first["task"]),
         motion=motion,
-        kind=kind,
+        kind=found.kind,
         faults=faults,
-        classes=classes,
+        classes=found.classes,
         baselines=baselines,
         false_alarms=false_alarms,
-        limits=limits,
+        limits=found.limits,
         constants=_constants(told),
         torque_gain=robot.torque_gain,
         made={
@@ -132,9 +111,73 @@ def train(
             "runs": len(runs),
             "cycles": len(examples.fault),
             "seed": seed,
-            "candidates": results,
+            "candidates": found.candidates,
         },
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """What was learned from examples."""
+
+    kind: str
+    """The chosen features."""
+    classes: Classes
+    """Their model, fitted to all examples."""
+    limits: dict[str, float]
+    """See `Detector.limits`."""
+    candidates: list[dict[str, Any]]
+    """Results of every kind of features on validation runs."""
+
+
+def learn(
+    examples: Examples,
+    motion: KnownMotion,
+    count: int,
+    baselines: int,
+    false_alarms: float,
+    seed: int,
+) -> Learned:
+    """Choose features, fit their model, and find the limits.
+
+    Args:
+        examples: Labelled cycles, with some of every fault held out.
+        motion: The motion.
+        count: Number of faults.
+        baselines: Number of healthy recordings behind the healthy mean; 0 if it is exact.
+        false_alarms: Rate of false alarms that the limits allow, per recording.
+        seed: Seed of the random numbers from which the limits are found.
+
+    Returns:
+        What was learned.
+
+    Raises:
+        ValueError: There are too few cycles.
+    """
+    results: list[dict[str, Any]] = []
+    fitted = {}
+    inside, outside = examples.part(False), examples.part(True)
+    for kind in KINDS:
+        x = features_of(kind, examples.torque, motion)
+        own = fit_classes(x[inside], examples.fault[inside], examples.severity[inside], count)
+        score = _score(own, x[outside], examples.fault[outside], examples.severity[outside])
+        results.append({"features": kind, **score})
+        fitted[kind] = own, x
+    kind = str(max(results, key=lambda one: one["log_probability"])["features"])
+    trial, x = fitted[kind]
+    healthy = outside[examples.fault[outside] < 0]
+    places, rest = trial.place(x[healthy])
+    variance = 1 + (1 / baselines if baselines else 0.0)
+    classes = fit_classes(x, examples.fault, examples.severity, count)
+    limits = find_limits(
+        classes,
+        baselines,
+        false_alarms,
+        gains(trial, places, variance),
+        rest,
+        np.random.default_rng(seed),
+    )
+    return Learned(kind, classes, limits, results)
 
 
 def _checked_runs(dataset: Dataset) -> list[StoredRun]:
