@@ -20,6 +20,11 @@ from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
+from laboratories.draw import BASE, Laboratory
+from laboratories.effects import Effect
+from laboratories.make import Setup, draw_session, record, set_up
+from laboratories.robots import robot_file
+from laboratories.servo import SERVOS
 from threadpoolctl import threadpool_limits
 
 from faultgen.dataset.experiment import make_experiment
@@ -27,8 +32,8 @@ from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
 from faultgen.discovery.calibrate import calibrate
 from faultgen.discovery.recording import Recording, mean_of
-from faultgen.discovery.workflow import investigate
 from faultgen.discovery.with_laws import with_laws
+from faultgen.discovery.workflow import investigate
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.evaluation.shares import wilson
 from faultgen.monitoring.sensors import get_sensors
@@ -37,13 +42,9 @@ from faultgen.system.files import write_text
 from faultgen.twin.alignment import find_cycles, mean_cycle
 from faultgen.twin.detector import Detector, Memory
 from faultgen.twin.features import features_of
-from faultgen.twin.make import RESULT, TASK, furnish
+from faultgen.twin.folder import RESULT, TASK
+from faultgen.twin.make import furnish
 from faultgen.twin.train import Examples, learn, train
-from laboratories.draw import BASE, Laboratory
-from laboratories.effects import Effect
-from laboratories.make import Setup, draw_session, record, set_up
-from laboratories.robots import robot_file
-from laboratories.servo import SERVOS
 
 SEEDS = {"development": 0, "report": 600}
 """Number of the first laboratory of each set. Nothing was chosen on the set "report"."""
@@ -53,11 +54,11 @@ SEVERITIES = {"friction_wear": (0.05, 0.1, 0.2), "backlash": (0.25e-3, 0.5e-3, 1
 """Severities of the recordings that are judged."""
 LARGEST = {"friction_wear": 0.25, "backlash": 1.25e-3}
 """Final severity of the training data."""
-HEALTHY = 3
+HEALTHY = 5
 """Healthy recordings that everything is learned from."""
 JUDGED = 10
 """Further healthy recordings, which are judged."""
-CYCLES, REPETITIONS = 12, 2
+CYCLES, REPETITIONS = 8, 2
 """Of the training data, for each fault."""
 RATE = 0.01
 """Rate of false alarms for which the limits are set, per recording."""
@@ -67,7 +68,7 @@ ARMS = {
     "discovered": "(c) twin with discovered effects",
     "own": "(d) faults of that very robot",
 }
-_SECONDS = 5.0
+_SECONDS = 4.0
 _MOTIONS = ("task", "ladder", "multisine")
 
 
@@ -171,7 +172,8 @@ def own_faults(setup: Setup, like: Detector, rng: np.random.Generator) -> Detect
                 held.append(repetition == REPETITIONS - 1)
     examples = Examples(np.stack(torque), np.array(fault), np.array(severity), np.array(held))
     baselines = CYCLES * REPETITIONS
-    found = learn(examples, like.motion, len(kinds), baselines, RATE, 0)
+    none = np.zeros((0, *like.motion.path.shape))
+    found = learn(examples, like.motion, len(kinds), none, baselines, RATE, 0)
     return replace(
         like,
         kind=found.kind,

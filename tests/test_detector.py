@@ -15,8 +15,9 @@ from faultgen.discovery.recording import write_recording
 from faultgen.errors import InputError
 from faultgen.twin.classes import believe, fit_classes, gains
 from faultgen.twin.detector import Memory, find_limits, load_detector, memory_variance
+from faultgen.twin.folder import RESULT, TASK
 from faultgen.twin.judge import Judge, judge, line, watch
-from faultgen.twin.make import RESULT, TASK, furnish
+from faultgen.twin.make import furnish
 from faultgen.twin.train import train
 
 FEATURES = 12

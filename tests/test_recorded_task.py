@@ -87,9 +87,7 @@ def test_without_commands_the_measured_motion_is_smoothed(recording, tiny_robot,
 
 def test_a_motion_beyond_a_limit_names_axis_and_limit(recording, tiny_robot, tmp_path):
     text = recorded_task(recording, tiny_robot, "own")
-    tight = replace(
-        tiny_robot, xml=tiny_robot.xml.replace('data="300 300"', 'data="300 20"')
-    )
+    tight = replace(tiny_robot, xml=tiny_robot.xml.replace('data="300 300"', 'data="300 20"'))
     with pytest.raises(InputError, match="axis 2 is faster than motor_velocity_limit"):
         planned(text, tight, tmp_path)
 

@@ -52,9 +52,7 @@ def test_a_colour_keeps_the_level_and_gives_the_correlation():
 
 def test_noise_grows_with_speed():
     """Its mean square over the cycle stays that of the level."""
-    sensors = Sensors(
-        description="", torque_noise=0.01, torque_growth=[[4.0, 0.0], [0.0, 0.0]]
-    )
+    sensors = Sensors(description="", torque_noise=0.01, torque_growth=[[4.0, 0.0], [0.0, 0.0]])
     velocity = np.concatenate([np.zeros((50_000, 2)), np.full((50_000, 2), 3.0)])
     nothing = np.zeros_like(velocity)
     seen = measure(

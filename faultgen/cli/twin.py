@@ -159,9 +159,7 @@ def judge(
     ] = None,
     watch: Annotated[
         Path | None,
-        typer.Option(
-            help="Judge the recordings in this folder, and every new one, until Ctrl-C."
-        ),
+        typer.Option(help="Judge the recordings in this folder, and every new one, until Ctrl-C."),
     ] = None,
     state: Annotated[
         Path | None,

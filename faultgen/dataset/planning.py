@@ -26,7 +26,12 @@ from faultgen.simulation.plant import assemble
 from faultgen.simulation.stepping import decimation
 from faultgen.tasks import load_task
 
-_OPTIONAL = ("parameters", "beside", "speed_window", "sensors_sha256")  # not in the id of a run without them
+_OPTIONAL = (
+    "parameters",
+    "beside",
+    "speed_window",
+    "sensors_sha256",
+)  # not in the id of a run without them
 
 
 @dataclass(frozen=True, kw_only=True)

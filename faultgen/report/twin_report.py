@@ -44,7 +44,9 @@ def twin_page(
     """
     real = np.stack([cycle[compared] for own in measured for cycle in own])
     made = np.stack([cycle[compared] for cycle in generated])
-    noise = zip(result["noise"]["over_rms_torque"], result["remainder_over_rms_torque"], strict=True)
+    noise = zip(
+        result["noise"]["over_rms_torque"], result["remainder_over_rms_torque"], strict=True
+    )
     rows = [
         {
             "axis": axis + 1,
@@ -53,7 +55,7 @@ def twin_page(
             "measured": f"{np.abs(real[:, :, axis]).mean():.4g}",
             "generated": f"{np.abs(made[:, :, axis]).mean():.4g}",
         }
-        for axis, (level, left) in enumerate(noise)
+        for axis, (level, left) in enumerate(zip(*shares, strict=True))
     ]
     return page(
         "twin.html",

@@ -190,9 +190,7 @@ def _sampled(
     return piece, way[-1]
 
 
-def _check_sampled(
-    arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, where: str
-) -> None:
+def _check_sampled(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, where: str) -> None:
     """Refuse a recorded motion that exceeds a limit of the model. A real robot has done it."""
     robot = arm.robot
     low, high = robot.joint_range.T

@@ -12,7 +12,7 @@ distance from the healthy mean.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from sklearn.covariance import ledoit_wolf
@@ -57,6 +57,34 @@ class Classes:
         outside = (white**2).sum(axis=1) - (inside**2).sum(axis=1)
         return inside, np.maximum(outside, 0.0)
 
+    def fitted_to(self, healthy: np.ndarray) -> Classes:
+        """Return the model with the mean and the spread that measured healthy recordings have.
+
+        A generated robot may vary less than the real one, or otherwise. The variance of all
+        features is multiplied by that of the measured places about their mean, over that of
+        generated ones, if this is more than 1. So is the distance from the space of the faults.
+
+        Args:
+            healthy: Features of healthy recordings, shape (recordings, features).
+        """
+        count = len(healthy)
+        if not count:
+            return self
+        moved = replace(self, centre=healthy.mean(axis=0))
+        if count == 1:
+            return moved
+        inside, outside = moved.place(healthy)
+        factor = max(float((inside**2).sum() / ((count - 1) * max(len(self.basis), 1))), 1.0)
+        mean = self.rest[0] / factor
+        seen = float(outside.sum() / (count - 1)) / factor
+        more = max(seen / max(mean, 1e-12), 1.0)
+        return replace(
+            moved,
+            whitener=self.whitener / np.sqrt(factor),
+            curves=self.curves / np.sqrt(factor),
+            rest=np.array([mean * more, self.rest[1] * (more / factor) ** 2]),
+        )
+
     @property
     def means(self) -> np.ndarray:
         """Mean of each fault at each severity of `GRID`, shape (faults, severities, dimensions)."""
@@ -81,13 +109,13 @@ class Classes:
         product = np.einsum("cd,fsd->cfs", y, means)
         misfit = size - 2 * product + length
         return np.asarray(
-            -0.5 * misfit / wider - 0.5 * dimensions * np.log(wider / variance) + 0.5 * size / variance
+            -0.5 * misfit / wider
+            - 0.5 * dimensions * np.log(wider / variance)
+            + 0.5 * size / variance
         )
 
 
-def fit_classes(
-    x: np.ndarray, fault: np.ndarray, severity: np.ndarray, count: int
-) -> Classes:
+def fit_classes(x: np.ndarray, fault: np.ndarray, severity: np.ndarray, count: int) -> Classes:
     """Fit the model.
 
     Args:
@@ -166,9 +194,7 @@ def believe(classes: Classes, y: np.ndarray, variance: float) -> Belief:
     healthy = float(np.exp(-top))
     total = 0.5 * healthy + 0.5 * evidence.mean()
     cumulated = np.cumsum(weight, axis=1) / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300)
-    interval = np.stack(
-        [[np.interp(q, one, GRID) for q in (0.025, 0.975)] for one in cumulated]
-    )
+    interval = np.stack([[np.interp(q, one, GRID) for q in (0.025, 0.975)] for one in cumulated])
     return Belief(
         healthy=0.5 * healthy / total,
         faults=0.5 * evidence / len(evidence) / total,

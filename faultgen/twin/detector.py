@@ -39,7 +39,7 @@ FORGETTING = 0.2
 """Weight of the newest recording in the running mean."""
 
 _LARGEST = 256 * 2**20
-_UNEXPLAINED = 2.0  # size of what no fault explains over that of the best fault, of unknown changes
+_UNEXPLAINED = 0.5  # size of what no fault explains over that of the best fault, of unknown changes
 _LIKELY = 0.1  # probability from which another fault is named as well
 _SEQUENCES, _LENGTH = 1000, 30  # simulated series of healthy recordings, and their lengths
 _FLOOR = 1e-6
@@ -137,9 +137,7 @@ class Detector:
         """Variance of the running mean of healthy recordings, with that of the baseline."""
         return memory_variance(count) + (1 / self.baselines if self.baselines else 0.0)
 
-    def judge(
-        self, cycles: Sequence[np.ndarray], memory: Memory
-    ) -> tuple[dict[str, Any], Memory]:
+    def judge(self, cycles: Sequence[np.ndarray], memory: Memory) -> tuple[dict[str, Any], Memory]:
         """Judge a recording.
 
         Args:

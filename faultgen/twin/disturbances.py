@@ -1,7 +1,7 @@
 """What healthy recordings of one motion show beside the model: noise and differences of the runs.
 
-    runs = run_differences(replay, recordings)       # how the robot differs from run to run
-    noise = torque_noise_of(runs.rest, ...)          # level, colour, growth with speed and load
+runs = run_differences(replay, recordings)       # how the robot differs from run to run
+noise = torque_noise_of(runs.rest, ...)          # level, colour, growth with speed and load
 """
 
 from __future__ import annotations
@@ -18,7 +18,13 @@ from faultgen.discovery.recording import Recording
 from faultgen.discovery.replay import Replay, settled
 from faultgen.errors import SimulationFailed
 
-VARYING = ("coulomb_friction", "viscous_friction", "torque_offset", "payload_mass")
+VARYING = (
+    "coulomb_friction",
+    "static_friction",
+    "viscous_friction",
+    "torque_offset",
+    "payload_mass",
+)
 """Effects by which an unchanged robot differs from run to run."""
 
 _ASSUMED = 0.3  # deviation from run to run, over the usual error of a model, before there are data

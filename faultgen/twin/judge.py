@@ -1,7 +1,7 @@
 """Judging recordings one after another, with a memory on disk.
 
-    for row in judge(Path("detector"), ["new1.h5", "new2.h5"]):
-        row["verdict"], row["probability"]
+for row in judge(Path("detector"), ["new1.h5", "new2.h5"]):
+row["verdict"], row["probability"]
 """
 
 from __future__ import annotations

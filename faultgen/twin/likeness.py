@@ -118,9 +118,9 @@ def likeness(
     for number in range(count):
         inside = group != number
         middle, size = x[inside].mean(axis=0), np.maximum(x[inside].std(axis=0), 1e-12)
-        judge = LinearDiscriminantAnalysis(
-            solver="lsqr", shrinkage="auto", priors=[0.5, 0.5]
-        ).fit((x[inside] - middle) / size, y[inside])
+        judge = LinearDiscriminantAnalysis(solver="lsqr", shrinkage="auto", priors=[0.5, 0.5]).fit(
+            (x[inside] - middle) / size, y[inside]
+        )
         score[~inside] = judge.decision_function((x[~inside] - middle) / size)
     # scores of different classifiers are only comparable within what was left out
     pairs = [

@@ -35,17 +35,13 @@ from faultgen.simulation.motion import plan
 from faultgen.simulation.nominal import Nominal, nominal
 from faultgen.simulation.plant import Plant
 from faultgen.simulation.stepping import decimation, simulate
+from faultgen.system.arrays import write_arrays
 from faultgen.system.files import write_text
 from faultgen.tasks import load_task
 from faultgen.twin.alignment import KnownMotion, find_cycles, mean_cycle, stretches_of
 from faultgen.twin.disturbances import run_differences, torque_noise_of
+from faultgen.twin.folder import HEALTHY, RESULT, TASK
 from faultgen.twin.likeness import CYCLES, generated_cycles, likeness
-
-TASK = "recorded"
-"""Name of the recorded motion among the tasks of the robot's folder."""
-
-RESULT = "twin.json"
-"""File with the numbers of the twin."""
 
 _PLACES = (0.02, 0.008)  # time between values of the remainder, of few and of enough recordings [s]
 _ENOUGH = 3  # recordings, in whose mean the noise is small
@@ -171,6 +167,7 @@ def furnish(
         ),
     )
     write_text(out / FILE, sensors.to_toml())
+    write_arrays(out / HEALTHY, {"torque": np.stack(means)}, {"sample_period": period})
     rms = np.sqrt(np.nanmean(np.mean(means, axis=0) ** 2, axis=0))
     left = np.sqrt(np.nanmean((np.mean(means, axis=0) - clean)[known.compared] ** 2, axis=0))
     result: dict[str, Any] = {

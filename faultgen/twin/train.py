@@ -1,7 +1,7 @@
 """Training a detector on a generated dataset.
 
-    detector = train(open_dataset("data"), false_alarms=0.01)
-    detector.save(Path("detector"))
+detector = train(open_dataset("data"), false_alarms=0.01)
+detector.save(Path("detector"))
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from faultgen.errors import InputError
 from faultgen.provenance import provenance
 from faultgen.robot import load_robot
 from faultgen.simulation.motion import plan
+from faultgen.system.arrays import read_arrays
 from faultgen.system.files import file_sha256
 from faultgen.system.reading import read_text
 from faultgen.tasks import load_task
@@ -27,12 +28,12 @@ from faultgen.twin.alignment import KnownMotion, stretches_of
 from faultgen.twin.classes import Classes, believe, fit_classes, gains
 from faultgen.twin.detector import Detector, Fault, find_limits
 from faultgen.twin.features import KINDS, features_of
+from faultgen.twin.folder import HEALTHY, RESULT
 
 FALSE_ALARMS = 0.01
 """Default rate of false alarms, per recording."""
 
 _TORQUE, _POSITION = "signals/motor_torque", "signals/motor_position"
-_RESULT = "twin.json"
 _CLEAR = 0.25  # severity, over the largest one, from which a validation cycle should be named
 
 
@@ -54,9 +55,7 @@ class Examples:
         return np.flatnonzero(self.held_out == held_out)
 
 
-def train(
-    dataset: Dataset, *, false_alarms: float = FALSE_ALARMS, seed: int = 0
-) -> Detector:
+def train(dataset: Dataset, *, false_alarms: float = FALSE_ALARMS, seed: int = 0) -> Detector:
     """Train a detector.
 
     Of every fault, and of the healthy robot, the run of the last repetition is left out. Each
@@ -81,9 +80,18 @@ def train(
     motion = _motion(dataset, runs, robot)
     faults, examples = _examples(runs)
     told = _twin_of(dataset, runs[0])
-    baselines = len(told["recordings"]) if told else 0
+    measured = _measured(dataset, runs[0], motion)
+    baselines = len(measured)
     try:
-        found = learn(examples, motion, len(faults), baselines, false_alarms, seed)
+        found = learn(
+            examples,
+            motion,
+            len(faults),
+            measured,
+            max(baselines, len(measured)),
+            false_alarms,
+            seed,
+        )
     except ValueError as error:
         raise InputError(
             f"{dataset.path}: {error}; generate with more --cycles or --repetitions"
@@ -134,6 +142,7 @@ def learn(
     examples: Examples,
     motion: KnownMotion,
     count: int,
+    measured: np.ndarray,
     baselines: int,
     false_alarms: float,
     seed: int,
@@ -144,6 +153,8 @@ def learn(
         examples: Labelled cycles, with some of every fault held out.
         motion: The motion.
         count: Number of faults.
+        measured: Torque of healthy recordings of the robot, shape (recordings, samples, n_axes), in
+            [N m]. They show how much it varies; there may be none.
         baselines: Number of healthy recordings behind the healthy mean; 0 if it is exact.
         false_alarms: Rate of false alarms that the limits allow, per recording.
         seed: Seed of the random numbers from which the limits are found.
@@ -159,16 +170,18 @@ def learn(
     inside, outside = examples.part(False), examples.part(True)
     for kind in KINDS:
         x = features_of(kind, examples.torque, motion)
+        real = features_of(kind, measured, motion)
         own = fit_classes(x[inside], examples.fault[inside], examples.severity[inside], count)
+        own = own.fitted_to(real)
         score = _score(own, x[outside], examples.fault[outside], examples.severity[outside])
         results.append({"features": kind, **score})
-        fitted[kind] = own, x
+        fitted[kind] = own, x, real
     kind = str(max(results, key=lambda one: one["log_probability"])["features"])
-    trial, x = fitted[kind]
+    trial, x, real = fitted[kind]
     healthy = outside[examples.fault[outside] < 0]
     places, rest = trial.place(x[healthy])
     variance = 1 + (1 / baselines if baselines else 0.0)
-    classes = fit_classes(x, examples.fault, examples.severity, count)
+    classes = fit_classes(x, examples.fault, examples.severity, count).fitted_to(real)
     limits = find_limits(
         classes,
         baselines,
@@ -201,7 +214,7 @@ def _checked_runs(dataset: Dataset) -> list[StoredRun]:
     if int(first["thin"]) != 1 or _TORQUE not in first or _POSITION not in first:
         raise InputError(
             f"{dataset.path}: training needs the signals motor_torque and motor_position in full; "
-            "generate with signals = \"all\" and thin = 1"
+            'generate with signals = "all" and thin = 1'
         )
     if any(json.loads(run["beside"]) for run in runs):
         raise InputError(
@@ -303,9 +316,23 @@ def _score(
     }
 
 
+def _measured(dataset: Dataset, run: StoredRun, motion: KnownMotion) -> np.ndarray:
+    """Cycles of the healthy recordings from which the twin was made; none of another robot."""
+    shape = motion.path.shape
+    own = Path(_place(dataset, run, "sensors")).parent / HEALTHY
+    if not own.is_file():
+        return np.zeros((0, *shape))
+    arrays, _ = read_arrays(own)
+    torque = arrays.get("torque", np.zeros((0, 0, 0)))
+    # another task than the recorded one says nothing here
+    if torque.shape[1:] != shape or not np.isfinite(torque[:, motion.compared]).all():
+        return np.zeros((0, *shape))
+    return torque
+
+
 def _twin_of(dataset: Dataset, run: StoredRun) -> dict[str, Any] | None:
     """What is known of the robot's twin, if the sensors of the data are its own."""
-    own = Path(_place(dataset, run, "sensors")).parent / _RESULT
+    own = Path(_place(dataset, run, "sensors")).parent / RESULT
     if not own.is_file():
         return None
     try:
