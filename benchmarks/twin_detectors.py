@@ -1,6 +1,6 @@
 """What is a twin worth? Detectors trained on simulated faults, judged on robots of their own.
 
-python benchmarks/twin_detectors.py run --seeds report --instances 8 --workers 2 -o DIR
+python benchmarks/twin_detectors.py run --seeds report --instances 8 -o DIR
 python benchmarks/twin_detectors.py table DIR
 
 The robots are SCARAs of the simulator in `laboratories`, which shares no code with faultgen. Every
@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 from laboratories.draw import BASE, Laboratory
 from laboratories.effects import Effect
 from laboratories.make import Setup, draw_session, record, set_up
@@ -336,7 +335,7 @@ def main() -> None:
     run = parts.add_parser("run")
     run.add_argument("--seeds", choices=SEEDS, default="development")
     run.add_argument("--instances", type=int, default=8)
-    run.add_argument("--workers", type=int, default=1)
+    run.add_argument("--first", type=int, default=0)
     run.add_argument("-o", "--out", type=Path, required=True)
     parts.add_parser("table").add_argument("out", type=Path)
     given = parser.parse_args()
@@ -344,9 +343,8 @@ def main() -> None:
         print(table(given.out))
         return
     given.out.mkdir(parents=True, exist_ok=True)
-    Parallel(n_jobs=given.workers)(
-        delayed(run_instance)(given.seeds, number, given.out) for number in range(given.instances)
-    )
+    for number in range(given.first, given.first + given.instances):
+        run_instance(given.seeds, number, given.out)
 
 
 if __name__ == "__main__":

@@ -44,9 +44,7 @@ def twin_page(
     """
     real = np.stack([cycle[compared] for own in measured for cycle in own])
     made = np.stack([cycle[compared] for cycle in generated])
-    noise = zip(
-        result["noise"]["over_rms_torque"], result["remainder_over_rms_torque"], strict=True
-    )
+    shares = result["noise"]["over_rms_torque"], result["remainder_over_rms_torque"]
     rows = [
         {
             "axis": axis + 1,

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
+from sklearn.linear_model import LogisticRegression
 from sklearn.metrics import roc_auc_score
 
 from faultgen.dataset.experiment import make_experiment
@@ -21,9 +21,10 @@ from faultgen.dataset.run import make_run
 from faultgen.errors import SimulationFailed
 from faultgen.twin.alignment import KnownMotion
 
-CYCLES = 16
+CYCLES = 32
 """Generated cycles that are compared with the recordings."""
 
+_RIDGE = 0.1  # inverse of the penalty
 _WINDOWS = 12  # of a cycle, for each axis
 _LOCAL = 5  # samples of the mean from which noise is counted
 
@@ -76,10 +77,10 @@ def likeness(
 ) -> dict[str, Any]:
     """Test whether generated and measured cycles differ.
 
-    The classifier is linear discriminant analysis with shrinkage (Ledoit and Wolf 2004). A whole
-    recording is left out in turn, with a share of the generated cycles. What the model lacks was
-    learned from all recordings, so the one that is left out is first moved to where it would be if
-    it had not been used for that.
+    The classifier is logistic regression with a ridge penalty. A whole recording is left out in
+    turn, with a share of the generated cycles. What the model lacks was learned from all
+    recordings, so the generated cycles are first moved to where they would be without the one that
+    is left out.
 
     Args:
         measured: Cycles of each recording, shape (samples, n_axes) each, in [N m].
@@ -101,36 +102,27 @@ def likeness(
     if count < 2:
         return told
     means = np.stack([np.mean(np.stack(own), axis=0) for own in measured])
-    rows, labels, groups = [], [], []
-    for number, own in enumerate(measured):
-        others = np.delete(means, number, axis=0).mean(axis=0)
-        moved = means.mean(axis=0) - others
-        for cycle in own:
-            rows.append(_numbers(cycle + moved, known))
-            labels.append(1)
-            groups.append(number)
-    for number, cycle in enumerate(generated):
-        rows.append(_numbers(cycle, known))
-        labels.append(0)
-        groups.append(number % count)
-    x, y, group = np.array(rows), np.array(labels), np.array(groups)
-    score = np.zeros(len(y))
+    pairs: list[float] = []
     for number in range(count):
-        inside = group != number
-        middle, size = x[inside].mean(axis=0), np.maximum(x[inside].std(axis=0), 1e-12)
-        judge = LinearDiscriminantAnalysis(solver="lsqr", shrinkage="auto", priors=[0.5, 0.5]).fit(
-            (x[inside] - middle) / size, y[inside]
+        # what the model lacks, as if it had been learned without the recording that is left out
+        moved = np.delete(means, number, axis=0).mean(axis=0) - means.mean(axis=0)
+        made = np.stack([_numbers(cycle + moved, known) for cycle in generated])
+        real = np.stack(
+            [_numbers(c, known) for k, own in enumerate(measured) if k != number for c in own]
         )
-        score[~inside] = judge.decision_function((x[~inside] - middle) / size)
-    # scores of different classifiers are only comparable within what was left out
-    pairs = [
-        roc_auc_score(y[group == k], score[group == k])
-        for k in range(count)
-        if len(set(y[group == k].tolist())) == 2
-    ]
-    auc = float(np.mean(pairs)) if pairs else float("nan")
+        left_out = np.stack([_numbers(cycle, known) for cycle in measured[number]])
+        tested = np.arange(len(made)) % count == number
+        x = np.concatenate([real, made[~tested]])
+        y = np.r_[np.ones(len(real)), np.zeros(int((~tested).sum()))]
+        middle, size = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-12)
+        judge = LogisticRegression(C=_RIDGE, class_weight="balanced", max_iter=1000)
+        judge.fit((x - middle) / size, y)
+        score = judge.decision_function((np.concatenate([left_out, made[tested]]) - middle) / size)
+        label = np.r_[np.ones(len(left_out)), np.zeros(int(tested.sum()))]
+        pairs.append(float(roc_auc_score(label, score)))
+    auc = float(np.mean(pairs))
     told["auc"] = auc
-    told["standard_error"] = _error(auc, int(y.sum()), int((1 - y).sum()))
+    told["standard_error"] = _error(auc, sum(len(own) for own in measured), len(generated))
     return told
 
 

@@ -44,7 +44,7 @@ from faultgen.twin.folder import HEALTHY, RESULT, TASK
 from faultgen.twin.likeness import CYCLES, generated_cycles, likeness
 
 _PLACES = (0.02, 0.008)  # time between values of the remainder, of few and of enough recordings [s]
-_ENOUGH = 3  # recordings, in whose mean the noise is small
+_ENOUGH = 8  # recordings, in whose mean the noise is small
 _SAMPLE_PERIOD = 0.004  # of generated data, at least [s]
 
 Say = Callable[[str], None]
@@ -92,11 +92,12 @@ def make_twin(
     with threadpool_limits(limits=1):
         say("calibrating the model")
         calibrated = calibrate(mean, model, workers=workers)
-        found, effects, verdict = calibrated.robot, [], "not searched"
+        found, verdict = calibrated.robot, "not searched"
+        effects: list[dict[str, Any]] = []
         if with_discovery:
             say("searching for effects that the model lacks")
             found, effects, verdict = _discovered(mean, found, out, workers)
-        result = {
+        result: dict[str, Any] = {
             "robot": model.name,
             "recordings": [one.source for one in recordings],
             "torque_constants": _constants(recordings[0]),
