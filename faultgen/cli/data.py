@@ -454,6 +454,17 @@ def task_of(recording: Path, robot: str, out: Path) -> str:
     """Write the task of a recorded motion into a folder, and return the path of its file.
 
     A robot's folder may have the task already; that one is then used.
+
+    Args:
+        recording: The recording.
+        robot: Name of the robot, or path of its MJCF file or folder.
+        out: The folder.
+
+    Returns:
+        Path of the file, or name of the task in the robot's folder.
+
+    Raises:
+        InputError: The recording cannot be used.
     """
     from faultgen.discovery.recorded_task import known_task, recorded_task
     from faultgen.discovery.workflow import usable

@@ -193,5 +193,12 @@ def _distances(seen: np.ndarray, path: np.ndarray, moving: int) -> np.ndarray:
 
 
 def mean_cycle(cycles: Sequence[np.ndarray]) -> np.ndarray:
-    """Average cycles of one recording, shape (samples, n_axes), in [N m]."""
+    """Average cycles of one recording.
+
+    Args:
+        cycles: Torque of the motors in each cycle, shape (samples, n_axes), in [N m].
+
+    Returns:
+        The mean, same shape.
+    """
     return np.asarray(np.mean(np.stack(cycles), axis=0))

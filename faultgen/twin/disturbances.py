@@ -140,7 +140,15 @@ def run_differences(replay: Replay, recordings: Sequence[Recording]) -> RunDiffe
 
 
 def sum_of(columns: Sequence[np.ndarray], weights: np.ndarray) -> np.ndarray:
-    """Add columns, each times its weight; shape of a column."""
+    """Add columns, each times its weight.
+
+    Args:
+        columns: Arrays of one shape.
+        weights: One number for each column, shape (columns,).
+
+    Returns:
+        The sum, with the shape of a column.
+    """
     return np.asarray(sum(w * c for w, c in zip(weights, columns, strict=True)))
 
 

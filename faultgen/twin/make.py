@@ -43,8 +43,9 @@ from faultgen.twin.disturbances import run_differences, torque_noise_of
 from faultgen.twin.folder import HEALTHY, RESULT, TASK
 from faultgen.twin.likeness import CYCLES, generated_cycles, likeness
 
-_PLACES = (0.02, 0.008)  # time between values of the remainder, of few and of enough recordings [s]
-_ENOUGH = 8  # recordings, in whose mean the noise is small
+_SLOW = 0.02  # time over which what the model lacks is averaged [s]
+_AROUND = 0.08  # time over which its fast changes are compared with the noise [s]
+_SAFE = 1.5  # noise over what is expected, up to which fast changes are taken for noise
 _SAMPLE_PERIOD = 0.004  # of generated data, at least [s]
 
 Say = Callable[[str], None]
@@ -150,8 +151,8 @@ def furnish(
     deviation = noise.deviation / np.abs(side)
     by_recording = [find_cycles(one, known) for one in recordings]
     means = [mean_cycle(cycles) for cycles in by_recording]
-    places = _PLACES[len(recordings) >= _ENOUGH]
-    remainder = _remainder(np.mean(means, axis=0) - clean, known, places)
+    lacks = np.mean(means, axis=0) - clean
+    remainder = _remainder(lacks, known, deviation, len(recordings))
     colour = _recoloured(noise.colour, mean.sample_period, period)
     sensors = Sensors(
         description=f"learned from {len(recordings)} recordings of {robot.name}",
@@ -163,7 +164,7 @@ def furnish(
         run_to_run=runs.table(robot.n_axes),
         remainder=Remainder(
             task_sha256=load_task(robot.name, TASK, robot.tasks).sha256,
-            sample_period=places,
+            sample_period=period,
             torque=remainder.tolist(),
         ),
     )
@@ -274,19 +275,43 @@ def nominal_cycle(shared: Nominal, period: float) -> tuple[KnownMotion, np.ndarr
     return known, cycle.motor_torque
 
 
-def _remainder(apart: np.ndarray, known: KnownMotion, places: float) -> np.ndarray:
-    """Mean of what remains, around places some time apart [s]; 0 where nothing was recorded."""
-    samples = len(apart)
-    count = int(np.ceil(samples * known.sample_period / places)) + 1
-    half = max(1, round(places / known.sample_period / 2))
-    out = np.zeros((count, apart.shape[1]))
-    for place in range(count):
-        at = round(place * places / known.sample_period)
-        window = apart[max(0, at - half) : at + half + 1]
-        seen = np.isfinite(window).all(axis=1) if len(window) else np.zeros(0, bool)
-        if seen.any():
-            out[place] = window[seen].mean(axis=0)
+def _remainder(
+    apart: np.ndarray, known: KnownMotion, noise: np.ndarray, recordings: int
+) -> np.ndarray:
+    """What the model lacks by place, with little of the noise that a mean of recordings still has.
+
+    Slow changes are kept as they are. Of fast ones, the share is kept by which they exceed the
+    noise around their place (Wiener 1949).
+
+    Args:
+        apart: Mean torque less that of the model, shape (samples, n_axes), in [N m]; nan where
+            nothing was recorded.
+        known: The motion.
+        noise: Standard deviation of the noise of a recording, shape (n_axes,), in [N m].
+        recordings: Number of recordings.
+
+    Returns:
+        Shape (samples, n_axes), in [N m]; 0 where nothing was recorded.
+    """
+    out = np.zeros_like(apart)
+    half = max(1, round(_SLOW / known.sample_period / 2))
+    around = max(half, round(_AROUND / known.sample_period / 2))
+    for start, end in known.stretches:
+        own = apart[start:end]
+        slow = _mean_around(own, half)
+        fast = own - slow
+        energy = np.maximum(_mean_around(fast**2, around), 1e-300)
+        expected = _SAFE * noise**2 / recordings
+        share = np.clip(1 - expected / energy, 0.0, 1.0) if recordings > 1 else 0.0
+        out[start:end] = slow + share * fast
     return np.array([[float(f"{x:.5g}") for x in row] for row in out])
+
+
+def _mean_around(x: np.ndarray, half: int) -> np.ndarray:
+    """Moving average over 2 half + 1 samples, shape of x."""
+    padded = np.pad(x, ((half, half), (0, 0)), mode="edge")
+    total = np.cumsum(np.concatenate([np.zeros((1, x.shape[1])), padded]), axis=0)
+    return np.asarray((total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1))
 
 
 def _recoloured(colour: list[list[float]], recorded: float, period: float) -> list[list[float]]:

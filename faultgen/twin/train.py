@@ -51,7 +51,14 @@ class Examples:
     """Whether the cycle belongs to a validation run."""
 
     def part(self, held_out: bool) -> np.ndarray:
-        """Numbers of the cycles of validation runs, or of all others."""
+        """Choose the cycles of validation runs, or all others.
+
+        Args:
+            held_out: Whether those of validation runs are chosen.
+
+        Returns:
+            Their numbers, from 0, shape (chosen,).
+        """
         return np.flatnonzero(self.held_out == held_out)
 
 
