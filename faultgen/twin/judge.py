@@ -229,4 +229,5 @@ def line(answer: dict[str, Any]) -> str:
         f"{one['effect']} on axis {'+'.join(map(str, one['axes']))} ({one['probability']:.2f})"
         for one in answer["alternatives"]
     )
-    return f"{name}: {told}{f'; also possible: {others}' if others else ''}{again}"
+    relation = "also possible" if answer["verdict"] == "fault" else "it resembles"
+    return f"{name}: {told}{f'; {relation}: {others}' if others else ''}{again}"
