@@ -21,10 +21,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from faultgen.discovery.calibrate import calibrate
+from faultgen.discovery.in_step import in_step
 from faultgen.discovery.recorded_task import recorded_task
 from faultgen.discovery.recording import Recording, mean_of, write_recording
 from faultgen.discovery.replay import Replay
-from faultgen.discovery.resampling import in_step
 from faultgen.discovery.workflow import check_own_noise, check_same_motion, usable
 from faultgen.errors import InputError
 from faultgen.monitoring.sensors import FILE, Remainder, Sensors
