@@ -8,6 +8,7 @@ and the last one ends at the start pose. `faultgen.simulation.motion` turns a ta
 
 from __future__ import annotations
 
+import hashlib
 import os
 import tomllib
 from collections.abc import Mapping
@@ -43,9 +44,15 @@ class Pose(BaseModel):
 class Move(Pose):
     """A move to a pose, followed by a pause."""
 
-    path: Literal["joint", "line", "spline"] = "joint"
-    """"joint" is a straight line in joint angles, "line" is a straight line of the tool, and
-    "spline" is a smooth curve of the tool through the poses `via`."""
+    path: Literal["joint", "line", "spline", "sampled"] = "joint"
+    """"joint" is a straight line in joint angles, "line" is a straight line of the tool, "spline"
+    is a smooth curve of the tool through the poses `via`, and "sampled" is a recorded motion, which
+    `samples` holds. It keeps its own timing and needs no pose."""
+    samples: Annotated[list[list[float]], Field(min_length=4)] | None = None
+    """Joint positions of a sampled path, [deg], or [m] for slides. The motion begins and ends at
+    rest."""
+    sample_period: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    """Time between the samples of a sampled path [s]."""
     via: list[Pose] = []
     """Poses of the tool that a spline passes through."""
     speed: Annotated[float, Field(gt=0, le=1)] = 1.0
@@ -73,6 +80,15 @@ class Task(BaseModel):
     """Pose in which a cycle begins and ends."""
     move: Annotated[list[Move], Field(min_length=1)]
     """Moves of a cycle, one after another."""
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the content."""
+        # a move without samples has the hash that it had before there were sampled paths
+        own = {"samples", "sample_period"}
+        without = {k: own for k, move in enumerate(self.move) if move.samples is None}
+        text = self.model_dump_json(exclude={"move": without} if without else None)
+        return hashlib.sha256(text.encode()).hexdigest()
 
 
 def task_names(robot: str, own: Mapping[str, str] = MappingProxyType({})) -> list[str]:

@@ -12,7 +12,18 @@ import sys
 from types import FrameType
 from typing import NoReturn
 
-from faultgen.cli import data, discovery, fleet, judge, lists, machine, recordings, robot, view
+from faultgen.cli import (
+    data,
+    discovery,
+    fleet,
+    judge,
+    lists,
+    machine,
+    recordings,
+    robot,
+    twin,
+    view,
+)
 from faultgen.cli.app import app
 from faultgen.errors import InputError, SimulationFailed, StorageFailed
 
@@ -26,6 +37,7 @@ __all__ = [
     "main",
     "recordings",
     "robot",
+    "twin",
     "view",
 ]
 

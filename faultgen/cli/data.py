@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import sys
+import tempfile
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -46,11 +48,20 @@ def generate(
         str | None,
         typer.Option(help="Name of a task, or the path of a task file. For several, write a,b."),
     ] = None,
+    task_from: Annotated[
+        Path | None,
+        typer.Option(
+            help="Recording (HDF5 or CSV) whose motion the robot repeats, instead of --task. The "
+            "other defaults then suit the training of a detector: 24 cycles, 3 repetitions, and "
+            "the schedule 'linear'."
+        ),
+    ] = None,
     axis: Annotated[
         str | None,
         typer.Option(
             help="Axes that wear. 1,2,3 makes one run for each axis; 2+3 makes one run in which "
-            "both axes wear at once. Default: every axis that the effect can act on."
+            "both axes wear at once. Default, also written 'all': every axis that the effect can "
+            "act on."
         ),
     ] = None,
     effect: Annotated[
@@ -77,7 +88,10 @@ def generate(
     cycles: Annotated[int | None, typer.Option(help="Number of cycles in each run.")] = None,
     sensors: Annotated[
         str | None,
-        typer.Option(help="Preset of sensor noise and disturbances: none, thesis or realistic."),
+        typer.Option(
+            help="Preset of sensor noise and disturbances, none, thesis or realistic, or the path "
+            "of a sensors file. Default: the sensors in the robot's folder, or none."
+        ),
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the first repetition.")] = None,
     repetitions: Annotated[
@@ -169,6 +183,11 @@ def generate(
         "signals": signals if signals in ("all", "none") else names(signals) or None,
     }
     given = {name: value for name, value in flags.items() if value is not None}
+    if task_from is not None:
+        if experiment is not None or task is not None or robot is None or "," in robot:
+            raise InputError("--task-from needs one --robot, and neither --task nor a file")
+        place = Path(tempfile.mkdtemp()) if dry_run else out
+        given = {**TRAINING, **given, "task": task_of(task_from, robot, place)}
     if experiment is not None and given:
         raise InputError(
             f"give an experiment file or flags, not both: --{next(iter(given))} was given as well"
@@ -525,8 +544,47 @@ def _dry_run(experiment: Experiment, workers: int, as_json: bool) -> None:
     )
 
 
+TRAINING: dict[str, Any] = {"cycles": 24, "repetitions": 3, "schedule": "linear"}
+"""Defaults of a dataset that is made to train a detector."""
+
+
+def task_of(recording: Path, robot: str, out: Path) -> str:
+    """Write the task of a recorded motion into a folder, and return the path of its file.
+
+    A robot's folder may have the task already; that one is then used.
+
+    Args:
+        recording: The recording.
+        robot: Name of the robot, or path of its MJCF file or folder.
+        out: The folder.
+
+    Returns:
+        Path of the file, or name of the task in the robot's folder.
+
+    Raises:
+        InputError: The recording cannot be used.
+    """
+    from faultgen.discovery.recorded_task import known_task, recorded_task
+    from faultgen.discovery.workflow import usable
+    from faultgen.robot import load_robot
+    from faultgen.system.files import write_text
+
+    model = load_robot(robot)
+    measured, warnings = usable(recording, model)
+    for warning in warnings:
+        print(f"faultgen: {warning}", file=sys.stderr)
+    known = known_task(measured, model)
+    if known is not None:
+        return known
+    text = recorded_task(measured, model, recording.stem)
+    path = out / "tasks" / f"{recording.stem}.toml"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, text)
+    return str(path)
+
+
 def _axes(text: str | None) -> list[list[int]] | None:
-    if text is None:
+    if text is None or text == "all":
         return None
     try:
         return [[int(axis) for axis in part.split("+")] for part in text.split(",")]

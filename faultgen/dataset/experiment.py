@@ -29,7 +29,7 @@ from faultgen.dataset.wear import severities
 from faultgen.effects import HEALTHY, get_effect
 from faultgen.effects.base import DEFAULT_FRACTION
 from faultgen.errors import InputError
-from faultgen.monitoring.sensors import get_sensors
+from faultgen.monitoring.sensors import FILE, get_sensors
 from faultgen.system.reading import read_text
 
 SCHEMA_VERSION = 2
@@ -60,6 +60,12 @@ def _places(value: Any) -> Any:
         str(Path(item).resolve()) if isinstance(item, str) and _is_place(Path(item)) else item
         for item in _listed(value)
     ]
+
+
+def _absolute(value: Any) -> Any:
+    """Make the path of a file absolute, and leave a name as it is."""
+    is_file = isinstance(value, str) and Path(value).is_file()
+    return str(Path(value).resolve()) if is_file else value
 
 
 def _is_place(path: Path) -> bool:
@@ -156,8 +162,9 @@ class Experiment(BaseModel):
     """Further effects that every faulty run has; in TOML one table [[beside]] for each."""
     healthy: bool = True
     """Whether there is also a run of the healthy robot for each robot, task and seed."""
-    sensors: str = "none"
-    """Preset of sensor noise and disturbances."""
+    sensors: Annotated[str, BeforeValidator(_absolute)] = "none"
+    """Preset of sensor noise and disturbances, or the path of a sensors file. Default: the sensors
+    in the robot's folder, if it has any, otherwise "none"."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the first repetition. Each further repetition uses the next number."""
     repetitions: Annotated[int, Field(ge=1, le=MOST_RUNS)] = 1
@@ -182,6 +189,12 @@ class Experiment(BaseModel):
 
     @model_validator(mode="after")
     def _check(self) -> Experiment:
+        own = [Path(robot) / FILE for robot in self.robot]
+        if "sensors" not in self.model_fields_set and len(own) == 1 and own[0].is_file():
+            self.sensors = str(own[0])
+        sensors = get_sensors(self.sensors)
+        if "sample_period" not in self.model_fields_set and sensors.sample_period is not None:
+            self.sample_period = sensors.sample_period
         if not isinstance(self.schedule, str):
             if "severity" in self.model_fields_set:
                 raise InputError(
@@ -193,7 +206,7 @@ class Experiment(BaseModel):
         if isinstance(self.schedule, str) and "severity" not in self.model_fields_set:
             self.severity = default_severity(effects)
         check_severity(effects, self.severity, self.schedule)
-        warms = get_sensors(self.sensors).temperature_wander > 0
+        warms = sensors.temperature_wander > 0
         for name in self.faults:
             if "temperature" in get_effect(name).parameters and not warms:
                 raise InputError(

@@ -19,13 +19,19 @@ from faultgen.dataset.faults import beside_of, list_faults, window_of
 from faultgen.effects import HEALTHY, Applied
 from faultgen.errors import InputError
 from faultgen.monitoring.reductions import SPEED_WINDOW
+from faultgen.monitoring.sensors import SENSORS, get_sensors
 from faultgen.robot import load_robot
 from faultgen.simulation.nominal import Nominal, nominal
 from faultgen.simulation.plant import assemble
 from faultgen.simulation.stepping import decimation
 from faultgen.tasks import load_task
 
-_OPTIONAL = ("parameters", "beside", "speed_window")  # not in the id of a run without them
+_OPTIONAL = (
+    "parameters",
+    "beside",
+    "speed_window",
+    "sensors_sha256",
+)  # not in the id of a run without them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +75,8 @@ class Run:
     """Hash of the robot's model."""
     task_sha256: str
     """Hash of the task's file."""
+    sensors_sha256: str = ""
+    """Hash of the sensors' file; empty for a preset."""
     schema_version: int = SCHEMA_VERSION
     """Version of the layout of the file."""
 
@@ -80,6 +88,7 @@ class Run:
         """
         told = {k: v for k, v in asdict(self).items() if v or k not in _OPTIONAL}
         told |= {"robot": Path(self.robot).stem, "task": Path(self.task).stem}
+        told["sensors"] = Path(self.sensors).stem
         if self.beside:
             told["beside"] = [
                 (one.effect, one.axis, one.severity, sorted(one.parameters.items()))
@@ -128,9 +137,13 @@ def plan_runs(experiment: Experiment) -> list[Run]:
     runs: dict[str, Run] = {}
     first = True
     schedule = experiment.schedule
+    sensors, noise = get_sensors(experiment.sensors), ""
+    if experiment.sensors not in SENSORS:
+        noise = hashlib.sha256(sensors.to_toml().encode()).hexdigest()
     for robot_name in experiment.robot:
         robot = load_robot(robot_name)
         decimation(robot.model.opt.timestep, experiment.sample_period)
+        sensors.check_axes(robot.n_axes, experiment.sensors)
         faults = list_faults(experiment, robot)
         window = window_of(experiment, robot)
         count = len(faults) * experiment.repetitions * len(experiment.task)
@@ -140,7 +153,7 @@ def plan_runs(experiment: Experiment) -> list[Run]:
             )
         for task_name in experiment.task:
             task = load_task(robot.name, task_name, robot.tasks)
-            digest = hashlib.sha256(task.model_dump_json().encode()).hexdigest()
+            digest = task.sha256
             for repetition in range(experiment.repetitions):
                 for effect, axes, severity in faults:
                     seed = experiment.seed + repetition
@@ -165,6 +178,7 @@ def plan_runs(experiment: Experiment) -> list[Run]:
                         speed_window=window,
                         model_sha256=robot.sha256,
                         task_sha256=digest,
+                        sensors_sha256=noise,
                     )
                     runs.setdefault(run.id, run)
             first = False

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import tee
 from pathlib import Path
 
 import numpy as np
 
+from faultgen.applied import Applied
 from faultgen.dataset.planning import Run
 from faultgen.dataset.run_file import create_arrays, growth_of, run_attributes, shares_of
 from faultgen.dataset.storage import RunWriter
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.monitoring.environment import Surroundings, surroundings
+from faultgen.monitoring.environment import Surroundings, differences, surroundings
 from faultgen.monitoring.reductions import monitor
 from faultgen.monitoring.sensors import get_sensors, measure
 from faultgen.robot import Robot
@@ -60,19 +61,22 @@ def make_run(
 def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], None]) -> None:
     shared = nominal(run.robot, run.task, run.sample_period)
     robot, sensors = shared.robot, get_sensors(run.sensors)
-    rng_surroundings, rng_sensors, rng_faults = np.random.default_rng(run.seed).spawn(3)
+    rngs = np.random.default_rng(run.seed).spawn(4)
+    rng_surroundings, rng_sensors, rng_faults, rng_runs = rngs
+    healthy = differences(sensors, run.cycles, rng_runs)
+    lacks = sensors.missing_torque(run.task_sha256, shared.samples, run.sample_period)
     around = surroundings(sensors, run.cycles, robot.friction_temperature, rng_surroundings)
     window = shared.speed_window(run.speed_window)
     with RunWriter(folder, run.id, run_attributes(run, shared), robot.xml) as writer:
         create_arrays(writer, run, shared, around)
-        plants, simulated = tee(_plants(run, robot, around))
+        plants, simulated = tee(_plants(run, robot, around, healthy))
         cycles = simulate(robot, shared.control, simulated, sample_period=run.sample_period)
         for index, (plant, cycle) in enumerate(zip(plants, cycles, strict=True)):
             seen = measure(
                 sensors,
                 cycle.motor_position,
                 cycle.motor_velocity,
-                cycle.motor_torque,
+                cycle.motor_torque if lacks is None else cycle.motor_torque + lacks,
                 gear_ratio=robot.gear_ratio,
                 encoder_counts=robot.encoder_counts,
                 mean_torque=shared.mean_torque,
@@ -92,24 +96,27 @@ def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], None]) ->
             on_cycle()
 
 
-def _plants(run: Run, robot: Robot, around: Surroundings) -> Iterator[Plant]:
+def _plants(
+    run: Run, robot: Robot, around: Surroundings, healthy: Sequence[tuple[Applied, ...]]
+) -> Iterator[Plant]:
     """Yield the robot as it is in each cycle. It is assembled anew only where something changed."""
-    healthy = robot.spec()
+    spec = robot.spec()
     before: Condition | None = None
     plant = Plant(robot.model)
     growth, shares = growth_of(run), shares_of(run)
-    for severity, share, temperature, load in zip(
-        growth, shares.tolist(), around.temperature, around.payload_factor, strict=True
+    for severity, share, temperature, load, own in zip(
+        growth, shares.tolist(), around.temperature, around.payload_factor, healthy, strict=True
     ):
         now = Condition(
             temperature=float(temperature),
             payload_factor=float(load),
             faults=(
+                *own,
                 *(replace(one, severity=float(severity)) for one in run.own_faults),
                 *(replace(one, severity=one.severity * share) for one in run.beside),
             ),
         )
         if now != before:
-            plant = plant_at(robot, healthy, now)
+            plant = plant_at(robot, spec, now)
             before = now
         yield plant

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
+from faultgen.applied import Applied
 from faultgen.monitoring.sensors import Sensors
 
 
@@ -53,3 +54,30 @@ def surroundings(
         measured_temperature=temperature + sensors.temperature_error * errors,
         payload_factor=1 + sensors.payload_scatter * loads,
     )
+
+
+def differences(
+    sensors: Sensors, cycles: int, rng: np.random.Generator
+) -> list[tuple[Applied, ...]]:
+    """Draw how the healthy robot differs in every cycle.
+
+    Args:
+        sensors: The sensors.
+        cycles: Number of cycles.
+        rng: Random number generator.
+
+    Returns:
+        For each cycle, effects with the severity that was drawn, which may be negative.
+    """
+    drawn: list[list[Applied]] = [[] for _ in range(cycles)]
+    for name, spread in sorted(sensors.run_to_run.items()):
+        severities = np.asarray(spread) * rng.standard_normal((cycles, len(spread)))
+        # no draw beyond three standard deviations turns the sign of what it changes
+        severities = np.clip(severities, -3 * np.asarray(spread), 3 * np.asarray(spread))
+        for row, effects in zip(severities, drawn, strict=True):
+            effects += [
+                Applied(name, axis, float(severity), {})
+                for axis, severity in enumerate(row, start=1)
+                if severity != 0
+            ]
+    return [tuple(effects) for effects in drawn]

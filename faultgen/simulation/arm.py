@@ -14,6 +14,7 @@ from faultgen.errors import InputError
 from faultgen.mjcf.gearing import tendon_coefficients
 from faultgen.robot import COULOMB, COUPLING, OFFSET, STICTION, STRIBECK_VELOCITY, Robot
 
+_SLOWEST = 1e-9  # Stribeck velocity of shared friction that jumps at rest [rad/s]
 _NEWTON_STEPS = 30  # of `Arm.follow`; a pose that is close needs 3 to 5
 
 
@@ -280,7 +281,7 @@ def _shared_torque(
     tendon = model.actuator_trnid[actuator, 0]
     own = tendon_coefficients(model, tendon)[list(robot.motors)]
     shared, bias = speed @ own, model.actuator_biasprm[actuator]
-    torque = bias[COULOMB] * np.tanh(shared / bias[STRIBECK_VELOCITY])
+    torque = bias[COULOMB] * np.tanh(shared / max(bias[STRIBECK_VELOCITY], _SLOWEST))
     torque += model.actuator_damping[actuator] * shared
     torque += model.tendon_armature[tendon] * (acceleration @ own)
     return np.outer(torque, own)

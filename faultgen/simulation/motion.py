@@ -28,6 +28,8 @@ from faultgen.tasks import Move, Pose, Task
 _TICK = 0.02  # a cycle lasts a whole number of these [s], so that samples fall alike in each
 _TORQUE_SHARE = 0.85  # of the motor torque limit that plans use; the rest is for the servo
 _JERK_TIME = 0.1  # time from zero to full acceleration [s]; assumed
+_SAME = 1e-6  # difference of equal joint angles [rad]
+_OVER = 0.02  # share of a limit by which a recorded motion may exceed it
 _GRID = 0.004  # at which a planned motion is checked against the limits [s]
 
 LONGEST = 3600.0
@@ -45,6 +47,7 @@ class _Piece:
     duration: float
     path: Callable[[np.ndarray, int], np.ndarray]
     timing: Callable[[np.ndarray], np.ndarray]
+    is_sampled: bool = False
 
 
 @dataclass(frozen=True)
@@ -85,6 +88,11 @@ class Motion:
             out[2, chosen] = curvature * sd[:, None] ** 2 + slope * sdd[:, None]
         return out[0], out[1], out[2]
 
+    @property
+    def sampled(self) -> list[tuple[float, float]]:
+        """Start and duration of each sampled path of the task [s]."""
+        return [(one.start, one.duration) for one in self.pieces if one.is_sampled]
+
     @cached_property
     def window_share(self) -> np.ndarray:
         """Share of the cycle that each motor spends in `SPEED_WINDOW`, shape (n_axes,)."""
@@ -113,6 +121,20 @@ def plan(task: Task, robot: Robot) -> Motion:
     clock = 0.0
     start = here = _configuration(task.start, arm, task, np.zeros(robot.n_axes), "start")
     for number, move in enumerate(task.move, start=1):
+        if move.path == "sampled":
+            piece, there = _sampled(move, arm, here, task, number, clock)
+            pieces.append(piece)
+            clock += piece.duration
+            if number == len(task.move) and np.abs(there - start).max() > _SAME:
+                raise InputError(f"task {task.name}: the last move must end at the start pose")
+            here = there
+            clock = _rest(pieces, clock, here, move.dwell, number == len(task.move))
+            continue
+        if move.samples is not None or move.sample_period is not None:
+            raise InputError(
+                f"task {task.name}, move {number}: only path = \"sampled\" has 'samples' and "
+                "'sample_period'"
+            )
         there = _configuration(move, arm, task, here, f"move {number}")
         if number == len(task.move):
             if np.abs(there - start).max() > np.radians(0.2):
@@ -124,17 +146,68 @@ def plan(task: Task, robot: Robot) -> Motion:
             pieces.append(_Piece(clock, duration, path, timing))
             clock += duration
         here = there
-        rest = move.dwell
-        if number == len(task.move):
-            rest = np.ceil((clock + move.dwell) / _TICK - 1e-9) * _TICK - clock
-        if rest > 0:
-            pieces.append(_Piece(clock, rest, _hold(here), _still))
-            clock += rest
+        clock = _rest(pieces, clock, here, move.dwell, number == len(task.move))
     if clock > LONGEST:
         raise InputError(
             f"task {task.name}: a cycle would last {clock:.3g} s; it may last at most {LONGEST:g} s"
         )
     return Motion(robot, task, float(round(clock / _TICK) * _TICK), tuple(pieces))
+
+
+def _rest(pieces: list[_Piece], clock: float, here: np.ndarray, dwell: float, last: bool) -> float:
+    """Add the pause after a move, and return the time at its end [s]."""
+    rest = np.ceil((clock + dwell) / _TICK - 1e-9) * _TICK - clock if last else dwell
+    if rest > 0:
+        pieces.append(_Piece(clock, rest, _hold(here), _still))
+        clock += rest
+    return clock
+
+
+def _sampled(
+    move: Move, arm: Arm, here: np.ndarray, task: Task, number: int, clock: float
+) -> tuple[_Piece, np.ndarray]:
+    """A recorded motion as a piece, with its own timing, and the joint angles at its end."""
+    robot, where = arm.robot, f"task {task.name}, move {number}"
+    if move.samples is None or move.sample_period is None:
+        raise InputError(f"{where}: a sampled path needs 'samples' and 'sample_period'")
+    if any(len(row) != robot.n_axes for row in move.samples):
+        raise InputError(f"{where}: each of the samples needs {robot.n_axes} numbers")
+    way = robot.from_degrees(move.samples)
+    if not np.isfinite(way).all():
+        raise InputError(f"{where}: the samples must be finite")
+    if np.abs(way[0] - here).max() > _SAME:
+        raise InputError(f"{where}: the samples must begin where the move before them ends")
+    times = np.arange(len(way)) * move.sample_period
+    spline = CubicSpline(times, way, bc_type="clamped")
+    fine = np.arange(0, times[-1], _GRID)
+    q, qd, qdd = spline(fine), spline(fine, 1), spline(fine, 2)
+    _check_sampled(arm, q, qd, qdd, where)
+
+    def timing(at: np.ndarray) -> np.ndarray:
+        return np.stack([at, np.ones_like(at), np.zeros_like(at)])
+
+    piece = _Piece(clock, float(times[-1]), lambda at, order: spline(at, order), timing, True)
+    return piece, way[-1]
+
+
+def _check_sampled(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, where: str) -> None:
+    """Refuse a recorded motion that exceeds a limit of the model. A real robot has done it."""
+    robot = arm.robot
+    low, high = robot.joint_range.T
+    speed = np.abs(robot.gearing.outputs(qd) * robot.gear_ratio)
+    torque = np.abs(motor_torque(arm, q, qd, qdd))
+    for what, excess in (
+        ("leaves its range", np.maximum(low - q, q - high) - _OVER * np.abs(high - low)),
+        ("is faster than motor_velocity_limit", speed - (1 + _OVER) * robot.motor_velocity_limit),
+        ("needs more torque than its drive has", torque - robot.motor_torque_limit),
+    ):
+        beyond = np.nan_to_num(excess, nan=-1.0).max(axis=0)
+        if (beyond > 0).any():
+            axis = int(np.argmax(beyond > 0)) + 1
+            raise InputError(
+                f"{where}: on the recorded motion, axis {axis} {what} in the model; correct this "
+                "limit of the model, or record a gentler motion"
+            )
 
 
 def _configuration(pose: Pose, arm: Arm, task: Task, before: np.ndarray, where: str) -> np.ndarray:
@@ -348,7 +421,9 @@ def shifted(motion: Motion, robot: Robot, shift: np.ndarray, speed: float) -> Mo
             s, rate, change = timing(times * speed)
             return np.array([s, rate * speed, change * speed**2])
 
-        return _Piece(piece.start / speed, piece.duration / speed, elsewhere, slower)
+        return _Piece(
+            piece.start / speed, piece.duration / speed, elsewhere, slower, piece.is_sampled
+        )
 
     pieces = [moved(piece) for piece in motion.pieces]
     end = pieces[-1].start + pieces[-1].duration

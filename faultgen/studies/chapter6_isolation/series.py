@@ -22,8 +22,10 @@ from faultgen.system.arrays import read_arrays, write_arrays
 CYCLES = 100
 WEAR = 0.2
 
+_NOISE = np.asarray(SENSORS["thesis"].torque_noise).item()
+
 NOISES: dict[str, Sensors] = {
-    "thesis / 10": replace(SENSORS["thesis"], torque_noise=SENSORS["thesis"].torque_noise / 10),
+    "thesis / 10": replace(SENSORS["thesis"], torque_noise=_NOISE / 10),
     "thesis": SENSORS["thesis"],
     "realistic": SENSORS["realistic"],
 }

@@ -1,0 +1,351 @@
+"""What is a twin worth? Detectors trained on simulated faults, judged on robots of their own.
+
+python benchmarks/twin_detectors.py run --seeds report --instances 8 -o DIR
+python benchmarks/twin_detectors.py table DIR
+
+The robots are SCARAs of the simulator in `laboratories`, which shares no code with faultgen. Every
+instance has its own parameters, servo, program and noise. docs/twin.md describes the comparison.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from laboratories.draw import BASE, Laboratory
+from laboratories.effects import Effect
+from laboratories.make import Setup, draw_session, record, set_up
+from laboratories.robots import robot_file
+from laboratories.servo import SERVOS
+from threadpoolctl import threadpool_limits
+
+from faultgen.dataset.experiment import make_experiment
+from faultgen.dataset.reader import open_dataset
+from faultgen.dataset.sweep import generate
+from faultgen.discovery.calibrate import calibrate
+from faultgen.discovery.recording import Recording, mean_of
+from faultgen.discovery.with_laws import with_laws
+from faultgen.discovery.workflow import investigate
+from faultgen.errors import InputError, SimulationFailed
+from faultgen.evaluation.shares import wilson
+from faultgen.monitoring.sensors import get_sensors
+from faultgen.robot import Robot, load_robot
+from faultgen.system.files import write_text
+from faultgen.twin.alignment import find_cycles, mean_cycle
+from faultgen.twin.detector import Detector, Memory
+from faultgen.twin.features import features_of
+from faultgen.twin.folder import RESULT, TASK
+from faultgen.twin.make import furnish
+from faultgen.twin.train import Examples, learn, train
+
+SEEDS = {"development": 0, "report": 600}
+"""Number of the first laboratory of each set. Nothing was chosen on the set "report"."""
+AXES = (1, 2)
+"""Axes that wear. The robot has four."""
+SEVERITIES = {"friction_wear": (0.05, 0.1, 0.2), "backlash": (0.25e-3, 0.5e-3, 1e-3)}
+"""Severities of the recordings that are judged."""
+LARGEST = {"friction_wear": 0.25, "backlash": 1.25e-3}
+"""Final severity of the training data."""
+HEALTHY = 5
+"""Healthy recordings that everything is learned from."""
+JUDGED = 10
+"""Further healthy recordings, which are judged."""
+CYCLES, REPETITIONS = 8, 2
+"""Of the training data, for each fault."""
+RATE = 0.01
+"""Rate of false alarms for which the limits are set, per recording."""
+ARMS = {
+    "nominal": "(a) nominal model",
+    "calibrated": "(b) calibrated twin",
+    "discovered": "(c) twin with discovered effects",
+    "own": "(d) faults of that very robot",
+}
+_SECONDS = 4.0
+_MOTIONS = ("task", "ladder", "multisine")
+
+
+def laboratory(seeds: str, number: int) -> Laboratory:
+    """Draw a laboratory: servo, noise and program are random, the rest is fixed."""
+    rng = np.random.default_rng([77, SEEDS[seeds] + number])
+    factors = {
+        **BASE,
+        "robot": "scara4",
+        "servo": SERVOS[int(rng.integers(len(SERVOS)))],
+        "seconds": _SECONDS,
+        "segments": 1,
+        "motion": _MOTIONS[int(rng.integers(len(_MOTIONS)))],
+        "noise": ("constant", "by_speed", "by_load", "coloured")[int(rng.integers(4))],
+        "level": float((0.005, 0.01, 0.02)[int(rng.integers(3))]),
+        "repeat": 0.01,
+        "model_error": 0.05,
+    }
+    return Laboratory(seeds, SEEDS[seeds] + number, factors, ())
+
+
+def measured(setup: Setup, effects: Sequence[Effect], rng: np.random.Generator) -> Recording:
+    """Record the program once, on a day of its own."""
+    arrays, _ = record(setup, effects, draw_session(setup, rng), range(1), rng)
+    return Recording(
+        source="laboratory",
+        robot="scara4",
+        side="motor",
+        sample_period=setup.period,
+        position=arrays["motor_position"],
+        torque=arrays["motor_torque"],
+        velocity=arrays["motor_velocity"],
+        reference_position=arrays["reference_position"],
+    )
+
+
+def discovered(recording: Recording, robot: Robot) -> tuple[Robot, list[str]]:
+    """The model with what discovery names or learns on a healthy recording."""
+    found = investigate(recording, robot)
+    told, laws = with_laws(found.problem, found.choice, found.answer)
+    names = [f"{one['effect']} on axis {one['axis']}" for one in told.contract()["effects"]]
+    return told.robot, [*names, *(one.sentence for one in laws)]
+
+
+def trained(robot: Robot, recordings: Sequence[Recording], folder: Path) -> Detector:
+    """Furnish a model with what the recordings show, generate faults, and train."""
+    furnish(robot, recordings, folder / "robot", compare=False)
+    told = {"recordings": [one.source for one in recordings], "torque_constants": None}
+    write_text(folder / "robot" / RESULT, json.dumps(told))
+    experiment = make_experiment(
+        {
+            "robot": str(folder / "robot"),
+            "task": TASK,
+            "axis": [list(AXES)[k : k + 1] for k in range(len(AXES))],
+            "effect": list(LARGEST),
+            "severity": LARGEST,
+            "schedule": "linear",
+            "cycles": CYCLES,
+            "repetitions": REPETITIONS,
+            "signals": ["signals/motor_torque", "signals/motor_position"],
+        }
+    )
+    summary = generate(experiment, folder / "data", progress=False)
+    if summary.failed:
+        raise SimulationFailed("; ".join(summary.failed.values()))
+    return train(open_dataset(folder / "data"), false_alarms=RATE)
+
+
+def uncentred(detector: Detector, folder: Path) -> Detector:
+    """The same detector without what the model lacks: its healthy mean is that of the model."""
+    sensors = get_sensors(folder / "robot" / "sensors.toml")
+    assert sensors.remainder is not None
+    lacks = sensors.missing_torque(
+        sensors.remainder.task_sha256, len(detector.motion.path), detector.motion.sample_period
+    )
+    assert lacks is not None
+    # features are linear in the torque, or nearly so: the healthy cycle is the point of expansion
+    shift = features_of(detector.kind, lacks[None], detector.motion)[0]
+    if detector.kind == "mean |torque|":
+        raise InputError("mean |torque| is not linear")
+    classes = replace(detector.classes, centre=detector.classes.centre - shift)
+    return replace(detector, classes=classes, baselines=0)
+
+
+def own_faults(setup: Setup, like: Detector, rng: np.random.Generator) -> Detector:
+    """A detector that has seen the faults of this robot, which nobody has in practice."""
+    torque, fault, severity, held = [], [], [], []
+    kinds = [(name, axis) for name in LARGEST for axis in AXES]
+    order = [(one.effect, one.axes[0]) for one in like.faults]
+    for repetition in range(REPETITIONS):
+        for number in range(-1, len(kinds)):
+            for k in range(1, CYCLES + 1):
+                effects = []
+                if number >= 0:
+                    name, axis = kinds[number]
+                    effects = [Effect(name, axis, LARGEST[name] * k / CYCLES)]
+                recording = measured(setup, effects, rng)
+                torque.append(mean_cycle(find_cycles(recording, like.motion)))
+                fault.append(order.index(kinds[number]) if number >= 0 else -1)
+                severity.append(k / CYCLES if number >= 0 else 0.0)
+                held.append(repetition == REPETITIONS - 1)
+    examples = Examples(np.stack(torque), np.array(fault), np.array(severity), np.array(held))
+    baselines = CYCLES * REPETITIONS
+    none = np.zeros((0, *like.motion.path.shape))
+    found = learn(examples, like.motion, len(kinds), none, baselines, RATE, 0)
+    return replace(
+        like,
+        kind=found.kind,
+        classes=found.classes,
+        limits=found.limits,
+        baselines=baselines,
+        made={"candidates": found.candidates},
+    )
+
+
+def score(
+    detector: Detector, cases: Sequence[tuple[Effect | None, Recording]]
+) -> list[dict[str, Any]]:
+    """Judge each recording alone, without memory of the others."""
+    rows = []
+    for truth, recording in cases:
+        cycles = find_cycles(recording, detector.motion)
+        answer, _ = detector.judge(cycles, Memory.empty())
+        named = answer["verdict"] == "fault"
+        right = (
+            truth is not None
+            and named
+            and answer["effect"] == truth.name
+            and answer["axes"] == [truth.axis]
+        )
+        rows.append(
+            {
+                "effect": truth.name if truth else "healthy",
+                "axis": truth.axis if truth else 0,
+                "severity": truth.severity if truth else 0.0,
+                "verdict": answer["verdict"],
+                "alarm": answer["alarm"],
+                "right": right,
+                "named": [answer["effect"], answer["axes"]] if named else None,
+                "estimate": answer["severity"],
+                "inside": bool(
+                    right and answer["interval"][0] <= truth.severity <= answer["interval"][1]
+                )
+                if truth
+                else None,
+            }
+        )
+    return rows
+
+
+def run_instance(seeds: str, number: int, out: Path) -> None:
+    """Carry out the comparison on one robot, and write its result. A result is not made again."""
+    path = out / f"{seeds}_{number:03d}.json"
+    if path.is_file():
+        return
+    started = time.monotonic()
+    lab = laboratory(seeds, number)
+    setup = set_up(lab)
+    rng = np.random.default_rng([lab.seed, 8])
+    healthy = [measured(setup, [], rng) for _ in range(HEALTHY)]
+    healthy = [replace(one, source=f"healthy{k}") for k, one in enumerate(healthy, start=1)]
+    cases: list[tuple[Effect | None, Recording]] = [
+        (None, measured(setup, [], rng)) for _ in range(JUDGED)
+    ]
+    for name, sizes in SEVERITIES.items():
+        for axis in AXES:
+            for size in sizes:
+                effect = Effect(name, axis, size)
+                cases.append((effect, measured(setup, [effect], rng)))
+    nominal = load_robot(robot_file("scara4"))
+    mean = mean_of(healthy)
+    told: dict[str, Any] = {"factors": lab.factors, "seed": lab.seed, "arms": {}, "seconds": {}}
+    work = out / f"work_{seeds}_{number:03d}"
+    with threadpool_limits(limits=1):
+        try:
+            calibrated = calibrate(mean, nominal)
+        except (InputError, SimulationFailed) as error:
+            told["arms"]["calibrated"] = {"failed": str(error)}
+            write_text(path, json.dumps(told, indent=1) + "\n")
+            return
+        told["errors"] = {k: v for k, v in calibrated.errors.items() if np.isfinite(v)}
+        told["seconds"]["calibrate"] = time.monotonic() - started
+        improved, told["discovered"] = discovered(mean, calibrated.robot)
+        told["seconds"]["discover"] = time.monotonic() - started
+        models = {"nominal": nominal, "calibrated": calibrated.robot, "discovered": improved}
+        like = None
+        for arm, model in models.items():
+            try:
+                detector = trained(model, healthy, work / arm)
+            except (SimulationFailed, InputError) as error:
+                told["arms"][arm] = {"failed": str(error)}
+                continue
+            like = like or detector
+            told["arms"][arm] = {
+                "features": detector.kind,
+                "centred": score(detector, cases),
+            }
+            if detector.kind != "mean |torque|":
+                told["arms"][arm]["uncentred"] = score(uncentred(detector, work / arm), cases)
+            told["seconds"][arm] = time.monotonic() - started
+        assert like is not None
+        detector = own_faults(setup, like, rng)
+        told["arms"]["own"] = {"features": detector.kind, "centred": score(detector, cases)}
+    told["seconds"]["all"] = time.monotonic() - started
+    write_text(path, json.dumps(told, indent=1) + "\n")
+    shutil.rmtree(work)
+
+
+def _share(rows: Sequence[bool]) -> str:
+    low, high = wilson(sum(rows), len(rows))
+    return f"{100 * np.mean(rows):.0f} [{100 * low:.0f}, {100 * high:.0f}]"
+
+
+def table(out: Path) -> str:
+    """Make the table of all instances in a folder."""
+    files = sorted(out.glob("*.json"))
+    results = [json.loads(path.read_text()) for path in files]
+    lines = [
+        f"{len(results)} robots, {HEALTHY} healthy recordings of each. In percent, with 95 % Wilson"
+        " intervals over recordings.",
+        "",
+        "| trained on | healthy mean | right effect and axis | detected | false alarms "
+        "| severity error, median | true severity within the interval |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for arm, name in ARMS.items():
+        for kind, label in (("uncentred", "model's"), ("centred", "measured")):
+            rows = [r for one in results for r in one["arms"].get(arm, {}).get(kind, [])]
+            if not rows:
+                continue
+            faulty = [r for r in rows if r["effect"] != "healthy"]
+            fine = [r for r in rows if r["effect"] == "healthy"]
+            right = [r for r in faulty if r["right"]]
+            error = [abs(r["estimate"] / r["severity"] - 1) for r in right]
+            within = _share([r["inside"] for r in right]) if right else "-"
+            lines.append(
+                f"| {name} | {label} | {_share([r['right'] for r in faulty])} "
+                f"| {_share([r['alarm'] for r in faulty])} | {_share([r['alarm'] for r in fine])} "
+                f"| {100 * np.median(error) if error else float('nan'):.0f} | {within} |"
+            )
+    lines += ["", "Right effect and axis by severity, measured mean:", ""]
+    sizes = [(name, size) for name, all_ in SEVERITIES.items() for size in all_]
+    lines.append("| trained on | " + " | ".join(f"{n} {s:g}" for n, s in sizes) + " |")
+    lines.append("| --- |" + " --- |" * len(sizes))
+    for arm, name in ARMS.items():
+        rows = [r for one in results for r in one["arms"].get(arm, {}).get("centred", [])]
+        cells = []
+        for effect, size in sizes:
+            own = [r["right"] for r in rows if (r["effect"], r["severity"]) == (effect, size)]
+            cells.append(f"{100 * np.mean(own):.0f} %" if own else "-")
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    failed = [
+        f"{path.stem}: {arm}: {told['failed']}"
+        for path, one in zip(files, results, strict=True)
+        for arm, told in one["arms"].items()
+        if "failed" in told
+    ]
+    return "\n".join([*lines, *([""] if failed else []), *failed])
+
+
+def main() -> None:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parts = parser.add_subparsers(dest="what", required=True)
+    run = parts.add_parser("run")
+    run.add_argument("--seeds", choices=SEEDS, default="development")
+    run.add_argument("--instances", type=int, default=8)
+    run.add_argument("--first", type=int, default=0)
+    run.add_argument("-o", "--out", type=Path, required=True)
+    parts.add_parser("table").add_argument("out", type=Path)
+    given = parser.parse_args()
+    if given.what == "table":
+        print(table(given.out))
+        return
+    given.out.mkdir(parents=True, exist_ok=True)
+    for number in range(given.first, given.first + given.instances):
+        run_instance(given.seeds, number, given.out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,211 @@
+"""Commands from healthy recordings of a robot to a detector for it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from faultgen.cli.app import Folder, Json, Workers, app, print_json, worker_count
+from faultgen.errors import InputError
+
+
+@app.command()
+def twin(
+    healthy: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Healthy recordings of the robot (HDF5 or CSV), all of the same program; see "
+            "docs/measured.md. Three or more show how much the robot differs from run to run."
+        ),
+    ],
+    robot: Annotated[
+        str, typer.Option(help="Name of the robot, or the path of its MJCF file or folder.")
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="Folder for the twin, a robot's folder.")
+    ] = Path("my_robot"),
+    discovery: Annotated[
+        bool,
+        typer.Option(
+            "--discovery/--no-discovery",
+            help="Whether to search for effects that the model lacks, and add them. In short "
+            "recordings it named effects that were not there (docs/twin.md), and it takes most of "
+            "the time.",
+        ),
+    ] = False,
+    seed: Annotated[int, typer.Option(help="Seed of the generated data in the report.")] = 0,
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Learn a simulated twin of a robot from recordings of its healthy days.
+
+    The command calibrates the model, with --discovery adds effects that the model lacks, and learns
+    the noise of the torque (level, colour, growth with speed and load) and the differences from run
+    to run. What the model still lacks on the recorded motion is learned by place in the cycle.
+
+    It writes a robot's folder, which every command accepts as --robot. Beside the model the folder
+    has sensors.toml, which 'faultgen generate' uses for this robot by default, the recorded motion
+    as the task 'recorded', twin.json with all numbers, and report.html. The report shows measured
+    and generated data side by side, and how well a classifier can tell them apart.
+
+    \b
+    faultgen twin healthy1.h5 healthy2.h5 --robot arm.xml -o my_robot
+    faultgen generate --robot my_robot --task-from healthy1.h5 --axis all \\
+        --effect friction_wear,backlash --severity friction_wear=0.2,backlash=0.001 -o data
+    faultgen train data -o detector
+    faultgen judge detector new1.h5 new2.h5
+    """  # noqa: D301
+    from faultgen.twin.make import make_twin
+
+    result = make_twin(
+        healthy,
+        robot,
+        out,
+        with_discovery=discovery,
+        workers=worker_count(workers),
+        seed=seed,
+        say=lambda text: print(f"faultgen: {text}", file=sys.stderr, flush=True),
+    )
+    if as_json:
+        print_json(result)
+        return
+    errors = result["calibration"]["errors"]
+    print(f"calibrated: relative torque error {errors['given']:.3f} -> {errors['calibrated']:.3f}")
+    print(f"effects that the model lacked: {result['discovery']['verdict']}")
+    for one in result["discovery"]["effects"]:
+        print(f"  {one['effect']} on axis {one['axis']}: {one['severity']:.4g}")
+    for axis, share in enumerate(result["noise"]["over_rms_torque"], start=1):
+        left = result["remainder_over_rms_torque"][axis - 1]
+        print(
+            f"axis {axis}: noise {100 * share:.2f} % of the RMS torque; the model still lacks "
+            f"{100 * left:.1f} % on this motion, which is added to generated data"
+        )
+    told = result["likeness"]
+    if told["auc"] is None:
+        print("one recording: whether generated data look like measured ones was not tested")
+    else:
+        print(
+            f"a classifier tells generated from measured cycles with AUC {told['auc']:.2f} +- "
+            f"{told['standard_error']:.2f} (0.5: not at all; 1: always)"
+        )
+    print(f"twin: {out}\nreport: {out / 'report.html'}")
+
+
+@app.command()
+def train(
+    folder: Folder,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the detector.")] = Path(
+        "detector"
+    ),
+    false_alarms: Annotated[
+        float,
+        typer.Option(
+            help="Rate of false alarms that the limits allow, per recording. With 100 recordings "
+            "a month, 0.01 is one a month."
+        ),
+    ] = 0.01,
+    seed: Annotated[
+        int, typer.Option(help="Seed of the random numbers from which the limits are found.")
+    ] = 0,
+    as_json: Json = False,
+) -> None:
+    """Train a detector on generated data of one robot, task and sensors.
+
+    The dataset needs every fault with at least two repetitions. The last one is left out of the
+    fit; on these runs the command chooses among several kinds of features. The detector names the
+    faults that the dataset has, with their severity, and anything else as an unknown change. It is
+    a small folder of JSON and plain arrays.
+    """
+    from faultgen.dataset.reader import open_dataset
+    from faultgen.twin.train import train as run_train
+
+    if out.is_file():
+        raise InputError(f"out: must be a folder, not the file {out}")
+    detector = run_train(open_dataset(folder), false_alarms=false_alarms, seed=seed)
+    detector.save(out)
+    told: dict[str, Any] = {
+        "detector": str(out),
+        "robot": detector.robot,
+        "task": detector.task,
+        "features": detector.kind,
+        "faults": [
+            {"effect": one.effect, "axes": list(one.axes), "largest": one.largest}
+            for one in detector.faults
+        ],
+        "limits": dict(detector.limits),
+        "made": dict(detector.made),
+    }
+    if as_json:
+        print_json(told)
+        return
+    for one in detector.made["candidates"]:
+        chosen = " (chosen)" if one["features"] == detector.kind else ""
+        print(
+            f"{one['features']}: right fault in {100 * one['named']:.0f} % of the validation "
+            f"cycles, severity off by {100 * one['severity_error']:.1f} % of the largest{chosen}"
+        )
+    print(f"{len(detector.faults)} faults; detector: {out}")
+
+
+@app.command()
+def judge(
+    detector: Annotated[
+        Path, typer.Argument(help="Folder of a detector that 'faultgen train' has written.")
+    ],
+    recordings: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Recordings of the same program (HDF5 or CSV), oldest first."),
+    ] = None,
+    watch: Annotated[
+        Path | None,
+        typer.Option(help="Judge the recordings in this folder, and every new one, until Ctrl-C."),
+    ] = None,
+    state: Annotated[
+        Path | None,
+        typer.Option(
+            help="File of what was judged before. Default: state.json in the detector's folder. "
+            "Delete it after a repair, to begin anew."
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Judge recordings of a robot: healthy, a named fault with its severity, or an unknown change.
+
+    The recordings are judged one after another, by the newest one and by the running mean over all
+    of them, which shows smaller changes. What was judged is remembered between calls. A line is
+    printed for each recording. The probability assumes that half of the robots are healthy, and
+    that all faults are equally frequent.
+
+    The program must be that of the healthy recordings. It is found by its positions, so that it
+    does not matter when a recording begins, or how many cycles it has.
+
+    With --json, the answers are a JSON list, or one JSON object in each line with --watch.
+    """
+    import json
+
+    from faultgen.twin.judge import Judge, line
+    from faultgen.twin.judge import watch as run_watch
+
+    if watch is None and not recordings:
+        raise InputError("give recordings to judge, or a folder with --watch")
+    one = Judge(detector, state)
+    answers = []
+    for path in recordings or []:
+        answer = one.judge(path)
+        answers.append(answer)
+        if not as_json:
+            print(line(answer), flush=True)
+        elif watch is not None:
+            print(json.dumps(answer), flush=True)
+    if as_json and watch is None:
+        print_json(answers)
+    if watch is not None:
+        run_watch(
+            one,
+            watch,
+            lambda answer: print(json.dumps(answer) if as_json else line(answer), flush=True),
+            lambda text: print(f"faultgen: {text}", file=sys.stderr, flush=True),
+        )

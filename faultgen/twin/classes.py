@@ -1,0 +1,223 @@
+"""Which fault, and how severe: a Gaussian model of features whose mean moves with the severity.
+
+    x = healthy mean + a s + b s^2 + healthy deviation
+
+Each fault, an effect on an axis, has its own vectors a and b. The deviation has one covariance,
+shrunk as proposed by Ledoit and Wolf (2004). After whitening and projection onto the space of all a
+and b, each hypothesis is a curve in a few dimensions, and its likelihood is computed on a grid of
+severities. The vectors are learned from a model and are never exact: the variance grows with the
+distance from the healthy mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from sklearn.covariance import ledoit_wolf
+
+GRID = np.linspace(0.02, 1.5, 75)
+"""Severities of each fault, over the largest one in the data, at which hypotheses are compared."""
+
+INEXACT = 0.15
+"""Error of the learned directions, over their length: assumed."""
+
+_RANK = 1e-6  # singular values below this share of the largest are no direction
+
+
+@dataclass(frozen=True, eq=False)
+class Classes:
+    """The fitted model."""
+
+    centre: np.ndarray
+    """Healthy mean of the features, shape (features,)."""
+    whitener: np.ndarray
+    """Inverse root of the covariance, shape (features, features)."""
+    basis: np.ndarray
+    """Orthonormal basis of the space of the faults, in whitened features; shape (dimensions,
+    features)."""
+    curves: np.ndarray
+    """a and b of each fault in this space, for severities over the largest one; shape (faults, 2,
+    dimensions)."""
+    rest: np.ndarray
+    """Mean and variance of the squared distance from this space in healthy cycles, shape (2,)."""
+
+    def place(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return where cycles are in the space of the faults, and their squared distance from it.
+
+        Args:
+            x: Features, shape (cycles, features).
+
+        Returns:
+            Shape (cycles, dimensions), and shape (cycles,); both without unit.
+        """
+        white = (x - self.centre) @ self.whitener.T
+        inside = white @ self.basis.T
+        outside = (white**2).sum(axis=1) - (inside**2).sum(axis=1)
+        return inside, np.maximum(outside, 0.0)
+
+    def fitted_to(self, healthy: np.ndarray) -> Classes:
+        """Return the model with the mean and the spread that measured healthy recordings have.
+
+        A generated robot may vary less than the real one, or otherwise. The variance of all
+        features is multiplied by that of the measured places about their mean, over that of
+        generated ones, if this is more than 1. So is the distance from the space of the faults.
+
+        Args:
+            healthy: Features of healthy recordings, shape (recordings, features).
+        """
+        count = len(healthy)
+        if not count:
+            return self
+        moved = replace(self, centre=healthy.mean(axis=0))
+        if count == 1:
+            return moved
+        inside, outside = moved.place(healthy)
+        factor = max(float((inside**2).sum() / ((count - 1) * max(len(self.basis), 1))), 1.0)
+        mean = self.rest[0] / factor
+        seen = float(outside.sum() / (count - 1)) / factor
+        more = max(seen / max(mean, 1e-12), 1.0)
+        return replace(
+            moved,
+            whitener=self.whitener / np.sqrt(factor),
+            curves=self.curves / np.sqrt(factor),
+            rest=np.array([mean * more, self.rest[1] * (more / factor) ** 2]),
+        )
+
+    @property
+    def means(self) -> np.ndarray:
+        """Mean of each fault at each severity of `GRID`, shape (faults, severities, dimensions)."""
+        powers = np.stack([GRID, GRID**2])
+        return np.asarray(np.einsum("ps,fpd->fsd", powers, self.curves))
+
+    def log_ratio(self, y: np.ndarray, variance: float = 1.0) -> np.ndarray:
+        """Compute the log-likelihood of each fault and severity, less that of the healthy robot.
+
+        Args:
+            y: Places, shape (cycles, dimensions).
+            variance: Variance of the places in healthy cycles; below 1 for means of cycles.
+
+        Returns:
+            Shape (cycles, faults, severities).
+        """
+        means = self.means
+        dimensions = max(means.shape[2], 1)
+        length = (means**2).sum(axis=2)
+        wider = variance + INEXACT**2 * length / dimensions
+        size = (y**2).sum(axis=1)[:, None, None]
+        product = np.einsum("cd,fsd->cfs", y, means)
+        misfit = size - 2 * product + length
+        return np.asarray(
+            -0.5 * misfit / wider
+            - 0.5 * dimensions * np.log(wider / variance)
+            + 0.5 * size / variance
+        )
+
+
+def fit_classes(x: np.ndarray, fault: np.ndarray, severity: np.ndarray, count: int) -> Classes:
+    """Fit the model.
+
+    Args:
+        x: Features, shape (cycles, features).
+        fault: Number of the fault of each cycle, from 0; -1 for healthy ones; shape (cycles,).
+        severity: Severity over the largest one of the fault, shape (cycles,).
+        count: Number of faults.
+
+    Returns:
+        The model.
+
+    Raises:
+        ValueError: There are fewer cycles than the curves have numbers.
+    """
+    design = np.zeros((len(x), 1 + 2 * count))
+    design[:, 0] = 1.0
+    for number in range(count):
+        own = fault == number
+        design[own, 1 + 2 * number] = severity[own]
+        design[own, 2 + 2 * number] = severity[own] ** 2
+    if len(x) <= design.shape[1] + 2:
+        raise ValueError(f"{len(x)} cycles are too few for {count} faults")
+    solution = np.linalg.lstsq(design, x, rcond=None)[0]
+    apart = (x - design @ solution) * np.sqrt(len(x) / (len(x) - design.shape[1]))
+    size = np.maximum(apart.std(axis=0), 1e-12)
+    covariance, _ = ledoit_wolf(apart / size, assume_centered=True)
+    values, vectors = np.linalg.eigh(covariance)
+    whitener = (vectors / np.sqrt(np.maximum(values, 1e-9))).T / size
+    curves = (solution[1:] @ whitener.T).reshape(count, 2, -1)
+    # directions that move at all; the rest would be noise of the fit
+    _, lengths, basis = np.linalg.svd(curves.reshape(-1, curves.shape[-1]), full_matrices=False)
+    basis = basis[lengths > _RANK * lengths.max(initial=1e-300)]
+    white = apart @ whitener.T
+    outside = (white**2).sum(axis=1) - ((white @ basis.T) ** 2).sum(axis=1)
+    return Classes(
+        centre=solution[0],
+        whitener=whitener,
+        basis=basis,
+        curves=curves @ basis.T,
+        rest=np.array([outside.mean(), max(float(outside.var()), 1e-9)]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """What a place says about the robot."""
+
+    healthy: float
+    """Probability that it is healthy, if half of all robots are and all faults are equally
+    frequent."""
+    faults: np.ndarray
+    """Probability of each fault, shape (faults,)."""
+    severity: np.ndarray
+    """Most probable severity of each fault, over the largest one in the data, shape (faults,)."""
+    interval: np.ndarray
+    """95 % interval of it, shape (faults, 2)."""
+    gain: float
+    """Two times the log-likelihood ratio of the best fault and the healthy robot."""
+
+
+def believe(classes: Classes, y: np.ndarray, variance: float) -> Belief:
+    """Compute probabilities of faults and severities at one place.
+
+    Args:
+        classes: The model.
+        y: The place, shape (dimensions,).
+        variance: Variance of the place in healthy cycles.
+
+    Returns:
+        The probabilities. Severities are equally probable within `GRID` before there are data.
+    """
+    ratio = classes.log_ratio(y[None], variance)[0]
+    top = max(float(ratio.max()), 0.0)
+    weight = np.exp(ratio - top)
+    evidence = weight.mean(axis=1)
+    healthy = float(np.exp(-top))
+    total = 0.5 * healthy + 0.5 * evidence.mean()
+    cumulated = np.cumsum(weight, axis=1) / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300)
+    interval = np.stack([[np.interp(q, one, GRID) for q in (0.025, 0.975)] for one in cumulated])
+    return Belief(
+        healthy=0.5 * healthy / total,
+        faults=0.5 * evidence / len(evidence) / total,
+        severity=GRID[np.argmax(ratio, axis=1)],
+        interval=interval,
+        gain=2 * float(ratio.max()),
+    )
+
+
+def gains(classes: Classes, y: np.ndarray, variance: float, chunk: int = 512) -> np.ndarray:
+    """Compute `Belief.gain` of many places.
+
+    Args:
+        classes: The model.
+        y: Places, shape (places, dimensions).
+        variance: Their variance in healthy cycles.
+        chunk: Number of places that are computed at once; it bounds the memory.
+
+    Returns:
+        Shape (places,).
+    """
+    parts: Sequence[np.ndarray] = [
+        2 * classes.log_ratio(y[k : k + chunk], variance).max(axis=(1, 2))
+        for k in range(0, len(y), chunk)
+    ]
+    return np.concatenate(parts) if parts else np.zeros(0)

@@ -1,0 +1,147 @@
+"""How well can generated and measured healthy cycles be told apart?
+
+A classifier learns to distinguish them, and is tested on recordings that it has not seen. An area
+under the ROC curve (AUC) of 0.5 says that it cannot; 1 says that it always can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from sklearn.linear_model import LogisticRegression
+from sklearn.metrics import roc_auc_score
+
+from faultgen.dataset.experiment import make_experiment
+from faultgen.dataset.planning import plan_runs
+from faultgen.dataset.reader import StoredRun
+from faultgen.dataset.run import make_run
+from faultgen.errors import SimulationFailed
+from faultgen.twin.alignment import KnownMotion
+
+CYCLES = 32
+"""Generated cycles that are compared with the recordings."""
+
+_RIDGE = 0.1  # inverse of the penalty
+_WINDOWS = 12  # of a cycle, for each axis
+_LOCAL = 5  # samples of the mean from which noise is counted
+
+
+def generated_cycles(
+    robot: Path, task: str, cycles: int, seed: int, folder: Path | None = None
+) -> np.ndarray:
+    """Generate healthy cycles of a twin.
+
+    Args:
+        robot: The robot's folder.
+        task: Name of a task.
+        cycles: Number of cycles.
+        seed: Seed.
+        folder: Folder for the file while it is needed. Default: in the robot's folder.
+
+    Returns:
+        Torque of the motors, shape (cycles, samples, n_axes), in [N m].
+
+    Raises:
+        SimulationFailed: The model diverges.
+    """
+    experiment = make_experiment(
+        {
+            "robot": str(robot),
+            "task": task,
+            "effect": "healthy",
+            "cycles": cycles,
+            "seed": seed,
+            "signals": ["signals/motor_torque"],
+        }
+    )
+    (run,) = plan_runs(experiment)
+    place = folder or robot / ".generated"
+    place.mkdir(parents=True, exist_ok=True)
+    try:
+        _, reason = make_run(run, place)
+        if reason is not None:
+            raise SimulationFailed(reason)
+        path = place / f"{run.id}.h5"
+        return StoredRun(run.id, path).read("signals/motor_torque").astype(float)
+    finally:
+        for file in place.glob("*"):
+            file.unlink()
+        place.rmdir()
+
+
+def likeness(
+    measured: Sequence[Sequence[np.ndarray]], generated: np.ndarray, known: KnownMotion
+) -> dict[str, Any]:
+    """Test whether generated and measured cycles differ.
+
+    The classifier is logistic regression with a ridge penalty. A whole recording is left out in
+    turn, with a share of the generated cycles. What the model lacks was learned from all
+    recordings, so the generated cycles are first moved to where they would be without the one that
+    is left out.
+
+    Args:
+        measured: Cycles of each recording, shape (samples, n_axes) each, in [N m].
+        generated: Generated cycles, shape (cycles, samples, n_axes), in [N m].
+        known: The motion.
+
+    Returns:
+        The AUC, its standard error (Hanley and McNeil 1982), and the numbers of cycles. The AUC is
+        None for a single recording.
+    """
+    count = len(measured)
+    told: dict[str, Any] = {
+        "auc": None,
+        "standard_error": None,
+        "recordings": count,
+        "measured_cycles": sum(len(own) for own in measured),
+        "generated_cycles": len(generated),
+    }
+    if count < 2:
+        return told
+    means = np.stack([np.mean(np.stack(own), axis=0) for own in measured])
+    pairs: list[float] = []
+    for number in range(count):
+        # what the model lacks, as if it had been learned without the recording that is left out
+        moved = np.delete(means, number, axis=0).mean(axis=0) - means.mean(axis=0)
+        made = np.stack([_numbers(cycle + moved, known) for cycle in generated])
+        real = np.stack(
+            [_numbers(c, known) for k, own in enumerate(measured) if k != number for c in own]
+        )
+        left_out = np.stack([_numbers(cycle, known) for cycle in measured[number]])
+        tested = np.arange(len(made)) % count == number
+        x = np.concatenate([real, made[~tested]])
+        y = np.r_[np.ones(len(real)), np.zeros(int((~tested).sum()))]
+        middle, size = x.mean(axis=0), np.maximum(x.std(axis=0), 1e-12)
+        judge = LogisticRegression(C=_RIDGE, class_weight="balanced", max_iter=1000)
+        judge.fit((x - middle) / size, y)
+        score = judge.decision_function((np.concatenate([left_out, made[tested]]) - middle) / size)
+        label = np.r_[np.ones(len(left_out)), np.zeros(int(tested.sum()))]
+        pairs.append(float(roc_auc_score(label, score)))
+    auc = float(np.mean(pairs))
+    told["auc"] = auc
+    told["standard_error"] = _error(auc, sum(len(own) for own in measured), len(generated))
+    return told
+
+
+def _numbers(cycle: np.ndarray, known: KnownMotion) -> np.ndarray:
+    """Numbers of a cycle: torque by place, its size, and the level and colour of its noise."""
+    torque = cycle[known.compared]
+    windows = [part.mean(axis=0) for part in np.array_split(torque, _WINDOWS)]
+    padded = np.pad(torque, ((_LOCAL // 2, _LOCAL // 2), (0, 0)), mode="edge")
+    near = np.lib.stride_tricks.sliding_window_view(padded, _LOCAL, axis=0).mean(axis=-1)
+    noise = torque - near
+    size = np.maximum(noise.std(axis=0), 1e-12)
+    follows = (noise[1:] * noise[:-1]).mean(axis=0) / size**2
+    return np.concatenate([*windows, np.abs(torque).mean(axis=0), np.log(size), follows])
+
+
+def _error(auc: float, first: int, second: int) -> float:
+    """Standard error of an AUC (Hanley and McNeil 1982)."""
+    one, both = auc / (2 - auc), 2 * auc**2 / (1 + auc)
+    variance = (
+        auc * (1 - auc) + (first - 1) * (one - auc**2) + (second - 1) * (both - auc**2)
+    ) / max(first * second, 1)
+    return float(np.sqrt(max(variance, 0.0)))

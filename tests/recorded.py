@@ -1,0 +1,39 @@
+"""Recordings of the small robot, as a controller would log them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from faultgen.discovery.recording import Recording
+from faultgen.effects import get_effect
+from faultgen.simulation.motion import plan
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.stepping import simulate
+from faultgen.tasks import load_task
+
+NOISE = 0.01
+"""Noise of the torque over its mean size."""
+
+
+def record(robot, task, seed, effects=(), spread=0.01, noise=NOISE):
+    """One run of a task. Its friction differs from that of other runs by `spread`."""
+    rng = np.random.default_rng(seed)
+    motion = plan(load_task("tiny", task), robot)
+    spec = robot.spec()
+    for axis in (1, 2):
+        get_effect("coulomb_friction").apply(spec, axis, spread * rng.standard_normal())
+    for name, axis, severity in effects:
+        get_effect(name).apply(spec, axis, severity)
+    control = control_signal(motion, robot.model.opt.timestep)
+    (run,) = simulate(robot, control, [spec.compile()], sample_period=0.004)
+    clean = run.motor_torque
+    drawn = rng.standard_normal(clean.shape)
+    return Recording(
+        source=f"run{seed}",
+        robot="tiny",
+        side="motor",
+        sample_period=0.004,
+        position=run.motor_position,
+        torque=clean + noise * np.abs(clean).mean(axis=0) * drawn,
+        reference_position=motion(np.arange(len(clean)) * 0.004)[0],
+    )

@@ -1,0 +1,233 @@
+"""From generated data to a detector, and its answers to recordings."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import faultgen
+from recorded import record
+
+from faultgen.dataset.experiment import make_experiment
+from faultgen.dataset.reader import open_dataset
+from faultgen.dataset.sweep import generate
+from faultgen.discovery.recording import write_recording
+from faultgen.errors import InputError
+from faultgen.twin.classes import believe, fit_classes, gains
+from faultgen.twin.detector import Memory, find_limits, load_detector, memory_variance
+from faultgen.twin.folder import RESULT, TASK
+from faultgen.twin.judge import Judge, judge, line, watch
+from faultgen.twin.make import furnish
+from faultgen.twin.train import train
+
+FEATURES = 12
+
+
+def drawn(rng, fault, severity):
+    """Features that two faults move along fixed directions, with correlated deviations."""
+    mix = np.eye(FEATURES) + 0.5 * np.eye(FEATURES, k=1)
+    x = rng.standard_normal((len(fault), FEATURES)) @ mix
+    for number, direction in enumerate(np.eye(FEATURES)[[2, 7]]):
+        own = fault == number
+        x[own] += (12 * severity[own] - 2 * severity[own] ** 2)[:, None] * direction
+    return x
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    rng = np.random.default_rng(0)
+    fault = np.repeat([-1, 0, 1], 60)
+    severity = np.where(fault < 0, 0.0, rng.uniform(0, 1, len(fault)))
+    return fit_classes(drawn(rng, fault, severity), fault, severity, 2)
+
+
+def test_fault_and_severity_are_found(fitted):
+    """Fresh examples get the right name, and the interval holds the severity as often as stated."""
+    rng = np.random.default_rng(1)
+    fault = np.repeat([0, 1], 200)
+    severity = rng.uniform(0.5, 1, len(fault))
+    places, _ = fitted.place(drawn(rng, fault, severity))
+    told = [believe(fitted, place, 1.0) for place in places]
+    named = np.array([np.argmax(one.faults) for one in told])
+    assert np.mean(named == fault) > 0.97
+    inside = [
+        one.interval[k, 0] <= s <= one.interval[k, 1]
+        for one, k, s in zip(told, fault, severity, strict=True)
+    ]
+    assert np.mean(inside) > 0.9
+    for one in told:
+        assert one.healthy + one.faults.sum() == pytest.approx(1)
+
+
+def test_false_alarms_are_as_rare_as_stated(fitted):
+    """Limits for 3 % in all leave about 1 % of healthy recordings above each."""
+    rng = np.random.default_rng(2)
+    nothing = np.zeros(0)
+    limits = find_limits(fitted, 0, 0.03, nothing, nothing, rng)
+    healthy = np.full(4000, -1)
+    places, rest = fitted.place(drawn(rng, healthy, np.zeros(4000)))
+    assert 0.003 < np.mean(gains(fitted, places, 1.0) > limits["single"]) < 0.03
+    assert np.mean(rest > limits["rest"]) < 0.03
+    # a baseline of two recordings is uncertain, which a running mean does not average out
+    wide = find_limits(fitted, 2, 0.03, nothing, nothing, np.random.default_rng(2))
+    narrow = memory_variance(30)
+    assert narrow == pytest.approx(0.2 / 1.8, rel=0.01)
+    assert wide["running"] > 0
+
+
+def test_the_memory_averages():
+    """The first recordings have equal weights; later ones are forgotten slowly."""
+    memory = Memory.empty()
+    for value in (1.0, 2.0, 3.0):
+        memory = memory.after(np.array([value]))
+    assert memory.mean == pytest.approx((2.0,))
+    assert memory_variance(1) == 1 and memory_variance(4) == pytest.approx(0.25)
+
+
+@pytest.fixture(scope="module")
+def twin(tiny_robot, tiny_task_path, tmp_path_factory):
+    """A furnished robot, a dataset of it and a detector."""
+    folder = tmp_path_factory.mktemp("twin")
+    healthy = [record(tiny_robot, tiny_task_path, seed) for seed in (1, 2, 3)]
+    furnish(tiny_robot, healthy, folder / "robot", compare=False)
+    told = {"recordings": ["a", "b", "c"], "torque_constants": None}
+    (folder / "robot" / RESULT).write_text(json.dumps(told))
+    experiment = make_experiment(
+        {
+            "robot": str(folder / "robot"),
+            "task": TASK,
+            "severity": [0.3],
+            "schedule": "linear",
+            "cycles": 12,
+            "repetitions": 2,
+        }
+    )
+    generate(experiment, folder / "data", progress=False)
+    train(open_dataset(folder / "data")).save(folder / "detector")
+    files = {}
+    cases = {"healthy": (), "worn": [("friction_wear", 2, 0.15)], "heavy": [("payload_mass", 2, 2)]}
+    for name, effects in cases.items():
+        recording = record(tiny_robot, tiny_task_path, 50 + len(files), effects)
+        files[name] = folder / f"{name}.h5"
+        write_recording(recording, files[name])
+    return folder, files
+
+
+def test_recordings_are_judged(twin, tmp_path):
+    """Healthy is healthy, wear gets its axis and severity, and another fault is unknown."""
+    folder, files = twin
+    answers = {}
+    for name, path in files.items():
+        (answers[name],) = judge(folder / "detector", [path], tmp_path / f"{name}.json")
+    assert answers["healthy"]["verdict"] == "healthy" and not answers["healthy"]["alarm"]
+    worn = answers["worn"]
+    assert (worn["verdict"], worn["effect"], worn["axes"]) == ("fault", "friction_wear", [2])
+    assert worn["severity"] == pytest.approx(0.15, rel=0.3) and worn["probability"] > 0.9
+    assert "friction_wear on axis 2" in line(worn)
+    assert answers["heavy"]["verdict"] == "unknown change" and answers["heavy"]["alarm"]
+
+
+def test_what_was_judged_is_remembered(twin, tmp_path):
+    """State goes on in the next call, and the same recording does not count twice."""
+    folder, files = twin
+    state = tmp_path / "state.json"
+    together = list(judge(folder / "detector", [files["healthy"], files["worn"]], state))
+    assert Judge(folder / "detector", state).memory.count == 2
+    (again,) = judge(folder / "detector", [files["worn"]], state)
+    assert again["again"] and again["severity"] == together[1]["severity"]
+    assert Judge(folder / "detector", state).memory.count == 2
+    told = json.loads(state.read_text())
+    state.write_text(json.dumps({**told, "detector_sha256": "other"}))
+    with pytest.raises(InputError, match="belongs to another detector"):
+        Judge(folder / "detector", state)
+    state.write_text("{}")
+    with pytest.raises(InputError, match="damaged"):
+        Judge(folder / "detector", state)
+
+
+def test_a_folder_is_watched(twin, tmp_path):
+    """New files are judged once they stop growing; a bad one is one line, and the rest goes on."""
+    folder, files = twin
+    inbox = tmp_path / "inbox"
+    inbox.mkdir()
+    (inbox / "notes.txt").write_text("no recording")
+    (inbox / "bad.h5").write_text("no recording either")
+    told, complaints, looks = [], [], []
+
+    def pause(seconds):
+        looks.append(seconds)
+        if len(looks) == 2:
+            (inbox / "new.h5").write_bytes(files["worn"].read_bytes())
+        return len(looks) < 5
+
+    one = Judge(folder / "detector", tmp_path / "state.json")
+    watch(one, inbox, told.append, complaints.append, pause)
+    assert [answer["verdict"] for answer in told] == ["fault"]
+    assert len(complaints) == 1 and "bad.h5" in complaints[0]
+    with pytest.raises(InputError, match="no such folder to watch"):
+        watch(one, tmp_path / "missing", told.append, complaints.append, pause)
+
+
+def test_a_stored_detector_answers_the_same(twin, tiny_robot):
+    """Saving and loading changes no answer; a damaged file is refused."""
+    folder, _ = twin
+    first = load_detector(folder / "detector")
+    first.save(folder / "copy")
+    second = load_detector(folder / "copy")
+    rng = np.random.default_rng(0)
+    cycle = rng.standard_normal(first.motion.path.shape)
+    one, other = (d.judge([cycle], Memory.empty())[0] for d in (first, second))
+    assert one["over_limit"] == pytest.approx(other["over_limit"])
+    (folder / "copy" / "arrays.npz").write_bytes(b"PK nothing")
+    with pytest.raises(InputError, match="differs from its checksum"):
+        load_detector(folder / "copy")
+    with pytest.raises(InputError, match="holds no detector.json"):
+        load_detector(folder / "data")
+
+
+def test_datasets_that_do_not_suit_are_refused(twin, tmp_path):
+    """One repetition, a missing healthy run, or an impossible rate are one clear line."""
+    folder, _ = twin
+    data = open_dataset(folder / "data")
+    with pytest.raises(InputError, match="false-alarms: must be from"):
+        train(data, false_alarms=2.0)
+    experiment = make_experiment(
+        {"robot": str(folder / "robot"), "task": TASK, "axis": 1, "cycles": 2}
+    )
+    generate(experiment, tmp_path / "one", progress=False)
+    with pytest.raises(InputError, match="at least two runs"):
+        train(open_dataset(tmp_path / "one"))
+    only = make_experiment(
+        {**experiment.model_dump(exclude={"severity"}, exclude_none=True), "healthy": False}
+    )
+    generate(only, tmp_path / "only", progress=False)
+    with pytest.raises(InputError, match="has no healthy run"):
+        train(open_dataset(tmp_path / "only"))
+
+
+def test_recordings_of_currents_or_links_are_refused(twin, tmp_path):
+    """A detector that was made from torques judges torques only."""
+    folder, files = twin
+    detector = folder / "detector"
+    from faultgen.discovery.read import read_recording
+
+    recording = read_recording(files["healthy"])
+    write_recording(replace(recording, current=True), tmp_path / "current.h5")
+    with pytest.raises(InputError, match="has motor_current, but the detector was made from"):
+        list(judge(detector, [tmp_path / "current.h5"], tmp_path / "s.json"))
+
+
+def test_commands_explain_themselves_and_refuse_bad_input(tmp_path):
+    """Help teaches with an example; nonsense is exit status 2 and one line."""
+    for name, word in (("twin", "my_robot"), ("train", "repetitions"), ("judge", "running mean")):
+        done = faultgen(name, "--help")
+        assert done.returncode == 0 and word in done.stdout
+    for call in (
+        ("judge", tmp_path),
+        ("judge", tmp_path, "new.h5"),
+        ("train", tmp_path),
+        ("twin", tmp_path / "no.h5", "--robot", "puma560"),
+    ):
+        done = faultgen(*call)
+        assert done.returncode == 2, call
+        assert done.stderr.startswith("faultgen: ") and done.stderr.count("\n") == 1
