@@ -116,3 +116,16 @@ def test_a_score_is_the_density_of_each_recording_given_the_others(data):
 
     for free in ([2], [2, 5], []):
         assert evidence.score(free) == pytest.approx(score(free), rel=1e-6)
+
+
+def test_recordings_without_noise_are_solved():
+    """Two columns of one shape, 1e20 times the prior: rounding leaves nothing of the priors."""
+    column = np.random.default_rng(3).standard_normal((200, 2))
+    columns = np.stack([column, 2 * column, column[::-1]]).astype(np.float32) * np.float32(1e10)
+    gap = 3e10 * column
+    evidence = Evidence.of(columns, gap, [slice(0, 100), slice(100, 200)])
+    value, _, misfit = evidence.solve()
+    assert value[0] + 2 * value[1] == pytest.approx(3, rel=1e-3)
+    assert value[2] == pytest.approx(0, abs=1e-3)
+    assert np.isfinite(evidence.score([0]))
+    assert misfit < 1e-3 * np.sum(gap**2)

@@ -15,13 +15,38 @@ case of the discrepancy model of Kennedy and O'Hagan (2001).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 FREE = 1e-8
 """Weight of the prior of a free term: it allows values of 10000 prior standard deviations."""
+
+_RAISED = 10.0 ** np.arange(-14, -3)  # shares by which a diagonal is raised if rounding needs it
+
+
+def factored(precision: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Factorise a precision matrix (Cholesky), also where rounding has made it indefinite.
+
+    Recordings without noise determine sums of terms so well that the priors, which determine the
+    rest, are lost to rounding. The diagonal is then raised by as little as is needed.
+
+    Args:
+        precision: Shape (terms, terms).
+
+    Returns:
+        The factor for `scipy.linalg.cho_solve`.
+
+    Raises:
+        LinAlgError: No small change makes the matrix positive definite.
+    """
+    for share in (0.0, *_RAISED):
+        raised = precision + np.diag(share * np.diag(precision))
+        with suppress(LinAlgError):
+            return cho_factor(raised)
+    return cho_factor(precision)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +154,7 @@ class Evidence:
         precision = self.gram.sum(axis=0)
         precision[np.diag_indices_from(precision)] += weight
         right = self.right.sum(axis=0)
-        factor = cho_factor(precision)
+        factor = factored(precision)
         value = cho_solve(factor, right)
         inverse = cho_solve(factor, np.eye(len(right)))
         return value, inverse, float(self.energy.sum() - right @ value)
@@ -188,7 +213,7 @@ class Evidence:
         precision = self.gram.sum(axis=0)
         precision[np.diag_indices_from(precision)] += weight
         right = self.right.sum(axis=0)
-        factor = cho_factor(precision)
+        factor = factored(precision)
         volume = 2 * float(np.log(np.diag(factor[0])).sum())
         return float(self.energy.sum() - right @ cho_solve(factor, right)) + volume
 

@@ -16,10 +16,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_solve
 from scipy.stats import norm, t
 
-from faultgen.discovery.evidence import Evidence
+from faultgen.discovery.evidence import Evidence, factored
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regression import Problem
 
@@ -169,7 +169,7 @@ def variances(products: Sequence[Evidence]) -> np.ndarray:
         for k, one in enumerate(products):
             precision = one.gram.sum(axis=0)
             precision[np.diag_indices_from(precision)] += 1 / variance
-            inverse = cho_solve(cho_factor(precision), np.eye(count))
+            inverse = cho_solve(factored(precision), np.eye(count))
             diagonal = np.diag(inverse)
             # what a term explains beyond all others, and what it would have to be for that
             own[k] = np.maximum(1 / diagonal - 1 / variance, 0.0)
