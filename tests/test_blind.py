@@ -65,6 +65,7 @@ def test_an_effect_that_nobody_coded(found):
     assert strange.axis == 2 and strange.along == "joint angle"
 
 
+@pytest.mark.slow
 def test_severity_and_sign_follow_the_data(found):
     """Twice the effect the other way round gives twice the answer with the other sign."""
     one, two = (found(5, Effect("torque_offset", 3, s)).effects[0] for s in (0.01, -0.02))

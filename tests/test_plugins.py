@@ -149,6 +149,7 @@ def methods(tmp_path):
     return site
 
 
+@pytest.mark.slow
 def test_studies_compare_methods_of_another_package_with_several_workers(
     methods, tiny_robot_path, tiny_task_path, tmp_path
 ):
