@@ -37,7 +37,7 @@ def factored(precision: np.ndarray) -> tuple[np.ndarray, bool]:
         precision: Shape (terms, terms).
 
     Returns:
-        The factor for `scipy.linalg.cho_solve`.
+        The factor for `scipy.linalg.cho_solve`, shape (terms, terms), and whether it is lower.
 
     Raises:
         LinAlgError: No small change makes the matrix positive definite.
