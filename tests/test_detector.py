@@ -16,7 +16,7 @@ from faultgen.errors import InputError
 from faultgen.twin.classes import believe, fit_classes, gains
 from faultgen.twin.detector import Memory, find_limits, load_detector, memory_variance
 from faultgen.twin.folder import RESULT, TASK
-from faultgen.twin.judge import Judge, judge, line, watch
+from faultgen.twin.judge import Judge, line, watch
 from faultgen.twin.make import furnish
 from faultgen.twin.train import train
 
@@ -118,7 +118,7 @@ def test_recordings_are_judged(twin, tmp_path):
     folder, files = twin
     answers = {}
     for name, path in files.items():
-        (answers[name],) = judge(folder / "detector", [path], tmp_path / f"{name}.json")
+        answers[name] = Judge(folder / "detector", tmp_path / f"{name}.json").judge(path)
     assert answers["healthy"]["verdict"] == "healthy" and not answers["healthy"]["alarm"]
     worn = answers["worn"]
     assert (worn["verdict"], worn["effect"], worn["axes"]) == ("fault", "friction_wear", [2])
@@ -131,9 +131,10 @@ def test_what_was_judged_is_remembered(twin, tmp_path):
     """State goes on in the next call, and the same recording does not count twice."""
     folder, files = twin
     state = tmp_path / "state.json"
-    together = list(judge(folder / "detector", [files["healthy"], files["worn"]], state))
+    one = Judge(folder / "detector", state)
+    together = [one.judge(files[name]) for name in ("healthy", "worn")]
     assert Judge(folder / "detector", state).memory.count == 2
-    (again,) = judge(folder / "detector", [files["worn"]], state)
+    again = Judge(folder / "detector", state).judge(files["worn"])
     assert again["again"] and again["severity"] == together[1]["severity"]
     assert Judge(folder / "detector", state).memory.count == 2
     told = json.loads(state.read_text())
@@ -214,7 +215,7 @@ def test_recordings_of_currents_or_links_are_refused(twin, tmp_path):
     recording = read_recording(files["healthy"])
     write_recording(replace(recording, current=True), tmp_path / "current.h5")
     with pytest.raises(InputError, match="has motor_current, but the detector was made from"):
-        list(judge(detector, [tmp_path / "current.h5"], tmp_path / "s.json"))
+        Judge(detector, tmp_path / "s.json").judge(tmp_path / "current.h5")
 
 
 def test_commands_explain_themselves_and_refuse_bad_input(tmp_path):

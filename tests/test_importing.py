@@ -460,6 +460,19 @@ def test_compressed_logs_and_lines_that_end_with_a_separator(tmp_path):
         imported(tmp_path / "log.csv.gz", GENERIC)
 
 
+@pytest.mark.filterwarnings("error")
+def test_tabs_behind_the_last_value_are_no_columns(tmp_path):
+    """Neither where all rows end with some, nor where the last cell of a row is blank."""
+    log = write_csv(tmp_path / "log.csv", generic(), separator="\t", end="\t\t")
+    names, *rows = log.read_text().splitlines()
+    log.write_text("\n".join([names.rstrip(), *rows]))
+    check(imported(log, GENERIC).recording, exact=True)
+    rows[4] = rows[4].rstrip().rpartition("\t")[0] + "\t"
+    log.write_text("\n".join([names.rstrip(), *rows]))
+    made = imported(log, GENERIC)
+    assert any("blank" in note for note in made.notes)
+
+
 # units, signs, sides
 
 
@@ -730,6 +743,7 @@ def replaced(row, old, new):
             "have the numbers 1, 4; they must begin",
         ),
         (replaced(9, "$", ",1,2"), "line 9 has 7 columns, but there are 5 names; remove the line"),
+        (lambda text: text.replace("\n", ",7\n").replace(",7", "", 1), "line 2 has 6 numbers, but"),
         (
             replaced(9, ",.*", ",broken,1,1,1"),
             "column 'q1' holds 'broken' in line 9, which",

@@ -165,7 +165,9 @@ def _growth(features: np.ndarray, squares: np.ndarray) -> np.ndarray | None:
         capped = np.minimum(squares[left], _CAP)
         constant = float(np.mean(np.minimum(squares[fit], _CAP)))
         variance = features[left] @ _variance(features[fit], squares[fit])
-        gain += _likelihood(capped, variance) - _likelihood(capped, np.full(len(capped), constant))
+        gain += log_likelihood(capped, variance) - log_likelihood(
+            capped, np.full(len(capped), constant)
+        )
     return _variance(features, squares) if gain > _GAIN else None
 
 
@@ -180,5 +182,11 @@ def _variance(features: np.ndarray, squares: np.ndarray) -> np.ndarray:
     return np.asarray(coefficients)
 
 
-def _likelihood(squares: np.ndarray, variance: np.ndarray) -> float:
+def log_likelihood(squares: np.ndarray, variance: np.ndarray) -> float:
+    """Compute the logarithm of the likelihood of normal values, but for a constant.
+
+    Args:
+        squares: Squares of the values.
+        variance: Variance of each, same shape.
+    """
     return float(-0.5 * np.sum(np.log(variance) + squares / variance))

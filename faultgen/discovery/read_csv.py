@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import re
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +13,7 @@ import pandas as pd
 
 from faultgen.discovery.read_hdf5 import NAMES
 from faultgen.errors import InputError
-
-LARGEST_FILE = 2_000_000_000
-"""Largest file that is read [bytes]."""
+from faultgen.importing.table import LARGEST_FILE, parsed_rows
 
 
 def read_csv(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -69,24 +66,8 @@ def _columns(path: Path) -> dict[str, np.ndarray]:
     if twice:
         raise InputError(f"{path}: column '{min(twice)}' appears more than once")
     try:
-        with warnings.catch_warnings():
-            # rows that are all too long only cause a warning, and their last values are lost
-            warnings.simplefilter("error", pd.errors.ParserWarning)
-            table = pd.read_csv(
-                io.StringIO(text),
-                header=None,
-                skiprows=1,
-                names=range(len(header)),
-                index_col=False,
-                skipinitialspace=True,
-                on_bad_lines="error",
-                low_memory=False,
-            )
-    except (
-        pd.errors.ParserError,
-        pd.errors.EmptyDataError,
-        pd.errors.ParserWarning,
-    ) as error:
+        table = parsed_rows(text.partition("\n")[2], len(header))
+    except pd.errors.ParserError as error:
         line = " ".join(str(error).split())
         raise InputError(
             f"{path}: header has {len(header)} names, but not every row has {len(header)} values "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -14,6 +16,9 @@ from faultgen.importing.units import split_unit
 
 LARGEST_FILE = 2_000_000_000
 """Largest file that is read [bytes]."""
+
+BLANK = ("", "nan", "-nan", "null", "none")
+"""What a cell without a value holds, in small letters."""
 
 _MOST_LISTED = 12  # names that a message lists
 
@@ -103,8 +108,42 @@ def is_blank(column: pd.Series) -> np.ndarray:
     blank = column.isna().to_numpy()
     if column.dtype.kind in "OTU" or column.dtype == "string":
         text = column.astype(str).str.strip().str.lower()
-        blank = blank | text.isin(["", "nan", "-nan", "null", "none"]).to_numpy()
+        blank = blank | text.isin(BLANK).to_numpy()
     return blank
+
+
+def parsed_rows(text: str, count: int, separator: str = ",", decimal: str = ".") -> pd.DataFrame:
+    """Read rows of cells.
+
+    Args:
+        text: The rows, without names.
+        count: Number of cells of each row.
+        separator: Between cells; may be a regular expression.
+        decimal: Decimal sign.
+
+    Returns:
+        Columns 0 to count - 1. A row with fewer cells ends in NaN.
+
+    Raises:
+        pandas.errors.ParserError: A row has more cells.
+    """
+    with warnings.catch_warnings():
+        # rows that are all too long only cause a warning, and their last values are lost
+        warnings.simplefilter("error", pd.errors.ParserWarning)
+        try:
+            return pd.read_csv(
+                io.StringIO(text),
+                sep=separator,
+                decimal=decimal,
+                header=None,
+                names=range(count),
+                index_col=False,
+                skipinitialspace=True,
+                on_bad_lines="error",
+                low_memory=False,
+            )
+        except (pd.errors.EmptyDataError, pd.errors.ParserWarning) as error:
+            raise pd.errors.ParserError(str(error)) from None
 
 
 def _listed(names: Iterable[str]) -> str:

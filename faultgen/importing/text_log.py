@@ -9,7 +9,6 @@ from __future__ import annotations
 import codecs
 import csv
 import gzip
-import io
 import re
 import zlib
 from collections.abc import Iterable, Sequence
@@ -20,7 +19,7 @@ import pandas as pd
 
 from faultgen.errors import InputError
 from faultgen.importing.column_map import File
-from faultgen.importing.table import LARGEST_FILE, Table, named_with_units
+from faultgen.importing.table import BLANK, LARGEST_FILE, Table, named_with_units, parsed_rows
 from faultgen.importing.units import known_unit
 
 _SEPARATORS = {";": ";", "tab": "\t", ",": ",", "blank": " "}
@@ -31,7 +30,6 @@ _NUMBER = {
 _SEVERAL = re.compile(r"\d\s+[+-]?\d")  # a cell with several numbers: split by a wrong separator
 _CLOCK = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d")  # a date and a time make one cell
 _LOOKED_AT = 400  # lines in which the first row of numbers is searched for
-_BLANK = {"", "nan", "-nan", "null", "none"}
 
 
 def read_text_log(path: Path, file: File) -> Table:
@@ -132,7 +130,7 @@ def _score(cells: Sequence[str], decimal: str) -> int:
     if any(_SEVERAL.search(cell) and not _CLOCK.match(cell) for cell in cells):
         return 0
     # names of columns and lines of text have few numbers, or none
-    others = sum(not _is_number(cell, decimal) and cell.lower() not in _BLANK for cell in cells)
+    others = sum(not _is_number(cell, decimal) and cell.lower() not in BLANK for cell in cells)
     return numbers if numbers >= 2 and numbers > others else 0
 
 
@@ -225,20 +223,10 @@ def _unique(
 def _parsed(
     path: Path, lines: Sequence[str], rows: Sequence[int], count: int, separator: str, decimal: str
 ) -> pd.DataFrame:
-    text = "\n".join(line.rstrip() if separator == " " else line for line in lines)
+    text = "\n".join(line.rstrip() for line in lines)
     try:
-        return pd.read_csv(
-            io.StringIO(text),
-            sep=r"\s+" if separator == " " else separator,
-            decimal=decimal,
-            header=None,
-            names=range(count),
-            index_col=False,
-            skipinitialspace=True,
-            on_bad_lines="error",
-            low_memory=False,
-        )
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, ValueError) as error:
+        return parsed_rows(text, count, r"\s+" if separator == " " else separator, decimal)
+    except ValueError as error:  # also of pandas
         found = re.search(r"line (\d+)", str(error))
         row = min(int(found[1]) - 1, len(rows) - 1) if found else 0
         has = len(_cells(lines[row], separator))

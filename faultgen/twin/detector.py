@@ -80,14 +80,31 @@ class Memory:
         return cls(0, ())
 
     def after(self, place: np.ndarray) -> Memory:
-        """Return the memory with one more recording.
-
-        The first recordings have equal weights, until each of them has that of the long run.
-        """
+        """Return the memory with one more recording."""
         count = self.count + 1
-        weight = max(FORGETTING, 1 / count)
+        weight = newest_weight(count)
         before = np.array(self.mean) if self.mean else np.zeros_like(place)
         return Memory(count, tuple((before + weight * (place - before)).tolist()))
+
+
+def newest_weight(count: int) -> float:
+    """Weight of the newest recording in the running mean.
+
+    The first recordings have equal weights, until each of them has that of the long run.
+
+    Args:
+        count: Number of recordings, with the newest one.
+    """
+    return max(FORGETTING, 1 / count)
+
+
+def baseline_variance(baselines: int) -> float:
+    """Variance of the mean of healthy recordings of variance 1.
+
+    Args:
+        baselines: Number of these recordings; 0 if the mean is exact.
+    """
+    return 1 / baselines if baselines else 0.0
 
 
 def memory_variance(count: int) -> float:
@@ -98,7 +115,7 @@ def memory_variance(count: int) -> float:
     """
     variance = 0.0
     for k in range(1, min(count, 200) + 1):
-        weight = max(FORGETTING, 1 / k)
+        weight = newest_weight(k)
         variance = (1 - weight) ** 2 * variance + weight**2
     return variance
 
@@ -135,7 +152,7 @@ class Detector:
 
     def variance(self, count: int) -> float:
         """Variance of the running mean of healthy recordings, with that of the baseline."""
-        return memory_variance(count) + (1 / self.baselines if self.baselines else 0.0)
+        return memory_variance(count) + baseline_variance(self.baselines)
 
     def judge(self, cycles: Sequence[np.ndarray], memory: Memory) -> tuple[dict[str, Any], Memory]:
         """Judge a recording.
@@ -355,10 +372,10 @@ def find_limits(
     share = false_alarms / 3
     running = np.zeros_like(offset)
     single, long = [], []
-    extra = 1 / baselines if baselines else 0.0
+    extra = baseline_variance(baselines)
     for count in range(1, _LENGTH + 1):
         place = offset + rng.standard_normal(offset.shape)
-        weight = max(FORGETTING, 1 / count)
+        weight = newest_weight(count)
         running += weight * (place - running)
         long.append(gains(classes, running, memory_variance(count) + extra))
         if count <= 5:  # all are alike

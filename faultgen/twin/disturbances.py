@@ -10,10 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.optimize import nnls
 
 from faultgen.discovery.candidates import Term, effect_terms
 from faultgen.discovery.noise import Autoregression, autoregression
+from faultgen.discovery.noise_level import log_likelihood
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.replay import Replay, settled
 from faultgen.errors import SimulationFailed
@@ -163,15 +165,27 @@ def _correlated(x: np.ndarray, lags: int = 50) -> float:
     return total
 
 
+def moving_average(x: np.ndarray, width: int) -> np.ndarray:
+    """Average each sample with its neighbours.
+
+    Args:
+        x: Shape (samples, n_axes).
+        width: Number of samples that are averaged, odd. Before the first sample and after the last
+            one, these are repeated.
+
+    Returns:
+        Same shape.
+    """
+    return np.asarray(uniform_filter1d(x, width, axis=0, mode="nearest"))
+
+
 def _smoothed(x: np.ndarray, width: int, parts: Sequence[slice]) -> np.ndarray:
     """Moving average within each separate recording."""
     out = x.copy()
     for part in parts:
         own = x[part]
         wide = min(width, 2 * ((len(own) - 1) // 2) + 1)
-        padded = np.pad(own, ((wide // 2, wide // 2), (0, 0)), mode="edge")
-        total = np.cumsum(np.concatenate([np.zeros((1, own.shape[1])), padded]), axis=0)
-        out[part] = (total[wide:] - total[:-wide]) / wide
+        out[part] = moving_average(own, wide)
     return out
 
 
@@ -248,7 +262,9 @@ def _growth(features: np.ndarray, squares: np.ndarray) -> list[float]:
         capped = np.minimum(squares[left], _CAP)
         constant = np.full(len(capped), float(np.mean(np.minimum(squares[fit], _CAP))))
         variance = np.maximum(features[left] @ _fitted(features[fit], squares[fit]), 1e-6)
-        gain += _likelihood(capped, variance) - _likelihood(capped, np.maximum(constant, 1e-6))
+        gain += log_likelihood(capped, variance) - log_likelihood(
+            capped, np.maximum(constant, 1e-6)
+        )
     if gain < _GAIN:
         return [0.0, 0.0]
     level, *slopes = _fitted(features, squares).tolist()
@@ -258,7 +274,3 @@ def _growth(features: np.ndarray, squares: np.ndarray) -> list[float]:
 def _fitted(features: np.ndarray, squares: np.ndarray) -> np.ndarray:
     coefficients, _ = nnls(features, np.minimum(squares, _CAP))
     return np.asarray(coefficients)
-
-
-def _likelihood(squares: np.ndarray, variance: np.ndarray) -> float:
-    return float(-0.5 * np.sum(np.log(variance) + squares / variance))

@@ -1,14 +1,15 @@
 """Judging recordings one after another, with a memory on disk.
 
-for row in judge(Path("detector"), ["new1.h5", "new2.h5"]):
-row["verdict"], row["probability"]
+judge = Judge(Path("detector"))
+answer = judge.judge("new1.h5")
+answer["verdict"], answer["probability"]
 """
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -128,27 +129,6 @@ def _check_axes(recording: Recording, detector: Detector) -> None:
             f"{recording.source}: has {recording.n_axes} axes, but the detector's robot has "
             f"{n_axes}"
         )
-
-
-def judge(
-    folder: Path, recordings: Sequence[str | Path], state: Path | None = None
-) -> Iterator[dict[str, Any]]:
-    """Judge recordings in their order.
-
-    Args:
-        folder: Folder of the detector.
-        recordings: The files.
-        state: File of the memory, see `Judge`.
-
-    Yields:
-        The answer to each.
-
-    Raises:
-        InputError: A file cannot be judged. The answers before it are kept.
-    """
-    one = Judge(folder, state)
-    for path in recordings:
-        yield one.judge(path)
 
 
 def watch(

@@ -6,6 +6,7 @@ under the ROC curve (AUC) of 0.5 says that it cannot; 1 says that it always can.
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,8 @@ from faultgen.dataset.planning import plan_runs
 from faultgen.dataset.reader import StoredRun
 from faultgen.dataset.run import make_run
 from faultgen.errors import SimulationFailed
-from faultgen.twin.alignment import KnownMotion
+from faultgen.twin.alignment import KnownMotion, mean_cycle
+from faultgen.twin.disturbances import moving_average
 
 CYCLES = 32
 """Generated cycles that are compared with the recordings."""
@@ -29,9 +31,7 @@ _WINDOWS = 12  # of a cycle, for each axis
 _LOCAL = 5  # samples of the mean from which noise is counted
 
 
-def generated_cycles(
-    robot: Path, task: str, cycles: int, seed: int, folder: Path | None = None
-) -> np.ndarray:
+def generated_cycles(robot: Path, task: str, cycles: int, seed: int) -> np.ndarray:
     """Generate healthy cycles of a twin.
 
     Args:
@@ -39,7 +39,6 @@ def generated_cycles(
         task: Name of a task.
         cycles: Number of cycles.
         seed: Seed.
-        folder: Folder for the file while it is needed. Default: in the robot's folder.
 
     Returns:
         Torque of the motors, shape (cycles, samples, n_axes), in [N m].
@@ -58,18 +57,12 @@ def generated_cycles(
         }
     )
     (run,) = plan_runs(experiment)
-    place = folder or robot / ".generated"
-    place.mkdir(parents=True, exist_ok=True)
-    try:
-        _, reason = make_run(run, place)
+    with tempfile.TemporaryDirectory(dir=robot, prefix=".generated-") as place:
+        _, reason = make_run(run, Path(place))
         if reason is not None:
             raise SimulationFailed(reason)
-        path = place / f"{run.id}.h5"
+        path = Path(place) / f"{run.id}.h5"
         return StoredRun(run.id, path).read("signals/motor_torque").astype(float)
-    finally:
-        for file in place.glob("*"):
-            file.unlink()
-        place.rmdir()
 
 
 def likeness(
@@ -101,7 +94,7 @@ def likeness(
     }
     if count < 2:
         return told
-    means = np.stack([np.mean(np.stack(own), axis=0) for own in measured])
+    means = np.stack([mean_cycle(own) for own in measured])
     pairs: list[float] = []
     for number in range(count):
         # what the model lacks, as if it had been learned without the recording that is left out
@@ -130,9 +123,7 @@ def _numbers(cycle: np.ndarray, known: KnownMotion) -> np.ndarray:
     """Numbers of a cycle: torque by place, its size, and the level and colour of its noise."""
     torque = cycle[known.compared]
     windows = [part.mean(axis=0) for part in np.array_split(torque, _WINDOWS)]
-    padded = np.pad(torque, ((_LOCAL // 2, _LOCAL // 2), (0, 0)), mode="edge")
-    near = np.lib.stride_tricks.sliding_window_view(padded, _LOCAL, axis=0).mean(axis=-1)
-    noise = torque - near
+    noise = torque - moving_average(torque, _LOCAL)
     size = np.maximum(noise.std(axis=0), 1e-12)
     follows = (noise[1:] * noise[:-1]).mean(axis=0) / size**2
     return np.concatenate([*windows, np.abs(torque).mean(axis=0), np.log(size), follows])

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 from threadpoolctl import threadpool_limits
 
 from faultgen.discovery.calibrate import calibrate
@@ -39,7 +40,7 @@ from faultgen.system.arrays import write_arrays
 from faultgen.system.files import write_text
 from faultgen.tasks import load_task
 from faultgen.twin.alignment import KnownMotion, find_cycles, mean_cycle, stretches_of
-from faultgen.twin.disturbances import run_differences, torque_noise_of
+from faultgen.twin.disturbances import moving_average, run_differences, torque_noise_of
 from faultgen.twin.folder import HEALTHY, RESULT, TASK
 from faultgen.twin.likeness import CYCLES, generated_cycles, likeness
 
@@ -298,20 +299,13 @@ def _remainder(
     around = max(half, round(_AROUND / known.sample_period / 2))
     for start, end in known.stretches:
         own = apart[start:end]
-        slow = _mean_around(own, half)
+        slow = moving_average(own, 2 * half + 1)
         fast = own - slow
-        energy = np.maximum(_mean_around(fast**2, around), 1e-300)
+        energy = np.maximum(moving_average(fast**2, 2 * around + 1), 1e-300)
         expected = _SAFE * noise**2 / recordings
         share = np.clip(1 - expected / energy, 0.0, 1.0) if recordings > 1 else 0.0
         out[start:end] = slow + share * fast
     return np.array([[float(f"{x:.5g}") for x in row] for row in out])
-
-
-def _mean_around(x: np.ndarray, half: int) -> np.ndarray:
-    """Moving average over 2 half + 1 samples, shape of x."""
-    padded = np.pad(x, ((half, half), (0, 0)), mode="edge")
-    total = np.cumsum(np.concatenate([np.zeros((1, x.shape[1])), padded]), axis=0)
-    return np.asarray((total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1))
 
 
 def _recoloured(colour: list[list[float]], recorded: float, period: float) -> list[list[float]]:
@@ -322,11 +316,7 @@ def _recoloured(colour: list[list[float]], recorded: float, period: float) -> li
     for own in colour:
         impulse = np.zeros(2048)
         impulse[0] = 1.0
-        state = impulse.copy()
-        for k in range(len(state)):
-            for lag, a in enumerate(own, start=1):
-                if k >= lag:
-                    state[k] += a * state[k - lag]
+        state = lfilter([1.0], [1.0, *(-a for a in own)], impulse)
         correlation = float(np.clip((state[1:] * state[:-1]).sum() / (state**2).sum(), 0.0, 0.98))
         out.append([float(f"{correlation ** (period / recorded):.5g}")])
     return out

@@ -26,7 +26,7 @@ from faultgen.system.reading import read_text
 from faultgen.tasks import load_task
 from faultgen.twin.alignment import KnownMotion, stretches_of
 from faultgen.twin.classes import Classes, believe, fit_classes, gains
-from faultgen.twin.detector import Detector, Fault, find_limits
+from faultgen.twin.detector import Detector, Fault, baseline_variance, find_limits
 from faultgen.twin.features import KINDS, features_of
 from faultgen.twin.folder import HEALTHY, RESULT
 
@@ -90,15 +90,7 @@ def train(dataset: Dataset, *, false_alarms: float = FALSE_ALARMS, seed: int = 0
     measured = _measured(dataset, runs[0], motion)
     baselines = len(measured)
     try:
-        found = learn(
-            examples,
-            motion,
-            len(faults),
-            measured,
-            max(baselines, len(measured)),
-            false_alarms,
-            seed,
-        )
+        found = learn(examples, motion, len(faults), measured, baselines, false_alarms, seed)
     except ValueError as error:
         raise InputError(
             f"{dataset.path}: {error}; generate with more --cycles or --repetitions"
@@ -187,7 +179,7 @@ def learn(
     trial, x, real = fitted[kind]
     healthy = outside[examples.fault[outside] < 0]
     places, rest = trial.place(x[healthy])
-    variance = 1 + (1 / baselines if baselines else 0.0)
+    variance = 1 + baseline_variance(baselines)
     classes = fit_classes(x, examples.fault, examples.severity, count).fitted_to(real)
     limits = find_limits(
         classes,
