@@ -15,6 +15,7 @@ from typing import NoReturn
 from faultgen.cli import (
     data,
     discovery,
+    export,
     fleet,
     judge,
     lists,
@@ -30,6 +31,7 @@ from faultgen.errors import InputError, SimulationFailed, StorageFailed
 __all__ = [
     "data",
     "discovery",
+    "export",
     "fleet",
     "judge",
     "lists",

@@ -46,6 +46,9 @@ Workers = Annotated[
         "Default: one process for each processor core."
     ),
 ]
+Robot = Annotated[
+    str, typer.Option(help="Name of the robot, or the path of its MJCF file or folder.")
+]
 Sensors = Annotated[
     str | None,
     typer.Option(

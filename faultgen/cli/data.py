@@ -1,9 +1,7 @@
-"""Commands that make and describe datasets."""
+"""Commands that make datasets and check them."""
 
 from __future__ import annotations
 
-import re
-import sys
 import tempfile
 from dataclasses import asdict
 from pathlib import Path
@@ -14,7 +12,6 @@ import typer
 from faultgen.cli.app import (
     Folder,
     Json,
-    Methods,
     Out,
     Workers,
     app,
@@ -23,6 +20,7 @@ from faultgen.cli.app import (
     print_table,
     worker_count,
 )
+from faultgen.cli.values import TRAINING, axes_of, part_of, severities_of, task_of
 from faultgen.errors import InputError, SimulationFailed
 
 if TYPE_CHECKING:
@@ -170,9 +168,9 @@ def generate(
     flags: dict[str, Any] = {
         "robot": names(robot) or None,
         "task": names(task) or None,
-        "axis": _axes(axis),
+        "axis": axes_of(axis),
         "effect": names(effect) or None,
-        "severity": _severities(severity),
+        "severity": severities_of(severity),
         "schedule": schedule,
         "cycles": cycles,
         "sensors": sensors,
@@ -186,8 +184,13 @@ def generate(
     if task_from is not None:
         if experiment is not None or task is not None or robot is None or "," in robot:
             raise InputError("--task-from needs one --robot, and neither --task nor a file")
-        place = Path(tempfile.mkdtemp()) if dry_run else out
-        given = {**TRAINING, **given, "task": task_of(task_from, robot, place)}
+        given = {**TRAINING, **given}
+        if dry_run:
+            with tempfile.TemporaryDirectory() as place:
+                given["task"] = task_of(task_from, robot, Path(place))
+                _dry_run(make_experiment(given), worker_count(workers), as_json)
+            return
+        given["task"] = task_of(task_from, robot, out)
     if experiment is not None and given:
         raise InputError(
             f"give an experiment file or flags, not both: --{next(iter(given))} was given as well"
@@ -210,19 +213,9 @@ def generate(
         workers=worker_count(workers),
         regenerate=regenerate,
         keep=keep,
-        part=_part(part),
+        part=part_of(part),
     )
     _print_summary(summary, as_json)
-
-
-def _part(text: str | None) -> tuple[int, int] | None:
-    """Part and number of parts from '3/10'."""
-    if text is None:
-        return None
-    found = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text)
-    if found is None:
-        raise InputError(f"--part: must be K/N such as 3/10, not '{text}'")
-    return int(found[1]), int(found[2])
 
 
 def _print_summary(summary: Summary, as_json: bool) -> None:
@@ -361,134 +354,6 @@ def _fleet_info(folder: Path, as_json: bool) -> None:
 
 
 @app.command()
-def export(
-    sources: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Run files of a dataset, such as dataset/runs/0123456789abcdef.h5; or, with "
-            "--parquet, a dataset or a fleet."
-        ),
-    ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="Recording to write (HDF5).")] = Path(
-        "measured.h5"
-    ),
-    cycle: Annotated[
-        int | None, typer.Option(help="Number of the cycle, from 1. Default: the last one.")
-    ] = None,
-    parquet: Annotated[
-        Path | None,
-        typer.Option(
-            help="Write labels and features of all cycles as a table to this Parquet file."
-        ),
-    ] = None,
-    layout: Annotated[
-        str | None,
-        typer.Option(
-            help="ncmapss: write the robots of a fleet that fail, with their remaining life, in "
-            "the layout of the data set N-CMAPSS to the file of --out."
-        ),
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Turn data into another form: a recording, a table, or the layout of another data set.
-
-    \b
-    faultgen export dataset/runs/0123456789abcdef.h5 -o measured.h5
-    faultgen export dataset --parquet cycles.parquet
-    faultgen export fleet --layout ncmapss -o fleet_ncmapss.h5
-
-    The first form makes a recording, as if a controller had logged it. One cycle of each run
-    becomes a segment of the recording. It holds positions, torques, commanded positions and the
-    temperature, but no label, so that it can be given to 'faultgen discover' as measured data.
-    'faultgen info' lists the runs of a dataset.
-
-    The second form writes one row for each cycle of a dataset, or for each sample of a fleet. The
-    third form writes run-to-failure data; docs/fleet.md lists its columns.
-    """  # noqa: D301
-    if layout is not None:
-        _export_layout(sources, layout, out, as_json)
-        return
-    if parquet is not None:
-        if cycle is not None:
-            raise InputError("cycle: leave it out, because the table has all cycles")
-        _export_table(sources, parquet, as_json)
-        return
-    from faultgen.discovery.from_runs import recording_of
-    from faultgen.discovery.recording import write_recording
-
-    recording = recording_of(sources, cycle)
-    write_recording(recording, out)
-    told = {"recording": str(out), "samples": len(recording.position), "segments": len(sources)}
-    if as_json:
-        print_json(told)
-        return
-    print(f"{out}: {told['samples']} samples in {told['segments']} segments")
-
-
-def _export_table(sources: list[Path], path: Path, as_json: bool) -> None:
-    """Write the table of one dataset or fleet."""
-    from faultgen.dataset.reader import open_dataset
-    from faultgen.fleet.data import is_fleet, open_fleet
-    from faultgen.system.tables import write_parquet
-
-    if len(sources) != 1:
-        raise InputError(f"give one dataset with --parquet, not {len(sources)}")
-    source = open_fleet(sources[0]) if is_fleet(sources[0]) else open_dataset(sources[0])
-    frame = source.to_dataframe()
-    write_parquet(frame, path)
-    told = {"table": str(path), "rows": len(frame), "columns": len(frame.columns)}
-    print_json(told) if as_json else print(
-        f"{path}: {len(frame)} rows, {len(frame.columns)} columns"
-    )
-
-
-def _export_layout(sources: list[Path], layout: str, out: Path, as_json: bool) -> None:
-    """Write a fleet in the layout of another data set."""
-    from faultgen.fleet.data import open_fleet
-    from faultgen.fleet.tables import write_ncmapss
-
-    if layout != "ncmapss":
-        raise InputError(f"layout: must be ncmapss, not '{layout}'")
-    if len(sources) != 1:
-        raise InputError(f"give one fleet with --layout, not {len(sources)}")
-    arrays = write_ncmapss(open_fleet(sources[0]).robots, out)
-    units = {part: len(set(arrays[f"A_{part}"][:, 0].tolist())) for part in ("dev", "test")}
-    told = {"file": str(out), "units": units, "samples": sum(len(arrays[f"Y_{p}"]) for p in units)}
-    if as_json:
-        print_json(told)
-        return
-    print(
-        f"{out}: {units['dev']} training units, {units['test']} test units, "
-        f"{told['samples']} samples"
-    )
-
-
-@app.command()
-def report(folder: Folder, method: Methods = None, as_json: Json = False) -> None:
-    """Write a report of a dataset or a fleet as an HTML page.
-
-    The page contains figures and, for a dataset, the isolators' results. It is written to
-    report.html in the folder, and needs no other files.
-    """
-    from faultgen.dataset.reader import open_dataset
-    from faultgen.evaluation.isolate import isolate as run_isolate
-    from faultgen.fleet.data import is_fleet
-    from faultgen.plugins import load
-    from faultgen.report import write_report
-    from faultgen.report.fleet_report import write_fleet_report
-
-    if is_fleet(folder):
-        if method:
-            raise InputError("--method: the report of a fleet compares no methods")
-        path = write_fleet_report(folder)
-    else:
-        dataset = open_dataset(folder)
-        methods: list[Any] = [load(name) for name in method or ()]
-        path = write_report(folder, run_isolate(dataset, methods=methods, progress=False))
-    print_json({"report": str(path)}) if as_json else print(path)
-
-
-@app.command()
 def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = False) -> None:
     """Show the main use from end to end on a small dataset.
 
@@ -542,74 +407,3 @@ def _dry_run(experiment: Experiment, workers: int, as_json: bool) -> None:
         f"{found.runs} runs, {found.cycles} cycles; about {clock(found.seconds)} with {workers} "
         f"workers on this machine, if each has a processor core; about {found.bytes / 1e6:.3g} MB"
     )
-
-
-TRAINING: dict[str, Any] = {"cycles": 24, "repetitions": 3, "schedule": "linear"}
-"""Defaults of a dataset that is made to train a detector."""
-
-
-def task_of(recording: Path, robot: str, out: Path) -> str:
-    """Write the task of a recorded motion into a folder, and return the path of its file.
-
-    A robot's folder may have the task already; that one is then used.
-
-    Args:
-        recording: The recording.
-        robot: Name of the robot, or path of its MJCF file or folder.
-        out: The folder.
-
-    Returns:
-        Path of the file, or name of the task in the robot's folder.
-
-    Raises:
-        InputError: The recording cannot be used.
-    """
-    from faultgen.discovery.recorded_task import known_task, recorded_task
-    from faultgen.discovery.workflow import usable
-    from faultgen.robot import load_robot
-    from faultgen.system.files import write_text
-
-    model = load_robot(robot)
-    measured, warnings = usable(recording, model)
-    for warning in warnings:
-        print(f"faultgen: {warning}", file=sys.stderr)
-    known = known_task(measured, model)
-    if known is not None:
-        return known
-    text = recorded_task(measured, model, recording.stem)
-    path = out / "tasks" / f"{recording.stem}.toml"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_text(path, text)
-    return str(path)
-
-
-def _axes(text: str | None) -> list[list[int]] | None:
-    if text is None or text == "all":
-        return None
-    try:
-        return [[int(axis) for axis in part.split("+")] for part in text.split(",")]
-    except ValueError:
-        raise InputError(
-            f"axis '{text}': give numbers such as 1,2,3, or 2+3 for two axes that wear at once"
-        ) from None
-
-
-def _severities(text: str | None) -> list[float] | dict[str, list[float]] | None:
-    """Parse "0.1,0.2" to a list, and "backlash=0.001,0.002,delay=0.01" to a list by effect."""
-    if text is None:
-        return None
-    found: dict[str, list[float]] = {}
-    name = ""
-    try:
-        for part in text.split(","):
-            before, equals, number = part.rpartition("=")
-            name = before.strip() if equals else name
-            found.setdefault(name, []).append(float(number))
-    except ValueError:
-        found = {}
-    if not found or ("" in found and len(found) > 1):
-        raise InputError(
-            f"severity '{text}': give numbers such as 0.1,0.2, or numbers for each effect such as "
-            "backlash=0.001,encoder_offset=0.02"
-        )
-    return found[""] if "" in found else found

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from faultgen.cli.app import Json, Out, Workers, app, print_json, worker_count
+from faultgen.cli.app import Json, Out, Robot, Workers, app, print_json, worker_count
 from faultgen.errors import InputError
 
 LowPass = Annotated[
@@ -25,9 +25,7 @@ LowPass = Annotated[
 
 @app.command()
 def discover(
-    robot: Annotated[
-        str, typer.Option(help="Name of the robot, or the path of its MJCF file or folder.")
-    ],
+    robot: Robot,
     measured: Annotated[
         Path | None,
         typer.Argument(
@@ -212,9 +210,7 @@ def calibrate(
     measured: Annotated[
         Path, typer.Argument(help="Recording of the robot (HDF5 or CSV); see docs/measured.md.")
     ],
-    robot: Annotated[
-        str, typer.Option(help="Name of the robot, or the path of its MJCF file or folder.")
-    ],
+    robot: Robot,
     out: Annotated[
         Path,
         typer.Option("--out", "-o", help="Folder for the calibrated robot and its numbers."),

@@ -63,7 +63,7 @@ def tasks(
                     "robot": machine.name,
                     "task": task_name,
                     "cycle [s]": round(motion.period, 2),
-                    "window share [%], axis 1 to 6": share,
+                    "window share of each axis [%]": share,
                     "description": task.description,
                 }
             )

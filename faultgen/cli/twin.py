@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from faultgen.cli.app import Folder, Json, Workers, app, print_json, worker_count
+from faultgen.cli.app import Folder, Json, Robot, Workers, app, print_json, worker_count
 from faultgen.errors import InputError
 
 
@@ -21,9 +21,7 @@ def twin(
             "docs/measured.md. Three or more show how much the robot differs from run to run."
         ),
     ],
-    robot: Annotated[
-        str, typer.Option(help="Name of the robot, or the path of its MJCF file or folder.")
-    ],
+    robot: Robot,
     out: Annotated[
         Path, typer.Option("--out", "-o", help="Folder for the twin, a robot's folder.")
     ] = Path("my_robot"),

@@ -10,12 +10,10 @@ joint acceleration and motor torque within the limits of the robot.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from ruckig import InputParameter, Result, Ruckig, RuckigError, Trajectory
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
@@ -23,17 +21,13 @@ from faultgen.errors import InputError
 from faultgen.monitoring.reductions import SPEED_WINDOW
 from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm, motor_torque
+from faultgen.simulation.timing import GRID, LONGEST, TORQUE_SHARE, JointPath, Timing, timed
 from faultgen.tasks import Move, Pose, Task
 
 _TICK = 0.02  # a cycle lasts a whole number of these [s], so that samples fall alike in each
-_TORQUE_SHARE = 0.85  # of the motor torque limit that plans use; the rest is for the servo
-_JERK_TIME = 0.1  # time from zero to full acceleration [s]; assumed
 _SAME = 1e-6  # difference of equal joint angles [rad]
+_NEAR = np.radians(0.2)  # by which the end of a planned cycle may miss its start
 _OVER = 0.02  # share of a limit by which a recorded motion may exceed it
-_GRID = 0.004  # at which a planned motion is checked against the limits [s]
-
-LONGEST = 3600.0
-"""Longest cycle [s]. It protects against mistakes such as a speed of 1e-9."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +39,8 @@ class _Piece:
 
     start: float
     duration: float
-    path: Callable[[np.ndarray, int], np.ndarray]
-    timing: Callable[[np.ndarray], np.ndarray]
+    path: JointPath
+    timing: Timing
     is_sampled: bool = False
 
 
@@ -96,7 +90,7 @@ class Motion:
     @cached_property
     def window_share(self) -> np.ndarray:
         """Share of the cycle that each motor spends in `SPEED_WINDOW`, shape (n_axes,)."""
-        times = np.arange(0, self.period, _GRID)
+        times = np.arange(0, self.period, GRID)
         speed = np.abs(self.robot.gearing.outputs(self(times)[1]) * self.robot.gear_ratio)
         low, high = SPEED_WINDOW
         return ((speed >= low) & (speed <= high)).mean(axis=0)
@@ -121,37 +115,52 @@ def plan(task: Task, robot: Robot) -> Motion:
     clock = 0.0
     start = here = _configuration(task.start, arm, task, np.zeros(robot.n_axes), "start")
     for number, move in enumerate(task.move, start=1):
+        is_last = number == len(task.move)
+        piece: _Piece | None
         if move.path == "sampled":
-            piece, there = _sampled(move, arm, here, task, number, clock)
+            piece, here = _sampled(move, arm, here, task, number, clock)
+            if is_last:
+                _check_end(task, here, start, _SAME)
+        else:
+            there = _configuration(move, arm, task, here, f"move {number}")
+            if is_last:
+                _check_end(task, there, start, _NEAR)
+                there = start
+            piece, here = _planned(move, arm, here, there, task, number, clock)
+        if piece is not None:
             pieces.append(piece)
             clock += piece.duration
-            if number == len(task.move) and np.abs(there - start).max() > _SAME:
-                raise InputError(f"task {task.name}: the last move must end at the start pose")
-            here = there
-            clock = _rest(pieces, clock, here, move.dwell, number == len(task.move))
-            continue
-        if move.samples is not None or move.sample_period is not None:
-            raise InputError(
-                f"task {task.name}, move {number}: only path = \"sampled\" has 'samples' and "
-                "'sample_period'"
-            )
-        there = _configuration(move, arm, task, here, f"move {number}")
-        if number == len(task.move):
-            if np.abs(there - start).max() > np.radians(0.2):
-                raise InputError(f"task {task.name}: the last move must end at the start pose")
-            there = start
-        if np.abs(there - here).max() > 1e-9 or move.via:
-            path, length, there = _path(move, arm, here, there, task, number)
-            timing, duration = _time(move, path, length, arm, task, number)
-            pieces.append(_Piece(clock, duration, path, timing))
-            clock += duration
-        here = there
-        clock = _rest(pieces, clock, here, move.dwell, number == len(task.move))
+        clock = _rest(pieces, clock, here, move.dwell, is_last)
     if clock > LONGEST:
         raise InputError(
             f"task {task.name}: a cycle would last {clock:.3g} s; it may last at most {LONGEST:g} s"
         )
     return Motion(robot, task, float(round(clock / _TICK) * _TICK), tuple(pieces))
+
+
+def _check_end(task: Task, end: np.ndarray, start: np.ndarray, most: float) -> None:
+    if np.abs(end - start).max() > most:
+        raise InputError(f"task {task.name}: the last move must end at the start pose")
+
+
+def _planned(
+    move: Move,
+    arm: Arm,
+    here: np.ndarray,
+    there: np.ndarray,
+    task: Task,
+    number: int,
+    clock: float,
+) -> tuple[_Piece | None, np.ndarray]:
+    """A move with its timing, if it goes anywhere, and the joint angles at its end."""
+    where = f"task {task.name}, move {number}"
+    if move.samples is not None or move.sample_period is not None:
+        raise InputError(f"{where}: only path = \"sampled\" has 'samples' and 'sample_period'")
+    if np.abs(there - here).max() <= 1e-9 and not move.via:
+        return None, there
+    path, length, there = _path(move, arm, here, there, task, number)
+    timing, duration = timed(move, path, length, arm, where)
+    return _Piece(clock, duration, path, timing), there
 
 
 def _rest(pieces: list[_Piece], clock: float, here: np.ndarray, dwell: float, last: bool) -> float:
@@ -179,7 +188,7 @@ def _sampled(
         raise InputError(f"{where}: the samples must begin where the move before them ends")
     times = np.arange(len(way)) * move.sample_period
     spline = CubicSpline(times, way, bc_type="clamped")
-    fine = np.arange(0, times[-1], _GRID)
+    fine = np.arange(0, times[-1], GRID)
     q, qd, qdd = spline(fine), spline(fine, 1), spline(fine, 2)
     _check_sampled(arm, q, qd, qdd, where)
 
@@ -245,7 +254,7 @@ def _configuration(pose: Pose, arm: Arm, task: Task, before: np.ndarray, where: 
 
 def _path(
     move: Move, arm: Arm, here: np.ndarray, there: np.ndarray, task: Task, number: int
-) -> tuple[Callable[[np.ndarray, int], np.ndarray], float, np.ndarray]:
+) -> tuple[JointPath, float, np.ndarray]:
     """Path q(s) with its derivatives, s from 0 to 1, length of the tool's path [m], and its end.
 
     An arm of more than six axes reaches a pose of the tool with many joint angles. There, a line or
@@ -301,90 +310,7 @@ def _path(
     return (lambda at, order: spline(at, order)), float(way[-1]), there
 
 
-def _time(
-    move: Move,
-    path: Callable[[np.ndarray, int], np.ndarray],
-    length: float,
-    arm: Arm,
-    task: Task,
-    number: int,
-) -> tuple[Callable[[np.ndarray], np.ndarray], float]:
-    """Jerk-limited timing s(t) of a path within all limits, and its duration [s]."""
-    robot = arm.robot
-    joint_speed = robot.motor_velocity_limit / np.abs(robot.gear_ratio)
-    s = np.linspace(0, 1, 201)
-    slope = np.abs(path(s, 1)).max(axis=0) + 1e-12
-    turned = robot.gearing.outputs
-    speed = move.speed * np.min(joint_speed / (np.abs(turned(path(s, 1))).max(axis=0) + 1e-12))
-    if move.tool_speed is not None and length > 0:
-        speed = min(speed, move.tool_speed / length)
-    acceleration = move.speed * np.min(robot.joint_acceleration_limit / slope)
-    scale, least = 1.0, move.duration
-    for _ in range(60):
-        slowest = max(1 / speed, least or 0.0)
-        if slowest > LONGEST:
-            raise InputError(
-                f"task {task.name}, move {number}: would last {slowest:.3g} s, and a cycle may "
-                f"last at most {LONGEST:g} s; choose a higher speed or a shorter duration"
-            )
-        timing, duration = _profile(speed, scale * acceleration, least)
-        times = np.linspace(0, duration, max(50, int(duration / _GRID)))
-        at, rate, change = timing(times)
-        slopes = path(at, 1)
-        qd = slopes * rate[:, None]
-        qdd = path(at, 2) * rate[:, None] ** 2 + slopes * change[:, None]
-        torque = motor_torque(arm, path(at, 0), qd, qdd)
-        excess = np.max(np.abs(torque) / (_TORQUE_SHARE * robot.motor_torque_limit))
-        excess_speed = np.max(np.abs(turned(qd)) / joint_speed)
-        excess_acceleration = np.max(np.abs(qdd) / robot.joint_acceleration_limit)
-        if excess <= 1 and excess_speed <= 1 + 1e-6 and excess_acceleration <= 1 + 1e-6:
-            return timing, duration
-        # acceleration that the path's curvature takes at this speed, however gentle the ramps
-        bend = np.max(np.abs(path(at, 2)) * rate[:, None] ** 2 / robot.joint_acceleration_limit)
-        if excess_speed > 1:
-            speed *= min(0.98, 1 / excess_speed)
-        if bend > 1:
-            speed *= min(0.98, bend**-0.5)
-            continue
-        scale *= 0.93
-        if excess > 1 and scale < 0.3:
-            speed *= 0.93
-    axis = int(np.argmax(np.max(np.abs(torque) / robot.motor_torque_limit, axis=0))) + 1
-    raise InputError(
-        f"task {task.name}, move {number}: axis {axis} needs more than "
-        f"{100 * _TORQUE_SHARE:.0f} % of its motor torque at any speed"
-    )
-
-
-def _profile(
-    speed: float, acceleration: float, least: float | None
-) -> tuple[Callable[[np.ndarray], np.ndarray], float]:
-    """Timing s(t) from 0 to 1, at rest at both ends, by Ruckig; it lasts at least `least` [s]."""
-    parameters = InputParameter(1)
-    parameters.target_position = [1.0]
-    parameters.max_velocity = [speed]
-    parameters.max_acceleration = [acceleration]
-    parameters.max_jerk = [acceleration / _JERK_TIME]
-    if least is not None:
-        parameters.minimum_duration = least
-    trajectory = Trajectory(1)
-    try:
-        found = Ruckig(1).calculate(parameters, trajectory)
-    except RuckigError:
-        found = Result.Error
-    if found not in (Result.Working, Result.Finished):
-        raise InputError(
-            "no timing was found for a move, because the limits of the robot are too far apart"
-        )
-
-    def timing(times: np.ndarray) -> np.ndarray:
-        values = np.array([trajectory.at_time(float(t)) for t in times])
-        return values.reshape(len(times), 3).T
-
-    return timing, float(trajectory.duration)
-
-
-def _hold(angles: np.ndarray) -> Callable[[np.ndarray, int], np.ndarray]:
+def _hold(angles: np.ndarray) -> JointPath:
     def path(s: np.ndarray, order: int) -> np.ndarray:
         return np.broadcast_to(angles if order == 0 else 0 * angles, (len(s), len(angles)))
 
@@ -432,7 +358,7 @@ def shifted(motion: Motion, robot: Robot, shift: np.ndarray, speed: float) -> Mo
         rest = pieces[-1].path(pieces[-1].timing(np.array([pieces[-1].duration]))[0], 0)[0]
         pieces.append(_Piece(end, period - end, _hold(rest), _still))
     new = Motion(robot, motion.task, round(period / _TICK) * _TICK, tuple(pieces))
-    q, qd, qdd = new(np.arange(0, new.period, _GRID))
+    q, qd, qdd = new(np.arange(0, new.period, GRID))
     low, high = robot.joint_range.T
     outside = (q < low - 1e-9) | (q > high + 1e-9)
     if outside.any():
@@ -441,7 +367,7 @@ def shifted(motion: Motion, robot: Robot, shift: np.ndarray, speed: float) -> Mo
             f"task {motion.task.name}: axis {axis} leaves its range when the motion is shifted"
         )
     torque = np.abs(motor_torque(Arm(robot), q, qd, qdd)).max(axis=0)
-    over = torque > _TORQUE_SHARE * robot.motor_torque_limit * (1 + 1e-6)
+    over = torque > TORQUE_SHARE * robot.motor_torque_limit * (1 + 1e-6)
     if over.any():
         axis = int(np.flatnonzero(over)[0]) + 1
         raise InputError(
