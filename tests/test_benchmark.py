@@ -9,7 +9,8 @@ import pytest
 from faultgen.applied import Applied
 from faultgen.errors import InputError
 from faultgen.evaluation import benchmark
-from faultgen.evaluation.benchmark import benchmark_page, deviating, leaders, run_benchmark
+from faultgen.evaluation.benchmark import deviating, run_benchmark
+from faultgen.evaluation.leader_board import benchmark_page, leaders
 from faultgen.robot import load_robot
 
 

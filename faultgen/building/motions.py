@@ -6,6 +6,7 @@ task needs there. Whether a task keeps all limits is found out by planning it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -120,11 +121,33 @@ def _second_station(space: Workspace, first: Place) -> Place | None:
     return None
 
 
-def _panel(space: Workspace, pose: np.ndarray) -> tuple[Place, np.ndarray, np.ndarray] | None:
-    """The middle of an upright panel in front of the arm, and the directions along and up."""
-    goal = space.outward(space.place(pose).point)
-    middle = _aimed(space, pose, goal)
-    return None if middle is None else (middle, np.cross(space.down, goal), -space.down)
+@dataclass(frozen=True, eq=False)
+class _Panel:
+    """An upright panel in front of the arm."""
+
+    middle: Place
+    """Its middle, with the tool at right angles to it."""
+    goal: np.ndarray
+    """Direction towards the panel, shape (3,)."""
+    along: np.ndarray
+    """Horizontal direction along it."""
+    up: np.ndarray
+    """Direction upwards."""
+
+    @classmethod
+    def before(cls, space: Workspace, pose: np.ndarray) -> _Panel | None:
+        """The panel at which the tool points in some pose; None if the arm does not reach it."""
+        outward = space.outward(space.place(pose).point)
+        middle = _aimed(space, pose, outward)
+        if middle is None:
+            return None
+        return cls(
+            middle, middle.turned.as_matrix()[:, 2], np.cross(space.down, outward), -space.down
+        )
+
+    def point(self, side: float, height: float) -> np.ndarray:
+        """A point of the panel by its distances from the middle [m], shape (3,)."""
+        return self.middle.point + side * self.along + height * self.up
 
 
 def spot_weld(space: Workspace, pose: np.ndarray, size: float) -> Content | None:
@@ -138,13 +161,11 @@ def spot_weld(space: Workspace, pose: np.ndarray, size: float) -> Content | None
     Returns:
         Content of the task file; None if the arm does not reach it.
     """
-    panel = _panel(space, pose)
+    panel = _Panel.before(space, pose)
     if panel is None:
         return None
-    middle, along, up = panel
-    goal = middle.turned.as_matrix()[:, 2]
     half = size * space.reach
-    start = _line(space, middle, middle.point - _RETRACT * space.reach * goal)
+    start = _line(space, panel.middle, panel.middle.point - _RETRACT * space.reach * panel.goal)
     if start is None:
         return None
     here: Place = start
@@ -152,13 +173,12 @@ def spot_weld(space: Workspace, pose: np.ndarray, size: float) -> Content | None
     rows = [[(x, 0.5) for x in (-1, -1 / 3, 1 / 3, 1)], [(x, -0.5) for x in (1, 1 / 3, -1 / 3, -1)]]
     for row in rows:
         for x, y in row:
-            point = middle.point + half * (x * along + y * up)
-            there = space.at(point, middle.turned, here.pose)
+            there = space.at(panel.point(half * x, half * y), panel.middle.turned, here.pose)
             if there is None or not space.is_clear(here.pose, there.pose):
                 return None
             moves.append({**_tool(space, there), "dwell": 0.35})
             here = there
-        away = space.at(here.point - _RETRACT * space.reach * goal, here.turned, here.pose)
+        away = space.at(here.point - _RETRACT * space.reach * panel.goal, here.turned, here.pose)
         if away is None:
             return None
         moves.append(_tool(space, away))
@@ -182,25 +202,23 @@ def arc_weld(space: Workspace, pose: np.ndarray, size: float) -> Content | None:
     Returns:
         Content of the task file; None if the arm does not reach it.
     """
-    panel = _panel(space, pose)
+    panel = _Panel.before(space, pose)
     if panel is None:
         return None
-    middle, along, up = panel
-    goal = middle.turned.as_matrix()[:, 2]
     half = size * space.reach
     places = []
-    here = middle
+    here = panel.middle
     for angle in np.linspace(0, 2 * np.pi, 9):
         side, height = np.cos(angle), 0.6 * np.sin(angle)
-        turned = Rotation.from_rotvec(_ROLL * side * up) * middle.turned
-        turned = Rotation.from_rotvec(_ROLL * height * along) * turned
-        there = space.at(middle.point + half * (side * along + height * up), turned, here.pose)
+        turned = Rotation.from_rotvec(_ROLL * side * panel.up) * panel.middle.turned
+        turned = Rotation.from_rotvec(_ROLL * height * panel.along) * turned
+        there = space.at(panel.point(half * side, half * height), turned, here.pose)
         if there is None or not space.is_clear(here.pose, there.pose):
             return None
         places.append(there)
         here = there
     first, last = places[0], places[-1]
-    start = _line(space, first, first.point - _RETRACT * space.reach * goal)
+    start = _line(space, first, first.point - _RETRACT * space.reach * panel.goal)
     if start is None:
         return None
     speed = round(_SEAM_SPEED * space.reach, 4)

@@ -100,7 +100,8 @@ def benchmark(
     on the test runs of fixed divisions. The leader board is written to benchmark.md, the counts to
     benchmark.json. Data that exist are used again, so that a further --method takes less time.
     """
-    from faultgen.evaluation.benchmark import benchmark_board, run_benchmark
+    from faultgen.evaluation.benchmark import run_benchmark
+    from faultgen.evaluation.leader_board import benchmark_board
     from faultgen.plugins import load
 
     methods: list[Any] = [load(name) for name in method or ()]

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -32,6 +32,8 @@ RunParts = dict[str, dict[str, list[str]]]
 """Ids of the runs by division and part."""
 
 _TEST_SHARE = 0.3
+
+K = TypeVar("K", bound=Hashable)
 
 _Runs = Mapping[str, Mapping[str, Any]]
 
@@ -55,7 +57,7 @@ def make_splits(runs: _Runs, seed: int) -> RunParts:
     paired = len({run["seed"] for run in runs.values()}) < len(runs)
     for scheme, keys_of in _KEYS.items():
         keys = list(dict.fromkeys(key for run in runs.values() for key in keys_of(run)))
-        held_out = _drawn(keys, _generator(seed, scheme))
+        held_out = drawn(keys, _generator(seed, scheme))
         chosen[scheme] = {
             i: bool(held_out & set(keys_of(run))) if keys_of(run) else in_test[i]
             for i, run in runs.items()
@@ -93,8 +95,16 @@ def _generator(seed: int, scheme: str) -> np.random.Generator:
     return np.random.default_rng([seed, *scheme.encode()])
 
 
-def _drawn(units: Sequence[Hashable], rng: np.random.Generator) -> set[Hashable]:
-    """Draw the units of the test part: none of a single one, else some but not all."""
+def drawn(units: Sequence[K], rng: np.random.Generator) -> set[K]:
+    """Draw the units of the test part: none of a single one, else some but not all.
+
+    Args:
+        units: What is divided.
+        rng: Source of randomness.
+
+    Returns:
+        About 30 % of them.
+    """
     count = int(_TEST_SHARE * len(units) + 0.5)
     count = min(max(count, 1), len(units) - 1) if len(units) > 1 else 0
     return {units[k] for k in rng.permutation(len(units))[:count].tolist()}
@@ -119,5 +129,5 @@ def _by_run(runs: _Runs, rng: np.random.Generator) -> dict[str, bool]:
             groups.setdefault(single, []).append(seed)
     tested: set[Hashable] = set()
     for seeds in groups.values():
-        tested |= _drawn(seeds, rng)
+        tested |= drawn(seeds, rng)
     return {i: run["seed"] in tested for i, run in runs.items()}

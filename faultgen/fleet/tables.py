@@ -17,11 +17,10 @@ import h5py
 import numpy as np
 import pandas as pd
 
+from faultgen.dataset.splits import TEST, TRAIN, drawn
 from faultgen.errors import InputError, StorageFailed
 from faultgen.system.files import publish, temporary_name
 from faultgen.system.hdf5 import new_hdf5
-
-TRAIN, TEST = "train", "test"
 
 FLEET_ARRAYS = {
     "day": ("d", "time since the start of the record"),
@@ -76,10 +75,8 @@ def divide(fails: Sequence[bool], seed: int) -> list[str]:
     rng = np.random.default_rng([seed, *b"split"])
     parts = [TRAIN] * len(fails)
     for kind in (True, False):
-        alike = [number for number, one in enumerate(fails) if one == kind]
-        count = min(max(int(0.3 * len(alike) + 0.5), 1), len(alike) - 1) if len(alike) > 1 else 0
-        for k in rng.permutation(len(alike))[:count].tolist():
-            parts[alike[k]] = TEST
+        for number in drawn([number for number, one in enumerate(fails) if one == kind], rng):
+            parts[number] = TEST
     return parts
 
 
