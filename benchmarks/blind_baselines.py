@@ -24,9 +24,9 @@ from sklearn.gaussian_process.kernels import RBF, WhiteKernel
 
 from faultgen.discovery.read import read_recording
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.regression import blocks, for_scoring, samples_of
 from faultgen.discovery.replay import relative_error, relative_errors, settled
 from faultgen.discovery.result import NAMED, NONE, UNKNOWN
+from faultgen.discovery.samples import blocks, for_scoring, samples_of
 from faultgen.robot import STRIBECK_VELOCITY, Robot, load_robot
 
 SHARE = 0.5

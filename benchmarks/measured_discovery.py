@@ -33,8 +33,9 @@ from faultgen.discovery import Recording, Replay, investigate
 from faultgen.discovery.calibrate import PRIOR_SCALES, calibrate
 from faultgen.discovery.candidates import INERTIA, PAYLOAD, Term, payload_of
 from faultgen.discovery.fit import changes_of
-from faultgen.discovery.regression import plain, rolling
+from faultgen.discovery.regression import plain
 from faultgen.discovery.replay import Changes, settled
+from faultgen.discovery.samples import rolling
 from faultgen.discovery.selection import SURE, groups_of
 from faultgen.discovery.simulated_fit import changed, refined
 from faultgen.errors import SimulationFailed

@@ -11,7 +11,7 @@ from faultgen.dataset.experiment import Experiment
 from faultgen.discovery import check_recording, read_recording, write_recording
 from faultgen.discovery.from_runs import recording_of
 from faultgen.discovery.recording import low_passed
-from faultgen.discovery.regression import near_reversal, rolling
+from faultgen.discovery.samples import near_reversal, rolling
 from faultgen.errors import InputError
 from faultgen.report import discovery_report
 from faultgen.robot import load_robot

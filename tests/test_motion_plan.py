@@ -27,8 +27,8 @@ from faultgen.discovery.information import (
 )
 from faultgen.discovery.motion_library import AllowedPoses, library, task_toml
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.regression import counted
 from faultgen.discovery.replay import Replay
+from faultgen.discovery.samples import counted
 from faultgen.discovery.sensitivities import sensitivities
 from faultgen.report.plan import plan_motions, table
 from faultgen.robot import load_robot

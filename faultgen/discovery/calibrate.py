@@ -33,8 +33,8 @@ from faultgen.discovery.classical import Coupling, Regression, held_out_error, i
 from faultgen.discovery.friction_law import with_friction_law
 from faultgen.discovery.physical import GAIN, NAMES, Drives, Spread, fit
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.regression import samples_of
 from faultgen.discovery.replay import Replay, relative_error
+from faultgen.discovery.samples import samples_of
 from faultgen.discovery.simulated_fit import SimulatedFit
 from faultgen.effects.coupling import coupled_axes
 from faultgen.errors import InputError, SimulationFailed

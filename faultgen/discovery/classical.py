@@ -22,8 +22,8 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, filtfilt
 
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.regression import blocks, counted
 from faultgen.discovery.regressor import link_parameters, link_regressor
+from faultgen.discovery.samples import blocks, counted
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot
 from faultgen.simulation.arm import Arm
 

@@ -28,9 +28,9 @@ from faultgen.discovery.inertia import (
 )
 from faultgen.discovery.noise import Autoregression
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.regression import counted
 from faultgen.discovery.regressor import PER_LINK, link_ids, link_regressor
 from faultgen.discovery.replay import Replay
+from faultgen.discovery.samples import counted
 from faultgen.discovery.sensitivities import own_sensitivities, sensitivities
 from faultgen.effects import EFFECTS
 from faultgen.robot import Robot

@@ -28,7 +28,7 @@ from faultgen.discovery.expected_rates import (
 )
 from faultgen.discovery.information import Information, information
 from faultgen.discovery.motion_library import library
-from faultgen.discovery.regression import for_scoring
+from faultgen.discovery.samples import for_scoring
 from faultgen.discovery.sensitivities import TEMPERATURE
 from faultgen.robot import Robot
 from faultgen.simulation.motion import Motion, plan

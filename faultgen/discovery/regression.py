@@ -13,15 +13,21 @@ from faultgen.discovery.evidence import Evidence
 from faultgen.discovery.noise import SHARED, Autoregression, autoregression, noise_of, shared_noise
 from faultgen.discovery.noise_level import Noise, levelled
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.replay import Changes, Replay, settled
+from faultgen.discovery.replay import Changes, Replay
+from faultgen.discovery.samples import (
+    blocks,
+    counted,
+    divided,
+    for_scoring,
+    moving,
+    near_reversal,
+    samples_of,
+)
 from faultgen.errors import SimulationFailed
-from faultgen.robot import STRIBECK_VELOCITY, Robot
+from faultgen.robot import Robot
 
-_JUMP = 0.05  # time around a change of direction in which the noise is not looked for [s]
-_PRESLIDING = 0.1  # time from rest or reversal until friction has settled [s]: assumed
 _FEWEST = 50  # samples of a regime from which its weight is told
 _EXACT = 1e-5  # noise over torque that simulations and columns are not exact enough to go below
-_BLOCKS = 6  # into which a single recording is cut, to fit on some and choose on others
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,61 +186,6 @@ class Problem:
         return evidence.replaced(white, self.white, target, self.folds)
 
 
-def blocks(recording: Recording) -> list[slice]:
-    """List the parts of a recording. A recording of a single part is divided into blocks."""
-    parts = recording.parts
-    return parts if len(parts) > 2 else divided(parts)
-
-
-def divided(parts: Sequence[slice]) -> list[slice]:
-    """Divide parts into blocks of the same length, at least `_BLOCKS` in total."""
-    count = -(-_BLOCKS // len(parts))
-    cut = []
-    for part in parts:
-        edges = np.linspace(part.start, part.stop, count + 1).round().astype(int)
-        cut += [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
-    return cut
-
-
-def for_scoring(parts: Sequence[slice]) -> list[int]:
-    """The last fifth of the parts, at least one. They are not used for fitting or choosing."""
-    return list(range(len(parts) - max(1, len(parts) // 5), len(parts)))
-
-
-def counted(recording: Recording, robot: Robot, *, twin: bool) -> np.ndarray:
-    """Find the samples that are used in a comparison.
-
-    All numbers of an answer, and the score on other motions, use these samples only.
-
-    Args:
-        recording: The measured data.
-        robot: The model.
-        twin: Whether the recording is compared with another recording. If it is compared with the
-            model, samples at rest, shortly after rest and shortly after a reversal are not used.
-
-    Returns:
-        Mask of shape (samples, n_axes).
-    """
-    inside = settled(recording, robot)
-    return inside if twin else inside & rolling(recording, robot)
-
-
-def samples_of(parts: Sequence[slice], count: int) -> np.ndarray:
-    """Find the samples of some parts.
-
-    Args:
-        parts: The parts.
-        count: Number of samples of the whole recording.
-
-    Returns:
-        Mask of shape (count,).
-    """
-    use = np.zeros(count, bool)
-    for part in parts:
-        use[part] = True
-    return use
-
-
 def pose(
     replay: Replay,
     terms: Sequence[Term],
@@ -351,40 +302,13 @@ def plain(problem: Problem) -> Problem:
     return replace(new, white=new.whiten(problem.raw) * prior_stds[:, None, None])
 
 
-def rolling(recording: Recording, robot: Robot) -> np.ndarray:
-    """Find the samples that are at least `_PRESLIDING` after rest and after a reversal.
-
-    Earlier, the torque of an axis depends on how its friction bristles are bent, and no two models
-    agree on that.
-
-    Args:
-        recording: The measured data.
-        robot: The model.
-
-    Returns:
-        Mask of shape (samples, n_axes).
-    """
-    moving = _moving(recording, robot)
-    count = max(1, round(_PRESLIDING / recording.sample_period))
-    for part in recording.parts:
-        turned = np.zeros(moving[part].shape, bool)
-        position = recording.position[part]
-        direction = np.sign(np.gradient(position, axis=0))
-        turned[1:] = direction[1:] != direction[:-1]
-        disturbed = turned | ~moving[part]
-        for axis in range(robot.n_axes):
-            after = np.convolve(disturbed[:, axis].astype(int), np.ones(count, int))
-            moving[part, axis] = after[: len(position)] == 0
-    return moving
-
-
 def _trust(recording: Recording, robot: Robot, left: np.ndarray, inside: np.ndarray) -> np.ndarray:
     """Weights that make the residual in slow motion as large as the noise, by axis."""
     slow = near_reversal(recording, robot)
     trust = np.ones(left.shape)
-    moving = _moving(recording, robot)
+    moves = moving(recording, robot)
     for axis in range(robot.n_axes):
-        for regime in (slow[:, axis] & moving[:, axis], ~moving[:, axis]):
+        for regime in (slow[:, axis] & moves[:, axis], ~moves[:, axis]):
             rows = regime & inside[:, axis]
             if rows.sum() >= _FEWEST:
                 trust[rows, axis] = 1 / np.sqrt(max(float(np.mean(left[rows, axis] ** 2)), 1.0))
@@ -397,38 +321,3 @@ def _drivers(recording: Recording, robot: Robot) -> list[np.ndarray]:
     _, velocity, _ = recording.derivatives(position)
     load, _, _ = recording.derivatives(recording.torque)
     return [np.abs(velocity), np.abs(load)]
-
-
-def _moving(recording: Recording, robot: Robot) -> np.ndarray:
-    """Samples at which axes move, shape (samples, n_axes)."""
-    position = recording.motor_position(robot.gear_ratio)
-    slow = robot.model.actuator_biasprm[robot.ids("actuator", "friction"), STRIBECK_VELOCITY]
-    moving = np.zeros(recording.position.shape, bool)
-    for part in recording.parts:
-        speed = np.gradient(position[part], recording.sample_period, axis=0)
-        moving[part] = np.abs(speed) > 0.1 * slow
-    return moving
-
-
-def near_reversal(recording: Recording, robot: Robot) -> np.ndarray:
-    """Find the samples near a change of direction, where friction jumps.
-
-    Args:
-        recording: The measured data.
-        robot: The model.
-
-    Returns:
-        Mask of shape (samples, n_axes).
-    """
-    position = recording.motor_position(robot.gear_ratio)
-    friction = robot.ids("actuator", "friction")
-    slow = 3 * robot.model.actuator_biasprm[friction, STRIBECK_VELOCITY]
-    width = max(1, round(_JUMP / recording.sample_period))
-    near = np.zeros(recording.position.shape, bool)
-    for part in recording.parts:
-        speed = np.gradient(position[part], recording.sample_period, axis=0)
-        still = np.abs(speed) < slow
-        for axis in range(robot.n_axes):
-            spread = np.convolve(still[:, axis].astype(int), np.ones(2 * width + 1, int))
-            near[part, axis] = spread[width : width + len(still)] > 0
-    return near

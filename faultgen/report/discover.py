@@ -19,8 +19,9 @@ from faultgen.discovery.candidates import FREE_GAINS, Term, check_names, names_b
 from faultgen.discovery.in_step import in_step
 from faultgen.discovery.physical import GAIN, with_own_friction
 from faultgen.discovery.recording import Recording, mean_of
-from faultgen.discovery.regression import Problem, counted
+from faultgen.discovery.regression import Problem
 from faultgen.discovery.replay import Replay, relative_error
+from faultgen.discovery.samples import counted
 from faultgen.discovery.with_laws import contract, outside, with_laws
 from faultgen.discovery.workflow import (
     Discovery,

@@ -1,0 +1,140 @@
+"""Which samples of a recording are used, and the parts into which it is divided."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from faultgen.discovery.recording import Recording
+from faultgen.discovery.replay import settled
+from faultgen.robot import STRIBECK_VELOCITY, Robot
+
+_JUMP = 0.05  # time around a change of direction in which the noise is not looked for [s]
+_PRESLIDING = 0.1  # time from rest or reversal until friction has settled [s]: assumed
+_BLOCKS = 6  # into which a single recording is cut, to fit on some and choose on others
+
+
+def blocks(recording: Recording) -> list[slice]:
+    """List the parts of a recording. A recording of a single part is divided into blocks."""
+    parts = recording.parts
+    return parts if len(parts) > 2 else divided(parts)
+
+
+def divided(parts: Sequence[slice]) -> list[slice]:
+    """Divide parts into blocks of the same length, at least `_BLOCKS` in total."""
+    count = -(-_BLOCKS // len(parts))
+    cut = []
+    for part in parts:
+        edges = np.linspace(part.start, part.stop, count + 1).round().astype(int)
+        cut += [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return cut
+
+
+def for_scoring(parts: Sequence[slice]) -> list[int]:
+    """The last fifth of the parts, at least one. They are not used for fitting or choosing."""
+    return list(range(len(parts) - max(1, len(parts) // 5), len(parts)))
+
+
+def samples_of(parts: Sequence[slice], count: int) -> np.ndarray:
+    """Find the samples of some parts.
+
+    Args:
+        parts: The parts.
+        count: Number of samples of the whole recording.
+
+    Returns:
+        Mask of shape (count,).
+    """
+    use = np.zeros(count, bool)
+    for part in parts:
+        use[part] = True
+    return use
+
+
+def counted(recording: Recording, robot: Robot, *, twin: bool) -> np.ndarray:
+    """Find the samples that are used in a comparison.
+
+    All numbers of an answer, and the score on other motions, use these samples only.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+        twin: Whether the recording is compared with another recording. If it is compared with the
+            model, samples at rest, shortly after rest and shortly after a reversal are not used.
+
+    Returns:
+        Mask of shape (samples, n_axes).
+    """
+    inside = settled(recording, robot)
+    return inside if twin else inside & rolling(recording, robot)
+
+
+def rolling(recording: Recording, robot: Robot) -> np.ndarray:
+    """Find the samples that are at least `_PRESLIDING` after rest and after a reversal.
+
+    Earlier, the torque of an axis depends on how its friction bristles are bent, and no two models
+    agree on that.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+
+    Returns:
+        Mask of shape (samples, n_axes).
+    """
+    moves = moving(recording, robot)
+    count = max(1, round(_PRESLIDING / recording.sample_period))
+    for part in recording.parts:
+        turned = np.zeros(moves[part].shape, bool)
+        position = recording.position[part]
+        direction = np.sign(np.gradient(position, axis=0))
+        turned[1:] = direction[1:] != direction[:-1]
+        disturbed = turned | ~moves[part]
+        for axis in range(robot.n_axes):
+            after = np.convolve(disturbed[:, axis].astype(int), np.ones(count, int))
+            moves[part, axis] = after[: len(position)] == 0
+    return moves
+
+
+def near_reversal(recording: Recording, robot: Robot) -> np.ndarray:
+    """Find the samples near a change of direction, where friction jumps.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+
+    Returns:
+        Mask of shape (samples, n_axes).
+    """
+    position = recording.motor_position(robot.gear_ratio)
+    friction = robot.ids("actuator", "friction")
+    slow = 3 * robot.model.actuator_biasprm[friction, STRIBECK_VELOCITY]
+    width = max(1, round(_JUMP / recording.sample_period))
+    near = np.zeros(recording.position.shape, bool)
+    for part in recording.parts:
+        speed = np.gradient(position[part], recording.sample_period, axis=0)
+        still = np.abs(speed) < slow
+        for axis in range(robot.n_axes):
+            spread = np.convolve(still[:, axis].astype(int), np.ones(2 * width + 1, int))
+            near[part, axis] = spread[width : width + len(still)] > 0
+    return near
+
+
+def moving(recording: Recording, robot: Robot) -> np.ndarray:
+    """Find the samples at which axes move.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+
+    Returns:
+        Mask of shape (samples, n_axes).
+    """
+    position = recording.motor_position(robot.gear_ratio)
+    slow = robot.model.actuator_biasprm[robot.ids("actuator", "friction"), STRIBECK_VELOCITY]
+    moves = np.zeros(recording.position.shape, bool)
+    for part in recording.parts:
+        speed = np.gradient(position[part], recording.sample_period, axis=0)
+        moves[part] = np.abs(speed) > 0.1 * slow
+    return moves
