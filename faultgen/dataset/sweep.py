@@ -21,7 +21,6 @@ from joblib import delayed
 
 from faultgen.dataset.experiment import Experiment, load_experiment, to_toml
 from faultgen.dataset.manifest import EXPERIMENT, Manifest
-from faultgen.dataset.merge import merge, remove_run_files
 from faultgen.dataset.planning import Run, check_runs, plan_runs
 from faultgen.dataset.reader import MERGED, Dataset, only_in, open_dataset
 from faultgen.dataset.run import make_run
@@ -159,6 +158,8 @@ def _check_keep(keep: str) -> None:
 
 
 def _merge(folder: Path, keep: str) -> None:
+    from faultgen.dataset.merge import merge, remove_run_files  # imports pandas
+
     dataset = open_dataset(folder)
     merge(dataset, only_copy=keep == "merged")
     if keep == "merged":

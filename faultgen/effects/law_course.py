@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.signal import lfilter, savgol_filter
 
 from faultgen.effects.base import Loads, Temperature, course_of
 from faultgen.robot import STRIBECK_VELOCITY, Robot
@@ -69,6 +68,8 @@ class Course:
 
     @cached_property
     def _derivatives(self) -> list[np.ndarray]:
+        from scipy.signal import savgol_filter  # takes a second, so only when needed
+
         window = max(5, 2 * round(SMOOTHING / self.step / 2) + 1)
         if len(self.motor) < window:
             return [np.zeros_like(self.motor)] * 2
@@ -215,6 +216,8 @@ class Course:
         return out
 
     def _lagged(self, value: np.ndarray, time: float) -> np.ndarray:
+        from scipy.signal import lfilter  # takes a second, so only when needed
+
         keep = math.exp(-self.step / time)
         out = lfilter([1 - keep], [1, -keep], value, zi=[keep * value[0]])[0]
         return np.asarray(out)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
-from scipy.stats import binom
 
 from faultgen.effects.base import Effect, Place
 from faultgen.effects.elements import add_cogging, add_tendon, gear_ratio
@@ -53,6 +52,8 @@ def harmonics(width: float) -> np.ndarray:
     Returns:
         Shape (harmonics,), without unit.
     """
+    from scipy.stats import binom  # takes a second, so only when needed
+
     m = sharpness(width)
     amplitudes = 2 * binom.pmf(m - np.arange(m + 1), 2 * m, 0.5)
     amplitudes[0] /= 2

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from faultgen.applied import Applied
 from faultgen.monitoring.sensors import Sensors
@@ -44,6 +43,8 @@ def surroundings(
     Returns:
         The surroundings in each cycle.
     """
+    from scipy.signal import lfilter  # takes a second, so only when needed
+
     kicks, errors, loads = rng.standard_normal((3, cycles))
     memory = np.exp(-1 / sensors.temperature_memory)
     kicks[1:] *= np.sqrt(1 - memory**2)

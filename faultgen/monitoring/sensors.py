@@ -21,7 +21,6 @@ import numpy as np
 import tomli_w
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked
-from scipy.signal import lfilter
 
 from faultgen.errors import InputError
 from faultgen.system.reading import read_text
@@ -259,6 +258,8 @@ def torque_noise(
     Returns:
         Noise, shape (samples, n_axes), in [N m].
     """
+    from scipy.signal import lfilter  # takes a second, so only when needed
+
     if sensors.torque_colour:
         noise = _coloured(sensors, shape, sample_period, rng)
         return np.asarray(sensors.torque_noise) * mean_torque * noise
@@ -275,6 +276,8 @@ def _coloured(
     sensors: Sensors, shape: tuple[int, int], sample_period: float, rng: np.random.Generator
 ) -> np.ndarray:
     """Draw autoregressive noise with a standard deviation of 1, shape (samples, n_axes)."""
+    from scipy.signal import lfilter  # takes a second, so only when needed
+
     own = sensors.sample_period
     if own is not None and abs(own - sample_period) > 1e-9:
         raise InputError(
