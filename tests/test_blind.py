@@ -43,6 +43,7 @@ def test_a_single_effect(found):
     assert answer.after < 1.1 * answer.floor
 
 
+@pytest.mark.slow
 def test_two_effects(found):
     """Viscous friction, which here is a power of speed, and an offset, which drifts.
 
@@ -57,6 +58,7 @@ def test_two_effects(found):
     assert answer.before - answer.floor > 2 * (answer.after - answer.floor)
 
 
+@pytest.mark.slow
 def test_an_effect_that_nobody_coded(found):
     """Friction over a small range of angle is no effect of the catalogue."""
     answer = found(4, Effect("seizing_spot", 2, 0.2))

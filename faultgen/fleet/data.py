@@ -6,15 +6,16 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from faultgen.errors import InputError
 from faultgen.fleet.tables import samples_and_labels, samples_table, write_ncmapss
 from faultgen.system.arrays import read_arrays
-from faultgen.system.tables import write_parquet
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 PLAN = "fleet.json"
 """Name of the file with the plan of a fleet."""
@@ -126,6 +127,8 @@ class Fleet:
             InputError: pyarrow is not installed.
             StorageFailed: The file cannot be written.
         """
+        from faultgen.system.tables import write_parquet
+
         write_parquet(self.to_dataframe(), Path(path))
 
     def to_ncmapss(self, path: str | Path) -> None:

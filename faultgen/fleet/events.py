@@ -23,7 +23,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from faultgen.fleet.calendar import Calendar
 from faultgen.robot import Robot
@@ -190,7 +190,7 @@ def _by_rules(strains: Sequence[Strain]) -> dict[str, np.ndarray]:
         margin = _MARGIN[name] * (usual if relative else 1.0)
         noise = _NOISE[name] * (usual if relative else 1.0)
         looks = np.full_like(cycles, 24.0) if name == "temperature" else cycles
-        often = looks * norm.sf((usual + margin - value) / np.maximum(noise, 1e-12))
+        often = looks * ndtr(-(usual + margin - value) / np.maximum(noise, 1e-12))
         expected[kind] = _MOST * (1 - np.exp(-often / _MOST))
     # an axis that is late is also too slow, less often; a motor gets hot with its gearbox
     expected["speed_deviation"] = 0.3 * expected["position_deviation"]

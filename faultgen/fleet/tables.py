@@ -11,16 +11,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import h5py
 import numpy as np
-import pandas as pd
 
 from faultgen.dataset.splits import TEST, TRAIN, drawn
 from faultgen.errors import InputError, StorageFailed
 from faultgen.system.files import publish, temporary_name
 from faultgen.system.hdf5 import new_hdf5
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FLEET_ARRAYS = {
     "day": ("d", "time since the start of the record"),
@@ -90,6 +92,8 @@ def samples_table(robots: Sequence[Recorded]) -> pd.DataFrame:
         The table. ``frame.attrs`` has the ``units`` of the columns and the names of the
         ``features``.
     """
+    import pandas as pd  # takes a while, and most commands need none
+
     units: dict[str, str] = {"axis": "1", "damaged_axis": "1"}
     tables = []
     features: dict[str, None] = {}
