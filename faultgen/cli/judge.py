@@ -118,7 +118,8 @@ def study(
     name: Annotated[
         str,
         typer.Argument(
-            help="Name of the study: events, detection, training-data, classifiers or isolation."
+            help="Name of the study: events, detection, training-data, classifiers, isolation or "
+            "detectability."
         ),
     ],
     out: Out = Path("study-out"),
@@ -143,6 +144,13 @@ def study(
             "Default: those of the thesis."
         ),
     ] = None,
+    sensors: Annotated[
+        str | None,
+        typer.Option(
+            help="Preset of sensor noise, thesis or realistic, or the path of a sensors file, for "
+            "the study detectability. Default: realistic."
+        ),
+    ] = None,
     quick: Annotated[
         bool, typer.Option(help="Use fewer seeds or robots, for a first look at the results.")
     ] = False,
@@ -158,7 +166,9 @@ def study(
 ) -> None:
     """Run a study that compares all methods on simulated data.
 
-    The studies detection and isolation simulate the cycles that they need. The studies events,
+    The study detectability maps the smallest severity of every effect that can be detected, on
+    every axis and in every task. The other studies repeat chapters of the thesis. The studies
+    detectability, detection and isolation simulate the cycles that they need. The studies events,
     training-data and classifiers examine a fleet; they make one if --fleet does not name one.
 
     The study writes results.json, tables.md and figures/ into the folder. Simulated cycles are
@@ -177,6 +187,7 @@ def study(
         fleet=fleet,
         robots=names(robot),
         tasks=names(task),
+        sensors=sensors,
     )
     if as_json:
         print_json(result)
@@ -191,7 +202,11 @@ def _join_study(name: str, methods: list[str]) -> None:
     from faultgen.evaluation.methods import Detector, Isolator
     from faultgen.plugins import load, use
 
-    kinds: dict[str, type] = {"isolation": Isolator, "detection": Detector}
+    kinds: dict[str, type] = {
+        "isolation": Isolator,
+        "detection": Detector,
+        "detectability": Detector,
+    }
     if name not in kinds:
         raise InputError(
             f"--method: study '{name}' compares no methods of this kind; choose "

@@ -78,6 +78,19 @@ def groups_of(terms: Sequence[Term]) -> list[Group]:
     return [tuple(group) for group in groups.values()]
 
 
+def needed(problem: Problem, group: Group) -> float:
+    """Return the amount by which an effect must reduce the misfit, if noise alone is left.
+
+    Args:
+        problem: The residual and the terms.
+        group: The terms of the effect.
+    """
+    if problem.twin:
+        return SURE_TWIN
+    imitated = get_effect(problem.terms[group[0]].name).prior.imitated
+    return SURE_IMITATED if imitated else SURE
+
+
 def choose(problem: Problem) -> Choice:
     """Find the set of effects that explains a residual.
 
@@ -131,11 +144,7 @@ class _Search:
         return self.problem.terms[group[0]]
 
     def _sure(self, group: Group) -> float:
-        """Amount by which an effect must reduce the misfit."""
-        if self.problem.twin:
-            return SURE_TWIN
-        imitated = get_effect(self._term(group).name).prior.imitated
-        return SURE_IMITATED if imitated else SURE
+        return needed(self.problem, group)
 
     def is_better(self, new: Fit, current: Fit) -> bool:
         """Whether a set reduces the misfit by the amount that its new effects require."""

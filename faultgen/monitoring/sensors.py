@@ -294,8 +294,17 @@ def _coloured(
     return noise[_SETTLING:]
 
 
-def _growth(sensors: Sensors, velocity: np.ndarray, torque: np.ndarray) -> np.ndarray | float:
-    """Factor of the torque noise by speed and load; its mean square over the cycle is 1."""
+def torque_growth(sensors: Sensors, velocity: np.ndarray, torque: np.ndarray) -> np.ndarray | float:
+    """Compute how the torque noise grows with speed and load.
+
+    Args:
+        sensors: The preset.
+        velocity: Motor velocity, shape (samples, n_axes), in [rad/s].
+        torque: Motor torque, same shape, in [N m].
+
+    Returns:
+        Factor of each sample, same shape, or 1. Its mean square over the cycle is 1.
+    """
     if not sensors.torque_growth:
         return 1.0
     by_speed, by_load = np.array(sensors.torque_growth).T
@@ -348,7 +357,7 @@ def measure(
     ratio = np.abs(gear_ratio)
     if np.any(np.asarray(sensors.torque_noise) > 0):
         noise = torque_noise(sensors, torque.shape, mean_torque, sample_period, rng)
-        torque = torque + noise * _growth(sensors, velocity, torque)
+        torque = torque + noise * torque_growth(sensors, velocity, torque)
     if sensors.velocity_noise > 0:
         noise = rng.standard_normal(velocity.shape)
         velocity = velocity + sensors.velocity_noise * ratio * noise

@@ -122,6 +122,7 @@ def plan(task: Task, robot: Robot) -> Motion:
             if is_last:
                 _check_end(task, here, start, _SAME)
         else:
+            _check_planned(move, task, number)
             there = _configuration(move, arm, task, here, f"move {number}")
             if is_last:
                 _check_end(task, there, start, _NEAR)
@@ -136,6 +137,14 @@ def plan(task: Task, robot: Robot) -> Motion:
             f"task {task.name}: a cycle would last {clock:.3g} s; it may last at most {LONGEST:g} s"
         )
     return Motion(robot, task, float(round(clock / _TICK) * _TICK), tuple(pieces))
+
+
+def _check_planned(move: Move, task: Task, number: int) -> None:
+    if move.samples is not None or move.sample_period is not None:
+        raise InputError(
+            f"task {task.name}, move {number}: only path = \"sampled\" has 'samples' and "
+            "'sample_period'"
+        )
 
 
 def _check_end(task: Task, end: np.ndarray, start: np.ndarray, most: float) -> None:
@@ -153,13 +162,10 @@ def _planned(
     clock: float,
 ) -> tuple[_Piece | None, np.ndarray]:
     """A move with its timing, if it goes anywhere, and the joint angles at its end."""
-    where = f"task {task.name}, move {number}"
-    if move.samples is not None or move.sample_period is not None:
-        raise InputError(f"{where}: only path = \"sampled\" has 'samples' and 'sample_period'")
     if np.abs(there - here).max() <= 1e-9 and not move.via:
         return None, there
     path, length, there = _path(move, arm, here, there, task, number)
-    timing, duration = timed(move, path, length, arm, where)
+    timing, duration = timed(move, path, length, arm, f"task {task.name}, move {number}")
     return _Piece(clock, duration, path, timing), there
 
 

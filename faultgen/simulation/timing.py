@@ -40,7 +40,8 @@ def timed(move: Move, path: JointPath, length: float, arm: Arm, where: str) -> t
         where: Task and number of the move, for messages.
 
     Returns:
-        The timing, and its duration [s].
+        The timing, a function from times [s] to an array of shape (3, samples), and its duration
+        [s].
 
     Raises:
         InputError: The move needs too much torque at any speed, or would last longer than

@@ -13,6 +13,7 @@ from typing import Any
 from faultgen import plugins
 from faultgen.errors import InputError
 from faultgen.fleet import Fleet, generate_fleet, open_fleet
+from faultgen.monitoring.sensors import get_sensors
 from faultgen.provenance import provenance
 from faultgen.studies.figures import Figures, draw
 from faultgen.studies.fleets import study_fleet
@@ -22,6 +23,7 @@ STUDIES = {
     "events": "chapter 2: event logs of a fleet before failures, PCA with T2 and Q",
     "classifiers": "chapter 5: does preprocessing help to foresee gearbox failures, on a fleet",
     "detection": "chapter 3: from which hour on wear is detected and located, PUMA 560",
+    "detectability": "which severity of every effect can be seen, on which axis and in which task",
     "isolation": "chapter 6: which axis is worn, by transfer entropy, cross-correlation and ours",
     "training-data": "chapter 4: which robot's data, and which signal, PCA learns from, on a fleet",
 }
@@ -31,6 +33,7 @@ _MODULES = {
     "events": "faultgen.studies.chapter2_events.study",
     "classifiers": "faultgen.studies.chapter5_classifiers.study",
     "detection": "faultgen.studies.chapter3_detection.study",
+    "detectability": "faultgen.studies.detectability.study",
     "isolation": "faultgen.studies.chapter6_isolation.study",
     "training-data": "faultgen.studies.chapter4_training_data.study",
 }
@@ -58,6 +61,7 @@ def run_study(
     fleet: Path | None = None,
     robots: Sequence[str] = (),
     tasks: Sequence[str] = (),
+    sensors: str | None = None,
 ) -> dict[str, Any]:
     """Run a study and write ``results.json``, ``tables.md`` and ``figures/``.
 
@@ -70,6 +74,8 @@ def run_study(
         fleet: Folder of a fleet, for the studies that use one. Default: a fleet is simulated.
         robots: Names of robots, or paths of MJCF files. Default: those of the thesis.
         tasks: Names of tasks, or paths of task files. Default: those of the thesis.
+        sensors: Preset of sensors, or path of a sensors file; only for the study detectability.
+            Default: realistic, or the sensors in the folder of the robot.
 
     Returns:
         The results.
@@ -93,6 +99,10 @@ def run_study(
     if plan is None:
         chosen |= {"robots": tuple(robots)} if robots else {}
         chosen |= {"tasks": tuple(tasks)} if tasks else {}
+    if sensors is not None and name != "detectability":
+        raise InputError(f"study {name}: has its own noise and takes no --sensors")
+    if sensors is not None:
+        chosen["sensors"] = get_sensors(sensors)
     recorded = None if fleet is None else open_fleet(fleet)
     started = time.monotonic()
     try:
@@ -133,6 +143,15 @@ def _detection(quick: bool) -> Parts:
     return partial(study.run_detection, size=size), goals, tables, FIGURES
 
 
+def _detectability(quick: bool) -> Parts:
+    import faultgen.studies.detectability.study as study
+    from faultgen.studies.detectability.figures import FIGURES
+    from faultgen.studies.detectability.tables import goals, tables
+
+    size = study.QUICK if quick else study.FULL
+    return partial(study.run_detectability, size=size), goals, tables, FIGURES
+
+
 def _isolation(quick: bool) -> Parts:
     import faultgen.studies.chapter6_isolation.study as study
     from faultgen.studies.chapter6_isolation.figures import FIGURES
@@ -169,6 +188,7 @@ def _training(quick: bool) -> Parts:
 
 _PARTS = {
     "classifiers": _classifiers,
+    "detectability": _detectability,
     "detection": _detection,
     "events": _events,
     "isolation": _isolation,

@@ -14,9 +14,12 @@ import sys
 import traceback
 from pathlib import Path
 
+import scipy.signal
+import scipy.stats  # noqa: F401
+
 import faultgen.cli
 import faultgen.dataset.merge
-import faultgen.dataset.sweep  # noqa: F401
+import faultgen.dataset.sweep
 
 KINDS = ["none", "open", "write", "sync", "rename", "close", "truncate"]
 

@@ -72,6 +72,7 @@ class Monitored:
         severity: np.ndarray,
         rng: np.random.Generator,
         names: Collection[str] = STORED,
+        change: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> Features:
         """Observe consecutive cycles.
 
@@ -80,6 +81,8 @@ class Monitored:
             severity: Severity of each cycle and axis, shape (cycles, n_axes).
             rng: Source of randomness, used in the same order as in a run of `faultgen generate`.
             names: Names of the features.
+            change: Which cycles have a further change, shape (cycles,), and the change of their
+                position [rad], velocity [rad/s] and torque [N m], shape (3, samples, n_axes).
 
         Returns:
             The features by name; arrays have shape (cycles, ...).
@@ -95,6 +98,8 @@ class Monitored:
             clean = surrogate.cycles(
                 around.temperature[part], around.payload_factor[part], severity[part]
             )
+            if change is not None:
+                clean[change[0][part]] += change[1]
             measured = [
                 measure(
                     sensors,

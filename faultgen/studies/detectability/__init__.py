@@ -1,0 +1,1 @@
+"""Study `detectability`: the smallest severity of every effect that can be detected."""

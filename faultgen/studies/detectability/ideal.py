@@ -1,0 +1,201 @@
+"""The ideal detector: a matched filter that knows how an effect changes the logged signals.
+
+It weighs the change of every sample by the noise, and does not see what changes of temperature and
+payload look like. No detector that gets the same logs can do better, as long as noise and changes
+are normally distributed (Kay, Fundamentals of Statistical Signal Processing II, 1998, section 4.4).
+
+    view = View(name="torque", sensors=sensors)
+    ideal = matched_filter(view, robot, healthy, disturbances, mean_torque, step=0.001)
+    ideal.distance(worn - healthy)        # d': change over its standard deviation, of one cycle
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.signal import lfilter
+from scipy.stats import norm
+
+from faultgen.errors import InputError
+from faultgen.monitoring.sensors import Sensors, torque_growth
+from faultgen.robot import Robot
+
+LOGGED = 8
+"""Cycles that are logged in a day: assumed. A cycle every three hours."""
+
+BASELINE = 120
+"""Healthy cycles with which a robot is compared."""
+
+FALSE_ALARM = 1 / 30
+"""Probability of a false alarm on a day: one a month."""
+
+DETECTED = 0.95
+"""Share of days on which a detectable fault gives an alarm."""
+
+NEEDED = float(norm.isf(FALSE_ALARM) + norm.ppf(DETECTED))
+"""Distance d' of the mean of a day that is detected at these rates."""
+
+_ORDER = 4096  # samples of an impulse response, by which coloured noise is scaled
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """What is logged, and how well."""
+
+    name: str
+    """Name in tables."""
+    sensors: Sensors
+    """Noise and disturbances."""
+    sample_period: float = 0.004
+    """Time between logged samples [s]."""
+    encoder: bool = False
+    """Whether the motors' positions are logged beside their torques."""
+    finer: float = 1.0
+    """Counts of the encoder over those of the robot."""
+    thermometer: bool = True
+    """Whether the temperature of the gearboxes is measured."""
+
+    @property
+    def temperature_error(self) -> float:
+        """Standard deviation of the temperature that remains unknown [K]."""
+        sensors = self.sensors
+        known = self.thermometer and sensors.temperature_error < sensors.temperature_wander
+        return sensors.temperature_error if known else sensors.temperature_wander
+
+
+@dataclass(frozen=True, eq=False)
+class MatchedFilter:
+    """Noise and disturbances of one robot, task and view."""
+
+    every: int
+    """Every so many-th simulated sample is logged."""
+    torque_noise: np.ndarray
+    """Standard deviation of the noise of each logged torque, shape (samples, n_axes), in [N m]."""
+    feedback: list[np.ndarray]
+    """Coefficients of the autoregression of the torque noise of each axis."""
+    position_noise: np.ndarray
+    """Standard deviation of each logged motor position, shape (n_axes,), in [rad]; 0 where none is
+    logged."""
+    basis: np.ndarray
+    """Whitened change by each disturbance of one standard deviation, shape (disturbances,
+    samples)."""
+
+    def whiten(self, change: np.ndarray) -> np.ndarray:
+        """Divide a change by the noise, so that noise alone has a standard deviation of 1.
+
+        Args:
+            change: Change of position [rad], velocity [rad/s] and torque [N m] of the motors, shape
+                (3, simulated samples, n_axes).
+
+        Returns:
+            Shape (whitened samples,), without unit.
+        """
+        logged = change[:, :: self.every]
+        parts = []
+        for axis in range(logged.shape[2]):
+            own = self.feedback[axis]
+            level = self.torque_noise[:, axis]
+            if (level > 0).all():
+                white = lfilter([1.0, *(-own)], [1.0], logged[2, :, axis] / level)[len(own) :]
+                parts.append(white * _size(own))
+            if self.position_noise[axis] > 0:
+                parts.append(logged[0, :, axis] / self.position_noise[axis])
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def distance(self, change: np.ndarray) -> float:
+        """Compute d' of a change in one logged cycle.
+
+        Args:
+            change: As for `whiten`.
+
+        Returns:
+            Change over its standard deviation along the best direction.
+        """
+        x = self.whiten(change)
+        if not len(self.basis):
+            return float(np.sqrt(x @ x))
+        along = self.basis @ x
+        inner = np.eye(len(self.basis)) + self.basis @ self.basis.T
+        return float(np.sqrt(max(x @ x - along @ np.linalg.solve(inner, along), 0.0)))
+
+
+def of_day(distance: float) -> float:
+    """Return d' of the mean of a day against the healthy baseline, from d' of one cycle."""
+    return distance / float(np.sqrt(1 / LOGGED + 1 / BASELINE))
+
+
+def matched_filter(
+    view: View,
+    robot: Robot,
+    healthy: np.ndarray,
+    disturbances: Sequence[tuple[str, np.ndarray]],
+    mean_torque: np.ndarray,
+    *,
+    step: float,
+) -> MatchedFilter:
+    """Prepare the ideal detector of one robot, task and view.
+
+    Args:
+        view: What is logged.
+        robot: The robot.
+        healthy: A healthy cycle: position [rad], velocity [rad/s] and torque [N m] of the motors,
+            shape (3, samples, n_axes).
+        disturbances: What differs from cycle to cycle: "temperature", "payload" or "run_to_run",
+            with the change that 1 K, the nominal payload or one standard deviation causes, of the
+            same shape.
+        mean_torque: Mean |torque| of each axis in the nominal cycle, shape (n_axes,), in [N m].
+        step: Time between simulated samples [s].
+
+    Returns:
+        The detector.
+
+    Raises:
+        InputError: The sensors have no torque noise, so that everything could be detected.
+    """
+    sensors, n_axes = view.sensors, robot.n_axes
+    level = np.broadcast_to(np.asarray(sensors.torque_noise, float), (n_axes,))
+    if not (level > 0).all():
+        raise InputError(
+            "study detectability: the sensors have no torque noise; choose thesis, realistic or a "
+            "sensors file with torque_noise"
+        )
+    every = max(1, round(view.sample_period / step))
+    logged = healthy[:, ::every]
+    growth = torque_growth(sensors, logged[1], logged[2])
+    position = np.zeros(n_axes)
+    if view.encoder:
+        counts = robot.encoder_counts * view.finer
+        rounded = np.where(counts > 0, 2 * np.pi / np.where(counts > 0, counts, 1.0), 0.0)
+        rounded = rounded / np.sqrt(12) if sensors.quantised else 0 * rounded
+        position = np.hypot(rounded, sensors.position_noise * np.abs(robot.gear_ratio))
+    size = {
+        "temperature": view.temperature_error,
+        "payload": sensors.payload_scatter,
+        "run_to_run": 1.0,
+    }
+    bare = MatchedFilter(
+        every,
+        np.broadcast_to(level * mean_torque * growth, logged[2].shape),
+        _feedback(sensors, n_axes, every * step),
+        position,
+        np.zeros((0, 0)),
+    )
+    rows = [size[name] * bare.whiten(change) for name, change in disturbances if size[name] > 0]
+    return replace(bare, basis=np.array(rows))
+
+
+def _feedback(sensors: Sensors, n_axes: int, period: float) -> list[np.ndarray]:
+    """The autoregression of the torque noise of each axis."""
+    if sensors.torque_colour:
+        return [np.array(own) for own in sensors.torque_colour]
+    times = np.broadcast_to(np.asarray(sensors.torque_correlation, float), (n_axes,)).tolist()
+    return [np.array([np.exp(-period / time)]) if time > 0 else np.zeros(0) for time in times]
+
+
+def _size(feedback: np.ndarray) -> float:
+    """Standard deviation of an autoregression whose innovations have one of 1."""
+    impulse = np.zeros(_ORDER)
+    impulse[0] = 1.0
+    return float(np.sqrt(np.sum(lfilter([1.0], [1.0, *(-feedback)], impulse) ** 2)))

@@ -1,0 +1,138 @@
+"""How the detectors of the package do at severities that the ideal detector would see.
+
+They get what a monitoring system stores of every logged cycle. Their thresholds are set so that
+each of them raises an alarm on one healthy day in thirty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from faultgen.evaluation.detectors import DETECTORS
+from faultgen.evaluation.features import Features
+from faultgen.evaluation.methods import CYCLES, Detector, fit, needed, score
+from faultgen.monitoring.sensors import Sensors
+from faultgen.studies.chapter6_isolation.monitored import Monitored
+from faultgen.studies.detectability.ideal import BASELINE, DETECTED, FALSE_ALARM, LOGGED
+
+_HISTORY = 24  # healthy cycles before a day that is judged
+_APART = 0.1  # memory of the temperature from one logged cycle to the next [cycles]: hours apart
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Fitted detectors with their thresholds."""
+
+    monitored: Monitored
+    """The robot at its task."""
+    sensors: Sensors
+    """Noise and disturbances of logged cycles."""
+    detectors: dict[str, Detector]
+    """Fitted detectors by name."""
+    threshold: dict[str, float]
+    """Score above which each raises an alarm."""
+    left_out: dict[str, str]
+    """Detectors that cannot be used, and why."""
+
+    def share(self, change: np.ndarray, days: int, rng: np.random.Generator) -> dict[str, float]:
+        """Measure on how many days a change raises an alarm.
+
+        Args:
+            change: Change of a cycle, shape (3, samples, n_axes), at the rate of the log.
+            days: Number of days.
+            rng: Source of randomness.
+
+        Returns:
+            Share of the days by detector.
+        """
+        tops = [_tops(self, self.series(change, rng)) for _ in range(days)]
+        return {
+            name: float(np.mean([top[name] > limit for top in tops]))
+            for name, limit in self.threshold.items()
+        }
+
+    def series(self, change: np.ndarray | None, rng: np.random.Generator) -> Features:
+        """Observe some healthy cycles and then a day with a change.
+
+        Args:
+            change: As for `share`; None for a healthy day.
+            rng: Source of randomness.
+
+        Returns:
+            Features of the cycles, with the shapes of `FEATURES`.
+        """
+        cycles = _HISTORY + LOGGED
+        severity = np.zeros((cycles, self.monitored.surrogate.n_axes))
+        present = np.arange(cycles) >= _HISTORY
+        names = needed(self.detectors.values())
+        return self.monitored.observe(
+            self.sensors, severity, rng, names, None if change is None else (present, change)
+        )
+
+
+def _tops(judged: Judged, seen: Features) -> dict[str, float]:
+    """Largest score of each detector on the last day."""
+    return {name: float(score(one, seen)[-LOGGED:].max()) for name, one in judged.detectors.items()}
+
+
+def judged(monitored: Monitored, sensors: Sensors, days: int, rng: np.random.Generator) -> Judged:
+    """Fit all detectors on healthy cycles, and find their thresholds.
+
+    Args:
+        monitored: The robot at its task.
+        sensors: Noise and disturbances.
+        days: Number of healthy days from which thresholds are found.
+        rng: Source of randomness.
+
+    Returns:
+        The detectors.
+    """
+    sensors = replace(sensors, temperature_memory=_APART)
+    setting = monitored.setting(temperature_varies=sensors.changes_motion)
+    detectors = {
+        name: kind(setting)
+        for name, kind in DETECTORS.items()
+        if CYCLES in kind.rows and not kind.supervised
+    }
+    names = needed(detectors.values())
+    none = np.zeros((BASELINE, setting.n_axes))
+    healthy = monitored.observe(sensors, none, rng, names)
+    left_out = {}
+    for name, one in list(detectors.items()):
+        try:
+            fit(one, [healthy] if one.learns else [])
+        except ValueError as error:
+            left_out[name] = str(error)
+            del detectors[name]
+    ready = Judged(monitored, sensors, detectors, {}, left_out)
+    tops = [_tops(ready, ready.series(None, rng)) for _ in range(days)]
+    limits = {
+        name: float(np.quantile([top[name] for top in tops], 1 - FALSE_ALARM)) for name in detectors
+    }
+    return replace(ready, threshold=limits)
+
+
+def smallest(severities: Sequence[float], shares: Sequence[float]) -> float | None:
+    """Find the severity from which on an alarm is raised often enough.
+
+    Between two severities, the share is interpolated over the logarithm of the severity.
+
+    Args:
+        severities: Ascending.
+        shares: Share of days with an alarm, for each.
+
+    Returns:
+        The severity; None if the largest one is not detected.
+    """
+    enough = [share >= DETECTED for share in shares]
+    if not enough or not enough[-1]:
+        return None
+    first = len(enough) - enough[::-1].index(False) if False in enough else 0
+    if first == 0:
+        return float(severities[0])
+    low, high = shares[first - 1], shares[first]
+    way = (DETECTED - low) / max(high - low, 1e-9)
+    return float(severities[first - 1] * (severities[first] / severities[first - 1]) ** way)

@@ -1,0 +1,204 @@
+"""The map of what can be detected: the ideal detector, its limits, and the whole study."""
+
+import csv
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from conftest import faultgen
+from scipy.linalg import toeplitz
+
+from faultgen.effects import EFFECTS
+from faultgen.errors import InputError
+from faultgen.monitoring.sensors import SENSORS, Sensors
+from faultgen.studies.detectability.ideal import (
+    BASELINE,
+    DETECTED,
+    FALSE_ALARM,
+    LOGGED,
+    NEEDED,
+    View,
+    matched_filter,
+    of_day,
+)
+from faultgen.studies.detectability.judged import smallest
+from faultgen.studies.detectability.limits import find_limit
+from faultgen.studies.detectability.study import effects_to_map, views
+from faultgen.studies.detectability.units import in_plant_units, shown
+
+SAMPLES, STEP = 400, 0.004
+NOISE = Sensors(
+    description="coloured",
+    torque_noise=0.05,
+    torque_correlation=0.02,
+    temperature_wander=4.0,
+    temperature_error=0.5,
+    payload_scatter=0.01,
+    quantised=True,
+)
+MEAN = np.array([2.0, 3.0])
+ROBOT = SimpleNamespace(
+    n_axes=2, encoder_counts=np.array([1000.0, 0.0]), gear_ratio=np.array([50.0, 80.0])
+)
+
+
+def signals(seed):
+    return np.random.default_rng(seed).standard_normal((3, SAMPLES, 2))
+
+
+def test_distance_is_that_of_the_covariance_of_all_samples():
+    """A dense matrix of noise and disturbances gives the same d', but for the first sample."""
+    warm, heavy, change = signals(1), signals(2), signals(3)
+    disturbances = [("temperature", warm), ("payload", heavy)]
+    view = View(name="torque", sensors=NOISE, sample_period=STEP)
+    found = matched_filter(view, ROBOT, signals(0), disturbances, MEAN, step=STEP)
+    blocks = [
+        (0.05 * mean) ** 2 * toeplitz(np.exp(-STEP / 0.02) ** np.arange(SAMPLES)) for mean in MEAN
+    ]
+    covariance = np.zeros((2 * SAMPLES, 2 * SAMPLES))
+    for k, block in enumerate(blocks):
+        covariance[k * SAMPLES : (k + 1) * SAMPLES, k * SAMPLES : (k + 1) * SAMPLES] = block
+    for size, one in ((0.5, warm), (0.01, heavy)):
+        column = one[2].T.ravel()
+        covariance += size**2 * np.outer(column, column)
+    x = change[2].T.ravel()
+    dense = np.sqrt(x @ np.linalg.solve(covariance, x))
+    assert found.distance(change) == pytest.approx(dense, rel=0.01)
+    # without a thermometer the whole wander counts, so less is seen
+    blind = matched_filter(
+        replace(view, thermometer=False), ROBOT, signals(0), disturbances, MEAN, step=STEP
+    )
+    assert found.distance(warm) == pytest.approx(1 / 0.5, rel=0.01)  # 1 K over its error
+    assert blind.distance(warm) == pytest.approx(1 / 4, rel=0.01)
+    # a change that looks like what varies anyway is not seen, however large
+    assert found.distance(100 * heavy) < 100 / 0.01
+    assert found.distance(10 * heavy) == pytest.approx(found.distance(100 * heavy) / 10)
+
+
+def test_an_encoder_adds_what_it_sees():
+    """Rounded counts are as good as noise of a step over the root of 12; no counts add nothing."""
+    change = signals(3)
+    plain = View(name="torque", sensors=NOISE, sample_period=STEP)
+    both = replace(plain, encoder=True)
+    without, with_ = (
+        matched_filter(view, ROBOT, signals(0), [], MEAN, step=STEP).distance(change)
+        for view in (plain, both)
+    )
+    step = 2 * np.pi / 1000 / np.sqrt(12)
+    assert with_**2 - without**2 == pytest.approx(np.sum((change[0, :, 0] / step) ** 2))
+
+
+def test_rates_of_the_needed_distance():
+    """A day of drawn cycles gives one false alarm a month, and is seen as often as promised."""
+    rng = np.random.default_rng(0)
+    needed = NEEDED * np.sqrt(1 / LOGGED + 1 / BASELINE)  # of one cycle
+    assert of_day(needed) == pytest.approx(NEEDED)
+    days = 20000
+    noise = rng.standard_normal((days, LOGGED)).mean(axis=1)
+    noise -= rng.standard_normal(days) / np.sqrt(BASELINE)
+    threshold = np.quantile(noise, 1 - FALSE_ALARM)
+    assert np.mean(noise + needed > threshold) == pytest.approx(DETECTED, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("law", "limit"),
+    [
+        (lambda s: 40 * s, NEEDED / 40),
+        (lambda s: 5e4 * s**2, np.sqrt(NEEDED / 5e4)),
+        (
+            lambda s: 900 * max(s - 0.05, 0.0),
+            0.05 + NEEDED / 900,
+        ),  # like play that has to be passed
+        (lambda s: NEEDED * np.tanh(3 * s), None),  # never enough
+        (lambda s: 0.0, None),
+    ],
+)
+def test_limits_of_known_laws(law, limit):
+    """The severity is found at which d' is the needed one, also if the law is not proportional."""
+    effect = EFFECTS["friction_wear"]
+    bench = SimpleNamespace(worn=lambda effect, axis, severity: severity)
+    found = find_limit(effect, 1, bench, law)
+    if limit is None:
+        assert found.severity is None and found.distance < NEEDED
+    else:
+        assert found.severity == pytest.approx(limit, rel=0.1)
+        assert found.distance >= 0.96 * NEEDED
+
+
+def test_impossible_severities_are_avoided():
+    """A model that diverges above some severity is tried below it."""
+    effect = EFFECTS["friction_wear"]
+    bench = SimpleNamespace(worn=lambda effect, axis, s: None if s > 0.08 else s)
+    found = find_limit(effect, 1, bench, lambda s: NEEDED * s / 0.06)
+    assert found.severity == pytest.approx(0.06, rel=0.05)
+    assert find_limit(effect, 1, SimpleNamespace(worn=lambda *_: None), float).severity is None
+
+
+def test_the_smallest_severity_that_a_detector_sees():
+    """It lies between two tried ones; a rate that falls again does not count as seen before."""
+    assert smallest([1, 4, 16], [0.2, 0.95, 1.0]) == pytest.approx(4)
+    assert smallest([1, 4], [0.9, 1.0]) == pytest.approx(4**0.5)
+    assert smallest([1, 4, 16], [1.0, 0.5, 1.0]) > 4
+    assert smallest([1, 4], [1.0, 1.0]) == 1
+    assert smallest([1, 4], [1.0, 0.9]) is None and smallest([], []) is None
+
+
+def test_units_of_the_plant():
+    assert in_plant_units(np.pi / 10800, "rad") == (pytest.approx(1), "arcmin")
+    assert (
+        shown(0.123, "1") == "12 %" and shown(0.0021, "s") == "2.1 ms" and shown(None, "1") == "-"
+    )
+
+
+def test_views_depend_on_the_sensors():
+    """Noise that was learned at one rate is not used at another."""
+    names = [view.name for view in views(SENSORS["realistic"])]
+    assert "torque at 1000 Hz" in names and "without thermometer" in names
+    learned = Sensors(description="", torque_noise=0.1, torque_colour=[[0.5]], sample_period=0.01)
+    (only,) = views(learned)
+    assert only.sample_period == 0.01
+    silent = View(name="torque", sensors=SENSORS["none"])
+    with pytest.raises(InputError, match="no torque noise"):
+        matched_filter(silent, ROBOT, signals(0), [], MEAN, step=STEP)
+
+
+def test_effects_of_sensors_have_no_place():
+    names = {effect.name for effect in effects_to_map(quick=False)}
+    assert {"friction_wear", "backlash", "delay"} <= names
+    assert not names & {"sensor_dropout", "brake_drag", "learned_law"}
+
+
+def test_the_study_on_a_robot_of_ones_own(tiny_robot_path, tiny_task_path, tmp_path):
+    """The command writes map, table and figures; it goes on where it was, with the same numbers."""
+    command = ["study", "detectability", "--quick", "--robot", tiny_robot_path]
+    command += ["--task", tiny_task_path, "-o", tmp_path, "--json"]
+    done = faultgen(*command, "--workers", "2")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    rows = {(row["effect"], row["axis"]): row for row in result["rows"]}
+    assert {axis for _, axis in rows} == {1, 2}
+    wear = rows["friction_wear", 2]
+    assert 1e-5 < wear["ideal"] < 0.2
+    assert wear["views"]["torque"] == pytest.approx(wear["ideal"], rel=0.05)
+    assert wear["views"]["torque and encoder"] <= wear["views"]["torque"]
+    assert wear["views"]["without thermometer"] >= wear["views"]["torque"]
+    # nothing that gets less than the whole log does better than the best that is possible
+    seen = [x for x in wear["detectors"].values() if x is not None]
+    assert seen and min(seen) > 0.7 * wear["ideal"]
+    assert 0 < wear["life"]["exponential"] < 1
+    with (tmp_path / "detectability.csv").open() as file:
+        table = list(csv.DictReader(file))
+    assert len(table) == len(rows) and float(table[0]["ideal"]) > 0
+    for name in ("tables.md", "figures/detectability_ideal.png"):
+        assert (tmp_path / name).is_file()
+    (gone, *_) = sorted((tmp_path / "cells").iterdir())
+    gone.unlink()
+    again = json.loads(faultgen(*command, "--workers", "1").stdout)
+    assert again["rows"] == result["rows"]
+
+
+def test_other_studies_take_no_sensors(tmp_path):
+    done = faultgen("study", "isolation", "--sensors", "thesis", "-o", tmp_path / "out")
+    assert done.returncode == 2 and "takes no --sensors" in done.stderr
