@@ -111,7 +111,7 @@ def test_rates_of_the_needed_distance():
             lambda s: 900 * max(s - 0.05, 0.0),
             0.05 + NEEDED / 900,
         ),  # like play that has to be passed
-        (lambda s: NEEDED * np.tanh(3 * s), None),  # never enough
+        (lambda s: 0.9 * NEEDED * np.tanh(3 * s), None),  # never enough
         (lambda s: 0.0, None),
     ],
 )

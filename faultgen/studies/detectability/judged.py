@@ -6,7 +6,7 @@ each of them raises an alarm on one healthy day in thirty.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from faultgen.studies.chapter6_isolation.monitored import Monitored
 from faultgen.studies.detectability.ideal import BASELINE, DETECTED, FALSE_ALARM, LOGGED
 
 _HISTORY = 24  # healthy cycles before a day that is judged
+_FEWEST = 5  # days for each severity
 _APART = 0.1  # memory of the temperature from one logged cycle to the next [cycles]: hours apart
 
 
@@ -37,22 +38,31 @@ class Judged:
     left_out: dict[str, str]
     """Detectors that cannot be used, and why."""
 
-    def share(self, change: np.ndarray, days: int, rng: np.random.Generator) -> dict[str, float]:
+    def share(
+        self, change: np.ndarray, days: int, rng: np.random.Generator, names: Collection[str]
+    ) -> dict[str, float]:
         """Measure on how many days a change raises an alarm.
+
+        It stops early if no detector can reach `DETECTED` any more.
 
         Args:
             change: Change of a cycle, shape (3, samples, n_axes), at the rate of the log.
             days: Number of days.
             rng: Source of randomness.
+            names: Detectors that are asked.
 
         Returns:
             Share of the days by detector.
         """
-        tops = [_tops(self, self.series(change, rng)) for _ in range(days)]
-        return {
-            name: float(np.mean([top[name] > limit for top in tops]))
-            for name, limit in self.threshold.items()
-        }
+        asked = replace(self, detectors={name: self.detectors[name] for name in names})
+        alarms: dict[str, list[bool]] = {name: [] for name in names}
+        most_missed = int((1 - DETECTED) * days + 1e-9)
+        for day in range(1, days + 1):
+            for name, top in _tops(asked, asked.series(change, rng)).items():
+                alarms[name].append(top > self.threshold[name])
+            if day >= _FEWEST and all(day - sum(one) > most_missed for one in alarms.values()):
+                break
+        return {name: float(np.mean(one)) for name, one in alarms.items()}
 
     def series(self, change: np.ndarray | None, rng: np.random.Generator) -> Features:
         """Observe some healthy cycles and then a day with a change.

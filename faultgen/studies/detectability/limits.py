@@ -21,7 +21,7 @@ from faultgen.simulation.surrogate import CHANNELS
 from faultgen.studies.detectability.ideal import NEEDED
 
 _CLOSE = 0.03  # relative error of d' with which a limit is found
-_TRIES = 6  # simulations for a limit
+_TRIES = 8  # simulations for a limit
 _RANGE = 1e-6  # smallest severity that is tried, over the first one
 _FINE = 9e-4  # samples are not closer than that [s]
 _FACTOR = 30.0  # by which one try may differ from the one before
@@ -79,7 +79,8 @@ class Bench:
             severity: Severity in the unit of the effect.
 
         Returns:
-            As `cycle`; None if the severity is impossible or the simulation diverges.
+            Shape (3, samples, n_axes), as from `cycle`; None if the severity is impossible or the
+            simulation diverges.
         """
         reference = self.robot.friction_temperature
         try:
@@ -142,15 +143,15 @@ def find_limit(effect: Effect, axis: int, bench: Bench, of: Callable[[np.ndarray
 
 
 def _next(tried: dict[float, float], severity: float, effect: Effect) -> float:
-    """The severity at which a power law through the two nearest tries reaches the distance."""
+    """The severity at which a power law through the nearest tries reaches the distance."""
+    low = max((s for s, d in tried.items() if d < NEEDED), default=None)
+    high = min((s for s, d in tried.items() if d >= NEEDED), default=None)
+    if low is not None and high is not None and low < high:
+        if tried[low] <= 0:
+            return float(np.sqrt(low * high))
+        way = np.log(NEEDED / tried[low]) / np.log(tried[high] / tried[low])
+        return float(low * (high / low) ** np.clip(way, 0.05, 0.95))
     found = tried[severity]
     if found <= 0:
         return min(severity * _FACTOR, effect.largest)
-    power = 1.0
-    others = [s for s in tried if s != severity and tried[s] > 0]
-    if others:
-        near = min(others, key=lambda s: abs(np.log(tried[s] / NEEDED)))
-        slope = np.log(found / tried[near]) / np.log(severity / near)
-        power = float(np.clip(slope, 0.2, 5.0)) if np.isfinite(slope) else 1.0
-    factor = float(np.clip((NEEDED / found) ** (1 / power), 1 / _FACTOR, _FACTOR))
-    return severity * factor
+    return severity * float(np.clip(NEEDED / found, 1 / _FACTOR, _FACTOR))

@@ -29,6 +29,7 @@ from faultgen.simulation.state import Condition
 from faultgen.simulation.surrogate import SAMPLE_PERIOD, Surrogate, surrogate_file
 from faultgen.studies.chapter6_isolation.monitored import Monitored
 from faultgen.studies.detectability.ideal import (
+    DETECTED,
     NEEDED,
     MatchedFilter,
     View,
@@ -329,18 +330,19 @@ def _tried(
     """The smallest severity that each detector sees."""
     every = place.filters[REFERENCE].every
     levels: list[float] = []
-    shares: list[dict[str, float]] = []
+    shares: dict[str, list[float]] = {name: [] for name in place.judged.threshold}
+    asked = list(shares)
     for k in range(_LEVELS):
         cycle = place.bench.worn(effect, axis, first * _RATIO**k)
-        if cycle is None:
+        if cycle is None or not asked:
             break
         levels.append(first * _RATIO**k)
-        shares.append(place.judged.share((cycle - place.healthy)[:, ::every], days, rng))
-        if min(shares[-1].values(), default=1.0) >= 1.0:
-            break
-    return {
-        name: smallest(levels, [share[name] for share in shares]) for name in place.judged.threshold
-    }
+        change = (cycle - place.healthy)[:, ::every]
+        for name, value in place.judged.share(change, days, rng, asked).items():
+            shares[name].append(value)
+        # what is detected is not asked again about a larger severity
+        asked = [name for name in asked if shares[name][-1] < DETECTED]
+    return {name: smallest(levels[: len(own)], own) for name, own in shares.items()}
 
 
 def _reason(place: _Place, axis: int, distance: float) -> str:

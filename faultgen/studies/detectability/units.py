@@ -27,7 +27,12 @@ def in_plant_units(severity: float, unit: str) -> tuple[float, str]:
 
 
 def shown(severity: float | None, unit: str) -> str:
-    """Return a severity as text with two digits and its unit; "-" if there is none."""
+    """Return a severity as text with two digits and its unit; "-" if there is none.
+
+    Args:
+        severity: In its SI unit.
+        unit: The SI unit, "1" for a fraction.
+    """
     if severity is None:
         return "-"
     value, name = in_plant_units(severity, unit)
