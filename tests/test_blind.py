@@ -30,6 +30,7 @@ def test_a_clean_robot(found):
     assert answer.before == pytest.approx(answer.floor, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_single_effect(found):
     """A gearbox that lost a fifth of its stiffness.
 

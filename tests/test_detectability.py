@@ -13,6 +13,7 @@ from scipy.linalg import toeplitz
 from faultgen.effects import EFFECTS
 from faultgen.errors import InputError
 from faultgen.monitoring.sensors import SENSORS, Sensors
+from faultgen.studies.detectability.figures import FIGURES
 from faultgen.studies.detectability.ideal import (
     BASELINE,
     DETECTED,
@@ -25,8 +26,15 @@ from faultgen.studies.detectability.ideal import (
 )
 from faultgen.studies.detectability.judged import smallest
 from faultgen.studies.detectability.limits import find_limit
-from faultgen.studies.detectability.study import effects_to_map, views
+from faultgen.studies.detectability.study import (
+    Size,
+    effects_to_map,
+    run_detectability,
+    views,
+)
+from faultgen.studies.detectability.tables import goals, tables
 from faultgen.studies.detectability.units import in_plant_units, shown
+from faultgen.studies.figures import draw
 
 SAMPLES, STEP = 400, 0.004
 NOISE = Sensors(
@@ -171,12 +179,10 @@ def test_effects_of_sensors_have_no_place():
 
 
 def test_the_study_on_a_robot_of_ones_own(tiny_robot_path, tiny_task_path, tmp_path):
-    """The command writes map, table and figures; it goes on where it was, with the same numbers."""
-    command = ["study", "detectability", "--quick", "--robot", tiny_robot_path]
-    command += ["--task", tiny_task_path, "-o", tmp_path, "--json"]
-    done = faultgen(*command, "--workers", "2")
-    assert done.returncode == 0, done.stderr
-    result = json.loads(done.stdout)
+    """Map, table and figures are made; a further call goes on where it was, with equal numbers."""
+    small = Size(healthy_days=30, days=20, quick=True)
+    told = {"size": small, "robots": [tiny_robot_path], "tasks": [tiny_task_path]}
+    result = run_detectability(tmp_path, **told)
     rows = {(row["effect"], row["axis"]): row for row in result["rows"]}
     assert {axis for _, axis in rows} == {1, 2}
     wear = rows["friction_wear", 2]
@@ -191,12 +197,29 @@ def test_the_study_on_a_robot_of_ones_own(tiny_robot_path, tiny_task_path, tmp_p
     with (tmp_path / "detectability.csv").open() as file:
         table = list(csv.DictReader(file))
     assert len(table) == len(rows) and float(table[0]["ideal"]) > 0
-    for name in ("tables.md", "figures/detectability_ideal.png"):
-        assert (tmp_path / name).is_file()
-    (gone, *_) = sorted((tmp_path / "cells").iterdir())
+    page = tables({**result, "goals": goals(result)})
+    assert "## What better logs contribute" in page and "backlash" in page
+    draw(FIGURES, result, tmp_path / "figures")
+    assert (tmp_path / "figures" / "detectability_ideal.png").is_file()
+    (gone,) = (tmp_path / "cells").glob("delay_*")
     gone.unlink()
-    again = json.loads(faultgen(*command, "--workers", "1").stdout)
-    assert again["rows"] == result["rows"]
+    assert run_detectability(tmp_path, **told)["rows"] == result["rows"]
+
+
+@pytest.mark.slow
+def test_the_command_gives_the_same_for_any_number_of_workers(
+    tiny_robot_path, tiny_task_path, tmp_path
+):
+    """It writes its files, and prints its results as JSON."""
+    command = ["study", "detectability", "--quick", "--robot", tiny_robot_path, "--json"]
+    found = []
+    for workers in ("1", "2"):
+        out = tmp_path / workers
+        done = faultgen(*command, "--task", tiny_task_path, "-o", out, "--workers", workers)
+        assert done.returncode == 0, done.stderr
+        found.append(json.loads(done.stdout)["rows"])
+        assert (out / "tables.md").is_file() and (out / "figures").is_dir()
+    assert found[0] == found[1]
 
 
 def test_other_studies_take_no_sensors(tmp_path):
