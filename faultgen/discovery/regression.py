@@ -18,6 +18,7 @@ from faultgen.discovery.samples import (
     blocks,
     counted,
     divided,
+    for_noise,
     for_scoring,
     moving,
     near_reversal,
@@ -221,11 +222,11 @@ def pose(
     recording, robot = replay.recording, replay.robot
     parts = blocks(recording)
     inside = counted(recording, robot, twin=twin)
+    inside, steady = for_noise(inside, inside & ~near_reversal(recording, robot), parts)
     if not (
         inside & samples_of([parts[p] for p in for_scoring(parts)], len(residual))[:, None]
     ).any():
         raise ValueError("nothing moves in the last fifth, which is kept for scoring")
-    steady = inside & ~near_reversal(recording, robot)
     prior_stds = np.array([term.prior_std for term in terms], np.float32)[:, None, None]
     scale = prior_stds[:, 0, 0]
 

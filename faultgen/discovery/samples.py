@@ -10,6 +10,10 @@ from faultgen.discovery.recording import Recording
 from faultgen.discovery.replay import settled
 from faultgen.robot import STRIBECK_VELOCITY, Robot
 
+FEWEST = 50
+"""Samples from which the noise of an axis is estimated."""
+
+_ORDER = 8  # of the autoregression of the noise
 _JUMP = 0.05  # time around a change of direction in which the noise is not looked for [s]
 _PRESLIDING = 0.1  # time from rest or reversal until friction has settled [s]: assumed
 _BLOCKS = 6  # into which a single recording is cut, to fit on some and choose on others
@@ -34,6 +38,43 @@ def divided(parts: Sequence[slice]) -> list[slice]:
 def for_scoring(parts: Sequence[slice]) -> list[int]:
     """The last fifth of the parts, at least one. They are not used for fitting or choosing."""
     return list(range(len(parts) - max(1, len(parts) // 5), len(parts)))
+
+
+def for_noise(
+    inside: np.ndarray, steady: np.ndarray, parts: Sequence[slice]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Make sure that there are enough samples of every axis to estimate its noise.
+
+    Where an axis hardly moves steadily, all of its samples that are compared are used. Where it
+    hardly moves at all, as in a recording of single axes, it is not compared.
+
+    Args:
+        inside: Samples that are compared, shape (samples, n_axes).
+        steady: Those of them at which friction does not jump, same shape.
+        parts: Samples of each separate recording.
+
+    Returns:
+        The two masks. An axis that is not compared is steady everywhere.
+    """
+    inside, steady = inside.copy(), steady.copy()
+    for axis in range(inside.shape[1]):
+        if _in_a_row(steady[:, axis], parts) >= FEWEST:
+            continue
+        if _in_a_row(inside[:, axis], parts) >= FEWEST:
+            steady[:, axis] = inside[:, axis]
+        else:
+            inside[:, axis], steady[:, axis] = False, True
+    return inside, steady
+
+
+def _in_a_row(use: np.ndarray, parts: Sequence[slice]) -> int:
+    """Number of samples that are used together with the `_ORDER` before them."""
+    count = 0
+    for part in parts:
+        if part.stop - part.start > _ORDER:
+            windows = np.lib.stride_tricks.sliding_window_view(use[part], _ORDER + 1)
+            count += int(windows.all(axis=1).sum())
+    return count
 
 
 def samples_of(parts: Sequence[slice], count: int) -> np.ndarray:

@@ -1,0 +1,55 @@
+"""Discovery on recordings in which an axis rests, as those of single axes."""
+
+import numpy as np
+import pytest
+from recorded import record
+
+from faultgen.discovery import investigate
+from faultgen.discovery.samples import FEWEST, for_noise
+
+ONE_AXIS = """
+description = "moves the second axis only"
+[start]
+joints = [-40, -60]
+[[move]]
+joints = [-40, 40]
+dwell = 0.1
+[[move]]
+joints = [-40, -90]
+speed = 0.3
+[[move]]
+joints = [-40, 80]
+speed = 0.6
+[[move]]
+joints = [-40, -60]
+"""
+
+
+@pytest.mark.parametrize("twin", [False, True])
+def test_the_axis_that_moves_is_judged(tiny_robot, tmp_path, twin):
+    """The other one is not compared; its numbers are written all the same."""
+    task = tmp_path / "one.toml"
+    task.write_text(ONE_AXIS)
+    worn = record(tiny_robot, str(task), 1, [("viscous_friction", 2, 0.8)], spread=0.0)
+    healthy = record(tiny_robot, str(task), 2, spread=0.0) if twin else None
+    answer = investigate(worn, tiny_robot, healthy).answer
+    assert [(one.effect, one.axis) for one in answer.effects] == [("viscous_friction", 2)]
+    assert answer.effects[0].severity == pytest.approx(0.8, rel=0.1)
+    assert all(np.isfinite(list(one.values())).all() for one in answer.per_axis)
+    assert answer.after < answer.before
+
+
+def test_samples_for_the_noise():
+    """Steady ones; else all that are compared; else the axis is not compared."""
+    inside = np.zeros((400, 3), bool)
+    inside[:, :2] = True
+    inside[::5, 2] = True
+    steady = inside.copy()
+    steady[:, 1] = False
+    found, used = for_noise(inside, steady, [slice(0, 200), slice(200, 400)])
+    assert found[:, :2].all() and not found[:, 2].any()
+    assert used[:, 0].all() and used[:, 1].all() and used[:, 2].all()
+    short = np.zeros((400, 1), bool)
+    short[: FEWEST + 8] = True
+    assert for_noise(short, short, [slice(0, 400)])[0].any()
+    assert not for_noise(short[1:], short[1:], [slice(0, 399)])[0].any()
