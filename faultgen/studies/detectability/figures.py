@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 
 from faultgen.effects import EFFECTS
 from faultgen.studies.detectability.tables import best
-from faultgen.studies.detectability.units import shown
+from faultgen.studies.detectability.units import in_plant_units, shown
 from faultgen.studies.figures import Figures
 
-_LOW, _HIGH = 0.01, 100.0  # ends of the colours: smallest severity over the default one
+_LOW, _HIGH = 1e-3, 100.0  # ends of the colours: smallest severity over the default one
 
 
 def _map(result: dict[str, Any], value: Any, title: str) -> Figure:
@@ -35,7 +35,7 @@ def _map(result: dict[str, Any], value: Any, title: str) -> Figure:
             columns.index((row["robot"], row["task"], row["axis"])),
         )
         severity = value(row)
-        text[at] = shown(severity, row["unit"]) if severity is not None else "x"
+        text[at] = shown(severity, row["unit"]).split(" ")[0] if severity is not None else "x"
         grid[at] = severity / EFFECTS[row["effect"]].default if severity is not None else np.inf
     size = (2.6 + 0.62 * len(columns), 1.6 + 0.28 * len(effects))
     figure, axes = plt.subplots(figsize=size)
@@ -57,7 +57,9 @@ def _map(result: dict[str, Any], value: Any, title: str) -> Figure:
             fontsize=5.5,
             color="white" if dark else "black",
         )
-    axes.set_yticks(range(len(effects)), [name.replace("_", " ") for name in effects])
+    units = {row["effect"]: in_plant_units(0.0, row["unit"])[1] for row in rows}
+    labels = [f"{name.replace('_', ' ')} [{units[name]}]" for name in effects]
+    axes.set_yticks(range(len(effects)), labels)
     axes.set_xticks(range(len(columns)), [str(axis) for _, _, axis in columns])
     axes.set_xlabel("axis")
     start = 0
