@@ -9,6 +9,8 @@ from sealed.plan import Case
 from faultgen.discovery import investigate
 from faultgen.robot import load_robot
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
@@ -30,7 +32,6 @@ def test_a_clean_robot(found):
     assert answer.before == pytest.approx(answer.floor, rel=0.1)
 
 
-@pytest.mark.slow
 def test_a_single_effect(found):
     """A gearbox that lost a fifth of its stiffness.
 
@@ -44,7 +45,6 @@ def test_a_single_effect(found):
     assert answer.after < 1.1 * answer.floor
 
 
-@pytest.mark.slow
 def test_two_effects(found):
     """Viscous friction, which here is a power of speed, and an offset, which drifts.
 
@@ -59,7 +59,6 @@ def test_two_effects(found):
     assert answer.before - answer.floor > 2 * (answer.after - answer.floor)
 
 
-@pytest.mark.slow
 def test_an_effect_that_nobody_coded(found):
     """Friction over a small range of angle is no effect of the catalogue."""
     answer = found(4, Effect("seizing_spot", 2, 0.2))
@@ -68,7 +67,6 @@ def test_an_effect_that_nobody_coded(found):
     assert strange.axis == 2 and strange.along == "joint angle"
 
 
-@pytest.mark.slow
 def test_severity_and_sign_follow_the_data(found):
     """Twice the effect the other way round gives twice the answer with the other sign."""
     one, two = (found(5, Effect("torque_offset", 3, s)).effects[0] for s in (0.01, -0.02))

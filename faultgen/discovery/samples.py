@@ -54,7 +54,7 @@ def for_noise(
         parts: Samples of each separate recording.
 
     Returns:
-        The two masks. An axis that is not compared is steady everywhere.
+        The two masks, of the same shape. An axis that is not compared is steady everywhere.
     """
     inside, steady = inside.copy(), steady.copy()
     for axis in range(inside.shape[1]):
