@@ -171,6 +171,14 @@ class Robot:
         return Gearing(self.model, tendons, motors, joints, ratio)
 
     @cached_property
+    def stribeck_velocity(self) -> np.ndarray:
+        """Motor speed over which friction falls from stiction to Coulomb friction.
+
+        Shape (n_axes,), in [rad/s].
+        """
+        return self.model.actuator_biasprm[self.ids("actuator", "friction"), STRIBECK_VELOCITY]
+
+    @cached_property
     def sha256(self) -> str:
         """Hash of the MJCF text, of the files that it refers to, and of the effects beside it."""
         digest = hashlib.sha256(self.xml.encode())

@@ -12,11 +12,14 @@ from faultgen.discovery import model_edit as model
 from faultgen.discovery import next_experiment as motions
 from faultgen.discovery import verdict as judgement
 from faultgen.discovery.certainty import LEVEL, certainty
+from faultgen.discovery.confirmation import confirmed
 from faultgen.discovery.fit import fit
+from faultgen.discovery.gap import gap, unexplained
+from faultgen.discovery.model_edit import build
 from faultgen.discovery.replay import Replay, settled
 from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE, PARTLY
 from faultgen.discovery.selection import SIMILAR, Choice, choose
-from faultgen.discovery.verdict import answer, confirmed, is_part
+from faultgen.discovery.verdict import answer, is_part
 from faultgen.effects import get_effect
 from faultgen.simulation.motion import plan
 from faultgen.tasks import Task
@@ -314,7 +317,9 @@ def test_an_effect_that_other_motions_refute_is_not_named(posed, in_scoring, kep
     case = replace(problem, residual=residual)
     choice = choose(case)
     assert len(choice.best.groups) == 1
-    assert len(confirmed(case, choice).best.groups) == kept
+    empty = choice.fits[0]
+    calibrated = gap(case, build(case, empty, unexplained(case, empty)[1]).left)
+    assert len(confirmed(case, choice, calibrated).best.groups) == kept
 
 
 def test_an_answer_is_partial_if_much_more_than_noise_remains():

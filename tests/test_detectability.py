@@ -13,6 +13,7 @@ from scipy.linalg import toeplitz
 from faultgen.effects import EFFECTS
 from faultgen.errors import InputError
 from faultgen.monitoring.sensors import SENSORS, Sensors
+from faultgen.studies import runner
 from faultgen.studies.detectability.figures import FIGURES
 from faultgen.studies.detectability.ideal import (
     BASELINE,
@@ -35,6 +36,7 @@ from faultgen.studies.detectability.study import (
 from faultgen.studies.detectability.tables import goals, tables
 from faultgen.studies.detectability.units import in_plant_units, shown
 from faultgen.studies.figures import draw
+from faultgen.studies.runner import run_study
 
 SAMPLES, STEP = 400, 0.004
 NOISE = Sensors(
@@ -225,3 +227,22 @@ def test_the_command_gives_the_same_for_any_number_of_workers(
 def test_other_studies_take_no_sensors(tmp_path):
     done = faultgen("study", "isolation", "--sensors", "thesis", "-o", tmp_path / "out")
     assert done.returncode == 2 and "takes no --sensors" in done.stderr
+
+
+def test_a_robot_in_a_folder_has_its_own_sensors(tiny_robot_path, tmp_path, monkeypatch):
+    """As for `faultgen generate`; several robots share the preset."""
+    folder = tmp_path / "twin"
+    folder.mkdir()
+    (folder / "sensors.toml").write_text(SENSORS["thesis"].to_toml())
+    seen = []
+
+    def run(out, *, sensors, **options):
+        seen.append(sensors)
+        raise InputError("enough")
+
+    parts = (run, None, None, None)
+    monkeypatch.setitem(runner._PARTS, "detectability", lambda quick: parts)
+    for robots in ([str(folder)], [str(tiny_robot_path)], [str(folder), "puma560"]):
+        with pytest.raises(InputError, match="enough"):
+            run_study("detectability", tmp_path / "out", robots=robots)
+    assert seen == [SENSORS["thesis"], SENSORS["realistic"], SENSORS["realistic"]]

@@ -148,7 +148,7 @@ def study(
         str | None,
         typer.Option(
             help="Preset of sensor noise, thesis or realistic, or the path of a sensors file, for "
-            "the study detectability. Default: realistic."
+            "the study detectability. Default: those in the folder of the robot, else realistic."
         ),
     ] = None,
     quick: Annotated[

@@ -29,7 +29,7 @@ from faultgen.dataset.wear import severities
 from faultgen.effects import HEALTHY, get_effect
 from faultgen.effects.base import DEFAULT_FRACTION
 from faultgen.errors import InputError
-from faultgen.monitoring.sensors import FILE, get_sensors
+from faultgen.monitoring.sensors import get_sensors, sensors_of
 from faultgen.system.reading import read_text
 
 SCHEMA_VERSION = 2
@@ -189,9 +189,9 @@ class Experiment(BaseModel):
 
     @model_validator(mode="after")
     def _check(self) -> Experiment:
-        own = [Path(robot) / FILE for robot in self.robot]
-        if "sensors" not in self.model_fields_set and len(own) == 1 and own[0].is_file():
-            self.sensors = str(own[0])
+        own = sensors_of(self.robot)
+        if "sensors" not in self.model_fields_set and own is not None:
+            self.sensors = own
         sensors = get_sensors(self.sensors)
         if "sample_period" not in self.model_fields_set and sensors.sample_period is not None:
             self.sample_period = sensors.sample_period

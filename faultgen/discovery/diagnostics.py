@@ -9,7 +9,6 @@ from scipy.stats import chi2
 from statsmodels.stats.multitest import multipletests
 
 from faultgen.discovery.regression import Kinematics, Problem
-from faultgen.robot import STRIBECK_VELOCITY
 
 FALSE_DISCOVERIES = 0.05
 """Expected share of false discoveries among the reported regimes."""
@@ -46,8 +45,7 @@ def regimes(problem: Problem, motion: Kinematics) -> dict[str, np.ndarray]:
     """
     robot, recording = problem.robot, problem.recording
     speed = np.abs(motion.velocity)
-    slow = robot.model.actuator_biasprm[robot.ids("actuator", "friction"), STRIBECK_VELOCITY]
-    moving = speed > 0.2 * slow
+    moving = speed > 0.2 * robot.stribeck_velocity
     recent = np.zeros_like(moving)
     steps = max(1, round(_AFTER / recording.sample_period))
     for part in recording.parts:
@@ -62,7 +60,7 @@ def regimes(problem: Problem, motion: Kinematics) -> dict[str, np.ndarray]:
         "forward": moving & (motion.velocity > 0),
         "backward": moving & (motion.velocity < 0),
         "at rest": ~moving,
-        "low speed": moving & (speed < 3 * slow),
+        "low speed": moving & (speed < 3 * robot.stribeck_velocity),
         "high speed": _top_third(speed, moving),
         "reversal": recent & moving,
         "acceleration": _top_third(np.abs(motion.acceleration), moving),

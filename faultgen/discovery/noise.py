@@ -6,10 +6,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.optimize import brentq
-from scipy.signal import lfilter
 
-_IMPULSE = np.concatenate([[1.0], np.zeros(4095)])
+from faultgen.monitoring.autoregression import amplification
+
+ORDER = 8
+"""Order of the autoregression of the noise.
+
+White plus coloured noise is an autoregression of infinite order. Eight steps are close enough:
+patterns over seconds in healthy robots then occur as often as they should. With three steps they
+occur too often.
+"""
+
+FEWEST = 50
+"""Samples from which the noise of an axis is estimated."""
+
 _SAME = 0.05  # as `SHARED`, of noise that is the same beyond doubt
 _CONSIDERABLE = 3e-3  # noise over torque; simulations without any seem to have 0.001
 _LARGEST = 0.98  # autocorrelation; beyond it noise cannot be told from a drift
@@ -27,8 +39,7 @@ class Autoregression:
     @property
     def deviation(self) -> np.ndarray:
         """Standard deviation of the noise, shape (n_axes,)."""
-        response = np.array([lfilter([1], [1, *-a], _IMPULSE) for a in self.coefficients])
-        return self.innovation * np.sqrt((response**2).sum(axis=1))
+        return self.innovation * np.array([amplification(a) for a in self.coefficients])
 
     def times(self, factor: float) -> Autoregression:
         """Return the noise multiplied by a factor."""
@@ -111,8 +122,10 @@ def noise_of(residual: np.ndarray, inside: np.ndarray, parts: Sequence[slice]) -
             both = usable[1:] & usable[:-1]
             products.append((second[1:] * second[:-1])[both])
         variance, product = np.concatenate(squares), np.concatenate(products)
-        if len(product) < 50:
-            raise ValueError(f"axis {axis + 1}: fewer than 50 samples in which it moves steadily")
+        if len(product) < FEWEST:
+            raise ValueError(
+                f"axis {axis + 1}: fewer than {FEWEST} samples in which it moves steadily"
+            )
         ratio = float(product.mean() / variance.mean()) if variance.mean() > 0 else -2 / 3
         memory[axis] = _memory(ratio)
         scale = _covariances(memory[axis])[0]
@@ -158,13 +171,9 @@ def typical(values: np.ndarray) -> float:
 
 
 def autoregression(
-    residual: np.ndarray, inside: np.ndarray, parts: Sequence[slice], order: int = 8
+    residual: np.ndarray, inside: np.ndarray, parts: Sequence[slice], order: int = ORDER
 ) -> Autoregression:
     """Fit an autoregression to the error that remains.
-
-    White plus coloured noise is an autoregression of infinite order. Eight steps are close enough:
-    patterns over seconds in healthy robots then occur as often as they should. With three steps
-    they occur too often.
 
     Args:
         residual: Shape (samples, n_axes), in any unit.
@@ -187,17 +196,31 @@ def autoregression(
             x, use = residual[part, axis], inside[part, axis]
             if len(x) <= order:
                 continue
-            windows = np.lib.stride_tricks.sliding_window_view(x, order + 1)
-            usable = np.lib.stride_tricks.sliding_window_view(use, order + 1).all(axis=1)
-            rows.append(windows[usable, -2::-1])
-            targets.append(windows[usable, -1])
-        if sum(len(target) for target in targets) < 50:
-            raise ValueError(f"axis {axis + 1}: fewer than 50 samples in which it moves")
+            windows = sliding_window_view(x, order + 1)
+            whole = sliding_window_view(use, order + 1).all(axis=1)
+            rows.append(windows[whole, -2::-1])
+            targets.append(windows[whole, -1])
+        if sum(len(target) for target in targets) < FEWEST:
+            raise ValueError(f"axis {axis + 1}: fewer than {FEWEST} samples in which it moves")
         design, target = np.concatenate(rows), np.concatenate(targets)
         coefficients[axis], *_ = np.linalg.lstsq(design, target, rcond=None)
         new = target - design @ coefficients[axis]
         innovation[axis] = typical(new)
     return Autoregression(coefficients, innovation)
+
+
+def usable(use: np.ndarray, parts: Sequence[slice]) -> int:
+    """Count the samples from which `autoregression` can learn.
+
+    Args:
+        use: Samples that may be used, a mask of shape (samples,).
+        parts: Samples of each separate recording.
+
+    Returns:
+        Number of samples that may be used together with the `ORDER` samples before them.
+    """
+    long = [use[part] for part in parts if part.stop - part.start > ORDER]
+    return sum(int(sliding_window_view(one, ORDER + 1).all(axis=1).sum()) for one in long)
 
 
 SHARED = 0.2

@@ -6,14 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from faultgen.discovery.noise import FEWEST, usable
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.replay import settled
-from faultgen.robot import STRIBECK_VELOCITY, Robot
+from faultgen.robot import Robot
 
-FEWEST = 50
-"""Samples from which the noise of an axis is estimated."""
-
-_ORDER = 8  # of the autoregression of the noise
 _JUMP = 0.05  # time around a change of direction in which the noise is not looked for [s]
 _PRESLIDING = 0.1  # time from rest or reversal until friction has settled [s]: assumed
 _BLOCKS = 6  # into which a single recording is cut, to fit on some and choose on others
@@ -58,23 +55,13 @@ def for_noise(
     """
     inside, steady = inside.copy(), steady.copy()
     for axis in range(inside.shape[1]):
-        if _in_a_row(steady[:, axis], parts) >= FEWEST:
+        if usable(steady[:, axis], parts) >= FEWEST:
             continue
-        if _in_a_row(inside[:, axis], parts) >= FEWEST:
+        if usable(inside[:, axis], parts) >= FEWEST:
             steady[:, axis] = inside[:, axis]
         else:
             inside[:, axis], steady[:, axis] = False, True
     return inside, steady
-
-
-def _in_a_row(use: np.ndarray, parts: Sequence[slice]) -> int:
-    """Number of samples that are used together with the `_ORDER` before them."""
-    count = 0
-    for part in parts:
-        if part.stop - part.start > _ORDER:
-            windows = np.lib.stride_tricks.sliding_window_view(use[part], _ORDER + 1)
-            count += int(windows.all(axis=1).sum())
-    return count
 
 
 def samples_of(parts: Sequence[slice], count: int) -> np.ndarray:
@@ -148,17 +135,13 @@ def near_reversal(recording: Recording, robot: Robot) -> np.ndarray:
     Returns:
         Mask of shape (samples, n_axes).
     """
-    position = recording.motor_position(robot.gear_ratio)
-    friction = robot.ids("actuator", "friction")
-    slow = 3 * robot.model.actuator_biasprm[friction, STRIBECK_VELOCITY]
+    still = _motor_speed(recording, robot) < 3 * robot.stribeck_velocity
     width = max(1, round(_JUMP / recording.sample_period))
     near = np.zeros(recording.position.shape, bool)
     for part in recording.parts:
-        speed = np.gradient(position[part], recording.sample_period, axis=0)
-        still = np.abs(speed) < slow
         for axis in range(robot.n_axes):
-            spread = np.convolve(still[:, axis].astype(int), np.ones(2 * width + 1, int))
-            near[part, axis] = spread[width : width + len(still)] > 0
+            spread = np.convolve(still[part, axis].astype(int), np.ones(2 * width + 1, int))
+            near[part, axis] = spread[width : width + part.stop - part.start] > 0
     return near
 
 
@@ -172,10 +155,13 @@ def moving(recording: Recording, robot: Robot) -> np.ndarray:
     Returns:
         Mask of shape (samples, n_axes).
     """
+    return _motor_speed(recording, robot) > 0.1 * robot.stribeck_velocity
+
+
+def _motor_speed(recording: Recording, robot: Robot) -> np.ndarray:
+    """Size of the motors' speed by differences, shape (samples, n_axes), in [rad/s]."""
     position = recording.motor_position(robot.gear_ratio)
-    slow = robot.model.actuator_biasprm[robot.ids("actuator", "friction"), STRIBECK_VELOCITY]
-    moves = np.zeros(recording.position.shape, bool)
+    speed = np.zeros(position.shape)
     for part in recording.parts:
-        speed = np.gradient(position[part], recording.sample_period, axis=0)
-        moves[part] = np.abs(speed) > 0.1 * slow
-    return moves
+        speed[part] = np.gradient(position[part], recording.sample_period, axis=0)
+    return np.abs(speed)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from faultgen.discovery.candidates import PAYLOAD, Term, payload_of
 from faultgen.discovery.certainty import certainty
+from faultgen.discovery.confirmation import confirmed
 from faultgen.discovery.diagnostics import where
-from faultgen.discovery.fit import Fit, Group, first_of, fit
+from faultgen.discovery.fit import Fit, first_of
+from faultgen.discovery.gap import gap, scored, unexplained
 from faultgen.discovery.model_edit import build, build_stable
 from faultgen.discovery.patterns import Pattern, patterns
 from faultgen.discovery.regression import Problem
-from faultgen.discovery.replay import relative_error, relative_errors
 from faultgen.discovery.result import (
     AMBIGUOUS,
     EXPLAINED,
@@ -25,25 +24,8 @@ from faultgen.discovery.result import (
     Answer,
     Named,
 )
-from faultgen.discovery.selection import Choice, needed
+from faultgen.discovery.selection import Choice
 from faultgen.effects import get_effect
-
-LARGER_TWIN, LARGER_OWN_TWIN = 1.005, 1.03
-"""Gap with an effect, over that without it, from which the effect counts as refuted if there is a
-twin: gap of all axes, and of the axis on which the effect acts. Assumed."""
-
-LARGER, LARGER_OWN = 1.02, 1.06
-"""The same without a twin, where the model's own numbers imitate an effect that is left out:
-assumed."""
-
-REFUTED = -1.0
-"""Decrease of the error by an effect, over its standard error, from which the effect counts as
-refuted: assumed."""
-
-MISSED = 4.0
-"""Standard errors by which what an effect foretells on the scoring motions may be missing, if the
-error there does not decrease at all. It holds without a twin. Of 7 real effects of development
-cases one reaches 2.6; of 6 false ones whose error does not decrease all reach 5."""
 
 CONSIDERABLE = 0.25
 """Squared error beyond that of noise, over that of noise, from which a gap counts as open:
@@ -72,10 +54,13 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     Returns:
         The answer.
     """
-    choice = confirmed(problem, choice)
-    empty, best = choice.fits[0], choice.best
-    without, base_values = _left(problem, empty)
-    left, values = _left(problem, best)
+    empty = choice.fits[0]
+    without, base_values = unexplained(problem, empty)
+    basic = build(problem, empty, base_values)
+    calibrated = gap(problem, basic.left)
+    choice = confirmed(problem, choice, calibrated)
+    best = choice.best
+    left, values = unexplained(problem, best)
     white = problem.whiten(left)
     own = [(problem.terms[t].axis, problem.white[t]) for t in best.terms]
     found = patterns(problem, white, problem.fitting, own)
@@ -87,15 +72,12 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     strange = strange_patterns(problem, found)
     known = bool(best.groups) and not _contrived(problem, best)
     effects, alternatives = _named(problem, choice)
-    basic = build(problem, empty, base_values)
     chosen = (best, values) if known else (empty, base_values)
     built, robot, lacks = build_stable(problem, *chosen)
-    before, calibrated, after = (
-        _score(problem, x) for x in (problem.residual, basic.left, built.left)
-    )
+    before, after = gap(problem, problem.residual), gap(problem, built.left)
     # an error holds the noise, so that the noise of an axis is no larger than any of its errors
-    floor = np.min([_score(problem, noise)[1], before[1], calibrated[1], after[1]], axis=0)
-    of_noise = float(np.sqrt(np.mean(floor[_scored(problem).any(axis=0)] ** 2)))
+    floor = np.min([gap(problem, noise)[1], before[1], calibrated[1], after[1]], axis=0)
+    of_noise = float(np.sqrt(np.mean(floor[scored(problem).any(axis=0)] ** 2)))
     if not known:
         verdict = UNKNOWN if strange else NONE
     elif choice.rivals:  # what is listed in part must be certain
@@ -127,181 +109,6 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         calibration=_told(problem, chosen[0], built.changes),
         left_torque=built.left,
     )
-
-
-def confirmed(problem: Problem, choice: Choice) -> Choice:
-    """Keep only the effects that are borne out by the scoring motions.
-
-    An effect is removed for one of three reasons, where the set without it is fitted again. Its
-    error on the scoring motions is clearly larger than without it. It foretells a change there that
-    is not seen. Or it reduces the misfit by too little for a model that foretells the scoring
-    motions as badly as this one does. Finally, a set is removed effect by effect until the model
-    with it, simulated again, is not clearly worse than the calibrated model.
-
-    Without an effect, the model's own numbers may explain the same at the price of values that
-    healthy robots do not have, so that an equal error does not refute an effect.
-
-    Args:
-        problem: The residual and the terms.
-        choice: The chosen set and its rivals.
-
-    Returns:
-        The same choice, or one with fewer effects and without rivals.
-    """
-    best = choice.best
-    while best.groups:
-        trials = [
-            _Trial.of(problem, rest, best, problem.terms[group[0]].axis, needed(problem, group))
-            for group, rest in _without_one(choice.problem, best)
-        ]
-        if not trials:
-            break
-        refuted = [one for one in trials if one.is_refuted]
-        if refuted:
-            best = min(refuted, key=lambda one: one.gain).rest
-        # each effect may compensate for another one, while none of them is right
-        elif _gain(problem, choice.fits[0], best) < REFUTED:
-            best = min(trials, key=lambda one: one.gain).rest
-        else:
-            break
-    best = _buildable(problem, choice, best)
-    return choice if best is choice.best else replace(choice, best=best, rivals=())
-
-
-def _without_one(problem: Problem, best: Fit) -> list[tuple[Group, Fit]]:
-    """Each effect of a set, and the set without it, fitted again."""
-    found = []
-    for place, group in enumerate(best.groups):
-        rest = fit(problem, [g for k, g in enumerate(best.groups) if k != place])
-        if rest is not None:
-            found.append((group, rest))
-    return found
-
-
-@dataclass(frozen=True, eq=False)
-class _Trial:
-    """What the scoring motions say about one effect of a set."""
-
-    rest: Fit
-    """The set without it."""
-    gain: float
-    """See `_gain`."""
-    missed: float
-    """Decrease of the squared error that the effect foretells on the scoring motions, less that
-    which is seen, over its standard error."""
-    seen: float
-    """Decrease of the squared error on the scoring motions."""
-    share: float
-    """Decrease of the misfit, over that which is needed."""
-
-    @property
-    def is_refuted(self) -> bool:
-        """Whether the effect is to be removed."""
-        not_there = self.seen < 0 and self.missed > MISSED
-        return self.gain < REFUTED or not_there or self.share < 1
-
-    @classmethod
-    def of(cls, problem: Problem, rest: Fit, best: Fit, axis: int, least: float) -> _Trial:
-        """Try an effect.
-
-        Args:
-            problem: The residual and the terms.
-            rest: The set without the effect.
-            best: The set with it.
-            axis: Axis on which it acts.
-            least: Amount by which it must reduce the misfit, if noise alone is left.
-        """
-        scored = _scored(problem)
-        errors = [problem.whiten(_left(problem, one)[0]) * scored for one in (rest, best)]
-        foretold = float(np.sum((errors[0] - errors[1]) ** 2))
-        seen = float(np.sum(errors[0] ** 2 - errors[1] ** 2))
-        over = max(1.0, float(np.sum(errors[1] ** 2) / max(scored.sum(), 1)))
-        # if the effect is real, the decrease is normal about what it foretells; where there is a
-        # twin, the law of the effect decides how much, and real laws differ from the catalogue's
-        missed = (foretold - seen) / (2 * np.sqrt(max(foretold * over, 1e-300)))
-        missed = 0.0 if problem.twin else missed
-        share = (rest.misfit - best.misfit) / (over * least)
-        return cls(rest, _gain(problem, rest, best, axis), missed, seen, share)
-
-
-def _buildable(problem: Problem, choice: Choice, best: Fit) -> Fit:
-    """The largest part of a set with which the simulated model is not clearly worse.
-
-    The fit may foretell large effects and large numbers of the model that cancel each other, which
-    they do not if they are simulated.
-    """
-    if not best.groups:
-        return best
-    limit = _simulated_gap(problem, choice.fits[0])
-    larger, larger_own = _tolerated(problem)
-    while best.groups:
-        whole, by_axis = _simulated_gap(problem, best)
-        axes = {problem.terms[group[0]].axis for group in best.groups}
-        own = [
-            by_axis[k - 1] > larger_own * limit[1][k - 1] for k in axes if 1 <= k <= len(by_axis)
-        ]
-        if whole <= larger * limit[0] and not any(own):
-            return best
-        rests = [rest for _, rest in _without_one(choice.problem, best)]
-        if not rests:
-            break
-        best = min(rests, key=lambda rest: _simulated_gap(problem, rest)[0])
-    return choice.fits[0]
-
-
-def _simulated_gap(problem: Problem, fitted: Fit) -> tuple[float, list[float]]:
-    """Gap on the scoring motions, simulated with a set and the calibrated numbers."""
-    return _score(problem, build(problem, fitted, _left(problem, fitted)[1]).left)
-
-
-def _tolerated(problem: Problem) -> tuple[float, float]:
-    """Gap of all axes, and of the effect's own axis, from which an effect counts as refuted."""
-    return (LARGER_TWIN, LARGER_OWN_TWIN) if problem.twin else (LARGER, LARGER_OWN)
-
-
-def _gain(problem: Problem, without: Fit, fitted: Fit, axis: int | None = None) -> float:
-    """Whitened squared error on the scoring motions that an effect takes away, over its error.
-
-    It is very negative if the gap, which is not whitened, becomes clearly larger: that of all axes,
-    or that of the effect's own axis.
-    """
-    scored = _scored(problem)
-    errors = [_left(problem, one)[0] for one in (without, fitted)]
-    (before, own_before), (after, own_after) = (_score(problem, error) for error in errors)
-    larger, larger_own = _tolerated(problem)
-    if after > larger * before:
-        return -after / before - 100.0
-    if axis is not None and 1 <= axis <= len(own_after):
-        was, now = own_before[axis - 1], own_after[axis - 1]
-        if now > larger_own * was:
-            return -now / was - 50.0
-    gain = np.subtract(*(problem.whiten(error) ** 2 * scored for error in errors)).sum(axis=1)
-    length = max(5, round(0.1 / problem.recording.sample_period))
-    blocks = gain[: len(gain) // length * length].reshape(-1, length).sum(axis=1)
-    return float(gain.sum() / max(np.sqrt(np.sum(blocks**2)), 1e-300))
-
-
-def _left(problem: Problem, fitted: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """Torque that a set and the calibration do not explain, and all values in their prior_std."""
-    free = fitted.terms
-    solution, _, _ = fitted.evidence.solve(free)
-    solution = solution.copy()
-    solution[free] = 0.0  # at the fit already
-    scale = np.array([term.prior_std for term in problem.terms])
-    explained = np.tensordot((solution * scale).astype(np.float32), problem.raw, axes=1)
-    return problem.residual - fitted.change - explained, solution
-
-
-def _scored(problem: Problem) -> np.ndarray:
-    """Samples of the scoring motions that are used, as a mask of shape (samples, n_axes)."""
-    return problem.inside & problem.samples(problem.scoring)[:, None]
-
-
-def _score(problem: Problem, error: np.ndarray) -> tuple[float, list[float]]:
-    """Relative error on the scoring motions: of all axes, and of each axis."""
-    inside, recording = _scored(problem), problem.recording
-    by_axis = relative_errors(error**2, recording, inside)
-    return relative_error(error**2, recording, inside), by_axis.tolist()
 
 
 def significance(problem: Problem, white: np.ndarray) -> float:
@@ -403,7 +210,7 @@ def _named(
 ) -> tuple[tuple[Named, ...], tuple[tuple[str, int, float], ...]]:
     best = choice.best
     effects, others = [], []
-    solution = _left(problem, best)[1]
+    solution = unexplained(problem, best)[1]
     for place, group in enumerate(best.groups):
         known = certainty(choice.problem, best, place)
         rivals = [(g, worse) for where, g, worse in choice.rivals if where == place]
@@ -422,7 +229,7 @@ def _named(
                 (known.low, known.high),
                 _parameters(problem, best, place),
                 1 / total,
-                _score(problem, left)[0],
+                gap(problem, left)[0],
             )
         )
     own = {(one.effect, one.axis) for one in effects}

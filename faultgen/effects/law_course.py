@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from faultgen.effects.base import Loads, Temperature, course_of
-from faultgen.robot import STRIBECK_VELOCITY, Robot
+from faultgen.robot import Robot
 
 SMOOTHING = 0.03
 """Window in which speed and acceleration are computed from the commanded position [s]."""
@@ -108,8 +108,7 @@ class Course:
     @cached_property
     def _still(self) -> np.ndarray:
         """Speed below which an axis counts as at rest, shape (n_axes,), in [rad/s]."""
-        friction = self.robot.ids("actuator", "friction")
-        width = self.robot.model.actuator_biasprm[friction, STRIBECK_VELOCITY]
+        width = self.robot.stribeck_velocity
         return _REST * np.where(width > 0, width, 1.0)
 
     @cached_property

@@ -33,10 +33,9 @@ from faultgen.evaluation.isolate import isolate
 from faultgen.evaluation.leader_board import LEVELS, benchmark_page, leaders
 from faultgen.evaluation.methods import Detector, Isolator
 from faultgen.robot import load_robot
+from faultgen.studies.places import ROBOTS, TASKS
 from faultgen.system.files import write_text
 
-ROBOTS = ("puma560", "irb6700")
-TASKS = ("pick_and_place", "spot_weld", "arc_weld")
 SEED = 2026
 """Seed of the data. Results of other seeds are not comparable with the leader board."""
 

@@ -12,7 +12,7 @@ from faultgen.analysis.friction_features import FrictionFeatures
 from faultgen.analysis.isolation import ChangeIsolator
 from faultgen.effects import Applied
 from faultgen.monitoring.reductions import SPEED_WINDOW, mean_abs_torque
-from faultgen.robot import STRIBECK_VELOCITY, Robot
+from faultgen.robot import Robot
 from faultgen.simulation.state import Condition
 
 _STEP = 4.0  # as far as temperatures of the preset 'realistic' commonly wander [K]
@@ -112,7 +112,7 @@ def wear_model(robot: Robot, cycles: np.ndarray, window: ArrayLike = SPEED_WINDO
         The friction terms and directions.
     """
     heavy, nominal, *_ = cycles
-    terms = FrictionFeatures(stribeck_velocity=_stribeck_velocity(robot)).fit(
+    terms = FrictionFeatures(stribeck_velocity=robot.stribeck_velocity).fit(
         nominal[1], load=(heavy[2] - nominal[2]) / (_HEAVIER - 1)
     )
     torque = np.nan_to_num([mean_abs_torque(cycle[1], cycle[2], window) for cycle in cycles[1:]])
@@ -133,11 +133,7 @@ def turning_axes(robot: Robot, velocity: np.ndarray) -> np.ndarray:
     Returns:
         Shape (n_axes,).
     """
-    return np.abs(velocity).max(axis=0) > _TURNING * _stribeck_velocity(robot)
-
-
-def _stribeck_velocity(robot: Robot) -> np.ndarray:
-    return robot.model.actuator_biasprm[robot.ids("actuator", "friction"), STRIBECK_VELOCITY]
+    return np.abs(velocity).max(axis=0) > _TURNING * robot.stribeck_velocity
 
 
 def wear_slopes(reduced: np.ndarray) -> Directions:

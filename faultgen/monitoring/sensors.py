@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked
 
 from faultgen.errors import InputError
+from faultgen.monitoring.autoregression import amplification
 from faultgen.system.reading import read_text
 
 FILE = "sensors.toml"
@@ -169,6 +170,19 @@ SENSORS = {
 """The presets by name. The numbers of `realistic` are assumed, except for the payload's 1 %."""
 
 
+def sensors_of(robots: Sequence[str]) -> str | None:
+    """Find the sensors file in the folder of a robot.
+
+    Args:
+        robots: Names of robots, or paths of their files or folders.
+
+    Returns:
+        The path of the file; None if there are several robots or if theirs has no such file.
+    """
+    own = [Path(robot) / FILE for robot in robots]
+    return str(own[0]) if len(own) == 1 and own[0].is_file() else None
+
+
 def get_sensors(name_or_path: str | Path) -> Sensors:
     """Return a preset of sensors, or read a sensors file.
 
@@ -285,12 +299,9 @@ def _coloured(
             f"experiment has {sample_period:g} s; set sample_period = {own:g}"
         )
     noise = rng.standard_normal((_SETTLING + shape[0], shape[1]))
-    impulse = np.zeros(8 * _SETTLING)
-    impulse[0] = 1.0
     for axis, coefficients in enumerate(sensors.torque_colour):
         feedback = [1.0, *(-np.array(coefficients))]
-        size = np.sqrt(np.sum(lfilter([1.0], feedback, impulse) ** 2))
-        noise[:, axis] = lfilter([1.0], feedback, noise[:, axis]) / size
+        noise[:, axis] = lfilter([1.0], feedback, noise[:, axis]) / amplification(coefficients)
     return noise[_SETTLING:]
 
 

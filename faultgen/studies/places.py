@@ -6,6 +6,12 @@ from pathlib import Path
 
 from faultgen.robot import load_robot
 
+ROBOTS = ("puma560", "irb6700")
+"""The robots that come with faultgen."""
+
+TASKS = ("pick_and_place", "spot_weld", "arc_weld")
+"""The tasks of the thesis that both robots can do."""
+
 
 def place_name(robot: str, task: str) -> tuple[str, str]:
     """Return the names of a robot and a task, which do not depend on where their files are.

@@ -13,7 +13,7 @@ from typing import Any
 from faultgen import plugins
 from faultgen.errors import InputError
 from faultgen.fleet import Fleet, generate_fleet, open_fleet
-from faultgen.monitoring.sensors import get_sensors
+from faultgen.monitoring.sensors import get_sensors, sensors_of
 from faultgen.provenance import provenance
 from faultgen.studies.figures import Figures, draw
 from faultgen.studies.fleets import study_fleet
@@ -101,8 +101,8 @@ def run_study(
         chosen |= {"tasks": tuple(tasks)} if tasks else {}
     if sensors is not None and name != "detectability":
         raise InputError(f"study {name}: has its own noise and takes no --sensors")
-    if sensors is not None:
-        chosen["sensors"] = get_sensors(sensors)
+    if name == "detectability":
+        chosen["sensors"] = get_sensors(sensors or sensors_of(robots) or "realistic")
     recorded = None if fleet is None else open_fleet(fleet)
     started = time.monotonic()
     try:

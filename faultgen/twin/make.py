@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 from threadpoolctl import threadpool_limits
 
 from faultgen.discovery.calibrate import calibrate
@@ -28,6 +27,7 @@ from faultgen.discovery.recording import Recording, mean_of, write_recording
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.workflow import check_own_noise, check_same_motion, usable
 from faultgen.errors import InputError
+from faultgen.monitoring.autoregression import impulse_response
 from faultgen.monitoring.sensors import FILE, Remainder, Sensors
 from faultgen.report.discover import discover
 from faultgen.report.twin_report import twin_page
@@ -314,9 +314,7 @@ def _recoloured(colour: list[list[float]], recorded: float, period: float) -> li
         return colour
     out = []
     for own in colour:
-        impulse = np.zeros(2048)
-        impulse[0] = 1.0
-        state = lfilter([1.0], [1.0, *(-a for a in own)], impulse)
+        state = impulse_response(own)
         correlation = float(np.clip((state[1:] * state[:-1]).sum() / (state**2).sum(), 0.0, 0.98))
         out.append([float(f"{correlation ** (period / recorded):.5g}")])
     return out

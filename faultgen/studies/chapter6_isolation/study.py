@@ -41,12 +41,11 @@ from faultgen.studies.chapter6_isolation.series import (
     make_series,
     monitored,
 )
-from faultgen.studies.places import place_name
+from faultgen.studies.places import TASKS, place_name
 from faultgen.system.parallel import in_parallel
 from faultgen.system.progress import follow
 
 ROBOTS = ("irb6700", "puma560")
-TASKS = ("pick_and_place", "spot_weld", "arc_weld")
 PAIR_LEVEL = 0.10
 CONTROLS = ("as measured", "cycles shuffled", "time reversed", "noise with a trend on one axis")
 

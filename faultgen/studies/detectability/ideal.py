@@ -19,6 +19,7 @@ from scipy.signal import lfilter
 from scipy.stats import norm
 
 from faultgen.errors import InputError
+from faultgen.monitoring.autoregression import amplification
 from faultgen.monitoring.sensors import Sensors, torque_growth
 from faultgen.robot import Robot
 
@@ -36,8 +37,6 @@ DETECTED = 0.95
 
 NEEDED = float(norm.isf(FALSE_ALARM) + norm.ppf(DETECTED))
 """Distance d' of the mean of a day that is detected at these rates."""
-
-_ORDER = 4096  # samples of an impulse response, by which coloured noise is scaled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +74,8 @@ class MatchedFilter:
     """Standard deviation of the noise of each logged torque, shape (samples, n_axes), in [N m]."""
     feedback: list[np.ndarray]
     """Coefficients of the autoregression of the torque noise of each axis."""
+    amplification: list[float]
+    """Standard deviation of this noise over that of its innovations, for each axis."""
     position_noise: np.ndarray
     """Standard deviation of each logged motor position, shape (n_axes,), in [rad]; 0 where none is
     logged."""
@@ -99,7 +100,7 @@ class MatchedFilter:
             level = self.torque_noise[:, axis]
             if (level > 0).all():
                 white = lfilter([1.0, *(-own)], [1.0], logged[2, :, axis] / level)[len(own) :]
-                parts.append(white * _size(own))
+                parts.append(white * self.amplification[axis])
             if self.position_noise[axis] > 0:
                 parts.append(logged[0, :, axis] / self.position_noise[axis])
         return np.concatenate(parts) if parts else np.zeros(0)
@@ -175,10 +176,12 @@ def matched_filter(
         "payload": sensors.payload_scatter,
         "run_to_run": 1.0,
     }
+    feedback = _feedback(sensors, n_axes, every * step)
     bare = MatchedFilter(
         every,
         np.broadcast_to(level * mean_torque * growth, logged[2].shape),
-        _feedback(sensors, n_axes, every * step),
+        feedback,
+        [amplification(own) for own in feedback],
         position,
         np.zeros((0, 0)),
     )
@@ -192,10 +195,3 @@ def _feedback(sensors: Sensors, n_axes: int, period: float) -> list[np.ndarray]:
         return [np.array(own) for own in sensors.torque_colour]
     times = np.broadcast_to(np.asarray(sensors.torque_correlation, float), (n_axes,)).tolist()
     return [np.array([np.exp(-period / time)]) if time > 0 else np.zeros(0) for time in times]
-
-
-def _size(feedback: np.ndarray) -> float:
-    """Standard deviation of an autoregression whose innovations have one of 1."""
-    impulse = np.zeros(_ORDER)
-    impulse[0] = 1.0
-    return float(np.sqrt(np.sum(lfilter([1.0], [1.0, *(-feedback)], impulse) ** 2)))

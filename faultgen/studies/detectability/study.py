@@ -38,13 +38,11 @@ from faultgen.studies.detectability.ideal import (
 )
 from faultgen.studies.detectability.judged import Judged, judged, smallest
 from faultgen.studies.detectability.limits import Bench, find_limit
-from faultgen.studies.places import place_name
+from faultgen.studies.places import ROBOTS, TASKS, place_name
 from faultgen.system.files import write_text
 from faultgen.system.parallel import in_parallel
 from faultgen.system.progress import follow
 
-ROBOTS = ("puma560", "irb6700")
-TASKS = ("pick_and_place", "spot_weld", "arc_weld")
 REFERENCE = "torque"
 """Name of the view to which the others are compared."""
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 _IN = {
     "1": (100.0, "%"),
-    "rad": (10800 / 3.141592653589793, "arcmin"),
+    "rad": (10800 / np.pi, "arcmin"),
     "m": (1000.0, "mm"),
     "s": (1000.0, "ms"),
     "N m": (1.0, "N m"),
