@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from faultgen.discovery.candidates import Term
-from faultgen.discovery.fit import fit
+from faultgen.discovery.fit import first_of, fit
 from faultgen.discovery.noise import Autoregression
 from faultgen.discovery.regression import Problem
 
@@ -79,11 +79,11 @@ def test_a_bent_law_gets_slopes_of_its_own(pose):
     assert found.errors[0] == pytest.approx(1 / slope, rel=0.1)
 
 
-def test_a_first_step_that_is_too_long_is_shortened(pose):
+@pytest.mark.parametrize("start", [0.7, 0.9])
+def test_a_first_step_that_is_too_long_is_shortened(pose, start):
     """Beyond 0.5 the law explodes, and the linear estimate lies beyond."""
     problem = pose(lambda v: 0.2 * v + 300 * max(v - 0.5, 0) ** 2, (0.4, 0.0, 0.0))
-    start = np.array([0.9])
-    found = fit(problem, [(0,)], start)
+    found = fit(problem, [(0,)], np.array([start]))
     assert found.values[0] == pytest.approx(0.4, abs=5 * found.errors[0])
 
 
@@ -100,6 +100,43 @@ def test_a_play_is_found_beyond_a_barrier(pose, true):
     for start in (None, np.array([2.0 * true])):
         found = fit(problem, [(0,)], start)
         assert found.values == pytest.approx([true], abs=5e-5)
+        slope = (problem.change([(term, true + 1e-6)]) - problem.change([(term, true)])) / 1e-6
+        fitted = np.sqrt(np.sum(slope[:400] ** 2))
+        assert found.errors[0] == pytest.approx(1 / fitted, rel=0.2)
+
+
+def test_only_the_newest_effect_is_searched_for_if_the_others_are_known(pose, monkeypatch):
+    """A search tries many severities; a known play needs none."""
+    terms = [Term("backlash", 1, 3e-4, 1.0), TERMS[1]]
+    problem = pose(lambda v: 1000 * v, (4e-4, 2e-4), terms)
+    tried = []
+    torque = problem.replay.torque
+    counted = SimpleNamespace(torque=lambda changes: (tried.append(changes), torque(changes))[1])
+    object.__setattr__(problem, "replay", counted)
+    for start, is_searched in ((None, True), (np.array([4e-4, 1e-4]), False)):
+        tried.clear()
+        found = fit(problem, [(0,), (1,)], start)
+        assert found.values == pytest.approx([4e-4, 2e-4], abs=1e-5)
+        assert (len(tried) > 10) is is_searched
+
+
+@pytest.mark.parametrize("diverges", [False, True])
+def test_the_first_effects_of_a_set_keep_their_severities(pose, diverges):
+    """Their torque is simulated, or to first order where the simulation diverges."""
+    problem = pose(lambda v: v + v**2, (0.5, 0.3, 0.2))
+    found = fit(problem, [(0,), (1,), (2,)])
+    torque = problem.replay.torque
+    if diverges:
+        torque = lambda changes: np.full((COUNT, 1), np.nan)  # noqa: E731
+    object.__setattr__(problem, "replay", SimpleNamespace(torque=torque))
+    first = first_of(problem, found, 2)
+    assert first.groups == ((0,), (1,))
+    assert first.values == pytest.approx(found.values[:2])
+    assert first.errors == pytest.approx(found.errors[:2])
+    bend = 2.0 if diverges else 1 + found.values[:2]  # the law at a severity of 1 is 2
+    told = (bend * found.values[:2])[:, None, None] * problem.raw[:2] / 2
+    assert first.change == pytest.approx(told.sum(axis=0), rel=1e-4, abs=1e-4)
+    assert first_of(problem, found, 3) is found
 
 
 def test_nothing_is_fitted_where_no_severity_explains_anything(pose):
