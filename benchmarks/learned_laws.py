@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import typer
 
-from faultgen.discovery.candidates import effect_terms, with_prior_scale
+from faultgen.discovery.candidates import between_runs, effect_terms
 from faultgen.discovery.learned_law import learn
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regression import Problem, pose
@@ -101,7 +101,7 @@ def main(draws: int = 5) -> None:
     base = Replay(recording, robot).torque()
     replay = Replay(replace(recording, torque=base), robot)
     terms = effect_terms(robot, [name for name in EFFECTS if name not in _KNOWN])
-    terms = with_prior_scale(terms, 0.01)
+    terms = between_runs(terms)
     _, raw = sensitivities(replay, terms)
     deviation = NOISE * np.sqrt(np.mean(base**2, axis=0))
     rng = np.random.default_rng(0)

@@ -115,6 +115,16 @@ def regressor(
     return columns
 
 
+UNLOADED = (
+    "train_30s_feb10",
+    "train_40s_feb12",
+    "test_50s_feb12",
+    "unloaded_14harm_feb19",
+    "unloaded_15harm_feb19",
+)
+"""Recordings of all axes without payload, from ten days."""
+
+
 @dataclass(frozen=True)
 class Run:
     """One recording, and what the regressions need of it."""
@@ -412,16 +422,43 @@ def print_ripple(folder: Path) -> None:
             print(f"| {name} | {axis + 1} | {left.std():.2f} | {shown} |")
 
 
+def print_repeats(folder: Path) -> None:
+    """Friction at usual speed of each recording without payload, over its mean.
+
+    All recordings have the same links and rotors in one regression, and each its own friction.
+    """
+    runs = [Run(folder, name) for name in UNLOADED]
+    own = ("smooth Coulomb", "viscous", "offset")
+    rows = []
+    for k, run in enumerate(runs):
+        columns = np.concatenate([TERMS[name](run) for name in own], axis=2)
+        parts = [columns if j == k else np.zeros_like(columns) for j in range(len(runs))]
+        rows.append(np.concatenate([run.body[:, :, :60], TERMS["rotor"](run), *parts], axis=2))
+    target = np.concatenate([run.signals[3] for run in runs])
+    values = solve(np.concatenate(rows), target)[66:].reshape(len(runs), len(own), 6)
+    speed = np.mean([np.sqrt(np.mean(run.signals[1] ** 2, axis=0)) for run in runs], axis=0)
+    friction = values[:, 0] + speed * values[:, 1]
+    friction /= friction.mean(axis=0)
+    print("\n| friction at usual speed | axis 1 | 2 | 3 | 4 | 5 | 6 |\n" + "|---" * 7 + "|")
+    deviation = 100 * friction.std(axis=0, ddof=1)
+    for name, row in (*zip(UNLOADED, friction, strict=True), ("deviation [%]", deviation)):
+        print(f"| {name} | " + " | ".join(f"{x:.3f}" for x in row) + " |")
+
+
 def main() -> None:
     """Print all tables."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--pair", choices=("14harm", "15harm"), help="this payload table only")
     parser.add_argument("--ripple", action="store_true", help="the ripple only")
+    parser.add_argument("--repeats", action="store_true", help="friction of each recording only")
     args = parser.parse_args()
     folder = args.data / "ur10e"
     if args.ripple:
         print_ripple(folder)
+        return
+    if args.repeats:
+        print_repeats(folder)
         return
     if args.pair:
         print_payload(folder, (args.pair,))
@@ -433,6 +470,7 @@ def main() -> None:
         shown = ", ".join(f"{g:.3f}" for g in drive_gains(run) / run.gain[1:4])
         print(f"| {name} | {shown} |")
     print_friction(folder)
+    print_repeats(folder)
     print_payload(folder, ("14harm", "15harm"))
 
 

@@ -319,7 +319,7 @@ def test_an_effect_that_other_motions_refute_is_not_named(posed, in_scoring, kep
     assert len(choice.best.groups) == 1
     empty = choice.fits[0]
     calibrated = gap(case, build(case, empty, unexplained(case, empty)[1]).left)
-    assert len(confirmed(case, choice, calibrated).best.groups) == kept
+    assert len(confirmed(case, choice, calibrated).choice.best.groups) == kept
 
 
 def test_an_answer_is_partial_if_much_more_than_noise_remains():

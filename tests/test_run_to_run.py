@@ -1,6 +1,7 @@
 """Several healthy runs: what differs between them is measured, and is no effect."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +10,10 @@ import faultgen
 from faultgen.discovery import investigate, read_recording, write_recording
 from faultgen.discovery.evidence import Evidence
 from faultgen.discovery.recording import mean_of
+from faultgen.discovery.result import Named
 from faultgen.discovery.run_to_run import differences, repetitions, variances
 from faultgen.errors import InputError
+from faultgen.report.discover import _on_friction as on_friction
 from faultgen.robot import COULOMB
 
 FRICTION = (0.05, -0.06, 0.02, -0.02)
@@ -148,3 +151,22 @@ def test_the_mean_has_what_all_runs_have(runs):
     both = mean_of([first, runs[1]])
     assert both.temperature is None
     np.testing.assert_array_equal(both.torque, (runs[0].torque + runs[1].torque) / 2)
+
+
+@pytest.mark.parametrize(
+    ("effect", "severity", "twin", "known", "warned"),
+    [
+        ("coulomb_friction", -0.012, True, None, True),
+        ("coulomb_friction", 0.03, True, None, False),
+        ("torque_constant", 0.01, True, None, False),
+        ("coulomb_friction", 0.01, False, None, False),
+        ("coulomb_friction", 0.01, True, np.ones((3, 2)), False),
+    ],
+)
+def test_a_usual_change_of_friction_is_told_with_a_warning(effect, severity, twin, known, warned):
+    """Unless several runs show how much the friction of this robot differs."""
+    problem = SimpleNamespace(twin=twin, run_to_run=known)
+    answer = SimpleNamespace(effects=[Named(effect, 2, severity, 0.001, (0, 0), {}, 1.0, 0.1)])
+    lines = on_friction(SimpleNamespace(problem=problem, answer=answer))
+    assert len(lines) == warned
+    assert all("axis 2" in line and "-1.2 %" in line for line in lines)

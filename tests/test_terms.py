@@ -5,11 +5,13 @@ import numpy as np
 import pytest
 
 from faultgen.discovery.candidates import (
+    DAY_TO_DAY,
     INERTIA,
+    SAME_MOTIONS,
+    between_runs,
     effect_terms,
     names_by_use,
     periodic_terms,
-    with_prior_scale,
 )
 from faultgen.discovery.inertia import apply_inertia, inertia_terms
 from faultgen.effects import Effect, Prior
@@ -52,7 +54,16 @@ def test_tolerances_and_steps_are_positive(tiny_robot):
     terms = effect_terms(tiny_robot) + inertia_terms(tiny_robot)
     terms += periodic_terms(tiny_robot, "torque_ripple", 1, 3.5)
     assert all(term.prior_std > 0 and term.step > 0 for term in terms)
-    assert with_prior_scale(terms, 0.1)[3].prior_std == pytest.approx(0.1 * terms[3].prior_std)
+
+
+def test_two_runs_of_a_robot_differ_less_than_a_robot_and_its_model(tiny_robot):
+    """Their friction differs by a tenth of a percent at least."""
+    terms = effect_terms(tiny_robot)
+    for before, after in zip(terms, between_runs(terms), strict=True):
+        least = DAY_TO_DAY.get(before.name, 0.0)
+        assert after.prior_std == max(SAME_MOTIONS * before.prior_std, least)
+        assert after.key == before.key and after.step == before.step
+    assert {"coulomb_friction", "viscous_friction"} == set(DAY_TO_DAY)
 
 
 def test_inertias_are_those_of_bodies_that_exist(tiny_robot):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,21 +21,37 @@ LARGER, LARGER_OWN = 1.02, 1.06
 """The same without a twin, where the model's own numbers imitate an effect that is left out:
 assumed."""
 
-REFUTED = -1.0
-"""Decrease of the error by an effect, over its standard error, from which the effect counts as
-refuted: assumed."""
+LARGER_SURE, LARGER_OWN_SURE = 1.1, 1.2
+"""The same without a twin, if the scoring motions bear out every effect by themselves. Other errors
+of the model may be so much larger than an effect that the gap grows by chance: assumed."""
+
+REFUTED, WORSE = -1.0, 9.0
+"""An effect is refuted if the error on the scoring motions increases by more than one standard
+error, and the squared whitened error by more than 9, as in a test of three standard deviations:
+assumed. Where the effect is a number that calibration may change too, the two models foretell
+almost the same, and a small increase says nothing."""
 
 MISSED = 4.0
 """Standard errors by which what an effect foretells on the scoring motions may be missing, if the
 error there does not decrease at all. It holds without a twin. Of 7 real effects of development
 cases one reaches 2.6; of 6 false ones whose error does not decrease all reach 5."""
 
-
 Gap = tuple[float, list[float]]
 """Relative error of all axes, and of each axis."""
 
 
-def confirmed(problem: Problem, choice: Choice, calibrated: Gap) -> Choice:
+@dataclass(frozen=True, eq=False)
+class Confirmed:
+    """A set of effects that is borne out, and the model that goes with it."""
+
+    choice: Choice
+    """The chosen set, and its rivals if no effect was removed."""
+    solution: np.ndarray
+    """Calibrated value of every term in its prior standard deviations, shape (terms,); 0 for the
+    effects of the set."""
+
+
+def confirmed(problem: Problem, choice: Choice, calibrated: Gap) -> Confirmed:
     """Keep only the effects that are borne out by the scoring motions.
 
     An effect is removed for one of three reasons, where the set without it is fitted again. Its
@@ -52,9 +69,10 @@ def confirmed(problem: Problem, choice: Choice, calibrated: Gap) -> Choice:
         calibrated: Gap of the calibrated model without effects, simulated.
 
     Returns:
-        The same choice, or one with fewer effects and without rivals.
+        The same choice, or one with fewer effects and without rivals; and the calibrated values
+        with which the scoring motions are foretold best.
     """
-    best = choice.best
+    best, is_sure = choice.best, False
     while best.groups:
         trials = [
             _Trial.of(problem, rest, best, problem.terms[group[0]].axis, needed(problem, group))
@@ -62,16 +80,18 @@ def confirmed(problem: Problem, choice: Choice, calibrated: Gap) -> Choice:
         ]
         if not trials:
             break
+        is_sure = all(one.is_supported for one in trials)
         refuted = [one for one in trials if one.is_refuted]
-        if refuted:
-            best = min(refuted, key=lambda one: one.gain).rest
+        if refuted:  # the weakest first: a false effect distorts what the others seem to do
+            best = min(refuted, key=lambda one: one.share).rest
         # each effect may compensate for another one, while none of them is right
-        elif _gain(problem, _errors(problem, choice.fits[0], best)) < REFUTED:
+        elif not is_sure and _are_worse(problem, choice.fits[0], best):
             best = min(trials, key=lambda one: one.gain).rest
         else:
             break
-    best = _buildable(problem, choice, best, calibrated)
-    return choice if best is choice.best else replace(choice, best=best, rivals=())
+    best, solution = _buildable(problem, choice, best, calibrated, is_sure)
+    new = choice if best is choice.best else replace(choice, best=best, rivals=())
+    return Confirmed(new, solution)
 
 
 def _without_one(problem: Problem, best: Fit) -> list[tuple[Group, Fit]]:
@@ -91,20 +111,26 @@ class _Trial:
     rest: Fit
     """The set without it."""
     gain: float
-    """See `_gain`."""
+    """Decrease of the squared whitened error on the scoring motions, over its standard error."""
+    grows: bool
+    """Whether the gap there, which is not whitened, becomes clearly larger."""
     missed: float
-    """Decrease of the squared error that the effect foretells on the scoring motions, less that
-    which is seen, over its standard error."""
+    """Decrease of the squared whitened error that the effect foretells there, less that which is
+    seen, over its standard error."""
     seen: float
-    """Decrease of the squared error on the scoring motions."""
+    """Decrease of the squared whitened error there, over the overdispersion."""
     share: float
     """Decrease of the misfit, over that which is needed."""
+    is_supported: bool
+    """Whether the scoring motions bear out the effect by themselves."""
 
     @property
     def is_refuted(self) -> bool:
         """Whether the effect is to be removed."""
-        not_there = self.seen < 0 and self.missed > MISSED
-        return self.gain < REFUTED or not_there or self.share < 1
+        is_worse = self.gain < REFUTED and self.seen < -WORSE
+        is_absent = self.seen < 0 and self.missed > MISSED
+        grows = self.grows and not self.is_supported
+        return grows or is_worse or is_absent or self.share < 1
 
     @classmethod
     def of(cls, problem: Problem, rest: Fit, best: Fit, axis: int, least: float) -> _Trial:
@@ -117,87 +143,128 @@ class _Trial:
             axis: Axis on which it acts.
             least: Amount by which it must reduce the misfit, if noise alone is left.
         """
-        errors = _errors(problem, rest, best)
+        errors = _Errors.of(problem, rest, best)
         without, having = errors.whitened
-        foretold = float(np.sum((without - having) ** 2))
-        seen = float(np.sum(without**2 - having**2))
-        over = max(1.0, float(np.sum(having**2) / max(scored(problem).sum(), 1)))
+        foretold = float(np.sum((without - having) ** 2)) / errors.over
+        seen = errors.seen / errors.over
         # if the effect is real, the decrease is normal about what it foretells; where there is a
         # twin, the law of the effect decides how much, and real laws differ from the catalogue's
-        missed = (foretold - seen) / (2 * np.sqrt(max(foretold * over, 1e-300)))
+        missed = (foretold - seen) / (2 * np.sqrt(max(foretold, 1e-300)))
         missed = 0.0 if problem.twin else missed
-        share = (rest.misfit - best.misfit) / (over * least)
-        return cls(rest, _gain(problem, errors, axis), missed, seen, share)
-
-
-def _buildable(problem: Problem, choice: Choice, best: Fit, calibrated: Gap) -> Fit:
-    """The largest part of a set with which the simulated model is not clearly worse.
-
-    The fit may foretell large effects and large numbers of the model that cancel each other, which
-    they do not if they are simulated.
-    """
-    larger, larger_own = _tolerated(problem)
-    whole, by_axis = _simulated_gap(problem, best) if best.groups else calibrated
-    while best.groups:
-        axes = {problem.terms[group[0]].axis for group in best.groups}
-        own = [
-            by_axis[k - 1] > larger_own * calibrated[1][k - 1]
-            for k in axes
-            if 1 <= k <= len(by_axis)
-        ]
-        if whole <= larger * calibrated[0] and not any(own):
-            return best
-        rests = [rest for _, rest in _without_one(choice.problem, best)]
-        if not rests:
-            break
-        tried = [(_simulated_gap(problem, rest), rest) for rest in rests]
-        (whole, by_axis), best = min(tried, key=lambda one: one[0][0])
-    return choice.fits[0]
-
-
-def _simulated_gap(problem: Problem, fitted: Fit) -> Gap:
-    """Gap on the scoring motions, simulated with a set and the calibrated numbers."""
-    return gap(problem, build(problem, fitted, unexplained(problem, fitted)[1]).left)
-
-
-def _tolerated(problem: Problem) -> tuple[float, float]:
-    """Gap of all axes, and of the effect's own axis, from which an effect counts as refuted."""
-    return (LARGER_TWIN, LARGER_OWN_TWIN) if problem.twin else (LARGER, LARGER_OWN)
+        return cls(
+            rest=rest,
+            gain=errors.gain,
+            grows=errors.grows(problem, axis),
+            missed=missed,
+            seen=seen,
+            share=(rest.misfit - best.misfit) / (errors.over * least),
+            is_supported=not problem.twin and seen >= least and abs(missed) <= MISSED,
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class _Errors:
-    """Errors without and with an effect."""
+    """Errors on the scoring motions without and with effects."""
 
     torque: tuple[np.ndarray, np.ndarray]
     """In N m, each of shape (samples, n_axes)."""
     whitened: tuple[np.ndarray, np.ndarray]
     """Without unit, same shapes; 0 outside the scoring motions."""
+    over: float
+    """Overdispersion with the effects: mean squared whitened error, at least 1."""
+    length: int
+    """Samples of the blocks from which standard errors come."""
+
+    @classmethod
+    def of(cls, problem: Problem, without: Fit, having: Fit) -> _Errors:
+        """Compute the errors of two sets."""
+        inside = scored(problem)
+        first, second = (unexplained(problem, one)[0] for one in (without, having))
+        whitened = problem.whiten(first) * inside, problem.whiten(second) * inside
+        over = max(1.0, float(np.sum(whitened[1] ** 2) / max(inside.sum(), 1)))
+        length = max(5, round(0.1 / problem.recording.sample_period))
+        return cls((first, second), whitened, over, length)
+
+    @property
+    def seen(self) -> float:
+        """Decrease of the squared whitened error by the effects."""
+        return float(np.sum(self.whitened[0] ** 2 - self.whitened[1] ** 2))
+
+    @property
+    def gain(self) -> float:
+        """The same over its standard error, which comes from blocks of 0.1 s."""
+        by_sample = (self.whitened[0] ** 2 - self.whitened[1] ** 2).sum(axis=1)
+        whole = len(by_sample) // self.length * self.length
+        blocks = by_sample[:whole].reshape(-1, self.length).sum(axis=1)
+        return self.seen / max(float(np.sqrt(np.sum(blocks**2))), 1e-300)
+
+    def grows(self, problem: Problem, axis: int | None = None) -> bool:
+        """Whether the gap of all axes, or of one axis, becomes clearly larger."""
+        before, after = (gap(problem, error) for error in self.torque)
+        limits = (LARGER_TWIN, LARGER_OWN_TWIN) if problem.twin else (LARGER, LARGER_OWN)
+        return _grows(before, after, limits, () if axis is None else (axis,))
 
 
-def _errors(problem: Problem, without: Fit, having: Fit) -> _Errors:
-    inside = scored(problem)
-    first, second = (unexplained(problem, one)[0] for one in (without, having))
-    return _Errors(
-        (first, second), (problem.whiten(first) * inside, problem.whiten(second) * inside)
-    )
+def _grows(before: Gap, after: Gap, limits: tuple[float, float], axes: Iterable[int]) -> bool:
+    """Whether the gap of all axes, or of one of some axes, becomes clearly larger.
 
-
-def _gain(problem: Problem, errors: _Errors, axis: int | None = None) -> float:
-    """Whitened squared error on the scoring motions that an effect takes away, over its error.
-
-    It is very negative if the gap, which is not whitened, becomes clearly larger: that of all axes,
-    or that of the effect's own axis.
+    Args:
+        before: Gap without effects.
+        after: Gap with them.
+        limits: Ratio from which a gap is clearly larger: of all axes, and of one axis.
+        axes: Axes on which the effects act, from 1; others than those of the robot have no gap.
     """
-    (before, own_before), (after, own_after) = (gap(problem, error) for error in errors.torque)
-    larger, larger_own = _tolerated(problem)
-    if after > larger * before:
-        return -after / before - 100.0
-    if axis is not None and 1 <= axis <= len(own_after):
-        was, now = own_before[axis - 1], own_after[axis - 1]
-        if now > larger_own * was:
-            return -now / was - 50.0
-    gain = np.subtract(*(error**2 for error in errors.whitened)).sum(axis=1)
-    length = max(5, round(0.1 / problem.recording.sample_period))
-    blocks = gain[: len(gain) // length * length].reshape(-1, length).sum(axis=1)
-    return float(gain.sum() / max(np.sqrt(np.sum(blocks**2)), 1e-300))
+    own = [k - 1 for k in axes if 1 <= k <= len(after[1])]
+    larger = any(after[1][k] > limits[1] * before[1][k] for k in own)
+    return larger or after[0] > limits[0] * before[0]
+
+
+def _are_worse(problem: Problem, without: Fit, having: Fit) -> bool:
+    """Whether a whole set makes the scoring motions clearly worse than no effect does."""
+    errors = _Errors.of(problem, without, having)
+    is_worse = errors.gain < REFUTED and errors.seen < -WORSE * errors.over
+    return is_worse or errors.grows(problem)
+
+
+def _buildable(
+    problem: Problem, choice: Choice, best: Fit, calibrated: Gap, is_sure: bool
+) -> tuple[Fit, np.ndarray]:
+    """The largest part of a set with which the simulated model is not clearly worse.
+
+    The fit may foretell large effects and large numbers of the model that cancel each other, which
+    they do not if they are simulated.
+
+    Args:
+        problem: The residual and the terms.
+        choice: The chosen set and its rivals.
+        best: The set, as far as it is borne out.
+        calibrated: Gap of the calibrated model without effects, simulated.
+        is_sure: Whether the scoring motions bear out every effect by themselves.
+
+    Returns:
+        The part of the set, and the calibrated values that go with it.
+    """
+    empty = choice.fits[0]
+    base = unexplained(problem, empty)[1]
+
+    def simulated(fitted: Fit) -> tuple[Gap, np.ndarray]:
+        """Smallest gap, with calibrated values that were found with the set or without effects."""
+        found = []
+        for solution in (unexplained(problem, fitted)[1], base)[: 1 if problem.twin else 2]:
+            own = solution.copy()
+            own[fitted.terms] = 0.0
+            found.append((gap(problem, build(problem, fitted, own).left), own))
+        return min(found, key=lambda one: one[0][0])
+
+    limits = (LARGER_TWIN, LARGER_OWN_TWIN) if problem.twin else (LARGER, LARGER_OWN)
+    limits = (LARGER_SURE, LARGER_OWN_SURE) if is_sure else limits
+    after, solution = simulated(best) if best.groups else (calibrated, base)
+    while best.groups:
+        axes = {problem.terms[group[0]].axis for group in best.groups}
+        if not _grows(calibrated, after, limits, axes):
+            return best, solution
+        tried = [(*simulated(rest), rest) for _, rest in _without_one(choice.problem, best)]
+        if not tried:
+            break
+        after, solution, best = min(tried, key=lambda one: one[0][0])
+    return empty, base

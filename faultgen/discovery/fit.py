@@ -68,6 +68,8 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
 
     Each step simulates the effects exactly. The slopes are the columns of the unchanged model. If
     the simulation explains less than these slopes predict, new slopes are computed at each step.
+    The severity of a play is searched over a wide range: always if there is a twin, and otherwise
+    where the slopes lead nowhere, because the errors of a model look like some play or other.
 
     Args:
         problem: The residual and the terms.
@@ -78,11 +80,35 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
         The fit, or None if no severity within the bounds of an effect explains anything.
     """
     terms = [term for group in groups for term in group]
-    scale = np.array([problem.terms[t].prior_std for t in terms])
-    evidence = problem.evidence()
     if not terms:
+        evidence = problem.evidence()
         _, _, misfit = evidence.solve()
         return _done(problem, (), np.empty(0), np.zeros_like(problem.residual), evidence, misfit)
+    new = terms if start is None else groups[-1]
+    plays = [t for t in new if len(get_effect(problem.terms[t].name).prior.steps) >= _UNEVEN]
+    if problem.twin:
+        return _fit(problem, groups, start, plays)
+    found = _fit(problem, groups, start, ())
+    return _fit(problem, groups, start, plays) if found is None and plays else found
+
+
+def _fit(
+    problem: Problem, groups: Sequence[Group], start: np.ndarray | None, plays: Sequence[int]
+) -> Fit | None:
+    """Fit a set of effects, of which some are searched over a wide range of severities.
+
+    Args:
+        problem: The residual and the terms.
+        groups: The set of effects, at least one.
+        start: As for `fit`.
+        plays: Indices of the terms that are searched.
+
+    Returns:
+        As for `fit`.
+    """
+    terms = [term for group in groups for term in group]
+    scale = np.array([problem.terms[t].prior_std for t in terms])
+    evidence = problem.evidence()
 
     def simulate(value: np.ndarray) -> np.ndarray | None:
         pairs = zip(terms, value.tolist(), strict=True)
@@ -95,10 +121,8 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
     value = _bounded(problem, terms, value)
     if not np.any(value):
         return None
-    # without a twin, the errors of the model look like some play or other
-    fresh = () if not problem.twin else terms if start is None else groups[-1]
     for k, t in enumerate(terms):
-        if t in fresh and len(get_effect(problem.terms[t].name).prior.steps) >= _UNEVEN:
+        if t in plays:
             value = _scanned(problem, terms, value, k, simulate)
     told = np.tensordot(value.astype(np.float32), problem.raw[terms], axes=1)
     _, _, expected = problem.evidence(problem.residual - told).solve(held=terms)

@@ -58,9 +58,9 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     without, base_values = unexplained(problem, empty)
     basic = build(problem, empty, base_values)
     calibrated = gap(problem, basic.left)
-    choice = confirmed(problem, choice, calibrated)
-    best = choice.best
-    left, values = unexplained(problem, best)
+    kept = confirmed(problem, choice, calibrated)
+    choice, best = kept.choice, kept.choice.best
+    left, _ = unexplained(problem, best)
     white = problem.whiten(left)
     own = [(problem.terms[t].axis, problem.white[t]) for t in best.terms]
     found = patterns(problem, white, problem.fitting, own)
@@ -71,8 +71,8 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     noise = problem.noise.of_samples()
     strange = strange_patterns(problem, found)
     known = bool(best.groups) and not _contrived(problem, best)
-    effects, alternatives = _named(problem, choice)
-    chosen = (best, values) if known else (empty, base_values)
+    effects, alternatives = _named(problem, choice, kept.solution)
+    chosen = (best, kept.solution) if known else (empty, base_values)
     built, robot, lacks = build_stable(problem, *chosen)
     before, after = gap(problem, problem.residual), gap(problem, built.left)
     # an error holds the noise, so that the noise of an axis is no larger than any of its errors
@@ -206,11 +206,10 @@ def _is_large(problem: Problem, pattern: Pattern) -> bool:
 
 
 def _named(
-    problem: Problem, choice: Choice
+    problem: Problem, choice: Choice, solution: np.ndarray
 ) -> tuple[tuple[Named, ...], tuple[tuple[str, int, float], ...]]:
     best = choice.best
     effects, others = [], []
-    solution = unexplained(problem, best)[1]
     for place, group in enumerate(best.groups):
         known = certainty(choice.problem, best, place)
         rivals = [(g, worse) for where, g, worse in choice.rivals if where == place]

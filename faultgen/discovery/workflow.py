@@ -19,14 +19,13 @@ import numpy as np
 from faultgen.discovery.candidates import (
     HIDDEN_BEHIND_GEARS,
     ORDERS,
-    SAME_MOTIONS,
     Term,
+    between_runs,
     effect_terms,
     names_by_use,
     periodic_terms,
     with_free_gains,
     with_model_scale,
-    with_prior_scale,
 )
 from faultgen.discovery.checks import check_recording
 from faultgen.discovery.friction_discrepancy import discrepancy_sensitivities, discrepancy_terms
@@ -133,7 +132,7 @@ def investigate(
     terms += discrepancy + own
     residual = recording.torque - (base if twin is None else twin.torque)
     if twin is not None:
-        terms = with_prior_scale(terms, SAME_MOTIONS)
+        terms = between_runs(terms)
     elif prior_scale != 1:
         terms = with_model_scale(terms, prior_scale)
     if twin is None and recording.constants is not None:
@@ -203,7 +202,7 @@ def _with_orders(problem: Problem, workers: int, exclude: Collection[str]) -> Pr
         return problem
     _, raw = sensitivities(problem.replay, new, workers=workers)
     if problem.twin:
-        new = with_prior_scale(new, SAME_MOTIONS)
+        new = between_runs(new)
     return pose(
         problem.replay,
         [*problem.terms, *new],

@@ -31,10 +31,13 @@ from faultgen.discovery.workflow import (
     investigate,
     usable,
 )
-from faultgen.effects import EFFECTS
+from faultgen.effects import EFFECTS, get_effect
+from faultgen.effects.friction import SPEED_FRICTION
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import load_robot
 from faultgen.system.progress import Progress
+
+_USUAL = 0.02  # change of friction between two recordings of a real arm (see `DAY_TO_DAY`)
 
 
 def discover(
@@ -149,7 +152,12 @@ def discover(
             "is friction, ripple, rotor inertia, torque constant and offset"
         )
     result["run_to_run"] = _run_to_run(found.problem)
-    result["warnings"] = [*warnings, *_on_noise(found.problem), *found.answer.lacks]
+    result["warnings"] = [
+        *warnings,
+        *_on_noise(found.problem),
+        *_on_friction(found),
+        *found.answer.lacks,
+    ]
     result["seconds"] = round(time.monotonic() - started, 1)
     if out is not None:
         from faultgen.report.discovery_report import write_discovery
@@ -167,6 +175,19 @@ def _on_noise(problem: Problem) -> list[str]:
         f"axis {axes}: the recording and its healthy twin differ by far less than the noise in "
         "each, as runs of one dataset with paired = true do; they are compared as if each had "
         "noise of its own, and runs with paired = false are the better test"
+    ]
+
+
+def _on_friction(found: Discovery) -> list[str]:
+    """A line for each named change of friction that is no larger than usual from run to run."""
+    if not found.problem.twin or found.problem.run_to_run is not None:
+        return []
+    return [
+        f"{one.effect} of axis {one.axis}: friction of real arms often differs by 2 % from one "
+        f"recording to another, and this is {100 * one.severity:.2g} %; give several healthy "
+        "recordings, which show how much it differs on this robot"
+        for one in found.answer.effects
+        if get_effect(one.effect).prior.group == SPEED_FRICTION and abs(one.severity) < _USUAL
     ]
 
 
