@@ -14,7 +14,7 @@ from faultgen.discovery import verdict as judgement
 from faultgen.discovery.certainty import LEVEL, certainty
 from faultgen.discovery.confirmation import confirmed
 from faultgen.discovery.fit import fit
-from faultgen.discovery.gap import gap, unexplained
+from faultgen.discovery.gap import unexplained
 from faultgen.discovery.model_edit import build
 from faultgen.discovery.replay import Replay, settled
 from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE, PARTLY
@@ -318,7 +318,7 @@ def test_an_effect_that_other_motions_refute_is_not_named(posed, in_scoring, kep
     choice = choose(case)
     assert len(choice.best.groups) == 1
     empty = choice.fits[0]
-    calibrated = gap(case, build(case, empty, unexplained(case, empty)[1]).left)
+    calibrated = build(case, empty, unexplained(case, empty)[1]).left
     assert len(confirmed(case, choice, calibrated).choice.best.groups) == kept
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from faultgen.discovery.fit import Fit, Group, fit
-from faultgen.discovery.gap import gap, scored, unexplained
+from faultgen.discovery.gap import gap, scored_in_motion, unexplained
 from faultgen.discovery.model_edit import build
 from faultgen.discovery.regression import Problem
 from faultgen.discovery.selection import Choice, needed
@@ -22,8 +22,8 @@ LARGER, LARGER_OWN = 1.02, 1.06
 assumed."""
 
 LARGER_SURE, LARGER_OWN_SURE = 1.1, 1.2
-"""The same without a twin, if the scoring motions bear out every effect by themselves. Other errors
-of the model may be so much larger than an effect that the gap grows by chance: assumed."""
+"""The same if the scoring motions bear out every effect by themselves. Other errors may be so much
+larger than an effect that the gap grows by chance: assumed."""
 
 REFUTED, WORSE = -1.0, 9.0
 """An effect is refuted if the error on the scoring motions increases by more than one standard
@@ -51,14 +51,15 @@ class Confirmed:
     effects of the set."""
 
 
-def confirmed(problem: Problem, choice: Choice, calibrated: Gap) -> Confirmed:
+def confirmed(problem: Problem, choice: Choice, calibrated: np.ndarray) -> Confirmed:
     """Keep only the effects that are borne out by the scoring motions.
 
-    An effect is removed for one of three reasons, where the set without it is fitted again. Its
-    error on the scoring motions is clearly larger than without it. It foretells a change there that
-    is not seen. Or it reduces the misfit by too little for a model that foretells the scoring
-    motions as badly as this one does. Finally, a set is removed effect by effect until the model
-    with it, simulated again, is not clearly worse than the calibrated model.
+    Samples in motion are compared. An effect is removed for one of four reasons, where the set
+    without it is fitted again. The squared error on the scoring motions is clearly larger than
+    without it, or so is the gap. It foretells a change there that is not seen. Or it reduces the
+    misfit by too little for a model that foretells the scoring motions as badly as this one does.
+    Finally, a set is removed effect by effect until the model with it, simulated again, is not
+    clearly worse than the calibrated model.
 
     Without an effect, the model's own numbers may explain the same at the price of values that
     healthy robots do not have, so that an equal error does not refute an effect.
@@ -66,7 +67,8 @@ def confirmed(problem: Problem, choice: Choice, calibrated: Gap) -> Confirmed:
     Args:
         problem: The residual and the terms.
         choice: The chosen set and its rivals.
-        calibrated: Gap of the calibrated model without effects, simulated.
+        calibrated: Torque error of the calibrated model without effects, simulated, in N m; shape
+            (samples, n_axes).
 
     Returns:
         The same choice, or one with fewer effects and without rivals; and the calibrated values
@@ -120,7 +122,8 @@ class _Trial:
     seen: float
     """Decrease of the squared whitened error there, over the overdispersion."""
     share: float
-    """Decrease of the misfit, over that which is needed."""
+    """Decrease of the misfit, less any increase of the squared whitened error on the scoring
+    motions, over the decrease that is needed."""
     is_supported: bool
     """Whether the scoring motions bear out the effect by themselves."""
 
@@ -157,8 +160,8 @@ class _Trial:
             grows=errors.grows(problem, axis),
             missed=missed,
             seen=seen,
-            share=(rest.misfit - best.misfit) / (errors.over * least),
-            is_supported=not problem.twin and seen >= least and abs(missed) <= MISSED,
+            share=(rest.misfit - best.misfit + min(errors.seen, 0.0)) / (errors.over * least),
+            is_supported=seen >= least and abs(missed) <= MISSED,
         )
 
 
@@ -174,16 +177,18 @@ class _Errors:
     """Overdispersion with the effects: mean squared whitened error, at least 1."""
     length: int
     """Samples of the blocks from which standard errors come."""
+    inside: np.ndarray
+    """Samples that are compared, shape (samples, n_axes)."""
 
     @classmethod
     def of(cls, problem: Problem, without: Fit, having: Fit) -> _Errors:
         """Compute the errors of two sets."""
-        inside = scored(problem)
+        inside = scored_in_motion(problem)
         first, second = (unexplained(problem, one)[0] for one in (without, having))
         whitened = problem.whiten(first) * inside, problem.whiten(second) * inside
         over = max(1.0, float(np.sum(whitened[1] ** 2) / max(inside.sum(), 1)))
         length = max(5, round(0.1 / problem.recording.sample_period))
-        return cls((first, second), whitened, over, length)
+        return cls((first, second), whitened, over, length, inside)
 
     @property
     def seen(self) -> float:
@@ -200,7 +205,7 @@ class _Errors:
 
     def grows(self, problem: Problem, axis: int | None = None) -> bool:
         """Whether the gap of all axes, or of one axis, becomes clearly larger."""
-        before, after = (gap(problem, error) for error in self.torque)
+        before, after = (gap(problem, error, self.inside) for error in self.torque)
         limits = (LARGER_TWIN, LARGER_OWN_TWIN) if problem.twin else (LARGER, LARGER_OWN)
         return _grows(before, after, limits, () if axis is None else (axis,))
 
@@ -227,7 +232,7 @@ def _are_worse(problem: Problem, without: Fit, having: Fit) -> bool:
 
 
 def _buildable(
-    problem: Problem, choice: Choice, best: Fit, calibrated: Gap, is_sure: bool
+    problem: Problem, choice: Choice, best: Fit, calibrated: np.ndarray, is_sure: bool
 ) -> tuple[Fit, np.ndarray]:
     """The largest part of a set with which the simulated model is not clearly worse.
 
@@ -238,7 +243,7 @@ def _buildable(
         problem: The residual and the terms.
         choice: The chosen set and its rivals.
         best: The set, as far as it is borne out.
-        calibrated: Gap of the calibrated model without effects, simulated.
+        calibrated: Torque error of the calibrated model without effects, shape (samples, n_axes).
         is_sure: Whether the scoring motions bear out every effect by themselves.
 
     Returns:
@@ -246,6 +251,8 @@ def _buildable(
     """
     empty = choice.fits[0]
     base = unexplained(problem, empty)[1]
+    inside = scored_in_motion(problem)
+    before = gap(problem, calibrated, inside)
 
     def simulated(fitted: Fit) -> tuple[Gap, np.ndarray]:
         """Smallest gap, with calibrated values that were found with the set or without effects."""
@@ -253,15 +260,15 @@ def _buildable(
         for solution in (unexplained(problem, fitted)[1], base)[: 1 if problem.twin else 2]:
             own = solution.copy()
             own[fitted.terms] = 0.0
-            found.append((gap(problem, build(problem, fitted, own).left), own))
+            found.append((gap(problem, build(problem, fitted, own).left, inside), own))
         return min(found, key=lambda one: one[0][0])
 
     limits = (LARGER_TWIN, LARGER_OWN_TWIN) if problem.twin else (LARGER, LARGER_OWN)
     limits = (LARGER_SURE, LARGER_OWN_SURE) if is_sure else limits
-    after, solution = simulated(best) if best.groups else (calibrated, base)
+    after, solution = simulated(best) if best.groups else (before, base)
     while best.groups:
         axes = {problem.terms[group[0]].axis for group in best.groups}
-        if not _grows(calibrated, after, limits, axes):
+        if not _grows(before, after, limits, axes):
             return best, solution
         tried = [(*simulated(rest), rest) for _, rest in _without_one(choice.problem, best)]
         if not tried:

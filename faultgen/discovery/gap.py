@@ -7,6 +7,7 @@ import numpy as np
 from faultgen.discovery.fit import Fit
 from faultgen.discovery.regression import Problem
 from faultgen.discovery.replay import relative_error, relative_errors
+from faultgen.discovery.samples import rolling
 
 
 def unexplained(problem: Problem, fitted: Fit) -> tuple[np.ndarray, np.ndarray]:
@@ -41,16 +42,37 @@ def scored(problem: Problem) -> np.ndarray:
     return problem.inside & problem.samples(problem.scoring)[:, None]
 
 
-def gap(problem: Problem, error: np.ndarray) -> tuple[float, list[float]]:
+def scored_in_motion(problem: Problem) -> np.ndarray:
+    """Find the samples of the scoring motions at which an effect can be tested.
+
+    At rest and shortly after it, the torque depends on how the friction's bristles were bent, on
+    which two recordings of one robot need not agree.
+
+    Args:
+        problem: The recording and the model.
+
+    Returns:
+        Mask of shape (samples, n_axes): samples in motion, or all of `scored` if there are none.
+    """
+    inside = scored(problem)
+    moving = inside & rolling(problem.recording, problem.robot) if problem.twin else inside
+    return moving if moving.any() else inside
+
+
+def gap(
+    problem: Problem, error: np.ndarray, inside: np.ndarray | None = None
+) -> tuple[float, list[float]]:
     """Compute the relative error on the scoring motions.
 
     Args:
         problem: The recording and the model.
         error: Torque error in N m, shape (samples, n_axes).
+        inside: Samples that are used, shape (samples, n_axes). Default: those of `scored`.
 
     Returns:
         The relative error of all axes, and of each axis, without unit.
     """
-    inside, recording = scored(problem), problem.recording
+    inside = scored(problem) if inside is None else inside
+    recording = problem.recording
     by_axis = relative_errors(error**2, recording, inside)
     return relative_error(error**2, recording, inside), by_axis.tolist()

@@ -58,7 +58,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     without, base_values = unexplained(problem, empty)
     basic = build(problem, empty, base_values)
     calibrated = gap(problem, basic.left)
-    kept = confirmed(problem, choice, calibrated)
+    kept = confirmed(problem, choice, basic.left)
     choice, best = kept.choice, kept.choice.best
     left, _ = unexplained(problem, best)
     white = problem.whiten(left)
