@@ -7,17 +7,18 @@ import numpy as np
 import pytest
 from linear import linear
 
-from faultgen.discovery import investigate
+from faultgen.discovery import confirmation, investigate
 from faultgen.discovery import model_edit as model
 from faultgen.discovery import next_experiment as motions
 from faultgen.discovery import verdict as judgement
 from faultgen.discovery.certainty import LEVEL, certainty
 from faultgen.discovery.confirmation import confirmed
 from faultgen.discovery.fit import fit
-from faultgen.discovery.gap import unexplained
+from faultgen.discovery.gap import scored, scored_in_motion, unexplained
 from faultgen.discovery.model_edit import build
 from faultgen.discovery.replay import Replay, settled
 from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE, PARTLY
+from faultgen.discovery.samples import rolling
 from faultgen.discovery.selection import SIMILAR, Choice, choose
 from faultgen.discovery.verdict import answer, is_part
 from faultgen.effects import get_effect
@@ -320,6 +321,37 @@ def test_an_effect_that_other_motions_refute_is_not_named(posed, in_scoring, kep
     empty = choice.fits[0]
     calibrated = build(case, empty, unexplained(case, empty)[1]).left
     assert len(confirmed(case, choice, calibrated).choice.best.groups) == kept
+
+
+@pytest.mark.parametrize(
+    ("facts", "is_refuted"),
+    [
+        ({}, False),
+        ({"gain": -1.6, "seen": -2.3}, False),  # as little as chance
+        ({"gain": -1.6, "seen": -12.0}, True),
+        ({"gain": -0.5, "seen": -12.0}, False),  # within its standard error
+        ({"missed": 5.0}, False),  # less than foretold, but the error decreases
+        ({"missed": 5.0, "seen": -0.1}, True),
+        ({"missed": 3.0, "seen": -0.1}, False),
+        ({"grows": True}, True),
+        ({"grows": True, "is_supported": True}, False),
+        ({"share": 0.9, "is_supported": True}, True),
+    ],
+)
+def test_reasons_to_refute_an_effect(facts, is_refuted):
+    plain = {"gain": 1.0, "grows": False, "missed": 0.0, "seen": 5.0, "share": 2.0}
+    trial = confirmation._Trial(**{"rest": None, "is_supported": False, **plain, **facts})
+    assert trial.is_refuted is is_refuted
+
+
+@pytest.mark.parametrize("twin", [True, False])
+def test_effects_are_tested_where_axes_move(posed, twin):
+    """Two recordings are compared at rest too, but effects are not tested there."""
+    problem = posed[twin]
+    tested, inside = scored_in_motion(problem), scored(problem)
+    moves = rolling(problem.recording, problem.robot)
+    assert tested.any() and not (tested & ~inside).any() and not (tested & ~moves).any()
+    assert (inside & ~moves).any() == twin
 
 
 def test_an_answer_is_partial_if_much_more_than_noise_remains():

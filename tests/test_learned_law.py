@@ -9,7 +9,9 @@ import pytest
 import faultgen
 from faultgen.applied import Applied
 from faultgen.discovery import investigate, verdict, write_recording
+from faultgen.discovery.confirmation import Confirmed
 from faultgen.discovery.fit import fit
+from faultgen.discovery.gap import unexplained
 from faultgen.discovery.law_curves import Courses, Curve
 from faultgen.discovery.law_words import Part, formulas
 from faultgen.discovery.learned_law import learn
@@ -123,7 +125,11 @@ def test_laws_complete_an_answer_that_explains_too_little(problem, given):
 @pytest.mark.parametrize(("axis", "kept"), [(2, []), (1, [("viscous_friction", 1)])])
 def test_effects_that_imitate_a_law_are_left_out(problem, monkeypatch, axis, kept):
     """On the axis of the law, the named effect only imitates it; on another axis it is right."""
-    monkeypatch.setattr(verdict, "confirmed", lambda problem, choice: choice)
+
+    def kept_as_it_is(problem, choice, calibrated):
+        return Confirmed(choice, unexplained(problem, choice.best)[1])
+
+    monkeypatch.setattr(verdict, "confirmed", kept_as_it_is)
     at = next(k for k, t in enumerate(problem.terms) if t.key == ("viscous_friction", axis))
     wear = 0.3 * problem.raw[at].astype(float) * (axis == 1)
     case = replace(problem, residual=problem.residual + change_of(problem, LAWS["periodic"]) + wear)
