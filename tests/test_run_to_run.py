@@ -170,3 +170,13 @@ def test_a_usual_change_of_friction_is_told_with_a_warning(effect, severity, twi
     lines = on_friction(SimpleNamespace(problem=problem, answer=answer))
     assert len(lines) == warned
     assert all("axis 2" in line and "-1.2 %" in line for line in lines)
+
+
+def test_friction_that_differs_on_many_axes_may_be_the_temperature():
+    problem = SimpleNamespace(twin=True, run_to_run=None)
+    effects = [Named("viscous_friction", k, -0.3, 0.001, (0, 0), {}, 1.0, 0.1) for k in (1, 2, 5)]
+    found = SimpleNamespace(problem=problem, answer=SimpleNamespace(effects=effects))
+    (line,) = on_friction(found)
+    assert "axes 1, 2, 5" in line and "temperatures" in line
+    found.answer.effects = effects[:2]
+    assert on_friction(found) == []

@@ -38,6 +38,7 @@ from faultgen.robot import load_robot
 from faultgen.system.progress import Progress
 
 _USUAL = 0.02  # change of friction between two recordings of a real arm (see `DAY_TO_DAY`)
+_MANY = 3  # axes whose friction hardly wears at the same time: assumed
 
 
 def discover(
@@ -179,16 +180,27 @@ def _on_noise(problem: Problem) -> list[str]:
 
 
 def _on_friction(found: Discovery) -> list[str]:
-    """A line for each named change of friction that is no larger than usual from run to run."""
+    """Lines on named changes of friction that may be usual from run to run."""
     if not found.problem.twin or found.problem.run_to_run is not None:
         return []
-    return [
-        f"{one.effect} of axis {one.axis}: friction of real arms often differs by 2 % from one "
-        f"recording to another, and this is {100 * one.severity:.2g} %; give several healthy "
-        "recordings, which show how much it differs on this robot"
-        for one in found.answer.effects
-        if get_effect(one.effect).prior.group == SPEED_FRICTION and abs(one.severity) < _USUAL
+    several = "give several healthy recordings, which show how much it differs on this robot"
+    named = [
+        one for one in found.answer.effects if get_effect(one.effect).prior.group == SPEED_FRICTION
     ]
+    lines = [
+        f"{one.effect} of axis {one.axis}: friction of real arms often differs by 2 % from one "
+        f"recording to another, and this is {100 * one.severity:.2g} %; {several}"
+        for one in named
+        if abs(one.severity) < _USUAL
+    ]
+    axes = sorted({one.axis for one in named})
+    if len(axes) >= _MANY:
+        shown = ", ".join(str(axis) for axis in axes)
+        lines.append(
+            f"axes {shown}: friction differs on all of them at once, as between two temperatures; "
+            f"{several}"
+        )
+    return lines
 
 
 def _run_to_run(problem: Problem) -> list[dict[str, float]] | None:
