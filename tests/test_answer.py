@@ -340,7 +340,7 @@ def test_an_effect_that_other_motions_refute_is_not_named(posed, in_scoring, kep
 )
 def test_reasons_to_refute_an_effect(facts, is_refuted):
     plain = {"gain": 1.0, "grows": False, "missed": 0.0, "seen": 5.0, "share": 2.0}
-    trial = confirmation._Trial(**{"rest": None, "is_supported": False, **plain, **facts})
+    trial = confirmation.Trial(**{"rest": None, "is_supported": False, **plain, **facts})
     assert trial.is_refuted is is_refuted
 
 

@@ -241,7 +241,7 @@ def test_a_robot_in_a_folder_has_its_own_sensors(tiny_robot_path, tmp_path, monk
         raise InputError("enough")
 
     parts = (run, None, None, None)
-    monkeypatch.setitem(runner._PARTS, "detectability", lambda quick: parts)
+    monkeypatch.setitem(runner.PARTS, "detectability", lambda quick: parts)
     for robots in ([str(folder)], [str(tiny_robot_path)], [str(folder), "puma560"]):
         with pytest.raises(InputError, match="enough"):
             run_study("detectability", tmp_path / "out", robots=robots)

@@ -36,6 +36,14 @@ def discovered(files, robot, name, **more):
     return faultgen.discover(files / f"{name}.h5", robot, files / "healthy.h5", **more)
 
 
+@pytest.mark.parametrize("name", ["out", "cache"])
+def test_a_file_is_no_folder_for_results(name, tmp_path):
+    """It is refused before anything is simulated."""
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match=f"{name}: must be a folder"):
+        faultgen.discover("nowhere.h5", "puma560", **{name: tmp_path / "file"})
+
+
 def test_an_effect_is_named(files, tiny_robot_path, tmp_path):
     """The right effect, axis and severity; the gap closes; the files hold it."""
     result = discovered(files, tiny_robot_path, "worn", out=tmp_path)

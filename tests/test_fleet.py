@@ -7,6 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from faultgen.cli.app import app
+from faultgen.dataset.experiment import Experiment
+from faultgen.dataset.sweep import generate
 from faultgen.effects import Applied, set_temperature
 from faultgen.errors import InputError
 from faultgen.fleet import FleetPlan, generate_fleet, open_fleet
@@ -394,6 +396,12 @@ def test_one_seed_is_one_fleet(fleet, tmp_path):
     assert after[0] != before[0] and after[1:] == before[1:]
     with pytest.raises(InputError, match="another plan"):
         generate_fleet(FleetPlan(**SMALL | {"seed": 5}), tmp_path)
+    with pytest.raises(InputError, match="holds a fleet"):
+        generate(Experiment(robot=["puma560"], task=["spot_weld"], cycles=2), tmp_path)
+    (tmp_path / "dataset").mkdir()
+    (tmp_path / "dataset" / "runs.json").write_text("{}")
+    with pytest.raises(InputError, match="holds a dataset"):
+        generate_fleet(FleetPlan(**SMALL), tmp_path / "dataset")
     files[1].unlink()
     with pytest.raises(InputError, match="1 of 2 robots"):
         open_fleet(tmp_path)

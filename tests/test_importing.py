@@ -589,6 +589,7 @@ def test_doubtful_numbers_are_warned_of(tmp_path):
         ("us", (1e6 * RUN.time).round().astype(int)),
         ("ns", 1_767_225_600_000_000_000 + (1e9 * RUN.time).round().astype(int)),
         ("min", RUN.time / 60),
+        ("s", [f"{1_767_225_600 + one:.3f}" for one in RUN.time]),
         (0.004, np.arange(COUNT) + 17),
         (
             "iso",

@@ -8,6 +8,9 @@ import sys
 import pytest
 from conftest import faultgen
 
+from faultgen.effects import Effect, Prior
+from faultgen.errors import InputError
+
 RUST = """
 from faultgen.effects import Effect, Prior
 
@@ -29,6 +32,19 @@ EFFECTS = [
     )
 ]
 """
+
+
+def test_an_edit_that_fails_is_told_in_one_line(tiny_robot):
+    """A user's own edit may name an element that the robot does not have."""
+
+    def edit(spec, axis, severity):
+        spec.actuator("nowhere").damping[0] *= 1 + severity
+
+    facts = {"description": "-", "unit": "-", "signature": "-", "element": "-", "source": "-"}
+    prior = Prior(std=0.05, steps=(0.1,))
+    broken = Effect(name="rust", **facts, prior=prior, edit=edit)
+    with pytest.raises(InputError, match="effect rust: its edit fails on axis 2 .*: Attribute"):
+        broken.apply(tiny_robot.spec(), 2, 0.1)
 
 
 @pytest.fixture

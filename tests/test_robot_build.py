@@ -260,6 +260,26 @@ def test_arms_of_other_kinds_are_fit(name, tmp_path):
     assert set(content["tasks"]) == {"pick_and_place", "spot_weld", "arc_weld"}
 
 
+def test_what_is_in_a_folder_is_not_overwritten(arm_path, tmp_path):
+    """Edited numbers would be lost, and a folder of something else would be mixed with a robot."""
+    folder = tmp_path / "made"
+    assert run("robot", "build", arm_path, "-o", folder).exit_code == 0
+    assert run("robot", "build", arm_path, "-o", folder).exit_code == 0
+    stated = folder / "drives.toml"
+    edited = stated.read_text() + "\n# mine\n"
+    stated.write_text(edited)
+    done = run("robot", "build", arm_path, "-o", folder)
+    assert isinstance(done.exception, InputError) and "would be lost" in str(done.exception)
+    assert stated.read_text() == edited
+    assert run("robot", "build", arm_path, stated, "-o", folder).exit_code == 0
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "notes.txt").write_text("mine")
+    done = run("robot", "build", arm_path, "-o", other)
+    assert isinstance(done.exception, InputError) and "is not empty" in str(done.exception)
+    assert [path.name for path in other.iterdir()] == ["notes.txt"]
+
+
 def test_from_a_plain_model_to_a_dataset_in_three_commands(arm_path, tmp_path):
     folder, data = tmp_path / "my_arm", tmp_path / "data"
     assert run("robot", "build", arm_path, "-o", folder).exit_code == 0

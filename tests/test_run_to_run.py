@@ -13,7 +13,7 @@ from faultgen.discovery.recording import mean_of
 from faultgen.discovery.result import Named
 from faultgen.discovery.run_to_run import differences, repetitions, variances
 from faultgen.errors import InputError
-from faultgen.report.discover import _on_friction as on_friction
+from faultgen.report.discover import friction_warnings
 from faultgen.robot import COULOMB
 
 FRICTION = (0.05, -0.06, 0.02, -0.02)
@@ -167,7 +167,7 @@ def test_a_usual_change_of_friction_is_told_with_a_warning(effect, severity, twi
     """Unless several runs show how much the friction of this robot differs."""
     problem = SimpleNamespace(twin=twin, run_to_run=known)
     answer = SimpleNamespace(effects=[Named(effect, 2, severity, 0.001, (0, 0), {}, 1.0, 0.1)])
-    lines = on_friction(SimpleNamespace(problem=problem, answer=answer))
+    lines = friction_warnings(SimpleNamespace(problem=problem, answer=answer))
     assert len(lines) == warned
     assert all("axis 2" in line and "-1.2 %" in line for line in lines)
 
@@ -176,7 +176,7 @@ def test_friction_that_differs_on_many_axes_may_be_the_temperature():
     problem = SimpleNamespace(twin=True, run_to_run=None)
     effects = [Named("viscous_friction", k, -0.3, 0.001, (0, 0), {}, 1.0, 0.1) for k in (1, 2, 5)]
     found = SimpleNamespace(problem=problem, answer=SimpleNamespace(effects=effects))
-    (line,) = on_friction(found)
+    (line,) = friction_warnings(found)
     assert "axes 1, 2, 5" in line and "temperatures" in line
     found.answer.effects = effects[:2]
-    assert on_friction(found) == []
+    assert friction_warnings(found) == []

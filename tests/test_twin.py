@@ -35,6 +35,12 @@ def known(recordings, tiny_robot):
     )
 
 
+def test_a_seed_below_0_is_refused_first(tmp_path):
+    with pytest.raises(InputError, match="seed: must be at least 0, not -1"):
+        make_twin(["nowhere.h5"], "puma560", tmp_path / "twin", seed=-1)
+    assert not (tmp_path / "twin").exists()
+
+
 def test_a_cycle_is_found_where_it_is(recordings, known):
     """A recording that begins later, or holds two cycles, gives the torque of the same places."""
     one = recordings[0]

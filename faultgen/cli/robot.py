@@ -67,6 +67,16 @@ def build(
         raise InputError(f"{out}: is a file; give a folder")
     known = Drives() if drives is None else read_drives(drives)
     built = run_build(model, known, out.resolve().name)
+    stated = out / DRIVES
+    if drives is None and stated.is_file() and stated.read_bytes() != built.drives.encode():
+        raise InputError(
+            f"{stated}: holds other numbers, which would be lost; give it as the second argument, "
+            "or another folder"
+        )
+    if out.is_dir() and any(out.iterdir()) and not stated.is_file():
+        raise InputError(
+            f"{out}: is not empty, and holds no {DRIVES} of a robot; give a new folder"
+        )
     built.write(out)
     numbers = [value.source for one in built.values for value in one.values()]
     counts = {source: numbers.count(source) for source in ("given", "model", "assumed")}

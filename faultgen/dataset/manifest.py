@@ -19,6 +19,8 @@ from faultgen.errors import InputError
 from faultgen.system.files import write_text
 
 FILE = "runs.json"
+FLEET = "fleet.json"
+"""Name of the file with the plan of a fleet, which shows that a folder holds no dataset."""
 EXPERIMENT = "experiment.toml"
 DATA_CARD = "DATACARD.md"
 

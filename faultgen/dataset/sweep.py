@@ -20,7 +20,7 @@ from filelock import FileLock, Timeout
 from joblib import delayed
 
 from faultgen.dataset.experiment import Experiment, load_experiment, to_toml
-from faultgen.dataset.manifest import EXPERIMENT, Manifest
+from faultgen.dataset.manifest import EXPERIMENT, FLEET, Manifest
 from faultgen.dataset.planning import Run, check_runs, plan_runs
 from faultgen.dataset.reader import MERGED, Dataset, only_in, open_dataset
 from faultgen.dataset.run import make_run
@@ -204,6 +204,8 @@ def _prepare(
 
     Unfinished files are removed; if only a part of the runs is made, those of its runs.
     """
+    if (folder / FLEET).is_file():
+        raise InputError(f"{folder}: holds a fleet; give another folder")
     text = to_toml(experiment)
     planned = {run.id: asdict(run) for run in runs}
     written = folder / EXPERIMENT

@@ -77,7 +77,7 @@ def confirmed(problem: Problem, choice: Choice, calibrated: np.ndarray) -> Confi
     best, is_sure = choice.best, False
     while best.groups:
         trials = [
-            _Trial.of(problem, rest, best, problem.terms[group[0]].axis, needed(problem, group))
+            Trial.of(problem, rest, best, problem.terms[group[0]].axis, needed(problem, group))
             for group, rest in _without_one(choice.problem, best)
         ]
         if not trials:
@@ -107,7 +107,7 @@ def _without_one(problem: Problem, best: Fit) -> list[tuple[Group, Fit]]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Trial:
+class Trial:
     """What the scoring motions say about one effect of a set."""
 
     rest: Fit
@@ -136,7 +136,7 @@ class _Trial:
         return grows or is_worse or is_absent or self.share < 1
 
     @classmethod
-    def of(cls, problem: Problem, rest: Fit, best: Fit, axis: int, least: float) -> _Trial:
+    def of(cls, problem: Problem, rest: Fit, best: Fit, axis: int, least: float) -> Trial:
         """Try an effect.
 
         Args:

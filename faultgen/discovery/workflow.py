@@ -247,7 +247,7 @@ def usable(
         The recording, and one line for each warning.
 
     Raises:
-        InputError: The file cannot be used. The message is one line.
+        InputError: The file or the cut-off frequency cannot be used. The message is one line.
     """
     if robot.gearing.coupled.any():
         axis = int(np.argmax(robot.gearing.coupled)) + 1
@@ -255,6 +255,8 @@ def usable(
             f"robot {robot.name}: gearbox{axis} also turns with another joint; recordings can only "
             "be compared with robots whose gearboxes turn with their own joint alone"
         )
+    if low_pass is not None:
+        check_positive("low-pass", low_pass)
     recording = read_recording(path)
     seconds = len(recording.position) * recording.sample_period
     if seconds > LONGEST:

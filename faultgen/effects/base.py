@@ -296,8 +296,17 @@ class Effect:
             parameters: Parameters that differ from the defaults.
 
         Raises:
-            InputError: A parameter is unknown or has an impossible value.
+            InputError: A parameter is unknown or has an impossible value, or the edit fails, as
+                one of a user's own effect may.
         """
         values = self.complete(parameters)
         if severity != 0 and self.edit is not None:
-            self.edit(spec, axis, severity, **values)
+            try:
+                self.edit(spec, axis, severity, **values)
+            except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+                if isinstance(error, InputError):
+                    raise
+                raise InputError(
+                    f"effect {self.name}: its edit fails on axis {axis} with a severity of "
+                    f"{severity:g}: {type(error).__name__}: {error}"
+                ) from error

@@ -32,8 +32,8 @@ from faultgen.evaluation.detect import detect
 from faultgen.evaluation.isolate import isolate
 from faultgen.evaluation.leader_board import LEVELS, benchmark_page, leaders
 from faultgen.evaluation.methods import Detector, Isolator
+from faultgen.evaluation.places import ROBOTS, TASKS
 from faultgen.robot import load_robot
-from faultgen.studies.places import ROBOTS, TASKS
 from faultgen.system.files import write_text
 
 SEED = 2026

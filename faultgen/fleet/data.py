@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from faultgen.dataset.manifest import FLEET as PLAN
 from faultgen.errors import InputError
 from faultgen.fleet.tables import samples_and_labels, samples_table, write_ncmapss
 from faultgen.system.arrays import read_arrays
 
 if TYPE_CHECKING:
     import pandas as pd
-
-PLAN = "fleet.json"
-"""Name of the file with the plan of a fleet."""
 
 STORED = (
     "day",

@@ -8,6 +8,7 @@ from pathlib import Path
 from joblib import delayed
 from threadpoolctl import threadpool_limits
 
+from faultgen.dataset.manifest import FILE as MANIFEST
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.fleet.data import PLAN, STORED, Fleet, open_fleet, read_robot
 from faultgen.fleet.events import event_names
@@ -45,6 +46,8 @@ def generate_fleet(
     out = Path(out)
     if workers < 1:
         raise InputError(f"workers: must be at least 1, not {workers}")
+    if (out / MANIFEST).is_file():
+        raise InputError(f"{out}: holds a dataset; give another folder")
     try:
         (out / "robots").mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -22,6 +22,7 @@ from faultgen.importing.units import ISO, PERCENT, conversion, known_unit
 
 _MOST_LOST = 0.5  # share of the rows that may be left out for blank cells
 _MOST_EQUAL = 0.2  # share of the rows that may have the time of the row before
+_EXACT = 9  # digits behind the point from which a float holds a time exactly enough
 _KINDS = {"reference_position": "position"}
 _SIGNED = ("position", "velocity", "torque", "current", "reference_position")
 
@@ -297,8 +298,13 @@ def _time(
         whole = whole.to_numpy()
         return (whole - whole[0]).astype(float) * factor, {}
     values = table.numbers(name)
-    first = values[~np.isnan(values)][:1]
-    return (values - (first[0] if len(first) else 0.0)) * factor, {}
+    known = values[~np.isnan(values)]
+    if not len(known):
+        return values * factor, {}
+    # a float holds seconds since 1970 to 2e-7: what the log says is found again by rounding
+    digits = int(-np.log10(4 * np.spacing(np.abs(known).max())))
+    elapsed = values - known[0]
+    return (np.round(elapsed, digits) if digits < _EXACT else elapsed) * factor, {}
 
 
 def _of_dates(table: Table, name: str) -> np.ndarray:

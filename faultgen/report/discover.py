@@ -96,8 +96,9 @@ def discover(
     check_names("include", include, names_by_use("on request"))
     check_names("exclude", exclude, EFFECTS)
     check_positive("prior-scale", prior_scale)
-    if low_pass is not None:
-        check_positive("low-pass", low_pass)
+    for name, folder in (("out", out), ("cache", cache)):
+        if folder is not None and Path(folder).is_file():
+            raise InputError(f"{name}: must be a folder, not the file {folder}")
     model = load_robot(str(robot))
     warnings: list[str] = []
     runs: list[Recording] = []
@@ -156,7 +157,7 @@ def discover(
     result["warnings"] = [
         *warnings,
         *_on_noise(found.problem),
-        *_on_friction(found),
+        *friction_warnings(found),
         *found.answer.lacks,
     ]
     result["seconds"] = round(time.monotonic() - started, 1)
@@ -179,8 +180,15 @@ def _on_noise(problem: Problem) -> list[str]:
     ]
 
 
-def _on_friction(found: Discovery) -> list[str]:
-    """Lines on named changes of friction that may be usual from run to run."""
+def friction_warnings(found: Discovery) -> list[str]:
+    """Warn of named changes of friction that may be usual from run to run.
+
+    Args:
+        found: The results of a discovery.
+
+    Returns:
+        One line for each warning; none without a twin, or if several runs were compared.
+    """
     if not found.problem.twin or found.problem.run_to_run is not None:
         return []
     several = "give several healthy recordings, which show how much it differs on this robot"

@@ -109,7 +109,7 @@ def run_study(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{out}: cannot be used as a folder ({error.strerror})") from None
-    run, goals, tables, figures = _PARTS[name](quick)
+    run, goals, tables, figures = PARTS[name](quick)
     of: Path | Fleet = out
     if plan is not None:
         of = recorded or generate_fleet(plan, out / "fleet", workers=workers, progress=True)
@@ -186,7 +186,7 @@ def _training(quick: bool) -> Parts:
     return partial(run_training, quick=quick), goals, tables, FIGURES
 
 
-_PARTS = {
+PARTS = {
     "classifiers": _classifiers,
     "detectability": _detectability,
     "detection": _detection,

@@ -84,6 +84,8 @@ def make_twin(
     started = time.monotonic()
     if out.is_file() or out.suffix == ".xml":
         raise InputError(f"out: must be a folder, not {out}")
+    if seed < 0:
+        raise InputError(f"seed: must be at least 0, not {seed}")
     model = load_robot(robot)
     recordings, warnings = _read(healthy, model)
     for warning in warnings:

@@ -82,6 +82,8 @@ def train(dataset: Dataset, *, false_alarms: float = FALSE_ALARMS, seed: int = 0
     """
     if not 1e-6 <= false_alarms <= 0.5:
         raise InputError(f"false-alarms: must be from 1e-6 to 0.5, not {false_alarms:g}")
+    if seed < 0:
+        raise InputError(f"seed: must be at least 0, not {seed}")
     runs = _checked_runs(dataset)
     robot = load_robot(_place(dataset, runs[0], "robot"))
     motion = _motion(dataset, runs, robot)

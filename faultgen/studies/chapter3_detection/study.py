@@ -20,6 +20,7 @@ from threadpoolctl import threadpool_limits
 from faultgen.analysis import cross_correlation_lags, leading_axis
 from faultgen.dataset.wear import severities
 from faultgen.errors import InputError
+from faultgen.evaluation.places import place_name
 from faultgen.evaluation.shares import share
 from faultgen.monitoring.sensors import SENSORS
 from faultgen.simulation.surrogate import surrogate_file
@@ -37,7 +38,6 @@ from faultgen.studies.chapter3_detection.hourly_torque import (
     hourly_monitored,
     sample_period,
 )
-from faultgen.studies.places import place_name
 from faultgen.system.parallel import in_parallel
 from faultgen.system.progress import follow
 

@@ -24,6 +24,7 @@ from faultgen.evaluation.features import Features
 from faultgen.evaluation.isolate import LEVELS
 from faultgen.evaluation.isolators import ISOLATORS
 from faultgen.evaluation.methods import Isolator, Setting, axis_of, fit, isolate
+from faultgen.evaluation.places import TASKS, place_name
 from faultgen.evaluation.shares import share
 from faultgen.monitoring.reductions import SPEED_WINDOW
 from faultgen.simulation.nominal import nominal
@@ -41,7 +42,6 @@ from faultgen.studies.chapter6_isolation.series import (
     make_series,
     monitored,
 )
-from faultgen.studies.places import TASKS, place_name
 from faultgen.system.parallel import in_parallel
 from faultgen.system.progress import follow
 

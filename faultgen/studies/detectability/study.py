@@ -22,6 +22,7 @@ from threadpoolctl import threadpool_limits
 from faultgen import plugins
 from faultgen.dataset.wear import severities
 from faultgen.effects import EFFECTS, Applied, Effect
+from faultgen.evaluation.places import ROBOTS, TASKS, place_name
 from faultgen.monitoring.sensors import SENSORS, Sensors
 from faultgen.provenance import provenance
 from faultgen.simulation.nominal import nominal
@@ -38,7 +39,6 @@ from faultgen.studies.detectability.ideal import (
 )
 from faultgen.studies.detectability.judged import Judged, judged, smallest
 from faultgen.studies.detectability.limits import Bench, find_limit
-from faultgen.studies.places import ROBOTS, TASKS, place_name
 from faultgen.system.files import write_text
 from faultgen.system.parallel import in_parallel
 from faultgen.system.progress import follow
