@@ -1,5 +1,6 @@
 """Fits of effects by re-simulation, on laws that are written down."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -87,8 +88,10 @@ def test_a_first_step_that_is_too_long_is_shortened(pose, start):
     assert found.values[0] == pytest.approx(0.4, abs=5 * found.errors[0])
 
 
-@pytest.mark.parametrize("true", [2e-4, 1e-3, 3e-3])
-def test_a_play_is_found_beyond_a_barrier(pose, true):
+@pytest.mark.parametrize(
+    ("true", "twin"), [(2e-4, True), (1e-3, True), (3e-3, True), (3e-3, False)]
+)
+def test_a_play_is_found_beyond_a_barrier(pose, true, twin):
     """Its torque is at another place for another severity, so that slopes lead nowhere."""
     x = np.linspace(0, 5e-3, COUNT)[:, None]
 
@@ -96,7 +99,7 @@ def test_a_play_is_found_beyond_a_barrier(pose, true):
         return 0.3 * np.exp(-(((x - severity) / 3e-4) ** 2))
 
     term = Term("backlash", 1, 3e-4, 1.0)
-    problem = pose(law, [true], [term])
+    problem = replace(pose(law, [true], [term]), twin=twin)
     for start in (None, np.array([2.0 * true])):
         found = fit(problem, [(0,)], start)
         assert found.values == pytest.approx([true], abs=5e-5)
