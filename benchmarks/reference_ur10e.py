@@ -116,8 +116,8 @@ def regressor(
 
 
 UNLOADED = (
-    "train_30s_feb10",
     "train_40s_feb12",
+    "train_30s_feb10",
     "test_50s_feb12",
     "unloaded_14harm_feb19",
     "unloaded_15harm_feb19",
@@ -464,8 +464,7 @@ def main() -> None:
         print_payload(folder, (args.pair,))
         return
     print("| run | drive gain of axes 2, 3, 4 over the published one |\n|---|---|")
-    names = ("train_40s_feb12", "train_30s_feb10", "test_50s_feb12", "unloaded_14harm_feb19")
-    for name in (*names, "unloaded_15harm_feb19"):
+    for name in UNLOADED:
         run = Run(folder, name)
         shown = ", ".join(f"{g:.3f}" for g in drive_gains(run) / run.gain[1:4])
         print(f"| {name} | {shown} |")

@@ -108,7 +108,7 @@ def test_a_play_is_found_beyond_a_barrier(pose, true, twin):
         assert found.errors[0] == pytest.approx(1 / fitted, rel=0.2)
 
 
-def test_only_the_newest_effect_is_searched_for_if_the_others_are_known(pose, monkeypatch):
+def test_only_the_newest_effect_is_searched_for_if_the_others_are_known(pose):
     """A search tries many severities; a known play needs none."""
     terms = [Term("backlash", 1, 3e-4, 1.0), TERMS[1]]
     problem = pose(lambda v: 1000 * v, (4e-4, 2e-4), terms)

@@ -65,17 +65,17 @@ def build(
         raise InputError(f"robot file {model}: does not exist")
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: is a file; give a folder")
+    stated = out / DRIVES
+    if out.is_dir() and any(out.iterdir()) and not stated.is_file():
+        raise InputError(
+            f"{out}: is not empty, and holds no {DRIVES} of a robot; give a new folder"
+        )
     known = Drives() if drives is None else read_drives(drives)
     built = run_build(model, known, out.resolve().name)
-    stated = out / DRIVES
     if drives is None and stated.is_file() and stated.read_bytes() != built.drives.encode():
         raise InputError(
             f"{stated}: holds other numbers, which would be lost; give it as the second argument, "
             "or another folder"
-        )
-    if out.is_dir() and any(out.iterdir()) and not stated.is_file():
-        raise InputError(
-            f"{out}: is not empty, and holds no {DRIVES} of a robot; give a new folder"
         )
     built.write(out)
     numbers = [value.source for one in built.values for value in one.values()]

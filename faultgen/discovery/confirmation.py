@@ -75,9 +75,11 @@ def confirmed(problem: Problem, choice: Choice, calibrated: np.ndarray) -> Confi
         with which the scoring motions are foretold best.
     """
     best, is_sure = choice.best, False
+    inside = scored_in_motion(problem)
     while best.groups:
+        having = _Error.of(problem, best, inside)
         trials = [
-            Trial.of(problem, rest, best, problem.terms[group[0]].axis, needed(problem, group))
+            Trial.of(problem, group, (rest, best), _Errors.of(problem, rest, having, inside))
             for group, rest in _without_one(choice.problem, best)
         ]
         if not trials:
@@ -87,11 +89,11 @@ def confirmed(problem: Problem, choice: Choice, calibrated: np.ndarray) -> Confi
         if refuted:  # the weakest first: a false effect distorts what the others seem to do
             best = min(refuted, key=lambda one: one.share).rest
         # each effect may compensate for another one, while none of them is right
-        elif not is_sure and _are_worse(problem, choice.fits[0], best):
+        elif not is_sure and _Errors.of(problem, choice.fits[0], having, inside).are_worse(problem):
             best = min(trials, key=lambda one: one.gain).rest
         else:
             break
-    best, solution = _buildable(problem, choice, best, calibrated, is_sure)
+    best, solution = _buildable(problem, choice, best, calibrated, inside, is_sure)
     new = choice if best is choice.best else replace(choice, best=best, rivals=())
     return Confirmed(new, solution)
 
@@ -130,26 +132,24 @@ class Trial:
     @property
     def is_refuted(self) -> bool:
         """Whether the effect is to be removed."""
-        is_worse = self.gain < REFUTED and self.seen < -WORSE
         is_absent = self.seen < 0 and self.missed > MISSED
         grows = self.grows and not self.is_supported
-        return grows or is_worse or is_absent or self.share < 1
+        return grows or _is_worse(self.gain, self.seen) or is_absent or self.share < 1
 
     @classmethod
-    def of(cls, problem: Problem, rest: Fit, best: Fit, axis: int, least: float) -> Trial:
+    def of(cls, problem: Problem, group: Group, fits: tuple[Fit, Fit], errors: _Errors) -> Trial:
         """Try an effect.
 
         Args:
             problem: The residual and the terms.
-            rest: The set without the effect.
-            best: The set with it.
-            axis: Axis on which it acts.
-            least: Amount by which it must reduce the misfit, if noise alone is left.
+            group: The terms of the effect.
+            fits: The set without the effect, and with it.
+            errors: Their errors on the scoring motions.
         """
-        errors = _Errors.of(problem, rest, best)
-        without, having = errors.whitened
-        foretold = float(np.sum((without - having) ** 2)) / errors.over
-        seen = errors.seen / errors.over
+        rest, best = fits
+        least = needed(problem, group)
+        foretold = float(np.sum((errors.without.whitened - errors.having.whitened) ** 2))
+        foretold, seen = foretold / errors.over, errors.seen / errors.over
         # if the effect is real, the decrease is normal about what it foretells; where there is a
         # twin, the law of the effect decides how much, and real laws differ from the catalogue's
         missed = (foretold - seen) / (2 * np.sqrt(max(foretold, 1e-300)))
@@ -157,7 +157,7 @@ class Trial:
         return cls(
             rest=rest,
             gain=errors.gain,
-            grows=errors.grows(problem, axis),
+            grows=errors.grows(problem, [problem.terms[group[0]].axis]),
             missed=missed,
             seen=seen,
             share=(rest.misfit - best.misfit + min(errors.seen, 0.0)) / (errors.over * least),
@@ -166,48 +166,80 @@ class Trial:
 
 
 @dataclass(frozen=True, eq=False)
+class _Error:
+    """Error of a set of effects on the scoring motions. Arrays have shape (samples, n_axes)."""
+
+    torque: np.ndarray
+    """In N m."""
+    whitened: np.ndarray
+    """Without unit; 0 outside the samples that are compared."""
+
+    @classmethod
+    def of(cls, problem: Problem, fitted: Fit, inside: np.ndarray) -> _Error:
+        """Compute the error of a set at the samples that are compared."""
+        torque, _ = unexplained(problem, fitted)
+        return cls(torque, problem.whiten(torque) * inside)
+
+
+@dataclass(frozen=True, eq=False)
 class _Errors:
     """Errors on the scoring motions without and with effects."""
 
-    torque: tuple[np.ndarray, np.ndarray]
-    """In N m, each of shape (samples, n_axes)."""
-    whitened: tuple[np.ndarray, np.ndarray]
-    """Without unit, same shapes; 0 outside the scoring motions."""
-    over: float
-    """Overdispersion with the effects: mean squared whitened error, at least 1."""
-    length: int
-    """Samples of the blocks from which standard errors come."""
+    without: _Error
+    having: _Error
     inside: np.ndarray
     """Samples that are compared, shape (samples, n_axes)."""
+    length: int
+    """Samples of the blocks from which standard errors come."""
 
     @classmethod
-    def of(cls, problem: Problem, without: Fit, having: Fit) -> _Errors:
-        """Compute the errors of two sets."""
-        inside = scored_in_motion(problem)
-        first, second = (unexplained(problem, one)[0] for one in (without, having))
-        whitened = problem.whiten(first) * inside, problem.whiten(second) * inside
-        over = max(1.0, float(np.sum(whitened[1] ** 2) / max(inside.sum(), 1)))
+    def of(cls, problem: Problem, without: Fit, having: _Error, inside: np.ndarray) -> _Errors:
+        """Compare the error with effects with that of a set without them."""
         length = max(5, round(0.1 / problem.recording.sample_period))
-        return cls((first, second), whitened, over, length, inside)
+        return cls(_Error.of(problem, without, inside), having, inside, length)
+
+    @property
+    def over(self) -> float:
+        """Overdispersion with the effects: mean squared whitened error, at least 1."""
+        return max(1.0, float(np.sum(self.having.whitened**2) / max(self.inside.sum(), 1)))
 
     @property
     def seen(self) -> float:
         """Decrease of the squared whitened error by the effects."""
-        return float(np.sum(self.whitened[0] ** 2 - self.whitened[1] ** 2))
+        return float(np.sum(self.without.whitened**2 - self.having.whitened**2))
 
     @property
     def gain(self) -> float:
         """The same over its standard error, which comes from blocks of 0.1 s."""
-        by_sample = (self.whitened[0] ** 2 - self.whitened[1] ** 2).sum(axis=1)
+        by_sample = (self.without.whitened**2 - self.having.whitened**2).sum(axis=1)
         whole = len(by_sample) // self.length * self.length
         blocks = by_sample[:whole].reshape(-1, self.length).sum(axis=1)
         return self.seen / max(float(np.sqrt(np.sum(blocks**2))), 1e-300)
 
-    def grows(self, problem: Problem, axis: int | None = None) -> bool:
-        """Whether the gap of all axes, or of one axis, becomes clearly larger."""
-        before, after = (gap(problem, error, self.inside) for error in self.torque)
-        limits = (LARGER_TWIN, LARGER_OWN_TWIN) if problem.twin else (LARGER, LARGER_OWN)
-        return _grows(before, after, limits, () if axis is None else (axis,))
+    def grows(self, problem: Problem, axes: Iterable[int] = ()) -> bool:
+        """Whether the gap of all axes, or of one of some axes, becomes clearly larger."""
+        errors = self.without, self.having
+        before, after = (gap(problem, error.torque, self.inside) for error in errors)
+        return _grows(before, after, _limits(problem), axes)
+
+    def are_worse(self, problem: Problem) -> bool:
+        """Whether the effects as a whole make the scoring motions clearly worse."""
+        return _is_worse(self.gain, self.seen / self.over) or self.grows(problem)
+
+
+def _is_worse(gain: float, seen: float) -> bool:
+    """Whether the squared whitened error becomes clearly larger.
+
+    Args:
+        gain: Its decrease, over its standard error.
+        seen: Its decrease, over the overdispersion.
+    """
+    return gain < REFUTED and seen < -WORSE
+
+
+def _limits(problem: Problem) -> tuple[float, float]:
+    """Ratio from which a gap is clearly larger: of all axes, and of one axis."""
+    return (LARGER_TWIN, LARGER_OWN_TWIN) if problem.twin else (LARGER, LARGER_OWN)
 
 
 def _grows(before: Gap, after: Gap, limits: tuple[float, float], axes: Iterable[int]) -> bool:
@@ -224,15 +256,13 @@ def _grows(before: Gap, after: Gap, limits: tuple[float, float], axes: Iterable[
     return larger or after[0] > limits[0] * before[0]
 
 
-def _are_worse(problem: Problem, without: Fit, having: Fit) -> bool:
-    """Whether a whole set makes the scoring motions clearly worse than no effect does."""
-    errors = _Errors.of(problem, without, having)
-    is_worse = errors.gain < REFUTED and errors.seen < -WORSE * errors.over
-    return is_worse or errors.grows(problem)
-
-
 def _buildable(
-    problem: Problem, choice: Choice, best: Fit, calibrated: np.ndarray, is_sure: bool
+    problem: Problem,
+    choice: Choice,
+    best: Fit,
+    calibrated: np.ndarray,
+    inside: np.ndarray,
+    is_sure: bool,
 ) -> tuple[Fit, np.ndarray]:
     """The largest part of a set with which the simulated model is not clearly worse.
 
@@ -244,6 +274,7 @@ def _buildable(
         choice: The chosen set and its rivals.
         best: The set, as far as it is borne out.
         calibrated: Torque error of the calibrated model without effects, shape (samples, n_axes).
+        inside: Samples that are compared, shape (samples, n_axes).
         is_sure: Whether the scoring motions bear out every effect by themselves.
 
     Returns:
@@ -251,7 +282,6 @@ def _buildable(
     """
     empty = choice.fits[0]
     base = unexplained(problem, empty)[1]
-    inside = scored_in_motion(problem)
     before = gap(problem, calibrated, inside)
 
     def simulated(fitted: Fit) -> tuple[Gap, np.ndarray]:
@@ -263,8 +293,7 @@ def _buildable(
             found.append((gap(problem, build(problem, fitted, own).left, inside), own))
         return min(found, key=lambda one: one[0][0])
 
-    limits = (LARGER_TWIN, LARGER_OWN_TWIN) if problem.twin else (LARGER, LARGER_OWN)
-    limits = (LARGER_SURE, LARGER_OWN_SURE) if is_sure else limits
+    limits = (LARGER_SURE, LARGER_OWN_SURE) if is_sure else _limits(problem)
     after, solution = simulated(best) if best.groups else (before, base)
     while best.groups:
         axes = {problem.terms[group[0]].axis for group in best.groups}

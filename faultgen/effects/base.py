@@ -303,9 +303,9 @@ class Effect:
         if severity != 0 and self.edit is not None:
             try:
                 self.edit(spec, axis, severity, **values)
+            except InputError:
+                raise
             except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-                if isinstance(error, InputError):
-                    raise
                 raise InputError(
                     f"effect {self.name}: its edit fails on axis {axis} with a severity of "
                     f"{severity:g}: {type(error).__name__}: {error}"

@@ -19,7 +19,7 @@ from faultgen.fleet.tables import FLEET_ARRAYS, divide
 from faultgen.provenance import Provenance, provenance
 from faultgen.system.arrays import write_arrays
 from faultgen.system.files import write_text
-from faultgen.system.parallel import in_parallel
+from faultgen.system.parallel import check_workers, in_parallel
 from faultgen.system.progress import follow
 
 
@@ -44,8 +44,7 @@ def generate_fleet(
         SimulationFailed: A robot could not be simulated. The files of the others are kept.
     """
     out = Path(out)
-    if workers < 1:
-        raise InputError(f"workers: must be at least 1, not {workers}")
+    check_workers(workers)
     if (out / MANIFEST).is_file():
         raise InputError(f"{out}: holds a dataset; give another folder")
     try:

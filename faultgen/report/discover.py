@@ -196,8 +196,9 @@ def friction_warnings(found: Discovery) -> list[str]:
         one for one in found.answer.effects if get_effect(one.effect).prior.group == SPEED_FRICTION
     ]
     lines = [
-        f"{one.effect} of axis {one.axis}: friction of real arms often differs by 2 % from one "
-        f"recording to another, and this is {100 * one.severity:.2g} %; {several}"
+        f"{one.effect} of axis {one.axis}: friction of real arms often differs by "
+        f"{100 * _USUAL:g} % from one recording to another, and this is "
+        f"{100 * one.severity:.2g} %; {several}"
         for one in named
         if abs(one.severity) < _USUAL
     ]

@@ -18,6 +18,7 @@ from faultgen.provenance import provenance
 from faultgen.studies.figures import Figures, draw
 from faultgen.studies.fleets import study_fleet
 from faultgen.system.files import write_text
+from faultgen.system.parallel import check_workers
 
 STUDIES = {
     "events": "chapter 2: event logs of a fleet before failures, PCA with T2 and Q",
@@ -86,8 +87,7 @@ def run_study(
     """
     if name not in STUDIES:
         raise InputError(f"unknown study '{name}': choose {', '.join(STUDIES)}")
-    if workers < 1:
-        raise InputError(f"workers: must be at least 1, not {workers}")
+    check_workers(workers)
     if seed < 0:
         raise InputError(f"seed: must be at least 0, not {seed}")
     plan = study_fleet(name, seed, quick, robots, tasks)
