@@ -26,7 +26,7 @@ from faultgen.discovery.read import read_recording
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.replay import relative_error, relative_errors, settled
 from faultgen.discovery.result import NAMED, NONE, UNKNOWN
-from faultgen.discovery.samples import blocks, for_scoring, samples_of
+from faultgen.discovery.samples import cut, samples_of
 from faultgen.robot import STRIBECK_VELOCITY, Robot, load_robot
 
 SHARE = 0.5
@@ -97,9 +97,9 @@ def _tried(
 def _read(measured: Path, healthy: Path, robot: Robot) -> _Case:
     recording = read_recording(measured)
     gap = recording.torque - read_recording(healthy).torque
-    parts = blocks(recording)
-    scored = samples_of([parts[p] for p in for_scoring(parts)], len(gap))[:, None]
     inside = settled(recording, robot)
+    parts, scoring = cut(recording, robot, inside)
+    scored = samples_of([parts[p] for p in scoring], len(gap))[:, None]
     motion = recording.derivatives(recording.motor_position(robot.gear_ratio))
     return _Case(
         recording, robot, gap, inside & ~scored, inside & scored, motion, np.random.default_rng(0)

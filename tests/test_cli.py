@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -230,6 +231,8 @@ def test_ctrl_c_stops_cleanly(tmp_path):
         start_new_session=True,
         stderr=subprocess.PIPE,
         text=True,
+        # a shell starts background jobs so that they ignore Ctrl-C, and their children inherit this
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
     )
     # However long the start takes, the runs are under way once a file is begun
     while not list(tmp_path.glob("out/runs/.*.tmp")):

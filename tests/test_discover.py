@@ -8,7 +8,7 @@ import pytest
 
 import faultgen
 from faultgen.dataset.experiment import Experiment
-from faultgen.discovery import check_recording, read_recording, write_recording
+from faultgen.discovery import check_recording, investigate, read_recording, write_recording
 from faultgen.discovery.from_runs import recording_of
 from faultgen.discovery.recording import low_passed
 from faultgen.discovery.samples import near_reversal, rolling
@@ -67,6 +67,16 @@ def test_a_clean_robot_has_no_missing_effect(files, tiny_robot_path, tmp_path):
     result = discovered(files, tiny_robot_path, "clean", out=tmp_path)
     assert (result["verdict"], result["effects"]) == ("no missing effect", [])
     assert (tmp_path / "model.xml").read_text() == load_robot(tiny_robot_path).xml
+
+
+@pytest.mark.parametrize("twin", [True, False])
+def test_a_play_is_looked_for_at_every_size(measured, tiny_robot, twin):
+    """A play of 1 mrad. From the next smaller or larger probe but these, slopes lead nowhere."""
+    healthy = measured([], 3) if twin else None
+    told = investigate(measured([("backlash", 1, 1e-3)], 2), tiny_robot, healthy).answer
+    assert [(one.effect, one.axis) for one in told.effects] == [("backlash", 1)]
+    assert told.effects[0].severity == pytest.approx(1e-3, rel=0.05)
+    assert told.after < 1.1 * told.floor < told.before
 
 
 def test_two_effects(files, tiny_robot_path):

@@ -12,9 +12,10 @@ from faultgen.discovery.candidates import (
     effect_terms,
     names_by_use,
     periodic_terms,
+    scanned_terms,
 )
 from faultgen.discovery.inertia import apply_inertia, inertia_terms
-from faultgen.effects import Effect, Prior
+from faultgen.effects import EFFECTS, Effect, Prior
 from faultgen.errors import InputError
 from faultgen.robot import load_robot
 
@@ -94,3 +95,22 @@ def test_a_mass_and_a_shift_are_what_they_say(tiny_robot):
     np.testing.assert_allclose(model.body_ipos[two], before.body_ipos[two], atol=1e-9)
     np.testing.assert_allclose(model.body_ipos[one] - before.body_ipos[one], [0.03, 0, 0])
     assert all(term.name == INERTIA for term in by.values())
+
+
+def test_no_effect_is_probed_beyond_its_bounds(robot, tiny_robot):
+    """A column of ten radians of encoder offset, say, is no slope at all."""
+    for one in (robot, tiny_robot):
+        for term in effect_terms(one) + scanned_terms(one):
+            effect = EFFECTS[term.name]
+            assert effect.smallest < term.step < effect.largest, term
+
+
+def test_an_effect_is_scanned_finely_and_allowed_for_once(tiny_robot):
+    """The prior of a play is that of its term; the severities in between add next to nothing."""
+    scanned = [term for term in scanned_terms(tiny_robot) if term.axis == 1]
+    (own,) = {t.prior_std for t in effect_terms(tiny_robot) if t.key == ("backlash", 1)}
+    assert sum(term.prior_std**2 for term in scanned) < (0.5 * own) ** 2
+    steps = np.array([term.step for term in scanned])
+    assert steps[0] < 5e-5 and steps[-1] > 3e-3  # from hardly seen to badly worn
+    assert np.all(steps[1:] / steps[:-1] < 1.3)
+    assert not scanned_terms(tiny_robot, exclude=["backlash"])

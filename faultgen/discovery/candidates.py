@@ -85,6 +85,7 @@ class Term:
 
 _POINTS = 0.02  # mass of a payload that the model says is none [kg]: assumed
 _ARM = 0.1  # distance of the points [m]
+_NEGLIGIBLE = 0.1  # standard deviation of a term that is allowed for elsewhere, over that term's
 
 
 def names_by_use(use: str) -> list[str]:
@@ -139,6 +140,25 @@ def effect_terms(
                 for parameters in prior.variants_on(robot, axis)
             ]
     return terms
+
+
+def scanned_terms(robot: Robot, exclude: Collection[str] = ()) -> list[Term]:
+    """List terms for the effects that are looked for at many severities, see `Prior.scan`.
+
+    Args:
+        robot: The robot.
+        exclude: Effects that are not considered.
+
+    Returns:
+        The terms. Healthy robots do not have them: their prior standard deviations are negligible.
+    """
+    return [
+        Term(effect.name, axis, step, _NEGLIGIBLE * effect.prior.std_on(robot, axis))
+        for effect in EFFECTS.values()
+        if effect.name not in exclude
+        for step in effect.prior.scan
+        for axis in effect.axes(robot.n_axes)
+    ]
 
 
 def _massless(robot: Robot) -> bool:

@@ -141,7 +141,7 @@ class Regression:
         self.couplings = tuple(couplings)
         self.cut_off = cut_off
         self.gearing = robot.gearing.matrix
-        self.parts = blocks(recording)
+        self.parts = blocks(recording, robot)
         """Blocks, each a slice of samples."""
         self.inside = counted(recording, robot, twin=False) & _inner(recording, cut_off)[:, None]
         """Samples that are used, shape (samples, n_axes)."""

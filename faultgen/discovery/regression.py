@@ -15,11 +15,10 @@ from faultgen.discovery.noise_level import Noise, levelled
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.replay import Changes, Replay
 from faultgen.discovery.samples import (
-    blocks,
     counted,
+    cut,
     divided,
     for_noise,
-    for_scoring,
     moving,
     near_reversal,
     samples_of,
@@ -220,13 +219,11 @@ def pose(
         ValueError: Too little of the recording can be used.
     """
     recording, robot = replay.recording, replay.robot
-    parts = blocks(recording)
     inside = counted(recording, robot, twin=twin)
+    parts, scoring = cut(recording, robot, inside)
     inside, steady = for_noise(inside, inside & ~near_reversal(recording, robot), parts)
-    if not (
-        inside & samples_of([parts[p] for p in for_scoring(parts)], len(residual))[:, None]
-    ).any():
-        raise ValueError("nothing moves in the last fifth, which is kept for scoring")
+    if not inside[samples_of([parts[p] for p in scoring], len(inside))].any():
+        raise ValueError("too little moves to keep a fifth of it for scoring")
     prior_stds = np.array([term.prior_std for term in terms], np.float32)[:, None, None]
     scale = prior_stds[:, 0, 0]
 
@@ -276,7 +273,7 @@ def pose(
         residual=residual,
         inside=inside,
         parts=parts,
-        scoring=for_scoring(parts),
+        scoring=scoring,
         raw=raw,
         noise=noise,
         trust=trust,

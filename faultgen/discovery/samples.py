@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -14,27 +15,95 @@ from faultgen.robot import Robot
 _JUMP = 0.05  # time around a change of direction in which the noise is not looked for [s]
 _PRESLIDING = 0.1  # time from rest or reversal until friction has settled [s]: assumed
 _BLOCKS = 6  # into which a single recording is cut, to fit on some and choose on others
+_FIFTHS = 5  # blocks of which one is kept for scoring, where axes move in turn
 
 
-def blocks(recording: Recording) -> list[slice]:
-    """List the parts of a recording. A recording of a single part is divided into blocks."""
+def cut(recording: Recording, robot: Robot, used: np.ndarray) -> tuple[list[slice], list[int]]:
+    """Cut a recording into parts, and choose those that are kept for scoring.
+
+    The parts are the separate recordings. One or two of them are cut into blocks of the same
+    length. Where long rests would leave a block with little motion, something moves for equally
+    long in each block. The last fifth of the parts is kept for scoring. If an axis moves only in
+    this fifth, or nowhere in it, as where axes move in turn, all recordings are cut into shorter
+    blocks, and every fifth block is kept.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+        used: Samples that are compared, shape (samples, n_axes).
+
+    Returns:
+        The parts, and the numbers of those that are kept for scoring, from 0.
+    """
+    parts = blocks(recording, robot)
+    scoring = for_scoring(parts)
+    if _shows_every_axis(parts, scoring, used):
+        return parts, scoring
+    moves = moving(recording, robot).any(axis=1)
+    each = -(-robot.n_axes // len(recording.parts))
+    shorter: list[slice] = []
+    for part in recording.parts:
+        most = max(1, int(moves[part].sum()) // (_FIFTHS * FEWEST))
+        shorter += _cut(part, moves[part], _FIFTHS * min(each, most))
+    every_fifth = list(range(len(shorter)))[_FIFTHS - 1 :: _FIFTHS]
+    if _shows_every_axis(shorter, every_fifth, used):
+        return shorter, every_fifth
+    return parts, scoring
+
+
+def blocks(recording: Recording, robot: Robot) -> list[slice]:
+    """List the parts of a recording. One or two parts are cut into blocks.
+
+    Args:
+        recording: The measured data.
+        robot: The model, which tells at which speed an axis moves.
+
+    Returns:
+        The parts. Something moves in each block of a recording for at least half of its share.
+    """
     parts = recording.parts
-    return parts if len(parts) > 2 else divided(parts)
+    if len(parts) > 2:
+        return parts
+    moves = moving(recording, robot).any(axis=1)
+    count = -(-_BLOCKS // len(parts))
+    return [block for part in parts for block in _cut(part, moves[part], count)]
 
 
 def divided(parts: Sequence[slice]) -> list[slice]:
     """Divide parts into blocks of the same length, at least `_BLOCKS` in total."""
     count = -(-_BLOCKS // len(parts))
-    cut = []
-    for part in parts:
-        edges = np.linspace(part.start, part.stop, count + 1).round().astype(int)
-        cut += [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)]
-    return cut
+    return [
+        block
+        for part in parts
+        for block in _cut(part, np.ones(part.stop - part.start, bool), count)
+    ]
+
+
+def _cut(part: slice, counts: np.ndarray, number: int) -> list[slice]:
+    """Cut a part into blocks of the same length.
+
+    If one of them held less than half of its share of the samples that count, and there are enough
+    of these, the blocks hold equally many of them instead.
+    """
+    edges = np.linspace(part.start, part.stop, number + 1).round().astype(int)
+    held = [block.sum() for block in np.split(counts, edges[1:-1] - part.start)]
+    share = counts.sum() / number
+    if share >= 1 and min(held) < share / 2:
+        goals = np.round(np.arange(1, number) * share)
+        edges[1:-1] = part.start + np.searchsorted(np.cumsum(counts), goals) + 1
+    return [slice(a, b) for a, b in pairwise(edges.tolist())]
 
 
 def for_scoring(parts: Sequence[slice]) -> list[int]:
     """The last fifth of the parts, at least one. They are not used for fitting or choosing."""
     return list(range(len(parts) - max(1, len(parts) // 5), len(parts)))
+
+
+def _shows_every_axis(parts: Sequence[slice], scoring: Sequence[int], used: np.ndarray) -> bool:
+    """Whether every axis that is compared somewhere is compared in both kinds of parts."""
+    kept = samples_of([parts[p] for p in scoring], len(used))
+    both = used[kept].any(axis=0) & used[~kept].any(axis=0)
+    return bool(used.any() and (both | ~used.any(axis=0)).all())
 
 
 def for_noise(

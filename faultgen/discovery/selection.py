@@ -153,12 +153,12 @@ class _Search:
 
     def _others(self, groups: Sequence[Group]) -> list[Group]:
         """Candidates that are not in a set, also not with another probing severity."""
+        taken = {self._which(group) for group in groups}
+        return [group for group in self.candidates if self._which(group) not in taken]
 
-        def which(group: Group) -> tuple:
-            return (*self._term(group).key, self._term(group).parameters)
-
-        taken = {which(group) for group in groups}
-        return [group for group in self.candidates if which(group) not in taken]
+    def _which(self, group: Group) -> tuple:
+        """Effect, axis and parameters, without the probing severity."""
+        return (*self._term(group).key, self._term(group).parameters)
 
     def _allowed(self, group: Group, first: float) -> bool:
         """Whether a value of the first term, in its prior_std, is within the effect's bounds."""
@@ -170,13 +170,15 @@ class _Search:
         free = current.terms
         others = self._others(current.groups)
         gains, first = current.evidence.gains(others, free)
-        strong = [
-            k
-            for k in np.argsort(-gains)
-            if self._allowed(others[k], first[k]) and gains[k] > self._sure(others[k])
-        ][:_JUDGED]
+        strong: dict[tuple, int] = {}  # one probing severity of each effect
+        for k in np.argsort(-gains):
+            if self._allowed(others[k], first[k]) and gains[k] > self._sure(others[k]):
+                strong.setdefault(self._which(others[k]), k)
         before = current.evidence.score(free)
-        judged = [(before - current.evidence.score([*free, *others[k]]), k) for k in strong]
+        judged = [
+            (before - current.evidence.score([*free, *others[k]]), k)
+            for k in list(strong.values())[:_JUDGED]
+        ]
         for gain, k in sorted(judged, reverse=True)[:3]:
             group = others[k]
             least = max(self._sure(group) / 2, SHARE * self._explained(current))

@@ -8,6 +8,7 @@ sensitivities, which can be kept in a folder.
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -83,7 +84,8 @@ def own_sensitivities(
 ) -> np.ndarray:
     """Simulate the change of the torque with terms that hardly move any axis but their own.
 
-    Terms that differ only in the axis are simulated together.
+    Terms that differ only in the axis are simulated together: the first of each axis, the second,
+    and so on, if an axis has several with the same parameters.
 
     Args:
         replay: The recording and the model.
@@ -96,8 +98,10 @@ def own_sensitivities(
         Shape (terms, samples, n_axes), per unit of each term. Only the term's own axis is not zero.
     """
     together: dict[tuple, list[Term]] = {}
+    places: Counter[tuple] = Counter()
     for term in terms:
-        together.setdefault((term.name, term.parameters), []).append(term)
+        place = places[term.key, term.parameters] = places[term.key, term.parameters] + 1
+        together.setdefault((term.name, term.parameters, place), []).append(term)
     groups = [tuple(group) for group in together.values()]
     out = {}
     for group, run in zip(groups, _runs(replay, groups, workers, cache), strict=True):

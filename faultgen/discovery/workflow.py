@@ -24,6 +24,7 @@ from faultgen.discovery.candidates import (
     effect_terms,
     names_by_use,
     periodic_terms,
+    scanned_terms,
     with_free_gains,
     with_model_scale,
 )
@@ -119,6 +120,7 @@ def investigate(
     terms = effect_terms(robot, exclude, include) + inertia_terms(robot)
     waves = _waves(robot, exclude)
     own = [term for term in waves if EFFECTS[term.name].prior.own_axis_only]
+    scanned = scanned_terms(robot, exclude)
     terms += [term for term in waves if term not in own]
     base, raw = sensitivities(replay, terms, workers=workers, cache=cache)
     discrepancy = discrepancy_terms(robot)
@@ -126,7 +128,7 @@ def investigate(
         [
             raw,
             discrepancy_sensitivities(replay, discrepancy, base, workers=workers, cache=cache),
-            own_sensitivities(replay, own, base, workers=workers, cache=cache),
+            own_sensitivities(replay, own + scanned, base, workers=workers, cache=cache),
         ]
     )
     terms += discrepancy + own
@@ -137,6 +139,7 @@ def investigate(
         terms = with_model_scale(terms, prior_scale)
     if twin is None and recording.constants is not None:
         terms = with_free_gains(terms)
+    terms += scanned
     try:
         problem = pose(replay, terms, base, raw, residual, twin=twin is not None)
     except ValueError as error:

@@ -51,6 +51,10 @@ class Prior:
     steps_in_std: float = 0.0
     """The same as a multiple of the standard deviation, for an effect that is linear in its
     severity. Give either this or `steps`."""
+    scan: tuple[float, ...] = ()
+    """Further severities at which the effect is looked for, on all axes in one simulation. An
+    effect needs them if the shape of its torque changes so much with the severity that a fit from
+    another severity leads nowhere."""
     variants: Variants | None = None
     """Sets of parameters of the effect. Each of them is a candidate. None: the defaults."""
     group: str = ""

@@ -63,7 +63,13 @@ EFFECTS = (
         slide_units="m",
         signature="a jump and ringing where the torque of the gearbox changes sign",
         element="gearbox{i}, tendon springlength (dead band)",
-        prior=Prior(std=2e-6, steps=(2e-5, 3e-4, 2e-3), imitated=True),
+        prior=Prior(
+            std=2e-6,
+            steps=(2e-5, 3e-4, 2e-3),
+            # a play that differs by a fifth meets its gears at clearly other moments
+            scan=tuple(np.geomspace(4e-5, 4e-3, 21).tolist()),
+            imitated=True,
+        ),
         source="definition; the play of worn gears stays below some 0.05 rad",
         largest=0.05,
         step=3e-4,
