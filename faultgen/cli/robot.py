@@ -60,6 +60,7 @@ def build(
     from faultgen.building.build import DRIVES
     from faultgen.building.build import build as run_build
     from faultgen.building.drives import Drives, read_drives
+    from faultgen.building.quantities import QUANTITIES
 
     if not model.exists():
         raise InputError(f"robot file {model}: does not exist")
@@ -95,9 +96,17 @@ def build(
     if as_json:
         print_json(result)
         return
-    shown = ("axis", "joint", "gear_ratio", "torque_limit", "speed_limit", "gear_stiffness")
+    units = {quantity.name: quantity.unit for quantity in QUANTITIES}
+    shown = ("gear_ratio", "torque_limit", "speed_limit", "gear_stiffness")
     print_table(
-        [{key: f"{one[key]:g}" if key in shown[2:] else one[key] for key in shown} for one in axes]
+        [
+            {
+                "axis": one["axis"],
+                "joint": one["joint"],
+                **{f"{key} [{units[key]}]": f"{one[key]:g}" for key in shown},
+            }
+            for one in axes
+        ]
     )
     for note in built.notes:
         print(f"note: {note}")
