@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from faultgen.cli.app import Json, app, print_json, print_table
+from faultgen.cli.app import Json, app, out_option, print_json, print_table
 from faultgen.errors import InputError
 
 robot = typer.Typer(
@@ -37,9 +37,9 @@ def build(
             "is optional; what is missing is assumed."
         ),
     ] = None,
-    out: Annotated[
-        Path, typer.Option("--out", "-o", help="Folder of the robot. Its name is the robot's name.")
-    ] = Path("my_robot"),
+    out: Annotated[Path, out_option("Folder of the robot. Its name is the robot's name.")] = Path(
+        "my_robot"
+    ),
     as_json: Json = False,
 ) -> None:
     """Build a complete robot from a plain model of an arm.
