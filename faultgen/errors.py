@@ -12,5 +12,9 @@ class SimulationFailed(RuntimeError):
     """A simulation diverged, or was stopped by MuJoCo. The message states when and why."""
 
 
+class MethodFailed(RuntimeError):
+    """The code of an isolator or detector raised an error. The message is one line."""
+
+
 class StorageFailed(OSError):
     """A file could not be written, or does not hold what was written. The message is one line."""

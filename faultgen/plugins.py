@@ -16,7 +16,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib import import_module
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
@@ -122,13 +122,7 @@ def added(group: str, fits: Callable[[object], bool], what: str) -> Iterator[tup
     """
     for point in entry_points(group=group):
         where = f"entry point {point.value}"
-        try:
-            loaded = point.load()
-            objects = list(loaded) if isinstance(loaded, Iterable) else [loaded]
-        except Exception as error:  # whatever the code of another package raises
-            reason = " ".join(f"{type(error).__name__}: {error}".split())
-            raise InputError(f"{where}: cannot be loaded ({reason})") from None
-        for one in objects:
+        for one in _objects(point):
             if not fits(one):
                 raise InputError(f"{where}: must be {what} or a list of them")
             yield where, one
@@ -139,9 +133,40 @@ def added(group: str, fits: Callable[[object], bool], what: str) -> Iterator[tup
                 yield f"method '{name}'", named
 
 
+def _objects(point: EntryPoint) -> list[Any]:
+    """Load what an entry point names.
+
+    Raises:
+        InputError: It cannot be loaded. The message names the package.
+    """
+    try:
+        loaded = point.load()
+        return list(loaded) if isinstance(loaded, Iterable) else [loaded]
+    except Exception as error:  # whatever the code of another package raises
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        package = f"the package '{point.dist.name}'" if point.dist else "its package"
+        raise InputError(
+            f"entry point {point.value}: cannot be loaded ({reason}); correct or uninstall "
+            f"{package}"
+        ) from None
+
+
 def modules(group: str) -> list[str]:
-    """Names of the modules that installed packages, and the option ``--method``, add to a group."""
-    found = [point.module for point in entry_points(group=group)]
+    """Names of the modules that installed packages, and the option ``--method``, add to a group.
+
+    Args:
+        group: Group of entry points.
+
+    Returns:
+        The names. Each module can be loaded.
+
+    Raises:
+        InputError: An entry point cannot be loaded.
+    """
+    points = list(entry_points(group=group))
+    for point in points:
+        _objects(point)
+    found = [point.module for point in points]
     if group in (ISOLATORS, DETECTORS):
         found += [getattr(load(name), "__module__", "") for name in _named()]
     return found

@@ -39,7 +39,7 @@ from faultgen.mjcf.dcmotor import OFFSET as OFFSET
 from faultgen.mjcf.dcmotor import STICTION as STICTION
 from faultgen.mjcf.dcmotor import STRIBECK_VELOCITY as STRIBECK_VELOCITY
 from faultgen.mjcf.edit import mjcf_text, resolve_inertias
-from faultgen.mjcf.elements import element_ids
+from faultgen.mjcf.elements import element_ids, stated_name
 from faultgen.mjcf.folder import read_folder, write_folder
 from faultgen.mjcf.gearing import Gearing, tendon_coefficients
 
@@ -212,6 +212,20 @@ class Robot:
             folder: The folder. It is created if it does not exist.
         """
         write_folder(folder, self.name, self.xml, self.assets, self.effects, self.tasks)
+
+    def label(self, element: str, axis: int) -> str:
+        """Name an element of an axis in a message.
+
+        Args:
+            element: Its name without the number of the axis, such as "axis " or "friction".
+            axis: Axis, from 1.
+
+        Returns:
+            For example "axis 2", or "axis 2 (elbow)" if the model states how the file from which it
+            was built names the joint.
+        """
+        name = stated_name(self.model, axis)
+        return f"{element}{axis} ({name})" if name else f"{element}{axis}"
 
     def to_degrees(self, joints: np.ndarray) -> np.ndarray:
         """Convert joint positions to the units of task files.

@@ -158,7 +158,11 @@ def test_recordings_are_filtered_and_thinned(measured):
     np.testing.assert_allclose(
         thin.position[middle], recording.position[::4][: len(thin.position)][middle], atol=0.05
     )
-    assert low_passed(recording, rate) is recording
+    assert low_passed(recording, rate / 2) is recording
+    with pytest.raises(
+        InputError, match=r"low-pass: must be at most [\d.]+ Hz, half of the sample"
+    ):
+        low_passed(recording, 0.51 * rate)
 
 
 def test_the_command_writes_a_calibrated_model(measured, tiny_robot_path, tmp_path):

@@ -8,6 +8,7 @@ import time
 from functools import partial
 from pathlib import Path
 
+import h5py
 import pytest
 from conftest import HANG, faultgen
 
@@ -191,6 +192,8 @@ def test_bad_files_and_folders_get_one_line(tmp_path):
     good.write_text('robot = "puma560"\ntask = "pick_and_place"\n')
     blocked = tmp_path / "blocked"
     blocked.write_text("a file where a folder should be")
+    foreign = tmp_path / "foreign.h5"
+    h5py.File(foreign, "w").close()
     out = tmp_path / "out"
     for arguments, message in (
         (["generate", broken, "-o", out], "broken.toml: not valid TOML"),
@@ -203,14 +206,44 @@ def test_bad_files_and_folders_get_one_line(tmp_path):
         (["generate", "/dev/zero", "-o", out], "/dev/zero: cannot be read (not a regular file)"),
         (["generate", good, "--paired", "-o", out], "file or flags, not both: --paired"),
         (["info", tmp_path], "is not a dataset"),
-        (["isolate", tmp_path / "nowhere"], "is not a dataset"),
+        (["isolate", tmp_path / "nowhere"], "nowhere: no such file or folder"),
         (["report", tmp_path], "is not a dataset"),
+        (["info", broken], "broken.toml: is not a file of a dataset, because it is no HDF5 file"),
+        (["isolate", foreign], "foreign.h5: has no checksum beside it (foreign.h5.sha256)"),
+        (["export", tmp_path / "no.h5", "-o", out], "no.h5: no such file"),
+        (["export", tmp_path, "-o", out], "is a folder, not a file"),
         (["fly"], "No such command 'fly'"),
         (["info"], "Missing argument 'folder'"),
     ):
         done = faultgen(*arguments)
         assert done.returncode == 2, (arguments, done.stderr)
         assert re.fullmatch(rf"faultgen: .*{re.escape(message)}.*\n", done.stderr), done.stderr
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["demo", "robot build arm.urdf", "export x.h5", "import x.csv", "twin x.h5 --robot puma560"],
+)
+def test_an_empty_path_is_not_the_current_folder(command, tmp_path):
+    done = faultgen(*command.split(), "-o", "", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.endswith("is empty; give a path, or . for the current folder\n")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "generate --robot puma560 --task spot_weld",
+        "study isolation",
+        "twin x.h5 --robot puma560",
+    ],
+)
+def test_a_negative_seed_is_refused_in_the_same_words(command, tmp_path):
+    done = faultgen(*command.split(), "--seed", "-1", "-o", "out", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == "faultgen: seed: must be at least 0, not -1\n"
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")

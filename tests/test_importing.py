@@ -679,7 +679,10 @@ def test_blank_cells_and_equal_times_are_left_out_and_told(tmp_path):
         ({"torque": {"columns": "M_{axis}"}}, r"no column 'M_1' for \[torque\]; the log has 5 col"),
         ({"torque": {"columns": ["u1", "u3"]}}, r"no column 'u3' for \[torque\]; similar columns "),
         ({"torque": {"columns": ["u1"]}}, "torque.columns lists 1 columns, but there are 2 axes"),
-        ({"time": {"column": "T"}}, r"no column 'T' for \[time\]"),
+        (
+            {"time": {"column": "T"}},
+            r"no column 'T' for \[time\]; similar columns are 't'; the log has 5 columns: 't', ",
+        ),
         ({"segment": "run"}, r"no column 'run' for \[segment\]"),
         ({"position": {"unit": "Nm"}}, "column 'q1', position.unit 'Nm' is none of position; give"),
         ({"position": {"unit": 0}}, "position.unit 0: a number of rad must not be 0"),

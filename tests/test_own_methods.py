@@ -247,3 +247,45 @@ def test_worker_processes_know_the_methods_of_a_study(tmp_path):
     )
     assert done.stdout.split("\n")[0] == "always the second", done.stderr
     assert done.stdout.split("\n")[-2] == "always the second"
+
+
+FAILING = """
+from faultgen.evaluation import Isolator
+
+class Failing(Isolator):
+    name = "failing"
+    features = ("mean_abs_torque",)
+
+    def __init__(self, setting):
+        super().__init__(setting)
+        setting.n_axes / 1
+
+    def fit(self, torque):
+        len(torque) / 1
+
+    def isolate(self, torque):
+        return int(
+            -len(torque) / len(torque)
+        )
+"""
+
+
+@pytest.mark.parametrize(
+    ("function", "change", "line"),
+    [
+        ("__init__", ("n_axes / 1", "n_axes / 0"), 10),
+        ("fit", ("len(torque) / 1", "len(torque) / 0"), 13),
+        ("isolate", ("/ len(torque)\n", "/ 0\n"), 17),
+    ],
+)
+def test_a_method_whose_code_fails_is_named_in_one_line(made, tmp_path, function, change, line):
+    """With the error, the file and the line, and exit status 1: the input is right."""
+    assert change[0] in FAILING
+    (tmp_path / "failing_method.py").write_text(FAILING.replace(*change))
+    done = faultgen("isolate", made, "--method", "failing_method.py:Failing", cwd=tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1] == (
+        f"faultgen: failing_method.Failing: {function} raised ZeroDivisionError: division by zero "
+        f"({tmp_path / 'failing_method.py'}, line {line})"
+    )
+    assert "Traceback" not in done.stderr

@@ -103,6 +103,41 @@ def test_packages_that_cannot_be_used_are_named(package, change, message):
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.parametrize("first", ["my_rust", "faultgen.effects", "faultgen.effects.prior"])
+def test_the_module_of_an_effect_can_be_imported_in_any_order(package, first):
+    """A user's own tests import it, before anything of faultgen."""
+    code = f"import {first}; import my_rust; from faultgen.effects import EFFECTS, get_effect\n"
+    code += "assert get_effect('rust') is EFFECTS['rust'] is my_rust.EFFECTS[0]"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(package)},
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("text", [None, "1 / 0"])
+def test_a_package_without_its_module_is_named_where_it_is_needed(package, text, tmp_path):
+    """One line names the package; commands that need no effects work."""
+    (package / "my_rust.py").unlink()
+    if text is not None:
+        (package / "my_rust.py").write_text(text)
+    for arguments in (
+        ["effects"],
+        ["generate", "--robot", "puma560", "--task", "spot_weld", "-o", tmp_path / "out"],
+    ):
+        done = with_package(package, *arguments)
+        assert done.returncode == 2
+        assert done.stderr.startswith("faultgen: entry point my_rust:EFFECTS: cannot be loaded (")
+        assert done.stderr.endswith("; correct or uninstall the package 'my-rust'\n")
+        assert done.stderr.count("\n") == 1
+    done = with_package(package, "robots")
+    assert done.returncode == 0, done.stderr
+    done = with_package(package, "info", tmp_path)
+    assert "is not a dataset" in done.stderr
+
+
 METHODS = """
 import numpy as np
 

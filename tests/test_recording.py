@@ -350,8 +350,13 @@ def test_csv_as_spreadsheets_write_it(tmp_path):
 def test_bad_csv(tmp_path):
     """A missing column, words instead of numbers, no file."""
     rows = np.stack([np.arange(9) * 0.01, np.ones(9), np.zeros(9), np.zeros(9)], axis=1)
-    with pytest.raises(InputError, match="no column 'time'"):
+    message = "no column 'time'; it has 't', 'segment', 'joint_position_1', .*'faultgen import'"
+    with pytest.raises(InputError, match=message):
         read_recording(csv(tmp_path / "t.csv", rows, "t,segment,joint_position_1,joint_torque_1"))
+    with pytest.raises(
+        InputError, match="'motor_position_1' or 'joint_position_1'; it has 'time', 'q"
+    ):
+        read_recording(csv(tmp_path / "q.csv", rows, "time,q1,q2,tau1"))
     (tmp_path / "w.csv").write_text("time,a\n0,x\n")
     with pytest.raises(InputError, match="not a table of numbers"):
         read_recording(tmp_path / "w.csv")

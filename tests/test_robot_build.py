@@ -353,6 +353,22 @@ BAD = {
     "not xml": ("<robot", "", "not valid XML"),
     "other xml": ("<sdf/>", "", r"its outermost element is <sdf>"),
     "no joints": ('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>', "", "no joint of it"),
+    "home outside the range": (
+        urdf(),
+        "home = [0, -160, 0, 0, 150, 0]",
+        r"drives: home: axis 2 \(lift\) at -160 is outside its range of -149 to 149 deg; axis 5",
+    ),
+    "keyframe outside the range": (
+        MJCF.replace("0.3 -0.4 0", "0.3 -2.4 0"),
+        'joints = ["shoulder", "elbow"]',
+        r"arm.xml: keyframe 'home': axis 2 \(elbow\) at -137.5 is outside its range of -114.6",
+    ),
+    "too weak to hold the arm": (
+        urdf(),
+        "[axis.lift]\ntorque_limit = 1",
+        r"axis 2 \(lift\): with a torque limit of 1 N m it cannot hold the arm, which needs up to "
+        "[56]",
+    ),
     "singular coupling": (
         urdf(),
         '[[coupling]]\ngearbox = "pan"\njoint = "lift"\nfactor = 1\n'
@@ -390,3 +406,48 @@ def test_all_links_without_mass_are_named_at_once(tmp_path):
 def test_names_of_supplied_robots_are_taken(arm_path):
     with pytest.raises(InputError, match="'puma560' is the name of a robot that comes with"):
         build(arm_path, Drives(), "puma560")
+
+
+def test_an_arm_that_is_just_strong_enough_works_where_it_can_be_held(arm_path):
+    """With less than 85 % of the torque for some poses, the tool moves through others."""
+    robot = build(arm_path, Drives(axis={"lift": {"torque_limit": 40.0}}), "weak").robot
+    arm = Arm(robot)
+    assert len(robot.tasks) == 3
+    for name in robot.tasks:
+        task = load_task(robot.name, name, robot.tasks)
+        assert any(move.position for move in task.move)
+        q = plan(task, robot)(np.arange(0, 2, 0.01))[0]
+        held = np.abs(motor_torque(arm, q, 0 * q, 0 * q)) / robot.motor_torque_limit
+        assert held.max() <= 0.86
+
+
+def test_a_move_between_poses_that_cannot_be_held_is_refused_at_once(built, monkeypatch):
+    """No timing is tried, because every timing begins and ends at rest."""
+    robot = built.robot
+    move = "[[move]]\njoints = {}\n"
+    text = 'description = "x"\n[start]\njoints = [0, 0, 0, 0, 0, 0]\n'
+    text += move.format([0, 90, 0, 0, 0, 0]) + move.format([0] * 6)
+    spec = robot.spec()
+    spec.actuator("drive2").forcerange *= 0.1
+    weak = robot.edited(spec)
+    monkeypatch.setattr("faultgen.simulation.timing.Ruckig", None)
+    with pytest.raises(InputError, match=r"move 1: axis 2 \(lift\) needs more than 85 % of its"):
+        plan(load_task("my_arm", "x", {"x": text}), weak)
+
+
+def test_no_link_and_no_tool_is_below_the_base_during_the_tasks(tmp_path):
+    """A long arm that starts close to the floor; heights by MuJoCo over the whole cycle."""
+    path = tmp_path / "long.urdf"
+    long = [('xyz="0 0 0.2"', 'xyz="0 0 0.05"'), ('xyz="0 0 0.1"', 'xyz="0 0 0"')]
+    long += [('xyz="0 0 0.35"', 'xyz="0 0 0.6"'), ('xyz="0 0 0.3"', 'xyz="0 0 0.6"')]
+    path.write_text(urdf(*long, ('effort="', 'effort="9')))
+    robot = build(path, Drives(home=[0, 60, 100, 0, 20, 0]), "long").robot
+    model = Arm(robot).model
+    data = mujoco.MjData(model)
+    assert len(robot.tasks) == 3
+    for name in robot.tasks:
+        motion = plan(load_task(robot.name, name, robot.tasks), robot)
+        for pose in motion(np.arange(0, motion.period, 0.02))[0]:
+            data.qpos[:] = pose
+            mujoco.mj_kinematics(model, data)
+            assert min(data.xpos[1:, 2].min(), data.site("tool").xpos[2]) > -1e-3, name

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from plain_arm import TETRAHEDRON, urdf
+from plain_arm import NAMES, TETRAHEDRON, urdf
 from typer.testing import CliRunner
 
 from faultgen.building.check import check
@@ -35,7 +35,7 @@ def test_a_supplied_robot_is_fit():
 def test_a_robot_without_tasks_makes_a_small_move(tiny_robot_path):
     found = check(tiny_robot_path)
     assert found.fit and not found.tasks
-    assert 0 < found.trial["largest lag of a joint"] < 0.01
+    assert 0 < found.trial["largest lag of a joint [rad]"] < 0.01
 
 
 SHORT = '<body name="link2" pos="0.4 0 0">', '<body name="link2" pos="400 0 0">'
@@ -50,7 +50,7 @@ FAULTY = {
     ),
     "a torque limit below the weight": (
         [('saturation="2 0 0"', 'saturation="0.02 0 0"')],
-        {"axis 2": "needs 1.96 to hold the arm, but its torque limit is 1 N m"},
+        {"axis 2": "needs 1.96 N m to hold the arm, but its torque limit is 1 N m"},
     ),
     "millimetres": (
         [SHORT, ('pos="0.1 0 0" mass="1"', 'pos="0.1 0 0" mass="9000"')],
@@ -164,3 +164,31 @@ def test_a_file_that_cannot_be_read_is_one_finding(tmp_path):
 def test_unknown_robots_are_bad_input():
     done = run("robot", "check", "r2d2")
     assert "unknown robot 'r2d2'" in str(done.exception)
+
+
+def test_a_built_robot_is_checked_with_the_names_of_its_file(tmp_path):
+    """Findings name the joint of the user's file beside the number of the axis."""
+    (tmp_path / "arm.urdf").write_text(urdf())
+    drives = tmp_path / "drives.toml"
+    drives.write_text("timestep = 0.01\n[axis.lift]\ntorque_limit = 40\n")
+    out = tmp_path / "arm"
+    assert run("robot", "build", tmp_path / "arm.urdf", drives, "-o", out).exit_code == 0
+    done = run("robot", "check", out)
+    assert "finding: axis 2 (lift): needs" in done.stdout
+    assert "finding: friction3 (elbow): its bristles" in done.stdout
+    assert [row.split()[:2] for row in done.stdout.splitlines()[1:7]] == [
+        [str(k), name] for k, name in enumerate(NAMES, start=1)
+    ]
+
+
+def test_numbers_have_units(tmp_path):
+    """Those of the drives of a plain model, which depend on whether the joint turns or slides."""
+    (tmp_path / "arm.urdf").write_text(urdf())
+    slide = urdf(('name="elbow" type="revolute"', 'name="elbow" type="prismatic"'))
+    (tmp_path / "slide.urdf").write_text(slide)
+    done = run("robot", "check", tmp_path / "arm.urdf")
+    assert "torque_limit [N m]" in done.stdout and "speed_limit [rad/s]" in done.stdout
+    assert "m/s]" not in done.stdout
+    done = run("robot", "check", tmp_path / "slide.urdf", "--json")
+    third = json.loads(done.stdout)["axes"][2]
+    assert third["torque_limit [N]"] == 80 and third["speed_limit [m/s]"] == 3.5

@@ -91,6 +91,8 @@ def test_a_file_holds_everything(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        ("", "has no entry; it may have torque_noise, torque_correlation, torque_colour"),
+        ("# torque_noise = 0.1", "has no entry"),
         ("torque_noise = ", "not valid TOML"),
         ("torque_nose = 0.1", "torque_nose"),
         ("torque_noise = -0.1", "torque_noise must be finite and not negative"),

@@ -89,6 +89,13 @@ def test_features_of_several_robots_stand_in_one_table(made, tiny_task_path, tmp
     assert tables[1].loc[0, "fault_severity_friction_wear_1"] == 0
 
 
+def test_one_feature_need_not_be_in_a_list(made):
+    dataset = open_dataset(made)
+    for name in ("mean_abs_torque", "temperature"):
+        one, listed = dataset.to_xy(features=name)[0], dataset.to_xy(features=[name])[0]
+        assert one.equals(listed) and len(one.columns) in (1, 2)
+
+
 def test_a_classifier_learns_from_the_training_runs(made):
     """The three lines of the README: it names the axis of other runs far better than chance."""
     dataset = open_dataset(made)

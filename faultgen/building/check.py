@@ -17,7 +17,7 @@ import numpy as np
 from faultgen.building.chain import moving_links, name_elements
 from faultgen.building.findings import Finding
 from faultgen.building.inertias import inertia_findings
-from faultgen.building.plain import plain_arm, survey
+from faultgen.building.plain import STATED_UNITS, plain_arm, survey
 from faultgen.building.resonance import (
     BRISTLE_RULE,
     bristle_step,
@@ -30,6 +30,7 @@ from faultgen.building.source import Source, read_source
 from faultgen.building.trial import trial
 from faultgen.building.units import unit_findings
 from faultgen.errors import InputError
+from faultgen.mjcf.elements import stated_name
 from faultgen.robot import Robot, load_robot, robot_names
 from faultgen.simulation.arm import Arm
 from faultgen.simulation.motion import plan
@@ -118,7 +119,8 @@ def _check_loaded(given: str, name: str, source: Source | None = None) -> Checke
     axes = [f"joint{k + 1}" for k in range(robot.n_axes)]
     checked.findings += inertia_findings(spec, moving_links(spec, axes))
     has_payload = any(body.name == "payload" for body in spec.bodies)
-    checked.findings += unit_findings(Arm(robot).model, axes, has_payload)
+    names = [robot.label("joint", k + 1) for k in range(robot.n_axes)]
+    checked.findings += unit_findings(Arm(robot).model, names, has_payload)
     if not any(site.name == "tool" for site in spec.sites):
         remedy = "add a site of this name to the last link"
         checked.findings.append(Finding("site 'tool'", "is missing", remedy))
@@ -140,6 +142,7 @@ def _drivetrain(robot: Robot, checked: Checked) -> list[Finding]:
         checked.axes.append(
             {
                 "axis": k + 1,
+                "joint": stated_name(robot.model, k + 1) or f"joint{k + 1}",
                 "gear_ratio": float(robot.gear_ratio[k]),
                 "resonance, rotor locked [Hz]": float(at_zero.axis[k]),
                 "largest step of the bristles [s]": float(bristles[k]),
@@ -161,7 +164,7 @@ def _drivetrain(robot: Robot, checked: Checked) -> list[Finding]:
     for k in np.flatnonzero(step > bristles * (1 + 1e-9)).tolist():
         found.append(
             Finding(
-                f"friction{k + 1}",
+                robot.label("friction", k + 1),
                 f"its bristles are too stiff for a step of {step:g} s: the step times the root of "
                 f"bristle stiffness over rotor inertia is {BRISTLE_RULE * step / bristles[k]:.2g}",
                 f"it must be at most {BRISTLE_RULE:g}: make the bristles softer or the step at "
@@ -181,14 +184,15 @@ def _weight(robot: Robot) -> list[Finding]:
     still = np.zeros_like(poses)
     load = np.abs(robot.gearing.torque(arm.inverse_dynamics(poses, still, still))).max(axis=0)
     limit = robot.motor_torque_limit * np.abs(robot.gear_ratio)
+    units = np.where(robot.slides, "N", "N m")
     return [
         Finding(
-            f"axis {k + 1}",
-            f"needs {load[k]:.3g} to hold the arm, but its torque limit is {limit[k]:.3g} "
-            f"{'N' if robot.slides[k] else 'N m'} at the joint",
+            robot.label("axis ", k + 1),
+            f"needs {load[k]:.3g} {units[k]} to hold the arm, but its torque limit is "
+            f"{limit[k]:.3g} {units[k]} at the joint",
             "raise the torque limit, or make the links or the payload lighter",
         )
-        for k in np.flatnonzero(load > limit)
+        for k in np.flatnonzero(load > limit).tolist()
     ]
 
 
@@ -230,7 +234,15 @@ def _check_plain(path: Path, source: Source) -> Checked:
         has_payload = any(model.body(k).name == "payload" for k in range(model.nbody))
         checked.findings += unit_findings(model, names, has_payload)
         checked.axes = [
-            {"axis": k + 1, "joint": name, **arm.stated[name]} for k, name in enumerate(names)
+            {
+                "axis": k + 1,
+                "joint": name,
+                **{
+                    f"{key} [{STATED_UNITS[key][arm.slides[k]]}]": value
+                    for key, value in arm.stated[name].items()
+                },
+            }
+            for k, name in enumerate(names)
         ]
     return checked
 

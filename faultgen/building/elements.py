@@ -116,6 +116,9 @@ def add_drives(
     for body in spec.bodies:
         if body.name.startswith("rotor"):
             body.name = f"link_{body.name}"
+    for k, name in enumerate(joints, start=1):
+        if name != f"joint{k}":
+            spec.add_text(name=f"joint{k}", data=name)
     plain = [{name: one.value for name, one in numbers.items()} for numbers in values]
     for k, number in enumerate(plain, start=1):
         _add_rotor(spec, k, number["rotor_inertia"])

@@ -54,8 +54,7 @@ def _aimed(space: Workspace, pose: np.ndarray, goal: np.ndarray) -> Place | None
         return None
     x /= np.linalg.norm(x)
     turned = Rotation.from_matrix(np.stack([x, np.cross(goal, x), goal], axis=1))
-    found = space.at(place.point, turned, pose)
-    return found if found is not None and space.is_safe(found.pose) else None
+    return space.at(place.point, turned, pose)
 
 
 def _line(space: Workspace, start: Place, end: np.ndarray) -> Place | None:

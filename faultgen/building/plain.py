@@ -35,6 +35,15 @@ from faultgen.mjcf.edit import mjcf_text
 HOME = "home"
 """Name of the keyframe that is the pose from which tasks start."""
 
+STATED_UNITS = {
+    "armature": ("kg m^2", "kg"),
+    "damping": ("N m s/rad", "N s/m"),
+    "frictionloss": ("N m", "N"),
+    "torque_limit": ("N m", "N"),
+    "speed_limit": ("rad/s", "m/s"),
+}
+"""Units of what a file states about the drive of a hinge and of a slide, joint side."""
+
 
 @dataclass(frozen=True)
 class Plain:
@@ -51,8 +60,7 @@ class Plain:
     slides: tuple[bool, ...]
     """Whether the axis slides."""
     stated: Mapping[str, Mapping[str, float]]
-    """What the file states about the drive of a joint, by joint: armature, damping, frictionloss,
-    torque_limit, speed_limit; joint side, in SI units."""
+    """What the file states about the drive of a joint, by joint: some of `STATED_UNITS`."""
     flange: Flange
     """Where the payload is attached."""
     home: tuple[float, ...] | None

@@ -48,16 +48,18 @@ def trial(robot: Robot, tasks: Sequence[str], figures: dict[str, float]) -> list
     at = robot.model.actuator_ctrladr[robot.ids("actuator", "drive")]
     lag = np.abs(control[:, at] - cycle.motor_position) / np.abs(robot.gear_ratio)
     used = np.abs(cycle.motor_torque) / robot.motor_torque_limit
-    figures["largest lag of a joint"] = float(lag.max())
+    units = np.where(robot.slides, "m", "rad")
+    for unit in np.unique(units):
+        figures[f"largest lag of a joint [{unit}]"] = float(lag[:, units == unit].max())
     figures["largest torque over its limit"] = float(used.max())
     return [
         Finding(
-            f"axis {k + 1}",
-            f"its motor is {lag[:, k].max():.3g} (at the joint) behind its reference in the first "
-            "second",
+            robot.label("axis ", k + 1),
+            f"its motor is {lag[:, k].max():.3g} {units[k]} (at the joint) behind its reference in "
+            "the first second",
             "raise its servo gains or its torque limit",
         )
-        for k in np.flatnonzero(lag.max(axis=0) > _LARGEST_LAG)
+        for k in np.flatnonzero(lag.max(axis=0) > _LARGEST_LAG).tolist()
     ]
 
 

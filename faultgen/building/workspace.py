@@ -9,14 +9,17 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from faultgen.building.resonance import sampled_poses
+from faultgen.errors import InputError
 from faultgen.robot import Robot
-from faultgen.simulation.arm import Arm
+from faultgen.simulation.arm import Arm, motor_torque
+from faultgen.simulation.timing import TORQUE_SHARE
 
 _SAMPLES = 800  # poses that are looked at
-_FEWEST = 20  # safe poses; with fewer the floor does not count, as for an arm on a ceiling
+_FEWEST = 20  # poses above the floor; with fewer it does not count, as for an arm on a ceiling
+_FEWEST_HELD = 20  # poses that the drives hold; with fewer the arm is of no use
 _INSET = 0.05  # share of the range that stays free at both of its ends
 _WANTED = 0.6  # distance of the tool over the reach at which an arm works best
-_BELOW = 0.02  # share of the reach by which a link may be below the base
+_BELOW = 1e-4  # share of the reach by which a link may be below the base, because of rounding
 _NEAR = 0.5  # weight of the distance from the home pose
 
 
@@ -38,6 +41,9 @@ class Workspace:
     Args:
         robot: The robot.
         home: Pose near which it should work, shape (n_axes,), in [rad] or [m]. None: anywhere.
+
+    Raises:
+        InputError: The drives cannot hold the arm.
     """
 
     def __init__(self, robot: Robot, home: np.ndarray | None) -> None:
@@ -49,7 +55,7 @@ class Workspace:
         self.down = gravity / size if size > 0 else np.array([0.0, 0.0, -1.0])
         """Direction of gravity, shape (3,)."""
         link = self.arm.model.jnt_bodyid[0]
-        self._moving = np.arange(link, self.arm.model.nbody)
+        self._moving = np.arange(link + 1, self.arm.model.nbody)  # the first one is on the base
         self._points(np.clip(np.zeros(robot.n_axes), *robot.joint_range.T))
         self.base = self._data.xpos[self.arm.model.body_parentid[link]].copy()
         """Position of the base, shape (3,), in [m]."""
@@ -64,12 +70,33 @@ class Workspace:
         points = np.array([self._points(pose) for pose in drawn])
         self.reach = float(np.linalg.norm(points[:, -1] - self.base, axis=1).max())
         """Largest distance of the tool from the base [m]."""
+        held = self._held(drawn)
         self._floor = float(-self.base @ self.down) - _BELOW * self.reach
-        safe = [k for k, pose in enumerate(drawn) if self.is_safe(pose)]
+        safe = np.array([pose for pose in held if self.is_safe(pose)])
         if len(safe) < _FEWEST:
-            self._floor, safe = -np.inf, list(range(len(drawn)))
-        self.poses = drawn[safe]
-        """Poses in which the arm is above the floor, shape (poses, n_axes)."""
+            self._floor, safe = -np.inf, held
+        self.poses = safe
+        """Poses above the floor in which the drives can hold the arm, shape (poses, n_axes)."""
+
+    def _held(self, poses: np.ndarray) -> np.ndarray:
+        """Those of some poses, shape (poses, n_axes), in which the drives can hold the arm."""
+        share = self._share_of_torque(poses)
+        held = poses[(share <= TORQUE_SHARE).all(axis=1)]
+        if len(held) >= _FEWEST_HELD:
+            return held
+        robot, k = self.robot, int(np.argmax(np.median(share, axis=0)))
+        limit = float(robot.motor_torque_limit[k] * abs(robot.gear_ratio[k]))
+        unit = "N" if robot.slides[k] else "N m"
+        raise InputError(
+            f"{robot.label('axis ', k + 1)}: with a torque limit of {limit:.3g} {unit} it cannot "
+            f"hold the arm, which needs up to {limit * share[:, k].max():.3g} {unit}; raise its "
+            "torque_limit or make the payload lighter in drives.toml"
+        )
+
+    def _share_of_torque(self, poses: np.ndarray) -> np.ndarray:
+        """Motor torque at rest over its limit, in some poses; both of shape (poses, n_axes)."""
+        still = np.zeros_like(poses)
+        return np.abs(motor_torque(self.arm, poses, still, still)) / self.robot.motor_torque_limit
 
     def _points(self, pose: np.ndarray) -> np.ndarray:
         """Positions of the links and of the tool, shape (links + 1, 3), in [m]."""
@@ -79,17 +106,23 @@ class Workspace:
         return np.vstack([self._data.xpos[self._moving], tool])
 
     def is_safe(self, pose: np.ndarray) -> bool:
-        """Tell whether the links and the tool are above the floor and the joints in their range.
+        """Tell whether an arm can be in a pose.
+
+        The joints must be in their range, the links and the tool above the floor, and the drives
+        must hold the arm.
 
         Args:
             pose: Joint positions, shape (n_axes,), in [rad] or [m].
         """
         low, high = self.robot.joint_range.T
-        inside = bool(np.all((pose >= low) & (pose <= high)))
-        return inside and bool((-self._points(pose) @ self.down).min() >= self._floor)
+        return (
+            bool(np.all((pose >= low) & (pose <= high)))
+            and bool((-self._points(pose) @ self.down).min() >= self._floor)
+            and bool((self._share_of_torque(pose[None]) <= TORQUE_SHARE).all())
+        )
 
     def is_clear(self, here: np.ndarray, there: np.ndarray) -> bool:
-        """Tell whether the straight way between two poses stays above the floor.
+        """Tell whether the arm can be everywhere on the straight way between two poses.
 
         Args:
             here: Joint positions, shape (n_axes,), in [rad] or [m].
@@ -114,10 +147,10 @@ class Workspace:
             near: Joint positions from which the search starts, shape (n_axes,).
 
         Returns:
-            The place; None if it cannot be reached from there.
+            The place; None if it cannot be reached from there, or if the arm cannot be there.
         """
         pose = self.arm.follow(point, turned, near)
-        return None if pose is None else Place(pose, point, turned)
+        return None if pose is None or not self.is_safe(pose) else Place(pose, point, turned)
 
     def outward(self, point: np.ndarray) -> np.ndarray:
         """Return the horizontal direction from the base to a point.

@@ -26,7 +26,7 @@ from faultgen.cli import (
     view,
 )
 from faultgen.cli.app import app
-from faultgen.errors import InputError, SimulationFailed, StorageFailed
+from faultgen.errors import InputError, MethodFailed, SimulationFailed, StorageFailed
 
 __all__ = [
     "data",
@@ -68,7 +68,7 @@ def main() -> None:
         sys.exit(1)
     except StorageFailed as error:
         _fail(f"{error}; check the disk, then run the same command again to continue", 1)
-    except (SimulationFailed, OSError) as error:
+    except (SimulationFailed, MethodFailed, OSError) as error:
         _fail(" ".join(str(error).split()), 1)
     except Exception as error:
         # usage errors of the command-line library

@@ -38,7 +38,28 @@ def _options(
 
 
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
-Out = Annotated[Path, typer.Option("--out", "-o", help="Folder for the results.")]
+
+
+def _path(text: str | Path) -> Path:
+    """Convert the value of --out. An empty one would stand for the current folder."""
+    if not str(text):
+        raise typer.BadParameter("is empty; give a path, or . for the current folder")
+    return Path(text)
+
+
+def out_option(what: str) -> Any:
+    """Declare the option --out of a command.
+
+    Args:
+        what: What is written there, for the help.
+
+    Returns:
+        The declaration.
+    """
+    return typer.Option("--out", "-o", parser=_path, metavar="<path>", help=what)
+
+
+Out = Annotated[Path, out_option("Folder for the results.")]
 Workers = Annotated[
     int | None,
     typer.Option(

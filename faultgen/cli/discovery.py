@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from faultgen.cli.app import Json, Out, Robot, Workers, app, print_json, worker_count
+from faultgen.cli.app import Json, Out, Robot, Workers, app, out_option, print_json, worker_count
 from faultgen.errors import InputError
 
 LowPass = Annotated[
@@ -213,7 +213,7 @@ def calibrate(
     robot: Robot,
     out: Annotated[
         Path,
-        typer.Option("--out", "-o", help="Folder for the calibrated robot and its numbers."),
+        out_option("Folder for the calibrated robot and its numbers."),
     ] = Path("calibrated"),
     known: Annotated[
         list[str] | None,

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from faultgen.cli.app import Folder, Json, Methods, app, print_json
+from faultgen.cli.app import Folder, Json, Methods, app, out_option, print_json
 from faultgen.errors import InputError
 
 
@@ -20,9 +20,7 @@ def export(
             "--parquet, a dataset or a fleet."
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="Recording to write (HDF5).")] = Path(
-        "measured.h5"
-    ),
+    out: Annotated[Path, out_option("Recording to write (HDF5).")] = Path("measured.h5"),
     cycle: Annotated[
         int | None, typer.Option(help="Number of the cycle, from 1. Default: the last one.")
     ] = None,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from faultgen.cli.app import Json, app, print_json, print_table
+from faultgen.cli.app import Json, app, out_option, print_json, print_table
 from faultgen.errors import InputError
 
 
@@ -38,9 +38,7 @@ def import_(
         str | None,
         typer.Option(help="Print the map of a preset, to copy and edit it. No log is read."),
     ] = None,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Recording to write (HDF5).")] = Path(
-        "measured.h5"
-    ),
+    out: Annotated[Path, out_option("Recording to write (HDF5).")] = Path("measured.h5"),
     as_json: Json = False,
 ) -> None:
     """Make a recording for 'faultgen discover' from the log of a robot controller.

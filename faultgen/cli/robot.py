@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from faultgen.cli.app import Json, app, print_json, print_table
+from faultgen.cli.app import Json, app, out_option, print_json, print_table
 from faultgen.errors import InputError
 
 robot = typer.Typer(
@@ -37,9 +37,9 @@ def build(
             "is optional; what is missing is assumed."
         ),
     ] = None,
-    out: Annotated[
-        Path, typer.Option("--out", "-o", help="Folder of the robot. Its name is the robot's name.")
-    ] = Path("my_robot"),
+    out: Annotated[Path, out_option("Folder of the robot. Its name is the robot's name.")] = Path(
+        "my_robot"
+    ),
     as_json: Json = False,
 ) -> None:
     """Build a complete robot from a plain model of an arm.
@@ -60,6 +60,7 @@ def build(
     from faultgen.building.build import DRIVES
     from faultgen.building.build import build as run_build
     from faultgen.building.drives import Drives, read_drives
+    from faultgen.building.quantities import QUANTITIES
 
     if not model.exists():
         raise InputError(f"robot file {model}: does not exist")
@@ -95,9 +96,17 @@ def build(
     if as_json:
         print_json(result)
         return
-    shown = ("axis", "joint", "gear_ratio", "torque_limit", "speed_limit", "gear_stiffness")
+    units = {quantity.name: quantity.unit for quantity in QUANTITIES}
+    shown = ("gear_ratio", "torque_limit", "speed_limit", "gear_stiffness")
     print_table(
-        [{key: f"{one[key]:g}" if key in shown[2:] else one[key] for key in shown} for one in axes]
+        [
+            {
+                "axis": one["axis"],
+                "joint": one["joint"],
+                **{f"{key} [{units[key]}]": f"{one[key]:g}" for key in shown},
+            }
+            for one in axes
+        ]
     )
     for note in built.notes:
         print(f"note: {note}")

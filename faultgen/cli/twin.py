@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from faultgen.cli.app import Folder, Json, Robot, Workers, app, print_json, worker_count
+from faultgen.cli.app import Folder, Json, Robot, Workers, app, out_option, print_json, worker_count
 from faultgen.errors import InputError
 
 
@@ -22,9 +22,7 @@ def twin(
         ),
     ],
     robot: Robot,
-    out: Annotated[
-        Path, typer.Option("--out", "-o", help="Folder for the twin, a robot's folder.")
-    ] = Path("my_robot"),
+    out: Annotated[Path, out_option("Folder for the twin, a robot's folder.")] = Path("my_robot"),
     discovery: Annotated[
         bool,
         typer.Option(
@@ -95,9 +93,7 @@ def twin(
 @app.command()
 def train(
     folder: Folder,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the detector.")] = Path(
-        "detector"
-    ),
+    out: Annotated[Path, out_option("Folder for the detector.")] = Path("detector"),
     false_alarms: Annotated[
         float,
         typer.Option(

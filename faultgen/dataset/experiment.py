@@ -110,6 +110,23 @@ MOST_RUNS = 100_000
 LARGEST_SEED = 2**63 - 1
 """Largest seed that run files can store."""
 
+
+def check_seed(seed: int, repetitions: int = 1) -> None:
+    """Refuse a seed that cannot be used.
+
+    Args:
+        seed: The first seed.
+        repetitions: Number of seeds that follow each other.
+
+    Raises:
+        InputError: The first seed is negative, or the last one is above `LARGEST_SEED`.
+    """
+    if seed < 0:
+        raise InputError(f"seed: must be at least 0, not {seed}")
+    if seed + repetitions - 1 > LARGEST_SEED:
+        raise InputError(f"seed: must be at most {LARGEST_SEED + 1 - repetitions}, not {seed}")
+
+
 Numbers = dict[str, int | float | str]
 
 
@@ -165,7 +182,7 @@ class Experiment(BaseModel):
     sensors: Annotated[str, BeforeValidator(_absolute)] = "none"
     """Preset of sensor noise and disturbances, or the path of a sensors file. Default: the sensors
     in the robot's folder, if it has any, otherwise "none"."""
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: int = 0
     """Seed of the first repetition. Each further repetition uses the next number."""
     repetitions: Annotated[int, Field(ge=1, le=MOST_RUNS)] = 1
     """Number of times that all runs are made, each time with another seed."""
@@ -223,10 +240,7 @@ class Experiment(BaseModel):
         for low, high in self.speed_window or []:
             if not low < high:
                 raise InputError(f"speed_window: must be [low, high], not [{low:g}, {high:g}]")
-        if self.seed + self.repetitions - 1 > LARGEST_SEED:
-            raise InputError(
-                f"seed: must be at most {LARGEST_SEED + 1 - self.repetitions}, not {self.seed}"
-            )
+        check_seed(self.seed, self.repetitions)
         return self
 
     def _check_parameters(self) -> None:

@@ -259,7 +259,7 @@ class Dataset:
 
         return runs_table(self.runs, self.manifest.splits)
 
-    def to_dataframe(self, features: Sequence[str] | None = None) -> pd.DataFrame:
+    def to_dataframe(self, features: str | Sequence[str] | None = None) -> pd.DataFrame:
         """Return a table with one row for each cycle of every run.
 
         Its first columns are labels: the run, its robot, task, effect, axis and seed, its part in
@@ -269,7 +269,8 @@ class Dataset:
         axis.
 
         Args:
-            features: Names of arrays under ``/monitoring``, or "temperature". Default: all of them.
+            features: Names of arrays under ``/monitoring``, or "temperature"; one name need
+                not be in a list. Default: all of them.
 
         Returns:
             The table. ``frame.attrs["units"]`` has the SI unit of each column, and
@@ -284,7 +285,7 @@ class Dataset:
 
     def to_xy(
         self,
-        features: Sequence[str] | None = None,
+        features: str | Sequence[str] | None = None,
         *,
         split: str | None = None,
         by: str = "run",
@@ -293,7 +294,8 @@ class Dataset:
         """Return features and labels as scikit-learn wants them.
 
         Args:
-            features: Names of arrays under ``/monitoring``, or "temperature". Default: all of them.
+            features: Names of arrays under ``/monitoring``, or "temperature"; one name need
+                not be in a list. Default: all of them.
             split: "train" or "test" for one part of a division; by default all cycles.
             by: Name of the division: "run", "axis", "robot" or "task".
             label: "axis" (the worn axis from 1, or 0 while nothing is worn), "effect" ("healthy"
@@ -399,6 +401,8 @@ def open_dataset(folder: str | Path) -> Dataset:
         InputError: This is not a dataset, or its list of runs is damaged.
     """
     path = Path(folder)
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder; make a dataset with 'faultgen generate'")
     dataset = Dataset(path.parent, path) if path.is_file() else Dataset(path)
     _ = dataset.manifest
     return dataset

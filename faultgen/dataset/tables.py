@@ -104,14 +104,15 @@ def _run_row(run: OpenRun, splits: RunParts) -> dict[str, Any]:
 
 
 def cycles_table(
-    runs: Sequence[OpenRun], splits: RunParts, features: Sequence[str] | None, where: str
+    runs: Sequence[OpenRun], splits: RunParts, features: str | Sequence[str] | None, where: str
 ) -> pd.DataFrame:
     """Make a table with one row for each cycle; see `Dataset.to_dataframe`.
 
     Args:
         runs: The runs.
         splits: Ids of the runs of each part, by division.
-        features: Names of arrays under ``/monitoring``, or "temperature"; None for all.
+        features: Names of arrays under ``/monitoring``, or "temperature"; None for all. One name
+            need not be in a list.
         where: Place of the dataset, for messages.
 
     Returns:
@@ -122,6 +123,8 @@ def cycles_table(
     """
     if not runs:
         raise InputError(f"{where}: no runs in it; finish it with faultgen generate")
+    if isinstance(features, str):
+        features = [features]
     units: dict[str, str] = {"axis": "1", "seed": "1", "cycle": "1", TEMPERATURE: "degC"}
     labels, values, axes = [], [], []
     severity_units = set()

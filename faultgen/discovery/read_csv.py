@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import pandas as pd
 
 from faultgen.discovery.read_hdf5 import NAMES
 from faultgen.errors import InputError
-from faultgen.importing.table import LARGEST_FILE, parsed_rows
+from faultgen.importing.table import LARGEST_FILE, listed, parsed_rows
 
 
 def read_csv(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -31,7 +32,7 @@ def read_csv(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """
     columns = _columns(path)
     if "time" not in columns:
-        raise InputError(f"{path}: no column 'time'")
+        raise _missing(path, "'time'", columns)
     named = {"temperature": columns["temperature"]} if "temperature" in columns else {}
     for stem in NAMES:
         values = _axes(path, stem, columns)
@@ -42,12 +43,22 @@ def read_csv(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
                     "each axis"
                 )
             named[stem] = values
+    if not {"motor_position", "joint_position"} & named.keys():
+        raise _missing(path, "'motor_position_1' or 'joint_position_1'", columns)
     named["time"] = columns["time"]
     attributes: dict[str, Any] = {}
     if "segment" in columns:
         starts = np.concatenate([[0], np.flatnonzero(np.diff(columns["segment"])) + 1])
         attributes["segments"] = starts
     return named, attributes
+
+
+def _missing(path: Path, wanted: str, columns: Iterable[str]) -> InputError:
+    """The error of a file that lacks a column."""
+    return InputError(
+        f"{path}: no column {wanted}; it has {listed(columns)}; rename its columns, or convert it "
+        "with 'faultgen import'"
+    )
 
 
 def _columns(path: Path) -> dict[str, np.ndarray]:

@@ -261,14 +261,22 @@ def low_passed(recording: Recording, cut_off: float) -> Recording:
 
     Args:
         recording: The recording to filter.
-        cut_off: Cut-off frequency [Hz]. From 0.4 times the sample rate on, nothing is changed.
+        cut_off: Cut-off frequency [Hz]. From 0.4 times the sample rate on, nothing is changed;
+            above 0.5 times, it is refused.
 
     Returns:
         The filtered recording, with fewer samples.
 
     Raises:
-        InputError: A separate recording is too short to be filtered.
+        InputError: The cut-off frequency is above half of the sample rate, or a separate recording
+            is too short to be filtered.
     """
+    highest = 0.5 / recording.sample_period
+    if cut_off > highest:
+        raise InputError(
+            f"low-pass: must be at most {highest:g} Hz, half of the sample rate of "
+            f"{recording.source}, not {cut_off:g} Hz"
+        )
     every = int(1 / (2.5 * cut_off * recording.sample_period) + 1e-9)
     if 2.5 * cut_off * recording.sample_period >= 1:
         return recording

@@ -11,6 +11,9 @@ Installed packages can add effects. Such a package declares an entry point of th
 
 from __future__ import annotations
 
+from collections.abc import Iterator, MutableMapping
+from functools import cached_property
+
 from faultgen.effects import (
     coupling,
     friction,
@@ -56,22 +59,45 @@ _OWN = tuple(
 )
 
 
-def _catalogue() -> dict[str, Effect]:
+class _Catalogue(MutableMapping[str, Effect]):
     """Effects of this package and of installed packages, by name.
 
-    Raises:
-        InputError: An entry point cannot be loaded, is no effect, or takes a name that exists.
+    Those of installed packages are loaded when the catalogue is first used, and not when it is
+    imported, because their modules import it.
     """
-    found = {effect.name: effect for effect in _OWN}
-    effect: Effect
-    for where, effect in added(PLUGINS, lambda one: isinstance(one, Effect), "an Effect"):
-        if effect.name in found:
-            raise InputError(f"{where}: an effect '{effect.name}' exists")
-        found[effect.name] = effect
-    return found
+
+    @cached_property
+    def _effects(self) -> dict[str, Effect]:
+        """All effects.
+
+        Raises:
+            InputError: An entry point cannot be loaded, is no effect, or takes a name that exists.
+        """
+        found = {effect.name: effect for effect in _OWN}
+        effect: Effect
+        for where, effect in added(PLUGINS, lambda one: isinstance(one, Effect), "an Effect"):
+            if effect.name in found:
+                raise InputError(f"{where}: an effect '{effect.name}' exists")
+            found[effect.name] = effect
+        return found
+
+    def __getitem__(self, name: str) -> Effect:
+        return self._effects[name]
+
+    def __setitem__(self, name: str, effect: Effect) -> None:
+        self._effects[name] = effect
+
+    def __delitem__(self, name: str) -> None:
+        del self._effects[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._effects)
+
+    def __len__(self) -> int:
+        return len(self._effects)
 
 
-EFFECTS = _catalogue()
+EFFECTS = _Catalogue()
 """Every effect by its name."""
 
 

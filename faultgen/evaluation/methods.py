@@ -21,15 +21,18 @@ docs/extending.md shows how to add one.
 
 from __future__ import annotations
 
+import sys
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from traceback import extract_tb
 from typing import ClassVar, TypeVar
 
 import numpy as np
 
 from faultgen.analysis.isolation import Answer
-from faultgen.errors import InputError
+from faultgen.errors import InputError, MethodFailed
 from faultgen.evaluation.features import FEATURES, HOURLY_FEATURES, Features
 from faultgen.evaluation.wear_model import Directions
 from faultgen.plugins import added
@@ -260,6 +263,62 @@ def needed(methods: Iterable[Method]) -> set[str]:
     return {name for method in methods for name in method.features}
 
 
+@contextmanager
+def _named(method: type[Method], doing: str, *expected: type[Exception]) -> Iterator[None]:
+    """Name a method, and where its code fails, in errors that it does not raise on purpose.
+
+    Args:
+        method: Class of the method.
+        doing: Name of the function that is called.
+        expected: Types of errors that mean something to the caller, besides `InputError`.
+
+    Raises:
+        MethodFailed: The code in the context raised another error.
+    """
+    try:
+        yield
+    except Exception as error:  # whatever the code of a user raises
+        if isinstance(error, (InputError, *expected)):
+            raise
+        own = getattr(sys.modules.get(method.__module__), "__file__", None)
+        lines = [one.lineno for one in extract_tb(error.__traceback__) if one.filename == own]
+        place = f" ({own}, line {lines[-1]})" if lines else ""
+        raised = " ".join(f"{type(error).__name__}: {error}".split())
+        raise MethodFailed(f"{class_name(method)}: {doing} raised {raised}{place}") from error
+
+
+def create(kind: type[M], setting: Setting) -> M:
+    """Make a method.
+
+    Args:
+        kind: Its class.
+        setting: What is known before there are data.
+
+    Returns:
+        The method.
+
+    Raises:
+        MethodFailed: Its code fails.
+    """
+    with _named(kind, "__init__"):
+        return kind(setting)
+
+
+def learn(method: Method, runs: Sequence[LabelledRun]) -> None:
+    """Let a supervised method learn.
+
+    Args:
+        method: The method.
+        runs: Runs of the training part.
+
+    Raises:
+        ValueError: The method cannot learn from these runs.
+        MethodFailed: Its code fails.
+    """
+    with _named(type(method), "learn", ValueError):
+        method.learn(runs)
+
+
 def fit(method: Method, healthy: Sequence[Features]) -> None:
     """Let a method learn.
 
@@ -269,8 +328,10 @@ def fit(method: Method, healthy: Sequence[Features]) -> None:
 
     Raises:
         ValueError: The method cannot learn from these series.
+        MethodFailed: Its code fails.
     """
-    method.fit(*([series[name] for series in healthy] for name in method.features))
+    with _named(type(method), "fit", ValueError):
+        method.fit(*([series[name] for series in healthy] for name in method.features))
 
 
 def isolate(isolator: Isolator, seen: Features, cycles: int | None = None) -> int | Answer:
@@ -286,8 +347,10 @@ def isolate(isolator: Isolator, seen: Features, cycles: int | None = None) -> in
 
     Raises:
         InputError: The answer is neither an axis nor an answer for every axis.
+        MethodFailed: Its code fails.
     """
-    found = isolator.isolate(*(seen[name][:cycles] for name in isolator.features))
+    with _named(type(isolator), "isolate"):
+        found = isolator.isolate(*(seen[name][:cycles] for name in isolator.features))
     n_axes = isolator.setting.n_axes
     if isinstance(found, Answer):
         shapes = {"worn": (n_axes,), "severity": (n_axes,), "interval": (n_axes, 2), "z": (n_axes,)}
@@ -325,9 +388,12 @@ def score(detector: Detector, seen: Features) -> np.ndarray:
 
     Raises:
         InputError: The score has another shape, or is nan.
+        MethodFailed: Its code fails.
     """
     given = [seen[name] for name in detector.features]
-    return _checked(detector, "score", np.asarray(detector.score(*given)), len(given[0]))
+    with _named(type(detector), "score"):
+        found = np.asarray(detector.score(*given))
+    return _checked(detector, "score", found, len(given[0]))
 
 
 def blame(detector: Detector, seen: Features) -> np.ndarray | None:
@@ -342,9 +408,11 @@ def blame(detector: Detector, seen: Features) -> np.ndarray | None:
 
     Raises:
         InputError: The answer has another shape.
+        MethodFailed: Its code fails.
     """
     given = [seen[name] for name in detector.features]
-    found = detector.blame(*given)
+    with _named(type(detector), "blame"):
+        found = detector.blame(*given)
     return None if found is None else _checked(detector, "blame", np.asarray(found), len(given[0]))
 
 

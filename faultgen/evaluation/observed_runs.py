@@ -13,7 +13,7 @@ from faultgen.dataset.reader import Dataset, StoredRun
 from faultgen.dataset.splits import TEST, TRAIN
 from faultgen.errors import InputError
 from faultgen.evaluation.features import HOURLY_FEATURES, SIGNALS, Features, features
-from faultgen.evaluation.methods import LabelledRun, M, Method, Setting, fit
+from faultgen.evaluation.methods import LabelledRun, M, Method, Setting, create, fit, learn
 from faultgen.evaluation.wear_model import WearModel, wear_model, wear_points
 from faultgen.monitoring.reductions import SPEED_WINDOW, Limits, mean_abs_torque
 from faultgen.monitoring.sensors import Measured, Sensors, get_sensors, measure
@@ -253,11 +253,11 @@ class Place:
             labelled = self.labelled({name for method in supervised for name in method.features})
         for name, method in usable.items():
             if method.supervised:
-                one = method(self.setting)
+                one = create(method, self.setting)
                 try:
                     if not labelled:
                         raise ValueError("the training part has none")
-                    one.learn(labelled)
+                    learn(one, labelled)
                     found[name] = one
                 except ValueError as error:
                     reason = f"too few labelled runs to learn from ({error})"
@@ -266,7 +266,7 @@ class Place:
             if method.learns and not healthy:
                 reasons.setdefault(self._no_healthy(), []).append(f"'{name}'")
                 continue
-            one = method(self.setting)
+            one = create(method, self.setting)
             try:
                 fit(one, healthy if method.learns else [])
                 found[name] = one

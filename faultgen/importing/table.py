@@ -83,14 +83,18 @@ class Table:
             what: Entry of the map, such as "position".
 
         Returns:
-            The error. Its message lists names that are similar.
+            The error. Its message lists names that are similar in capitals or small letters, and
+            the names that the log has.
         """
-        plain = wanted.replace("{axis}", "1")
-        near = get_close_matches(plain, self.columns, n=4, cutoff=0.5)
+        plain = wanted.replace("{axis}", "1").lower()
+        by_lower: dict[str, list[str]] = {}
+        for name in self.columns:
+            by_lower.setdefault(name.lower(), []).append(name)
+        near = get_close_matches(plain, by_lower, n=4, cutoff=0.5)
+        told = f"the log has {len(self.columns)} columns: {listed(self.columns)}"
         if near:
-            told = f"similar columns are {_listed(near)}"
-        else:
-            told = f"the log has {len(self.columns)} columns: {_listed(self.columns)}"
+            similar = [name for lower in near for name in by_lower[lower]]
+            told = f"similar columns are {listed(similar)}; {told}"
         return InputError(
             f"{self.source}: no column '{wanted}' for [{what}]; {told}; correct the map"
         )
@@ -146,7 +150,8 @@ def parsed_rows(text: str, count: int, separator: str = ",", decimal: str = ".")
             raise pd.errors.ParserError(str(error)) from None
 
 
-def _listed(names: Iterable[str]) -> str:
+def listed(names: Iterable[str]) -> str:
+    """Return names for a message; of many, the first ones and the number of the others."""
     found = [f"'{name}'" for name in names]
     more = f" and {len(found) - _MOST_LISTED} more" if len(found) > _MOST_LISTED else ""
     return ", ".join(found[:_MOST_LISTED]) + more

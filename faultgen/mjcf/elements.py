@@ -1,4 +1,8 @@
-"""The elements of a model by their names: those of axis i end with the number i."""
+"""The elements of a model by their names: those of axis i end with the number i.
+
+A model that was built from another file also states how that file names the joint of axis i, in the
+``text`` element ``joint{i}``.
+"""
 
 from __future__ import annotations
 
@@ -35,3 +39,20 @@ def element_ids(model: mujoco.MjModel, kind: str, name: str, n_axes: int) -> np.
     if (ids < 0).any():
         raise InputError(f"no {kind} named '{names[int(np.argmax(ids < 0))]}'")
     return ids
+
+
+def stated_name(model: mujoco.MjModel, axis: int) -> str:
+    """Return the name that the joint of an axis has in the file from which the model was built.
+
+    Args:
+        model: The compiled model.
+        axis: Axis, from 1.
+
+    Returns:
+        The name; empty if the model states none.
+    """
+    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXT, f"joint{axis}")
+    if index < 0:
+        return ""
+    start = model.text_adr[index]
+    return bytes(model.text_data[start : start + model.text_size[index] - 1]).decode()

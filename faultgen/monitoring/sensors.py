@@ -228,6 +228,9 @@ def parse_sensors(text: str, where: str) -> Sensors:
         first = error.errors()[0]
         entry = ".".join(str(part) for part in first["loc"][:2])
         raise InputError(f"sensors file {where}: {entry}: {first['msg']}") from None
+    if not content:
+        entries = ", ".join(name for name in asdict(found) if name != "description")
+        raise InputError(f"sensors file {where}: has no entry; it may have {entries}")
     _check_numbers(found, where)
     return found
 

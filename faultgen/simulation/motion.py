@@ -220,8 +220,8 @@ def _check_sampled(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, whe
         if (beyond > 0).any():
             axis = int(np.argmax(beyond > 0)) + 1
             raise InputError(
-                f"{where}: on the recorded motion, axis {axis} {what} in the model; correct this "
-                "limit of the model, or record a gentler motion"
+                f"{where}: on the recorded motion, {robot.label('axis ', axis)} {what} in the "
+                "model; correct this limit of the model, or record a gentler motion"
             )
 
 
@@ -252,8 +252,8 @@ def _configuration(pose: Pose, arm: Arm, task: Task, before: np.ndarray, where: 
         scale, unit, digits = (1.0, "m", 4) if robot.slides[axis] else (180 / np.pi, "deg", 1)
         at, first, last = scale * np.array([angles[axis], low[axis], high[axis]])
         raise InputError(
-            f"task {task.name}, {where}: axis {axis + 1} at {at:.{digits}f} {unit} is outside its "
-            f"range of {first:.{digits}f} to {last:.{digits}f} {unit}"
+            f"task {task.name}, {where}: {robot.label('axis ', axis + 1)} at {at:.{digits}f} "
+            f"{unit} is outside its range of {first:.{digits}f} to {last:.{digits}f} {unit}"
         )
     return angles
 
@@ -370,13 +370,15 @@ def shifted(motion: Motion, robot: Robot, shift: np.ndarray, speed: float) -> Mo
     if outside.any():
         axis = int(np.flatnonzero(outside.any(axis=0))[0]) + 1
         raise InputError(
-            f"task {motion.task.name}: axis {axis} leaves its range when the motion is shifted"
+            f"task {motion.task.name}: {robot.label('axis ', axis)} leaves its range when the "
+            "motion is shifted"
         )
     torque = np.abs(motor_torque(Arm(robot), q, qd, qdd)).max(axis=0)
     over = torque > TORQUE_SHARE * robot.motor_torque_limit * (1 + 1e-6)
     if over.any():
         axis = int(np.flatnonzero(over)[0]) + 1
         raise InputError(
-            f"task {motion.task.name}: axis {axis} needs too much torque when the motion is shifted"
+            f"task {motion.task.name}: {robot.label('axis ', axis)} needs too much torque when the "
+            "motion is shifted"
         )
     return new

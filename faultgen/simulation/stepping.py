@@ -224,7 +224,7 @@ class _Stepper:
         seconds = (first + start + whole) * self.batch.model.opt.timestep
         return (
             f"{_when(cycle)}: the simulation diverged before {seconds:.3f} s of the cycle, "
-            f"on axis {axis}: bad {what}"
+            f"on {self.robot.label('axis ', axis)}: bad {what}"
         )
 
     def _wildest(self) -> int:

@@ -48,6 +48,11 @@ def timed(move: Move, path: JointPath, length: float, arm: Arm, where: str) -> t
             `LONGEST`.
     """
     robot = arm.robot
+    # a move begins and ends at rest, so its ends must be held, whatever its timing
+    ends = path(np.array([0.0, 1.0]), 0)
+    torque = motor_torque(arm, ends, np.zeros_like(ends), np.zeros_like(ends))
+    if (np.abs(torque) > TORQUE_SHARE * robot.motor_torque_limit).any():
+        raise _too_weak(arm, torque, where)
     joint_speed = robot.motor_velocity_limit / np.abs(robot.gear_ratio)
     s = np.linspace(0, 1, 201)
     slope = np.abs(path(s, 1)).max(axis=0) + 1e-12
@@ -86,9 +91,14 @@ def timed(move: Move, path: JointPath, length: float, arm: Arm, where: str) -> t
         scale *= 0.93
         if excess > 1 and scale < 0.3:
             speed *= 0.93
-    axis = int(np.argmax(np.max(np.abs(torque) / robot.motor_torque_limit, axis=0))) + 1
-    raise InputError(
-        f"{where}: axis {axis} needs more than "
+    raise _too_weak(arm, torque, where)
+
+
+def _too_weak(arm: Arm, torque: np.ndarray, where: str) -> InputError:
+    """The error of a move that needs some torque of the motors, shape (samples, n_axes)."""
+    axis = int(np.argmax(np.max(np.abs(torque) / arm.robot.motor_torque_limit, axis=0))) + 1
+    return InputError(
+        f"{where}: {arm.robot.label('axis ', axis)} needs more than "
         f"{100 * TORQUE_SHARE:.0f} % of its motor torque at any speed"
     )
 

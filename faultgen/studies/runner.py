@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from faultgen import plugins
+from faultgen.dataset.experiment import check_seed
 from faultgen.errors import InputError
 from faultgen.fleet import Fleet, generate_fleet, open_fleet
 from faultgen.monitoring.sensors import get_sensors, sensors_of
@@ -88,8 +89,7 @@ def run_study(
     if name not in STUDIES:
         raise InputError(f"unknown study '{name}': choose {', '.join(STUDIES)}")
     check_workers(workers)
-    if seed < 0:
-        raise InputError(f"seed: must be at least 0, not {seed}")
+    check_seed(seed)
     plan = study_fleet(name, seed, quick, robots, tasks)
     if fleet is not None and plan is None:
         raise InputError(f"study {name}: simulates its own data and takes no --fleet")

@@ -19,9 +19,10 @@ from typing import Any
 
 import h5py
 
-from faultgen.errors import StorageFailed
+from faultgen.errors import InputError, StorageFailed
 from faultgen.system.files import (
     BINARY,
+    checksum_path,
     forget_cached,
     named_failures,
     temporary_name,
@@ -198,9 +199,21 @@ def open_verified(path: Path) -> Iterator[h5py.File]:
         The open file.
 
     Raises:
-        InputError: The file is damaged or has no checksum.
+        InputError: There is no such file, it is damaged, or it is no file of a dataset.
         StorageFailed: The file cannot be read.
     """
+    note = checksum_path(path)
+    if not path.is_file():
+        raise InputError(
+            f"{path}: {'is a folder, not a file' if path.is_dir() else 'no such file'}"
+        )
+    if not note.is_file() and not h5py.is_hdf5(path):
+        raise InputError(f"{path}: is not a file of a dataset, because it is no HDF5 file")
+    if not note.is_file():
+        raise InputError(
+            f"{path}: has no checksum beside it ({note.name}); if it belongs to a dataset, run the "
+            "generate command again to replace it"
+        )
     verify(path)
     try:
         with h5py.File(path, "r") as file:

@@ -52,7 +52,8 @@ def read_bytes(path: str | Path, what: str, largest: int) -> bytes:
         with open(path, "rb") as file:
             content = file.read(largest + 1)
     except (OSError, ValueError) as error:
-        raise InputError(f"{what} {path}: cannot be read ({error})") from None
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{what} {path}: cannot be read ({reason})") from None
     if len(content) > largest:
         raise InputError(f"{what} {path}: cannot be read (larger than {largest / 2**20:g} MiB)")
     return content

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from faultgen.dataset.experiment import check_seed
 from faultgen.discovery.calibrate import calibrate
 from faultgen.discovery.in_step import in_step
 from faultgen.discovery.recorded_task import recorded_task
@@ -84,8 +85,7 @@ def make_twin(
     started = time.monotonic()
     if out.is_file() or out.suffix == ".xml":
         raise InputError(f"out: must be a folder, not {out}")
-    if seed < 0:
-        raise InputError(f"seed: must be at least 0, not {seed}")
+    check_seed(seed)
     model = load_robot(robot)
     recordings, warnings = _read(healthy, model)
     for warning in warnings:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from faultgen.dataset.experiment import check_seed
 from faultgen.dataset.reader import Dataset, StoredRun
 from faultgen.discovery.recording import TorqueConstants
 from faultgen.errors import InputError
@@ -82,8 +83,7 @@ def train(dataset: Dataset, *, false_alarms: float = FALSE_ALARMS, seed: int = 0
     """
     if not 1e-6 <= false_alarms <= 0.5:
         raise InputError(f"false-alarms: must be from 1e-6 to 0.5, not {false_alarms:g}")
-    if seed < 0:
-        raise InputError(f"seed: must be at least 0, not {seed}")
+    check_seed(seed)
     runs = _checked_runs(dataset)
     robot = load_robot(_place(dataset, runs[0], "robot"))
     motion = _motion(dataset, runs, robot)

@@ -17,7 +17,15 @@ from faultgen.analysis.isolation import ChangeIsolator
 from faultgen.analysis.pca import PCAMonitor
 from faultgen.errors import InputError
 from faultgen.evaluation.detectors import DETECTORS as OF_CYCLES
-from faultgen.evaluation.methods import HOURS, Detector, blame, class_name, fit, score
+from faultgen.evaluation.methods import (
+    HOURS,
+    Detector,
+    blame,
+    class_name,
+    create,
+    fit,
+    score,
+)
 from faultgen.studies.chapter3_detection.hourly_torque import HOURLY, HourlyMonitored, HourlyTorque
 
 COMPONENTS = 0.75
@@ -365,7 +373,7 @@ def scores(
     test = {name: values[training:] for name, values in seen.items()}
     found = {}
     for name, made in DETECTORS.items():
-        detector = made(setting)
+        detector = create(made, setting)
         fit(detector, [healthy])
         found[name] = Scored(score(detector, test), blame(detector, test))
     return found

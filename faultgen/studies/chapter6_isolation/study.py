@@ -23,7 +23,7 @@ from faultgen.errors import InputError
 from faultgen.evaluation.features import Features
 from faultgen.evaluation.isolate import LEVELS
 from faultgen.evaluation.isolators import ISOLATORS
-from faultgen.evaluation.methods import Isolator, Setting, axis_of, fit, isolate
+from faultgen.evaluation.methods import Isolator, Setting, axis_of, create, fit, isolate
 from faultgen.evaluation.places import TASKS, place_name
 from faultgen.evaluation.shares import share
 from faultgen.monitoring.reductions import SPEED_WINDOW
@@ -204,7 +204,7 @@ def _methods(
     for method in ISOLATORS.values():
         if method.supervised:  # these series have no labelled runs to learn from
             continue
-        isolator = method(setting)
+        isolator = create(method, setting)
         judged = _Judged(isolator, series)
         fit(isolator, [judged.seen(r) for r in series.of(REFERENCE)] if method.learns else [])
         for name, told in _told(judged, cuts).items():
@@ -325,7 +325,7 @@ def _controls(series: Series, block: Block) -> list[dict]:
     """Answers of isolators that learn nothing, without cause or without the order of cycles."""
     setting = Setting(n_axes=series.worn.shape[1])
     by_order = [
-        method(setting)
+        create(method, setting)
         for method in ISOLATORS.values()
         if not (method.learns or method.supervised) and method.features == ("mean_abs_torque",)
     ]

@@ -13,7 +13,7 @@ import numpy as np
 
 from faultgen.evaluation.detectors import DETECTORS
 from faultgen.evaluation.features import Features
-from faultgen.evaluation.methods import CYCLES, Detector, fit, needed, score
+from faultgen.evaluation.methods import CYCLES, Detector, create, fit, needed, score
 from faultgen.monitoring.sensors import Sensors
 from faultgen.studies.chapter6_isolation.monitored import Monitored
 from faultgen.studies.detectability.ideal import BASELINE, DETECTED, FALSE_ALARM, LOGGED
@@ -103,7 +103,7 @@ def judged(monitored: Monitored, sensors: Sensors, days: int, rng: np.random.Gen
     sensors = replace(sensors, temperature_memory=_APART)
     setting = monitored.setting(temperature_varies=sensors.changes_motion)
     detectors = {
-        name: kind(setting)
+        name: create(kind, setting)
         for name, kind in DETECTORS.items()
         if CYCLES in kind.rows and not kind.supervised
     }
