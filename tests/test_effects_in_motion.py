@@ -11,7 +11,7 @@ from faultgen.effects import EFFECTS, Applied, get_effect
 from faultgen.effects.base import Moment
 from faultgen.effects.temperature import friction_ratios
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY
+from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, load_robot
 from faultgen.simulation.motion import plan
 from faultgen.simulation.plant import Plant, assemble
 from faultgen.simulation.servo import control_signal
@@ -325,12 +325,15 @@ def test_what_cannot_be_is_refused(tiny_robot, robot):
 
 def test_facts_about_effects():
     """Ranges enclose all steps and what healthy robots have; another unit is that of an effect."""
+    robots = [load_robot(name) for name in ("puma560", "irb6700")]
     for effect in EFFECTS.values():
+        for robot in robots:
+            for axis in effect.axes(robot.n_axes):
+                assert 2 * effect.prior.std_on(robot, axis) < effect.largest, effect.name
         assert effect.smallest <= 0 < effect.step < effect.largest, effect.name
         assert effect.signed == (effect.smallest < 0)
         assert not effect.same_as or effect.same_as in EFFECTS
         assert effect.edit or effect.command or effect.log or effect.between or effect.sense
         assert all(0 < step < effect.largest for step in effect.prior.steps), effect.name
-        assert callable(effect.prior.std) or 2 * effect.prior.std < effect.largest, effect.name
     assert get_effect("brake_drag").same_as == "coulomb_friction"
     assert not get_effect("backlash").signed
