@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from faultgen.discovery.noise import Autoregression
+from faultgen.discovery.noise_level import Noise
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regression import Problem, pose
 
@@ -98,7 +99,9 @@ def written_down(terms, columns, residual, *, twin=False, trust=None, torque=10.
         parts=PARTS,
         scoring=[len(PARTS) - 1],
         raw=columns,
-        noise=Autoregression(np.zeros((n_axes, 0)), np.ones(n_axes)),
+        noise=Noise(
+            Autoregression(np.zeros((n_axes, 0)), np.ones(n_axes)), np.ones(residual.shape)
+        ),
         trust=trust,
         white=columns * trust.astype(np.float32) * scale[:, None, None],
         twin=twin,
