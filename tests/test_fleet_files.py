@@ -38,6 +38,8 @@ def test_a_fleet_is_what_was_recorded(made, tmp_path):
     fleet = generate_fleet(PLAN, tmp_path)
     assert sorted(made) == [0, 1, 2]
     assert is_fleet(tmp_path)
+    written = (tmp_path / "fleet.json").read_text()
+    assert FleetPlan.model_validate_json(written) == PLAN and written.endswith("}\n")
     assert sorted(path.name for path in (tmp_path / "robots").iterdir()) == [
         "robot001.h5",
         "robot002.h5",
