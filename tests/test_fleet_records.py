@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from faultgen.errors import InputError
 from faultgen.fleet import FleetPlan
+from faultgen.fleet import cycles as cycles_module
 from faultgen.fleet import record as module
 from faultgen.fleet.calendar import ROWS, Calendar, draw_calendar
-from faultgen.fleet.cycles import DAMAGES, TEMPERATURES, Cycles
+from faultgen.fleet.cycles import DAMAGES, TEMPERATURES, Cycles, program_motion
 from faultgen.fleet.events import AXIS_EVENTS, Strain, count_events, event_names
 from faultgen.fleet.record import record_robot
 from faultgen.fleet.robot_instance import draw_instance
@@ -213,6 +215,26 @@ def test_cycles_add_up():
     np.testing.assert_allclose(sound.losses(np.array([0.7])), want[:1])
     np.testing.assert_allclose(sound.at(warm, 0.2, rough, 0.7), cycles.at(warm, 0.2, rough, 0.0))
     assert cycles.period == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("reach", "share"), [(1.0, 1.0), (0.8, 0.7), (0.5, 0.4), (0.3, 0.2), (0.1, 0.0)]
+)
+def test_a_program_is_shifted_as_far_as_the_robot_can(monkeypatch, reach, share):
+    """A smaller shift is tried where it cannot; without any, the reason is told."""
+    program = replace(INSTANCE.programs[0], shift=np.full(6, 0.5))
+
+    def within(motion, robot, shift, speed):
+        if np.abs(shift).max() > 0.5 * reach:
+            raise InputError("joint 3 would leave its range")
+        return shift, speed
+
+    monkeypatch.setattr(cycles_module, "shifted", within)
+    shift, speed = program_motion(INSTANCE.robot(), program)
+    assert shift == pytest.approx(0.5 * share) and speed == program.speed
+    reach = -1.0
+    with pytest.raises(InputError, match="would leave its range"):
+        program_motion(INSTANCE.robot(), program)
 
 
 # Events
