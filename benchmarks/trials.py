@@ -21,6 +21,7 @@ from typing import Any
 
 import coverage
 import pytest
+from joblib.externals.loky import get_reusable_executor
 from mutants import Mutant
 
 HANG = 10.0
@@ -118,6 +119,8 @@ def _run_tests(
         lines = tracer.get_data().contexts_by_lineno(str(folder / traced))
         named = {line: [name for name in names if name] for line, names in lines.items()}
         sender.send((named, dict(watch.seconds)))
+    # idle workers of the tests would hold up the end of this process for five minutes
+    get_reusable_executor().shutdown(kill_workers=True)
     sys.exit(status)
 
 

@@ -5,7 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from faultgen.discovery.regression import pose
+from faultgen.discovery.noise import Autoregression
+from faultgen.discovery.noise_level import Noise
+from faultgen.discovery.recording import Recording
+from faultgen.discovery.regression import Problem, pose
 
 
 def linear(problem, values=(), *, noise=1.0, seed=0, twin=None, terms=None, raw=None):
@@ -43,3 +46,64 @@ def linear(problem, values=(), *, noise=1.0, seed=0, twin=None, terms=None, raw=
     )
     twin = problem.twin if twin is None else twin
     return pose(replay, terms, problem.base, raw, residual, twin=twin)
+
+
+PARTS = [slice(k, k + 100) for k in range(0, 600, 100)]
+"""Motions of a problem that is written down; the last one is kept for scoring."""
+COUNT = PARTS[-1].stop
+
+
+def written_down(terms, columns, residual, *, twin=False, trust=None, torque=10.0, period=0.01):
+    """A problem in which every number is given, and nothing is simulated.
+
+    The noise is white with deviation 1 N m, so that whitened torques are torques. All axes move at
+    the same speed all the time.
+
+    Args:
+        terms: What may explain the residual.
+        columns: Torque per unit of each term, shape (terms, samples, n_axes).
+        residual: Torque that is to be explained, shape (samples, n_axes).
+        twin: Whether the residual is the difference of two recordings.
+        trust: Weight of each sample; default 1.
+        torque: Torque of the recording at every sample.
+        period: Time between samples [s].
+    """
+    columns, residual = np.asarray(columns, np.float32), np.asarray(residual, float)
+    n_axes = residual.shape[1]
+    robot = SimpleNamespace(
+        n_axes=n_axes, gear_ratio=np.ones(n_axes), stribeck_velocity=np.ones(n_axes)
+    )
+    recording = Recording(
+        source="written down",
+        robot="",
+        side="motor",
+        sample_period=period,
+        position=np.outer(np.arange(len(residual)) * period * 100, np.ones(n_axes)),
+        torque=np.full(residual.shape, torque),
+    )
+
+    def simulate(changes=(), disturbance=None):
+        total = np.zeros(residual.shape)
+        for term, value in changes:
+            total += value * columns[terms.index(term)]
+        return total
+
+    trust = np.ones(residual.shape) if trust is None else trust
+    scale = np.array([term.prior_std for term in terms], np.float32)
+    return Problem(
+        replay=SimpleNamespace(torque=simulate, recording=recording, robot=robot, measured=True),
+        terms=list(terms),
+        base=np.zeros(residual.shape),
+        residual=residual,
+        inside=np.ones(residual.shape, bool),
+        parts=PARTS,
+        scoring=[len(PARTS) - 1],
+        raw=columns,
+        noise=Noise(
+            Autoregression(np.zeros((n_axes, 0)), np.ones(n_axes)), np.ones(residual.shape)
+        ),
+        trust=trust,
+        white=columns * trust.astype(np.float32) * scale[:, None, None],
+        twin=twin,
+        shared=np.zeros(n_axes, bool),
+    )

@@ -341,6 +341,13 @@ def test_few_healthy_cycles_widen_intervals(rng):
     assert np.mean(widths) == pytest.approx(expected, rel=3 * 0.35 / np.sqrt(200) + 0.06)
 
 
+@pytest.mark.parametrize(("cycles", "freedom"), [(24, 3), (48, 3), (60, 4), (1200, 99)])
+def test_limits_are_those_of_student(rng, cycles, freedom):
+    """Of as many independent windows as there are, counted as at least four."""
+    isolator = World(rng).fitted(cycles, false_alarm=0.04)
+    assert isolator.limit_ == pytest.approx(stats.t.isf(0.04 / 4, freedom), rel=1e-12)
+
+
 def test_uncertain_size_does_not_hide_wear(rng):
     """An axis is named although its direction is known to 50 % only; its interval is wide."""
     world = World(rng)
@@ -476,6 +483,12 @@ def test_units_and_order_do_not_matter(rng, covariance):
     moved = answer(axes=axes)
     for name in ("worn", "severity", "interval", "probability", "z"):
         np.testing.assert_allclose(getattr(moved, name), getattr(plain, name)[axes], rtol=1e-7)
+
+    def smallest(unit):
+        given = {"directions": world.directions / unit, "spread": 3 * spread / unit}
+        return ChangeIsolator(covariance=covariance, **given).fit([healthy]).smallest()
+
+    np.testing.assert_allclose(smallest(1e-5), 1e-5 * smallest(1.0), rtol=1e-5)
     percent = answer(unit=100.0)
     np.testing.assert_allclose(percent.z, plain.z)
     np.testing.assert_allclose(percent.probability, plain.probability)

@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
 
 from faultgen.effects import EFFECTS, Applied, get_effect, set_temperature
+from faultgen.effects.friction import EFFECTS as FRICTION
 from faultgen.effects.temperature import friction_ratios
 from faultgen.errors import InputError
 from faultgen.mjcf.dcmotor import BRISTLE_DAMPING, BRISTLE_STIFFNESS
@@ -108,6 +111,61 @@ def test_growth_of_friction(robot):
         changed |= worn.actuator_damping != robot.model.actuator_damping
         changed |= (worn.actuator_dampingpoly != robot.model.actuator_dampingpoly).any(axis=1)
         assert list(np.flatnonzero(changed)) == [actuator], name
+
+
+@pytest.mark.parametrize("has_static", [True, False])
+def test_low_speed_friction_keeps_the_curve_that_a_model_has(robot, has_static):
+    """The width is used only where the model has no static friction of its own."""
+    spec = robot.spec()
+    bias = spec.actuator("friction2").biasprm
+    if not has_static:
+        bias[STICTION] = bias[COULOMB]
+    before = np.array(bias)
+    get_effect("low_speed_friction").apply(spec, 2, 0.3, width=7.0)
+    assert bias[STRIBECK_VELOCITY] == (before[STRIBECK_VELOCITY] if has_static else 7.0)
+    assert bias[STICTION] == pytest.approx(before[STICTION] + 0.3 * before[COULOMB])
+    assert bias[COULOMB] == before[COULOMB]
+
+
+def test_low_speed_friction_is_probed_with_many_widths(robot):
+    """Below and above the Stribeck velocity, and with it, if a model has no static friction."""
+    prior = get_effect("low_speed_friction").prior
+    assert prior.variants_on(robot, 2) == [{}]
+    spec = robot.spec()
+    bias = spec.actuator("friction2").biasprm
+    bias[STICTION] = bias[COULOMB]
+    width = bias[STRIBECK_VELOCITY] = 2.5
+    widths = [one["width"] for one in prior.variants_on(replace(robot, xml=spec.to_xml()), 2)]
+    assert widths == sorted(widths) and pytest.approx(width) in widths
+    assert widths[0] < 0.5 * width and widths[-1] > 20 * width
+    assert max(b / a for a, b in zip(widths, widths[1:], strict=False)) < 4
+
+
+@pytest.mark.parametrize("effect", FRICTION, ids=[effect.name for effect in FRICTION])
+def test_friction_acts_on_the_rotor_of_its_axis(robot, effect):
+    """And on nothing else, which is why a sensor behind the gearbox hardly sees it."""
+    spec = robot.spec()
+    effect.apply(spec, 2, SIZES.get(effect.name, 0.3))
+    healthy, worn = fields(robot.model), fields(spec.compile())
+    for name, value in healthy.items():
+        if name.startswith(("body_", "dof_", "jnt_", "tendon_")):
+            np.testing.assert_array_equal(value, worn[name], err_msg=name)
+    targets = set()
+    for k in range(len(worn["actuator_trnid"])):
+        is_old = k < len(healthy["actuator_trnid"])
+        names = ("actuator_biasprm", "actuator_damping", "actuator_dampingpoly")
+        if not is_old or any((worn[name][k] != healthy[name][k]).any() for name in names):
+            assert worn["actuator_trntype"][k] == mujoco.mjtTrn.mjTRN_JOINT
+            targets.add(int(worn["actuator_trnid"][k, 0]))
+    assert targets == {robot.model.joint("motor2").id}
+    assert effect.prior.at_motor or effect.prior.use == "never"
+
+
+@pytest.mark.parametrize("name", ["torque_offset", "brake_drag"])
+def test_torques_on_a_motor_are_limited_to_its_own(tiny_robot, name):
+    get_effect(name).check_severity(1.99, tiny_robot, 2)
+    with pytest.raises(InputError, match="motor's torque limit of 2 N m, not 2.01"):
+        get_effect(name).check_severity(2.01, tiny_robot, 2)
 
 
 def force(model, position, velocity):

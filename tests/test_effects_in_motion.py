@@ -11,7 +11,7 @@ from faultgen.effects import EFFECTS, Applied, get_effect
 from faultgen.effects.base import Moment
 from faultgen.effects.temperature import friction_ratios
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY
+from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, load_robot
 from faultgen.simulation.motion import plan
 from faultgen.simulation.plant import Plant, assemble
 from faultgen.simulation.servo import control_signal
@@ -325,12 +325,40 @@ def test_what_cannot_be_is_refused(tiny_robot, robot):
 
 def test_facts_about_effects():
     """Ranges enclose all steps and what healthy robots have; another unit is that of an effect."""
+    robots = [load_robot(name) for name in ("puma560", "irb6700")]
     for effect in EFFECTS.values():
+        for robot in robots:
+            for axis in effect.axes(robot.n_axes):
+                assert 2 * effect.prior.std_on(robot, axis) < effect.largest, effect.name
         assert effect.smallest <= 0 < effect.step < effect.largest, effect.name
         assert effect.signed == (effect.smallest < 0)
         assert not effect.same_as or effect.same_as in EFFECTS
         assert effect.edit or effect.command or effect.log or effect.between or effect.sense
         assert all(0 < step < effect.largest for step in effect.prior.steps), effect.name
-        assert callable(effect.prior.std) or 2 * effect.prior.std < effect.largest, effect.name
     assert get_effect("brake_drag").same_as == "coulomb_friction"
     assert not get_effect("backlash").signed
+
+
+@pytest.mark.parametrize("severity", [0.5, -0.4])
+@pytest.mark.parametrize("name", ["quadratic_viscous_friction", "viscous_asymmetry"])
+def test_friction_of_speed_is_in_the_log(tiny_robot, control, name, severity):
+    """What is logged as friction is all that acts on the rotors beside drive and gearbox.
+
+    MuJoCo applies damping at the speed after the step, and the log has the one before. The error of
+    this is in proportion to the acceleration.
+    """
+    healthy = tiny_robot.model
+    friction = tiny_robot.ids("actuator", "friction")
+    cycle, _ = run(tiny_robot, control, (name, 1, severity))
+    speed, step = cycle.motor_velocity[:-1, 0], np.diff(cycle.motor_velocity[:, 0])
+    if name == "viscous_asymmetry":
+        slope = severity * healthy.actuator_damping[friction[0]] * (speed > 0)
+    else:
+        coulomb = healthy.actuator_biasprm[friction[0]][COULOMB]
+        slope = severity * coulomb * 2 * np.abs(speed) / 100**2
+    size = np.abs(slope * speed).max()
+    left = newton(tiny_robot, cycle)
+    assert np.abs(left[:, 0]).max() < 1.1 * np.abs(slope * step).max() + 1e-9 < 0.02 * size
+    assert np.abs(left[:, 1]).max() < 1e-9
+    plain, _ = run(tiny_robot, control)
+    assert np.abs(plain.friction_torque - cycle.friction_torque)[:, 0].max() > 0.4 * size

@@ -53,6 +53,17 @@ def test_gains_are_those_of_fits(data):
         assert value == pytest.approx(solution[group[0]], rel=1e-2)
 
 
+def test_what_no_sample_shows_gains_nothing(data):
+    """A term whose column is 0 may have any value; the other terms do not notice it."""
+    columns, residual, evidence = data
+    dumb = np.concatenate([columns, np.zeros_like(columns[:1])])
+    with_dumb = Evidence.of(dumb, residual, PARTS)
+    gains, first = with_dumb.gains([(2,), (7,), (2, 7)], free=[5])
+    expected, at = evidence.gains([(2,)], free=[5])
+    np.testing.assert_allclose(gains, [expected[0], 0.0, expected[0]], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(first, [at[0], 0.0, at[0]], rtol=1e-6, atol=1e-9)
+
+
 def test_a_part_is_predicted_from_the_others(data):
     columns, residual, evidence = data
     errors = evidence.held_out(free=[2])

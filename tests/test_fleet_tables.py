@@ -139,9 +139,13 @@ def test_run_to_failure_data_have_the_layout_of_ncmapss(folder, tmp_path):
         assert units["dev"] != units["test"]
 
 
-def test_a_fleet_without_failures_is_refused():
+def test_a_fleet_without_failures_is_refused(tmp_path):
+    fleet = fake_fleet(failed=0)
     with pytest.raises(InputError, match="no robot of its train part fails"):
-        ncmapss_arrays(fake_fleet(failed=0).robots)
+        ncmapss_arrays(fleet.robots)
+    with pytest.raises(InputError, match="no robot of its train part fails"):
+        fleet.to_ncmapss(tmp_path / "fleet.h5")
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -122,10 +122,11 @@ def test_winding_fault(tiny_robot, control, severity):
     assert np.abs(left[:, 1]).max() < 1e-9
 
 
-def test_faults_of_two_phases_of_a_motor_add_up(tiny_robot, control):
+@pytest.mark.parametrize("faults", [((1, 0.1), (2, 0.2), (1, 0.3)), ((2, 0.2), (1, 0.3), (1, 0.1))])
+def test_faults_of_two_phases_of_a_motor_add_up(tiny_robot, control, faults):
     """Two of the same form are one of their sum, and each acts on the axis that has it."""
     given = {"pole_pairs": 3, "phase": 0.7}
-    parts = [("winding_fault", axis, size, given) for axis, size in ((1, 0.1), (2, 0.2), (1, 0.3))]
+    parts = [("winding_fault", axis, size, given) for axis, size in faults]
     sums = [("winding_fault", 1, 0.4, given), ("winding_fault", 2, 0.2, given)]
     one, other = (run(tiny_robot, control, *effects)[0] for effects in (parts, sums))
     np.testing.assert_allclose(one.motor_torque, other.motor_torque, atol=1e-8)

@@ -87,5 +87,7 @@ def test_noise_of_two_recordings_is_their_own_or_shared(motion, memory, size):
     mixed = np.stack([noises[0][:, 0], noises[1][:, 1]], axis=1)
     assert shared_noise(worn, motion + mixed, parts).tolist() == [True, False]
     assert is_same_noise(worn, motion + mixed, parts).tolist() == [True, False]
+    against = 1.0  # gravity, say, from the other side
+    assert is_same_noise(worn - against, motion + mixed - against, parts).tolist() == [True, False]
     smooth = np.sin(np.outer(np.arange(6000) * 0.004, [0.7, 1.3]))
     assert not is_same_noise(1.05 * smooth, smooth, parts).any()  # there is none at all

@@ -95,6 +95,10 @@ def test_joint_side_and_no_reference(tiny_robot, tiny_task_path):
     )
     motor = replay(recording, tiny_robot)
     np.testing.assert_allclose(replay(joint, tiny_robot), motor * ratio, rtol=1e-12)
+    for one in (recording, joint):  # the positions, too, within 1 mrad of the joint
+        reached = Replay(one, tiny_robot).position()
+        turns = ratio if one.side == "motor" else 1.0
+        np.testing.assert_allclose(reached / turns, joint.position, atol=1e-3)
     assert gap(replace(recording, reference_position=None), tiny_robot).max() < 0.1
 
 

@@ -16,6 +16,7 @@ from faultgen.discovery.candidates import (
 )
 from faultgen.discovery.inertia import apply_inertia, inertia_terms
 from faultgen.effects import EFFECTS, Effect, Prior
+from faultgen.effects.coupling import coupled_axes
 from faultgen.errors import InputError
 from faultgen.robot import load_robot
 
@@ -28,6 +29,22 @@ def test_every_effect_is_a_term_of_every_axis_that_can_have_it():
     assert {axis for name, axis in keys if name == "payload_mass"} == {6}
     without = {term.name for term in effect_terms(robot, exclude=["backlash"])}
     assert "backlash" not in without
+
+
+@pytest.mark.parametrize(
+    ("n_axes", "coupled"),
+    [(1, []), (2, [2]), (5, [2, 3, 4, 5]), (6, [5, 6]), (7, [5, 6, 7])],
+)
+def test_axes_of_a_wrist_are_coupled(n_axes, coupled):
+    """Each with the one before it; of fewer than six axes, every one that has one before it."""
+    assert list(coupled_axes(n_axes)) == coupled
+
+
+def test_shafts_rub_on_the_sum_or_on_the_difference_of_two_speeds():
+    """Both are candidates on every coupled axis."""
+    terms = effect_terms(load_robot("puma560"))
+    found = [(t.axis, dict(t.parameters)["ratio"]) for t in terms if "coupling" in t.name]
+    assert sorted(found) == [(5, -1.0), (5, 1.0), (6, -1.0), (6, 1.0)]
 
 
 @pytest.mark.parametrize(

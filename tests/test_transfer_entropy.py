@@ -266,6 +266,14 @@ def test_batch_equals_loop():
     assert net_transfer_entropy(np.empty((0, 60, 6))).shape == (0, 6, 6)
 
 
+def test_a_long_series_is_a_batch_of_one():
+    """Longer than what is sorted at a time; each pair is what it is alone."""
+    x = chain(np.random.default_rng(27), 70_000, 2)
+    matrix = transfer_entropy_matrix(x, 3)
+    for i, j in ((0, 1), (1, 0)):
+        assert matrix[i, j] == pytest.approx(transfer_entropy(x[:, i], x[:, j], 3), abs=1e-12)
+
+
 def test_codes_beyond_32_bits():
     """Four values make the same transfer in 4 bins as in 2000, whose codes need 64 bits."""
     first = np.random.default_rng(13).permutation(np.repeat(np.arange(4), 125))

@@ -18,7 +18,7 @@ from faultgen.robot import (
 
 
 def coupled_axes(n_axes: int) -> range:
-    """Axes that are coupled with the axis before them: 5 and 6 of six axes."""
+    """Axes that are coupled with the axis before them: from 5 if there are six, else from 2."""
     return range(5 if n_axes > 5 else 2, n_axes + 1)
 
 

@@ -1,0 +1,327 @@
+"""Whether other motions bear out a set of effects: on torques that are written down.
+
+In all cases the noise is white with deviation 1 N m, and the fit to the first 500 samples is exact
+unless a test says otherwise. The last 100 samples are the scoring motion.
+"""
+
+import numpy as np
+import pytest
+from linear import COUNT, PARTS, written_down
+
+from faultgen.discovery.candidates import Term
+from faultgen.discovery.confirmation import (
+    LARGER,
+    LARGER_OWN,
+    LARGER_OWN_SURE,
+    LARGER_OWN_TWIN,
+    LARGER_SURE,
+    LARGER_TWIN,
+    MISSED,
+    Trial,
+    confirmed,
+)
+from faultgen.discovery.fit import fit
+from faultgen.discovery.selection import SURE, SURE_IMITATED, SURE_TWIN, Choice
+
+SCORED = PARTS[-1]
+STEADY = np.ones(100)
+TURNING = np.tile([1.0, -1.0], 50)
+FITTED = [np.tile(pattern, 125) for pattern in ([1.0, 1, -1, -1], [1.0, -1, 1, -1], [1.0, 1, 1, 1])]
+"""Three patterns of the motions for fitting: orthogonal, each with the square sum 500."""
+
+
+def offset(axis=1, name="torque_offset", prior_std=1e-3):
+    """A term. Its prior is so narrow that calibration does not put it into the model."""
+    return Term(name, axis, 0.1, prior_std)
+
+
+def column(fitted, in_scoring=0.0, axis=1):
+    """Torque of a term with value 1: one axis, on the motions for fitting and for scoring."""
+    made = np.zeros((COUNT, 2))
+    made[: SCORED.start, axis - 1] = fitted
+    made[SCORED, axis - 1] = in_scoring
+    return made
+
+
+def chosen(problem, *groups):
+    """The choice of a set, as if it had been found, with a rival."""
+    fits = [fit(problem, [*groups[:k]]) for k in range(len(groups) + 1)]
+    assert None not in fits
+    return Choice(problem, tuple(fits), fits[-1], ((0, groups[0], 2.0),))
+
+
+@pytest.fixture
+def trials(monkeypatch):
+    """Sets that were tried, each with what was found on one effect of it."""
+    made, of = [], Trial.of
+
+    def spied(problem, group, fits, errors):
+        made.append((fits[1].groups, group, of(problem, group, fits, errors)))
+        return made[-1][2]
+
+    monkeypatch.setattr(Trial, "of", spied)
+    return made
+
+
+def lenient(problem):
+    """Error of a calibrated model that is so large that every simulated model is better."""
+    return 100.0 + 0 * problem.residual
+
+
+def groups_left(problem, choice, calibrated=None):
+    """The effects that are kept."""
+    calibrated = lenient(problem) if calibrated is None else calibrated
+    return confirmed(problem, choice, calibrated).choice.best.groups
+
+
+@pytest.mark.parametrize("twin", [True, False])
+@pytest.mark.parametrize("period", [0.004, 0.01])
+def test_facts_of_a_trial(trials, twin, period):
+    """Least squares, written out; there is noise, twice as much of it in the scoring motion."""
+    rng = np.random.default_rng(3)
+    columns = rng.normal(size=(2, COUNT, 2))
+    noise = rng.normal(size=(COUNT, 2))
+    noise[SCORED] *= 2
+    residual = 0.8 * columns[0] + 0.5 * columns[1] + noise
+    residual[SCORED] -= 0.2 * columns[1][SCORED]  # there, the second effect is weaker
+    terms = [offset(1), offset(2, "gravity_spring")]
+    problem = written_down(terms, columns, residual, twin=twin, period=period)
+    groups_left(problem, chosen(problem, (0,), (1,)))
+    first, second = trials[:2]
+
+    def error(used):
+        x = columns[used].reshape(len(used), -1).T
+        fitted = np.repeat(np.arange(COUNT) < SCORED.start, 2)
+        value = np.linalg.lstsq(x[fitted], residual.ravel()[fitted], rcond=None)[0]
+        left = residual - np.tensordot(value, columns[used], axes=1)
+        return left[SCORED], float(np.sum(left[: SCORED.start] ** 2))
+
+    (having, misfit), length = error([0, 1]), round(0.1 / period)
+    over = float(np.mean(having**2))
+    assert over > 3
+    for tried, own, rest, least in ((first, 0, 1, SURE), (second, 1, 0, SURE_IMITATED)):
+        groups, group, trial = tried
+        assert groups == ((0,), (1,)) and group == (own,)
+        without, more = error([rest])
+        decrease = without**2 - having**2
+        blocks = decrease.reshape(-1, length, 2).sum(axis=(1, 2))
+        least = SURE_TWIN if twin else least
+        seen, foretold = decrease.sum() / over, np.sum((without - having) ** 2) / over
+        missed = (foretold - seen) / (2 * np.sqrt(foretold)) * (not twin)
+        assert trial.rest.groups == ((rest,),)
+        assert trial.gain == pytest.approx(decrease.sum() / np.sqrt(np.sum(blocks**2)), rel=0.02)
+        assert trial.seen == pytest.approx(seen, rel=0.02)
+        assert trial.missed == pytest.approx(missed, rel=0.05, abs=0.02)
+        taken = more - misfit + min(decrease.sum(), 0)
+        assert trial.share == pytest.approx(taken / over / least, rel=0.02)
+        assert trial.is_supported == (seen >= least and abs(missed) <= MISSED)
+    assert first[2].is_supported and not second[2].is_supported
+
+
+def test_a_motion_as_short_as_a_block_tells_one_standard_error(trials):
+    """Errors within 0.1 s may be one error, whichever way they point."""
+    for residual in (0.8, 0.2):
+        case = column(FITTED[0], residual * STEADY)
+        problem = written_down([offset()], [column(FITTED[0], STEADY)], case, period=0.001)
+        groups_left(problem, chosen(problem, (0,)))
+    assert [trial.gain for _, _, trial in trials] == pytest.approx([1.0, -1.0])
+
+
+def test_errors_smaller_than_noise_do_not_raise_what_is_seen(trials):
+    """Without any error, the decrease is that of the effect alone."""
+    shape = column(FITTED[0], 0.5 * STEADY)
+    problem = written_down([offset()], [shape], shape)
+    groups_left(problem, chosen(problem, (0,)))
+    ((_, _, trial),) = trials
+    assert trial.seen == pytest.approx(100 * 0.25, rel=1e-3)
+    assert trial.share == pytest.approx(500 / SURE, rel=2e-3)
+
+
+LIMITS = {True: (LARGER_TWIN, LARGER_OWN_TWIN), False: (LARGER, LARGER_OWN)}
+"""Ratio from which a gap is clearly larger, of all axes and of one, with a twin and without."""
+
+
+def without_weight():
+    """Weights that leave the scoring motion out of all squared errors, but not out of the gap."""
+    trust = np.ones((COUNT, 2))
+    trust[SCORED] = 0
+    return trust
+
+
+@pytest.mark.parametrize("twin", [True, False])
+@pytest.mark.parametrize("more", [0.99, 1.01])
+def test_the_gap_of_the_own_axis_grows_beyond_a_limit(trials, twin, more):
+    """From 1 N m without the effect to some N m; the gap of all axes hardly changes."""
+    ratio = more * LIMITS[twin][1]
+    shape = column(FITTED[0], (1 - ratio) * STEADY)
+    left = column(FITTED[0], STEADY) + column(0, 10 * STEADY, axis=2)
+    problem = written_down([offset(1)], [shape], left, twin=twin, trust=without_weight())
+    kept = groups_left(problem, chosen(problem, (0,)))
+    ((_, _, trial),) = trials
+    assert trial.grows == (more > 1) and len(kept) == (more < 1)
+
+
+@pytest.mark.parametrize("twin", [True, False])
+@pytest.mark.parametrize("more", [0.99, 1.01])
+def test_the_gap_of_all_axes_grows_beyond_a_limit(trials, twin, more):
+    """The gap of the own axis vanishes, from 0.5 N m; that of the other axis grows from 1 N m."""
+    ratio = more * LIMITS[twin][0] * np.hypot(1, 0.5)
+    shape = column(0, 0.5 * STEADY) + column(FITTED[0], (1 - ratio) * STEADY, axis=2)
+    left = column(0, 0.5 * STEADY) + column(FITTED[0], STEADY, axis=2)
+    problem = written_down([offset(1)], [shape], left, twin=twin, trust=without_weight())
+    kept = groups_left(problem, chosen(problem, (0,)))
+    ((_, _, trial),) = trials
+    assert trial.grows == (more > 1) and len(kept) == (more < 1)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 3])
+def test_the_gap_of_another_axis_may_grow(trials, axis):
+    """By half, while that of all axes hardly changes; effects also act on no axis of the robot."""
+    shape = column(FITTED[0], -0.5 * STEADY, axis=2)
+    left = column(FITTED[0], STEADY, axis=2) + column(0, 10 * STEADY)
+    problem = written_down([offset(axis)], [shape], left, trust=without_weight())
+    assert groups_left(problem, chosen(problem, (0,))) == ((0,),)
+    assert not trials[0][2].grows
+
+
+@pytest.mark.parametrize("weaker", [0, 1])
+def test_the_weakest_of_refuted_effects_is_removed_first(trials, weaker):
+    """Each refutes the other on the scoring motion, and explains it alone."""
+    values = [0.5, 0.5]
+    values[weaker] = 0.3
+    scored = 0.6 * TURNING
+    shapes = [column(FITTED[k], scored / value) for k, value in enumerate(values)]
+    left = column(sum(v * FITTED[k] for k, v in enumerate(values)), scored)
+    problem = written_down([offset(1), offset(1, "viscous_friction")], shapes, left)
+    choice = chosen(problem, (0,), (1,))
+    found = confirmed(problem, choice, lenient(problem)).choice
+    assert [one.is_refuted for _, _, one in trials] == [True, True, False]
+    assert found.best.groups == ((1 - weaker,),)
+    assert found.best.values == pytest.approx([values[1 - weaker]], rel=1e-3)
+    assert found.rivals == () and found.fits == choice.fits
+
+
+@pytest.mark.parametrize("twin", [True, False])
+@pytest.mark.parametrize("of_gap", [True, False])
+@pytest.mark.parametrize(("size", "kept"), [(16.0, 0), (50.0, 2)])
+def test_effects_that_only_compensate_for_each_other_are_removed(trials, twin, size, kept, of_gap):
+    """One is u there, the other w - u, and nothing is to be explained.
+
+    Together they are wrong by w, and each without the other by more. They stay if each of them is
+    sure by itself.
+    """
+    u = np.sqrt(size / 100) * STEADY
+    w = np.where(np.arange(100) < 50, np.sqrt(12 / 50), 0) * TURNING
+    trust = np.ones((COUNT, 2))
+    if of_gap:  # on another axis, without weight
+        trust[:, 1] = 0
+    other = column(FITTED[1], -u if of_gap else w - u) + of_gap * column(0, w, axis=2)
+    shapes = [column(FITTED[0], u), other]
+    left = column(FITTED[0] + FITTED[1])
+    terms = [offset(1), offset(1, "viscous_friction")]
+    problem = written_down(terms, shapes, left, twin=twin, trust=trust)
+    assert len(groups_left(problem, chosen(problem, (0,), (1,)))) == kept
+    assert not any(one.is_refuted for _, _, one in trials[:2])
+    if not kept and not of_gap:  # the second decreases the error by 16 - 12, the first by 16
+        assert [groups for groups, _, _ in trials] == [((0,), (1,))] * 2 + [((0,),)]
+
+
+@pytest.mark.parametrize("size", [0.98, 1.02])
+@pytest.mark.parametrize("twin", [True, False])
+def test_what_an_effect_foretells_must_not_be_missing(size, twin):
+    """It foretells as much again as there is, by 2 % more than a half, so that the error grows.
+
+    What is missed, in standard errors of chance, is about the root of half the squared effect.
+    """
+    amplitude = size * MISSED / 0.505 / 10
+    shape = column(FITTED[0], amplitude * TURNING)
+    left = column(FITTED[0], 0.495 * amplitude * TURNING) + column(0, 5 * STEADY, axis=2)
+    trust = np.ones((COUNT, 2))
+    trust[:, 1] = 0
+    problem = written_down([offset()], [shape], left, twin=twin, trust=trust)
+    assert len(groups_left(problem, chosen(problem, (0,)))) == (twin or size < 1)
+
+
+@pytest.mark.parametrize("twin", [True, False])
+@pytest.mark.parametrize("more", [0.95, 1.05])
+def test_an_effect_must_explain_more_where_other_errors_are_large(twin, more):
+    """By as many times as the squared error on the scoring motion is that of noise."""
+    over = more * 500 * 0.25 / (SURE_TWIN if twin else SURE)
+    left = column(0.5 * FITTED[0]) + column(0, np.sqrt(2 * over) * TURNING, axis=2)
+    problem = written_down([offset()], [column(FITTED[0])], left, twin=twin)
+    assert len(groups_left(problem, chosen(problem, (0,)))) == (more < 1)
+
+
+BUILT = [(False, False, 0, LARGER), (False, True, 0, LARGER_SURE), (True, False, 0, LARGER_TWIN)]
+BUILT += [(False, False, 1, LARGER_OWN), (False, True, 1, LARGER_OWN_SURE)]
+BUILT += [(True, False, 1, LARGER_OWN_TWIN), (True, True, 0, LARGER_SURE)]
+
+
+@pytest.mark.parametrize("more", [0.998, 1.002])
+@pytest.mark.parametrize(("twin", "is_sure", "of_own", "limit"), BUILT)
+def test_the_simulated_model_must_not_be_clearly_worse(twin, is_sure, of_own, limit, more):
+    """Than the calibrated one: on all axes, and on the own one where the others are better.
+
+    Effects that are sure by themselves may be worse by more.
+    """
+    rest = column(0, TURNING) + column(0, TURNING, axis=2)
+    shape = column(FITTED[0], STEADY if is_sure else 0)
+    problem = written_down([offset()], [shape], shape + rest, twin=twin)
+    calibrated = rest / (limit * more)
+    if of_own:
+        calibrated[:, 1] = 2 * rest[:, 1]
+    choice = chosen(problem, (0,))
+    found = confirmed(problem, choice, calibrated).choice
+    assert (found is choice) == (more < 1)
+    assert len(found.best.groups) == len(found.rivals) == (more < 1)
+
+
+@pytest.mark.parametrize("harmless", [0, 1])
+@pytest.mark.parametrize(("ratio", "kept"), [(1.015, 2), (1.025, 1), (1.04, 0)])
+def test_the_largest_part_that_can_be_built_is_kept(harmless, ratio, kept):
+    """One effect does nothing on the scoring motion, the other raises the error there by 1 %."""
+    assert LARGER == 1.02
+    shapes = [column(FITTED[0]), column(FITTED[1])]
+    shapes[1 - harmless][SCORED, 0] = -0.01 * TURNING
+    left = column(FITTED[0] + FITTED[1], TURNING)
+    terms = [offset(1), offset(1, "viscous_friction")]
+    problem = written_down(terms, shapes, left, trust=without_weight())
+    calibrated = column(0, 1.01 * TURNING / ratio)
+    groups = groups_left(problem, chosen(problem, (0,), (1,)), calibrated)
+    assert groups == {2: ((0,), (1,)), 1: ((harmless,),), 0: ()}[kept]
+
+
+@pytest.mark.parametrize("true", ["with", "without"])
+@pytest.mark.parametrize("twin", [True, False])
+def test_the_calibrated_values_that_foretell_best(twin, true):
+    """Friction is calibrated together with the effect, or takes a part of its torque without it.
+
+    With a twin, only the former counts.
+    """
+    value, friction, prior_std = 4.0, 0.1, 0.05
+    shapes = [
+        column(FITTED[0], STEADY),
+        column(20 * FITTED[1] + 6 * FITTED[0], 20 * TURNING),
+    ]
+    size = 500 * (20**2 + 6**2)
+    shrunk = size / (size + 1 / prior_std**2)  # by the prior
+    taken = friction + value * 500 * 6 / size
+    values = {"with": friction, "without": shrunk * taken}
+    left = value * shapes[0] + friction * shapes[1]
+    left[SCORED] = value * shapes[0][SCORED] + values[true] * shapes[1][SCORED]
+    terms = [offset(), offset(1, "viscous_friction", prior_std)]
+    problem = written_down(terms, shapes, left, twin=twin)
+    found = confirmed(problem, chosen(problem, (0,)), lenient(problem))
+    assert found.choice.best.groups == ((0,),)
+    expected = values["with" if twin else true]
+    assert found.solution == pytest.approx([0.0, expected / prior_std], rel=0.01)
+
+
+def test_without_effects_the_calibration_is_that_without_effects():
+    """Of the term that is not borne out, too."""
+    prior_std, left = 0.05, column(FITTED[0], -STEADY)
+    problem = written_down([offset(1, prior_std=prior_std)], [column(FITTED[0], STEADY)], left)
+    found = confirmed(problem, chosen(problem, (0,)), lenient(problem))
+    assert found.choice.best.groups == ()
+    shrunk = 500 / (500 + 1 / prior_std**2)
+    assert found.solution * prior_std == pytest.approx([shrunk], rel=1e-6)

@@ -1,0 +1,85 @@
+"""The error of a set on the scoring motions, and what calibration makes of the rest."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from linear import COUNT, PARTS, written_down
+
+from faultgen.discovery.candidates import Term
+from faultgen.discovery.fit import fit
+from faultgen.discovery.gap import gap, scored, scored_in_motion, unexplained
+from faultgen.errors import InputError
+
+SCORED = PARTS[-1]
+
+
+def moving(problem, samples):
+    """The same problem whose axes stand still at all other samples."""
+    speed = np.where(np.asarray(samples), 100.0, 0.0)
+    position = np.repeat(np.cumsum(speed)[:, None], 2, axis=1) * 0.01
+    recording = replace(problem.recording, position=position)
+    replay = type(problem.replay)(**{**vars(problem.replay), "recording": recording})
+    return replace(problem, replay=replay)
+
+
+def test_calibration_takes_its_part_of_what_a_set_leaves():
+    """Ridge regression, written out; the scoring motion is not fitted but explained."""
+    rng = np.random.default_rng(1)
+    columns = rng.normal(size=(3, COUNT, 2))
+    residual = 2 * columns[0] + 0.3 * columns[1] + rng.normal(size=(COUNT, 2))
+    widths = [0.5, 0.05, 0.02]
+    names = ["torque_offset", "viscous_friction", "coulomb_friction"]
+    terms = [Term(name, 1, 0.1, width) for name, width in zip(names, widths, strict=True)]
+    problem = written_down(terms, columns, residual)
+    left, solution = unexplained(problem, fit(problem, [(0,)]))
+    x = columns[:, : SCORED.start].reshape(3, -1).T
+    weight = np.diag([0.0, *(1 / np.array(widths[1:]) ** 2)])
+    value = np.linalg.solve(x.T @ x + weight, x.T @ residual[: SCORED.start].ravel())
+    assert solution[0] == 0
+    np.testing.assert_allclose(solution[1:] * widths[1:], value[1:], rtol=1e-4)
+    expected = residual - np.tensordot(value, columns, axes=1)
+    np.testing.assert_allclose(left, expected, atol=1e-4)
+
+
+def test_scored_samples_are_those_of_the_last_motion():
+    """As far as they are used."""
+    nothing = np.zeros((COUNT, 2))
+    problem = written_down([], np.zeros((0, COUNT, 2)), nothing)
+    problem.inside[550:, 1] = False
+    mask = scored(problem)
+    assert np.flatnonzero(mask[:, 0]).tolist() == list(range(500, 600))
+    assert np.flatnonzero(mask[:, 1]).tolist() == list(range(500, 550))
+
+
+@pytest.mark.parametrize("twin", [True, False])
+def test_effects_are_tested_at_samples_in_motion_if_there_are_any(twin):
+    """Without a twin, `scored` has them only; if the axes rest all the time, all are used."""
+    problem = written_down([], np.zeros((0, COUNT, 2)), np.zeros((COUNT, 2)), twin=twin)
+    at = np.arange(COUNT)
+    some, never = moving(problem, at >= 540), moving(problem, at < 0)
+    tested = scored_in_motion(some)[:, 0]
+    first = 540 + 10 if twin else 500  # a tenth of a second after rest
+    assert np.flatnonzero(tested)[0] == pytest.approx(first, abs=1) and tested[552:].all()
+    np.testing.assert_array_equal(scored_in_motion(never), scored(never))
+
+
+def test_the_gap_is_relative_to_the_torque_of_each_axis():
+    """Root mean squares; of all axes that have torque, the root mean square of theirs."""
+    rng = np.random.default_rng(2)
+    error = rng.normal(size=(COUNT, 3)) * [1.0, 3.0, 2.0]
+    problem = written_down([], np.zeros((0, COUNT, 3)), error)
+    problem.recording.torque[:, 1] = 5 * rng.normal(size=COUNT)
+    problem.recording.torque[:, 2] = 0
+    for inside in (None, rng.random((COUNT, 3)) < 0.5):
+        mask = scored(problem) if inside is None else inside
+        expected = [
+            np.sqrt(np.mean(error[mask[:, k], k] ** 2))
+            / np.sqrt(np.mean(problem.recording.torque[mask[:, k], k] ** 2))
+            for k in (0, 1)
+        ]
+        whole, by_axis = gap(problem, error, inside)
+        assert by_axis == pytest.approx([*expected, 0.0])
+        assert whole == pytest.approx(np.sqrt(np.mean(np.square(expected))))
+    with pytest.raises(InputError, match="no sample can be used"):
+        gap(problem, error, np.zeros((COUNT, 3), bool))

@@ -1,0 +1,41 @@
+"""Calls of functions in several processes."""
+
+import os
+import time
+
+import pytest
+from joblib import delayed
+
+from faultgen.errors import InputError
+from faultgen.system.parallel import MOST_WORKERS, check_workers, in_parallel
+
+
+def slow(number):
+    """Returns its number, the smaller ones later, and the process in which it ran."""
+    time.sleep(0.2 if number == 0 else 0.0)
+    return number, os.getpid()
+
+
+@pytest.mark.parametrize("workers", [1, 2, MOST_WORKERS])
+def test_numbers_of_processes_that_can_be(workers):
+    assert check_workers(workers) == workers
+
+
+@pytest.mark.parametrize(
+    ("workers", "message"),
+    [(0, "must be at least 1, not 0"), (-2, "not -2"), (MOST_WORKERS + 1, "must be at most 1024")],
+)
+def test_numbers_of_processes_that_cannot_be(workers, message):
+    with pytest.raises(InputError, match=message):
+        check_workers(workers)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_results_have_the_order_of_the_calls(workers):
+    """Although the first call takes longest; with one worker, all are made in this process."""
+    found = list(in_parallel([delayed(slow)(k) for k in range(8)], workers))
+    assert [number for number, _ in found] == list(range(8))
+    processes = {process for _, process in found}
+    assert (processes == {os.getpid()}) == (workers == 1)
+    unordered = in_parallel([delayed(slow)(k) for k in range(8)], workers, ordered=False)
+    assert {number for number, _ in unordered} == set(range(8))

@@ -1,0 +1,171 @@
+"""The verdict on a residual and its numbers: on torques that are written down."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from linear import COUNT, PARTS, written_down
+
+from faultgen.discovery import model_edit
+from faultgen.discovery.candidates import Term
+from faultgen.discovery.patterns import Pattern
+from faultgen.discovery.result import AMBIGUOUS, EXPLAINED, NAMED, NONE, PARTLY, UNKNOWN
+from faultgen.discovery.selection import choose
+from faultgen.discovery.verdict import BAND, answer, is_part, significance, strange_patterns
+
+SCORED = np.arange(COUNT) >= PARTS[-1].start
+NAMES = ["torque_offset", "payload_mass"]
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(11)
+
+
+@pytest.fixture
+def columns(rng):
+    """Torques of two terms, which change slowly: a pattern would be seen."""
+    return rng.normal(size=(2, COUNT, 2))
+
+
+def told(problem, monkeypatch):
+    """The answer, of a model that can always be replayed."""
+    monkeypatch.setattr(model_edit, "replaying", lambda recording, robot, *given, **more: robot)
+    return answer(problem, choose(problem))
+
+
+def posed(columns, values, noise, **more):
+    terms = [Term(name, 1, 0.1, 1e-4) for name in NAMES]
+    residual = np.tensordot(values, columns.astype(np.float32), axes=1) + noise
+    return written_down(terms, columns, residual, **more)
+
+
+def relative(error):
+    """Root mean square of each axis on the scoring motion over the torque, which is 10 N m."""
+    return np.sqrt(np.mean(error[SCORED] ** 2, axis=0)) / 10
+
+
+@pytest.mark.parametrize("twin", [True, False])
+def test_a_named_effect_and_the_numbers_around_it(columns, rng, monkeypatch, twin):
+    """Errors before and after, of each axis and of all, and what noise alone makes."""
+    noise = rng.normal(size=(COUNT, 2))
+    problem = posed(columns, [0.7, 0.0], noise, twin=twin)
+    found = told(problem, monkeypatch)
+    assert found.verdict == NAMED
+    (effect,) = found.effects
+    assert (effect.effect, effect.axis) == ("torque_offset", 1)
+    assert effect.interval[0] < 0.7 < effect.interval[1]
+    assert effect.confidence > 0.999
+    after = relative(problem.residual - effect.severity * columns[0])
+    before = relative(problem.residual)
+    floor = np.minimum(0.1, after)
+    for k, axis in enumerate(found.per_axis):
+        assert axis["axis"] == k + 1
+        assert axis["before"] == pytest.approx(before[k], rel=1e-4)
+        assert axis["calibrated"] == pytest.approx(before[k], rel=1e-3)
+        assert axis["after"] == pytest.approx(after[k], rel=1e-4)
+        assert axis["floor"] == pytest.approx(floor[k], rel=1e-4)
+    for name, each in (("before", before), ("after", after), ("floor", floor)):
+        assert getattr(found, name) == pytest.approx(np.sqrt(np.mean(each**2)), rel=1e-4)
+    assert effect.gap_after == pytest.approx(found.after, rel=1e-4)
+    assert found.lacks == () and found.calibration == {}
+    assert found.p_value < 0.05
+
+
+def test_noise_alone_is_no_gap(columns, rng, monkeypatch):
+    problem = posed(columns, [0.0, 0.0], rng.normal(size=(COUNT, 2)), twin=True)
+    found = told(problem, monkeypatch)
+    assert (found.verdict, found.effects, found.alternatives) == (NONE, (), ())
+    assert found.p_value > 0.01
+    assert found.after == pytest.approx(np.sqrt(np.mean(relative(problem.residual) ** 2)))
+
+
+def test_what_explains_only_a_part_is_told(columns, rng, monkeypatch):
+    """Much more than noise is left, and more than a fifth of what could be explained."""
+    noise = rng.normal(size=(COUNT, 2))
+    noise[:, 1] += 2 * np.sin(np.arange(COUNT))
+    found = told(posed(columns, [1.0, 0.0], noise, twin=True), monkeypatch)
+    assert found.verdict == PARTLY and len(found.effects) == 1
+
+
+def test_effects_of_one_shape_are_alternatives(columns, rng, monkeypatch):
+    """Two that are told apart by nothing have a confidence of one half each."""
+    columns[1] = columns[0]
+    found = told(posed(columns, [0.7, 0.0], rng.normal(size=(COUNT, 2)), twin=True), monkeypatch)
+    assert found.verdict == AMBIGUOUS
+    ((name, axis, odds),) = found.alternatives
+    assert {name, found.effects[0].effect} == set(NAMES) and axis == 1
+    assert odds == pytest.approx(0.5, abs=1e-6)
+    assert found.effects[0].confidence == pytest.approx(0.5, abs=1e-6)
+
+
+def test_a_pattern_that_no_effect_explains_is_unknown(columns, rng, monkeypatch):
+    """The error follows the angle of the motor, and no term does."""
+    noise = rng.normal(size=(COUNT, 2))
+    problem = posed(columns, [0.0, 0.0], noise, twin=True)
+    position = problem.recording.position[:, 0] + 0.4 * np.arange(COUNT)
+    problem.recording.position[:] = position[:, None]
+    noise[:, 0] += 2 * np.sin(position)
+    problem = replace(problem, residual=noise)
+    found = told(problem, monkeypatch)
+    assert found.verdict == UNKNOWN
+    assert {one.axis for one in found.left if one.p_value < 1e-6} == {1}
+
+
+@pytest.mark.parametrize(("count", "period"), [(40, 0.01), (20, 0.05)])
+def test_four_blocks_of_a_motion_are_needed_to_judge_it(rng, count, period):
+    """A block lasts 0.1 s, and has five samples at least."""
+    problem = written_down([], np.zeros((0, COUNT, 2)), np.zeros((COUNT, 2)), period=period)
+    white = 5 * rng.normal(size=(COUNT, 2))
+    problem.inside[:] = False
+    problem.inside[100 : 100 + count, 1] = True
+    assert significance(problem, white) < 0.01
+    problem.inside[100 + count - 1] = False
+    assert significance(problem, white) == 1.0
+
+
+def test_noise_alone_is_significant_as_often_as_it_should_be(rng):
+    """Of white noise, and of noise with a few large values; an excess on one motion is noticed."""
+    problem = written_down([], np.zeros((0, COUNT, 1)), np.zeros((COUNT, 1)))
+    normal = [significance(problem, rng.normal(size=(COUNT, 1))) for _ in range(150)]
+    assert np.mean(np.array(normal) <= 0.05) < 0.13
+    assert np.mean(np.array(normal) <= 0.5) == pytest.approx(0.5, abs=0.25)
+    white = rng.normal(size=(COUNT, 1))
+    white[PARTS[2]] *= 1.8
+    assert significance(problem, white) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("explained", "left", "is_partial"),
+    [
+        (0.01, 3.0, False),
+        (-0.01, 3.0, True),
+        (-0.3, 0.26, True),
+        (-0.3, 0.24, False),  # nothing to be seen beside the noise
+        (0.05, 0.26, False),
+    ],
+)
+@pytest.mark.parametrize("floor", [0.02, 3.0])
+def test_part_of_a_gap(explained, left, is_partial, floor):
+    """Squared errors beyond that of noise: the share that is explained, and the rest in noise."""
+    after = np.sqrt((1 + left) * floor**2)
+    before = np.sqrt(floor**2 + left * floor**2 / (1 - EXPLAINED - explained))
+    assert is_part(before, after, floor) == is_partial
+
+
+def test_what_explains_nothing_is_a_part_however_small():
+    """Of errors that do not change, if noise is none of them."""
+    assert is_part(0.3, 0.3, 0.0)
+    assert not is_part(0.3, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("twin", [True, False])
+def test_small_patterns_are_usual_without_a_twin(twin):
+    """If their root mean square is within the band of healthy robots; unlikely ones only count."""
+    problem = written_down([], np.zeros((0, COUNT, 2)), np.zeros((COUNT, 2)), twin=twin)
+    problem = replace(problem, noise=replace(problem.noise, level=np.ones((COUNT, 2))))
+    limit = COUNT * (BAND["speed"] * 10) ** 2  # of the squared whitened error, at 10 N m
+    large, small = (Pattern(1, "speed", size * limit, 1e-9, 0.0) for size in (1.1, 0.9))
+    chance = Pattern(2, "speed", 9 * limit, 0.3, 0.0)
+    expected = [large, small] if twin else [large]
+    assert strange_patterns(problem, [small, chance, large]) == expected
