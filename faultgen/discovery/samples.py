@@ -39,7 +39,7 @@ def cut(recording: Recording, robot: Robot, used: np.ndarray) -> tuple[list[slic
     scoring = for_scoring(parts)
     if _shows_every_axis(parts, scoring, used):
         return parts, scoring
-    moves = moving(recording, robot).any(axis=1)
+    moves = np.asarray(moving(recording, robot).any(axis=1))
     each = -(-robot.n_axes // len(recording.parts))
     shorter: list[slice] = []
     for part in recording.parts:
@@ -64,7 +64,7 @@ def blocks(recording: Recording, robot: Robot) -> list[slice]:
     parts = recording.parts
     if len(parts) > 2:
         return parts
-    moves = moving(recording, robot).any(axis=1)
+    moves = np.asarray(moving(recording, robot).any(axis=1))
     count = -(-_BLOCKS // len(parts))
     return [block for part in parts for block in _cut(part, moves[part], count)]
 
