@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from faultgen.evaluation import Answer
+from faultgen.evaluation.calls import fit
 from faultgen.evaluation.features import Features
 from faultgen.evaluation.isolate import LEVELS
 from faultgen.evaluation.isolators import FrictionResidual
-from faultgen.evaluation.methods import fit
 from faultgen.monitoring.sensors import get_sensors
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, load_robot
 from faultgen.simulation.surrogate import build_surrogate

@@ -15,9 +15,10 @@ from faultgen.analysis import net_transfer_entropy, quantile_symbols
 
 from faultgen.dataset.reader import StoredRun, open_dataset
 from faultgen.dataset.wear import severities
+from faultgen.evaluation.calls import axis_of, isolate
 from faultgen.evaluation.isolators import ISOLATORS
 from faultgen.evaluation.markdown import table
-from faultgen.evaluation.methods import Setting, axis_of, isolate
+from faultgen.evaluation.methods import Setting
 
 SEEDS = range(2000, 2040)
 NOISE = (0.0, 1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2)

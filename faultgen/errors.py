@@ -18,3 +18,8 @@ class MethodFailed(RuntimeError):
 
 class StorageFailed(OSError):
     """A file could not be written, or does not hold what was written. The message is one line."""
+
+
+def what_it_says(error: BaseException) -> str:
+    """Write an error of other code in one line: its type and its message."""
+    return " ".join(f"{type(error).__name__}: {error}".split())

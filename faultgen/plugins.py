@@ -22,7 +22,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar
 
-from faultgen.errors import InputError
+from faultgen.errors import InputError, what_it_says
 
 EFFECTS = "faultgen.effects"
 ISOLATORS = "faultgen.isolators"
@@ -54,8 +54,9 @@ def load(name: str) -> object:
     except InputError:
         raise
     except Exception as error:  # whatever the code of another package raises
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise InputError(f"method '{name}': {place} cannot be loaded ({reason})") from None
+        raise InputError(
+            f"method '{name}': {place} cannot be loaded ({what_it_says(error)})"
+        ) from None
     if not hasattr(module, wanted):
         raise InputError(f"method '{name}': {place} has no '{wanted}'")
     return getattr(module, wanted)
@@ -143,11 +144,10 @@ def _objects(point: EntryPoint) -> list[Any]:
         loaded = point.load()
         return list(loaded) if isinstance(loaded, Iterable) else [loaded]
     except Exception as error:  # whatever the code of another package raises
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
         package = f"the package '{point.dist.name}'" if point.dist else "its package"
         raise InputError(
-            f"entry point {point.value}: cannot be loaded ({reason}); correct or uninstall "
-            f"{package}"
+            f"entry point {point.value}: cannot be loaded ({what_it_says(error)}); correct or "
+            f"uninstall {package}"
         ) from None
 
 

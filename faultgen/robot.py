@@ -46,6 +46,8 @@ from faultgen.mjcf.gearing import Gearing, tendon_coefficients
 COUPLING = "wrist_coupling"
 """Name of the elements with friction and inertia that two neighbouring axes share."""
 
+_ROUNDING = 1e-8  # by which a joint may be outside its range [rad or m]
+
 
 @dataclass(frozen=True)
 class Robot:
@@ -226,6 +228,25 @@ class Robot:
         """
         name = stated_name(self.model, axis)
         return f"{element}{axis} ({name})" if name else f"{element}{axis}"
+
+    def out_of_range(self, joints: np.ndarray) -> list[str]:
+        """Describe the joints that are outside their range.
+
+        Args:
+            joints: Shape (n_axes,), in [rad], or [m] where the joint slides.
+
+        Returns:
+            One line for each such joint. Rounding counts as inside.
+        """
+        low, high = self.joint_range.T
+        values, first, last = (self.to_degrees(one) for one in (joints, low, high))
+        return [
+            f"{self.label('axis ', k + 1)} at {values[k]:.4g} is outside its range of "
+            f"{first[k]:.4g} to {last[k]:.4g} {'m' if self.slides[k] else 'deg'}"
+            for k in np.flatnonzero(
+                (joints < low - _ROUNDING) | (joints > high + _ROUNDING)
+            ).tolist()
+        ]
 
     def to_degrees(self, joints: np.ndarray) -> np.ndarray:
         """Convert joint positions to the units of task files.

@@ -107,7 +107,7 @@ def test_a_task_out_of_reach_is_found(tiny_robot, tmp_path):
     assert list(load_robot(tmp_path / "tiny").tasks) == ["far"]
     found = check(str(tmp_path / "tiny"))
     (one,) = found.findings
-    assert one.where == "task far" and "axis 1 at 400.0 deg is outside" in one.what
+    assert one.where == "task far" and "axis 1 at 400 is outside" in one.what
 
 
 def test_missing_elements_are_findings_of_their_own(tiny_robot, tmp_path):

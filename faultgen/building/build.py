@@ -92,7 +92,9 @@ def build(path: Path, drives: Drives, name: str) -> Built:
     home = plain.home if drives.home is None else robot.from_degrees(drives.home)
     if home is not None:
         where = "drives: home" if drives.home else f"{path.name}: keyframe '{HOME}'"
-        _check_home(robot, np.array(home), where)
+        outside = robot.out_of_range(np.array(home))
+        if outside:
+            raise InputError(f"{where}: {'; '.join(outside)}")
     robot, pose, notes = plan_tasks(robot, None if home is None else np.array(home))
     degrees = [float(f"{x:.6g}") for x in robot.to_degrees(pose)]
     source = Value(0, "given") if drives.home else Value(0, "assumed", "start of the tasks")
@@ -108,19 +110,6 @@ def build(path: Path, drives: Drives, name: str) -> Built:
     }
     text = drives_text(name, plain.joints, values, general, entries, drives.coupling)
     return Built(robot, plain, values, text, (*plain.notes, *notes))
-
-
-def _check_home(robot: Robot, home: np.ndarray, where: str) -> None:
-    """Refuse a pose, shape (n_axes,), that the joints cannot have."""
-    low, high = robot.joint_range.T
-    values, low, high = (robot.to_degrees(one) for one in (home, low, high))
-    wrong = [
-        f"{robot.label('axis ', k + 1)} at {values[k]:.4g} is outside its range of {low[k]:.4g} to "
-        f"{high[k]:.4g} {'m' if robot.slides[k] else 'deg'}"
-        for k in np.flatnonzero((values < low - 1e-6) | (values > high + 1e-6)).tolist()
-    ]
-    if wrong:
-        raise InputError(f"{where}: {'; '.join(wrong)}")
 
 
 _ASSUMED_JOINTS = Value(0, "assumed", "all hinges and slides of the model")

@@ -184,7 +184,7 @@ def _weight(robot: Robot) -> list[Finding]:
     still = np.zeros_like(poses)
     load = np.abs(robot.gearing.torque(arm.inverse_dynamics(poses, still, still))).max(axis=0)
     limit = robot.motor_torque_limit * np.abs(robot.gear_ratio)
-    units = np.where(robot.slides, "N", "N m")
+    units = [STATED_UNITS["torque_limit"][int(slides)] for slides in robot.slides]
     return [
         Finding(
             robot.label("axis ", k + 1),

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from faultgen.building.plain import STATED_UNITS
 from faultgen.building.resonance import sampled_poses
 from faultgen.errors import InputError
 from faultgen.robot import Robot
@@ -66,27 +67,26 @@ class Workspace:
         inset = _INSET * self.span
         limits = np.stack([low + inset, high - inset], axis=1)
         drawn = sampled_poses(limits, robot.slides, _SAMPLES)
-        self._floor = -np.inf
         points = np.array([self._points(pose) for pose in drawn])
         self.reach = float(np.linalg.norm(points[:, -1] - self.base, axis=1).max())
         """Largest distance of the tool from the base [m]."""
         held = self._held(drawn)
         self._floor = float(-self.base @ self.down) - _BELOW * self.reach
-        safe = np.array([pose for pose in held if self.is_safe(pose)])
-        if len(safe) < _FEWEST:
-            self._floor, safe = -np.inf, held
-        self.poses = safe
+        above = (-points @ self.down).min(axis=1) >= self._floor
+        if (held & above).sum() < _FEWEST:
+            self._floor, above = -np.inf, np.ones(len(drawn), bool)
+        self.poses = drawn[held & above]
         """Poses above the floor in which the drives can hold the arm, shape (poses, n_axes)."""
 
     def _held(self, poses: np.ndarray) -> np.ndarray:
-        """Those of some poses, shape (poses, n_axes), in which the drives can hold the arm."""
+        """In which of some poses, shape (poses, n_axes), the drives can hold the arm."""
         share = self._share_of_torque(poses)
-        held = poses[(share <= TORQUE_SHARE).all(axis=1)]
-        if len(held) >= _FEWEST_HELD:
+        held = np.asarray((share <= TORQUE_SHARE).all(axis=1))
+        if held.sum() >= _FEWEST_HELD:
             return held
         robot, k = self.robot, int(np.argmax(np.median(share, axis=0)))
         limit = float(robot.motor_torque_limit[k] * abs(robot.gear_ratio[k]))
-        unit = "N" if robot.slides[k] else "N m"
+        unit = STATED_UNITS["torque_limit"][int(robot.slides[k])]
         raise InputError(
             f"{robot.label('axis ', k + 1)}: with a torque limit of {limit:.3g} {unit} it cannot "
             f"hold the arm, which needs up to {limit * share[:, k].max():.3g} {unit}; raise its "

@@ -19,7 +19,6 @@ Group = tuple[int, ...]
 _STEPS = 6  # re-simulations of a fit at most
 _SHORT = 0.1  # share of a linear gain that simulation may fall short of
 _CLOSE = 0.02  # change of a value, over the value, at which a fit has converged
-_UNEVEN = 3  # number of probing severities from which the misfit may have several minima
 _SHARES = (0.1, 0.2, 0.35, 0.6, 1.0, 1.7, 3.0, 5.0)  # of a severity, tried in turn
 _REFINED = 7  # simulations to refine the best of them
 
@@ -85,7 +84,7 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
         _, _, misfit = evidence.solve()
         return _done(problem, (), np.empty(0), np.zeros_like(problem.residual), evidence, misfit)
     new = terms if start is None else groups[-1]
-    plays = [t for t in new if len(get_effect(problem.terms[t].name).prior.steps) >= _UNEVEN]
+    plays = [t for t in new if get_effect(problem.terms[t].name).prior.scan]
     if problem.twin:
         return _fit(problem, groups, start, plays)
     found = _fit(problem, groups, start, ())

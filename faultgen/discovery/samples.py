@@ -39,13 +39,13 @@ def cut(recording: Recording, robot: Robot, used: np.ndarray) -> tuple[list[slic
     scoring = for_scoring(parts)
     if _shows_every_axis(parts, scoring, used):
         return parts, scoring
-    moves = np.asarray(moving(recording, robot).any(axis=1))
+    moves = _moves(recording, robot)
     each = -(-robot.n_axes // len(recording.parts))
     shorter: list[slice] = []
     for part in recording.parts:
         most = max(1, int(moves[part].sum()) // (_FIFTHS * FEWEST))
-        shorter += _cut(part, moves[part], _FIFTHS * min(each, most))
-    every_fifth = list(range(len(shorter)))[_FIFTHS - 1 :: _FIFTHS]
+        shorter += _cut(part, _FIFTHS * min(each, most), moves)
+    every_fifth = list(range(_FIFTHS - 1, len(shorter), _FIFTHS))
     if _shows_every_axis(shorter, every_fifth, used):
         return shorter, every_fifth
     return parts, scoring
@@ -64,33 +64,38 @@ def blocks(recording: Recording, robot: Robot) -> list[slice]:
     parts = recording.parts
     if len(parts) > 2:
         return parts
-    moves = np.asarray(moving(recording, robot).any(axis=1))
-    count = -(-_BLOCKS // len(parts))
-    return [block for part in parts for block in _cut(part, moves[part], count)]
+    return divided(parts, _moves(recording, robot))
 
 
-def divided(parts: Sequence[slice]) -> list[slice]:
-    """Divide parts into blocks of the same length, at least `_BLOCKS` in total."""
-    count = -(-_BLOCKS // len(parts))
-    return [
-        block
-        for part in parts
-        for block in _cut(part, np.ones(part.stop - part.start, bool), count)
-    ]
+def divided(parts: Sequence[slice], counts: np.ndarray | None = None) -> list[slice]:
+    """Divide parts into blocks of the same length, at least `_BLOCKS` in total.
+
+    Args:
+        parts: The parts.
+        counts: Samples of which each block holds at least half of its share, shape (samples,).
+            None: all count.
+
+    Returns:
+        The blocks.
+    """
+    number = -(-_BLOCKS // len(parts))
+    if counts is None:
+        counts = np.ones(parts[-1].stop, bool)
+    return [block for part in parts for block in _cut(part, number, counts)]
 
 
-def _cut(part: slice, counts: np.ndarray, number: int) -> list[slice]:
+def _cut(part: slice, number: int, counts: np.ndarray) -> list[slice]:
     """Cut a part into blocks of the same length.
 
     If one of them held less than half of its share of the samples that count, and there are enough
     of these, the blocks hold equally many of them instead.
     """
     edges = np.linspace(part.start, part.stop, number + 1).round().astype(int)
-    held = [block.sum() for block in np.split(counts, edges[1:-1] - part.start)]
-    share = counts.sum() / number
+    held = [int(counts[a:b].sum()) for a, b in pairwise(edges)]
+    share = sum(held) / number
     if share >= 1 and min(held) < share / 2:
         goals = np.round(np.arange(1, number) * share)
-        edges[1:-1] = part.start + np.searchsorted(np.cumsum(counts), goals) + 1
+        edges[1:-1] = part.start + np.searchsorted(np.cumsum(counts[part]), goals) + 1
     return [slice(a, b) for a, b in pairwise(edges.tolist())]
 
 
@@ -225,6 +230,11 @@ def moving(recording: Recording, robot: Robot) -> np.ndarray:
         Mask of shape (samples, n_axes).
     """
     return _motor_speed(recording, robot) > 0.1 * robot.stribeck_velocity
+
+
+def _moves(recording: Recording, robot: Robot) -> np.ndarray:
+    """Samples at which at least one axis moves, shape (samples,)."""
+    return np.asarray(moving(recording, robot).any(axis=1))
 
 
 def _motor_speed(recording: Recording, robot: Robot) -> np.ndarray:

@@ -8,7 +8,6 @@ sensitivities, which can be kept in a folder.
 from __future__ import annotations
 
 import hashlib
-from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -97,11 +96,13 @@ def own_sensitivities(
     Returns:
         Shape (terms, samples, n_axes), per unit of each term. Only the term's own axis is not zero.
     """
-    together: dict[tuple, list[Term]] = {}
-    places: Counter[tuple] = Counter()
+    of_axis: dict[tuple, list[Term]] = {}
     for term in terms:
-        place = places[term.key, term.parameters] = places[term.key, term.parameters] + 1
-        together.setdefault((term.name, term.parameters, place), []).append(term)
+        of_axis.setdefault((term.key, term.parameters), []).append(term)
+    together: dict[tuple, list[Term]] = {}
+    for alike in of_axis.values():
+        for place, term in enumerate(alike):
+            together.setdefault((term.name, term.parameters, place), []).append(term)
     groups = [tuple(group) for group in together.values()]
     out = {}
     for group, run in zip(groups, _runs(replay, groups, workers, cache), strict=True):

@@ -22,7 +22,7 @@ import numpy as np
 
 from faultgen.applied import Applied as Applied
 from faultgen.effects.prior import Prior, check_prior
-from faultgen.errors import InputError
+from faultgen.errors import InputError, what_it_says
 
 if TYPE_CHECKING:
     from faultgen.monitoring.sensors import Measured
@@ -308,5 +308,5 @@ class Effect:
             except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
                 raise InputError(
                     f"effect {self.name}: its edit fails on axis {axis} with a severity of "
-                    f"{severity:g}: {type(error).__name__}: {error}"
+                    f"{severity:g}: {what_it_says(error)}"
                 ) from error

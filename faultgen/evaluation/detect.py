@@ -17,10 +17,11 @@ from typing import Any
 from faultgen import plugins
 from faultgen.dataset.reader import Dataset, StoredRun
 from faultgen.errors import InputError
+from faultgen.evaluation.calls import alarms
 from faultgen.evaluation.detectors import DETECTORS, RUN_LENGTH
 from faultgen.evaluation.isolate import LEVELS, cuts, require_cycles
 from faultgen.evaluation.markdown import percent, table
-from faultgen.evaluation.methods import CYCLES, Detector, alarms, needed, with_methods
+from faultgen.evaluation.methods import CYCLES, Detector, needed, with_methods
 from faultgen.evaluation.observed_runs import division_of, noise_of, places
 from faultgen.evaluation.outcomes import other_effects, shown_level, tested_on
 from faultgen.evaluation.shares import share

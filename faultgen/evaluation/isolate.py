@@ -16,9 +16,10 @@ from faultgen import plugins
 from faultgen.dataset.reader import Dataset, StoredRun
 from faultgen.effects import HEALTHY, get_effect
 from faultgen.errors import InputError
+from faultgen.evaluation.calls import axis_of
+from faultgen.evaluation.calls import isolate as ask
 from faultgen.evaluation.isolators import ISOLATORS
-from faultgen.evaluation.methods import Isolator, axis_of, needed, with_methods
-from faultgen.evaluation.methods import isolate as ask
+from faultgen.evaluation.methods import Isolator, needed, with_methods
 from faultgen.evaluation.observed_runs import division_of, noise_of, places
 from faultgen.evaluation.outcomes import Isolation, Outcomes
 from faultgen.provenance import provenance

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 from faultgen.dataset.reader import Dataset, StoredRun
 from faultgen.dataset.splits import TEST, TRAIN
 from faultgen.errors import InputError
+from faultgen.evaluation.calls import create, fit, learn
 from faultgen.evaluation.features import HOURLY_FEATURES, SIGNALS, Features, features
-from faultgen.evaluation.methods import LabelledRun, M, Method, Setting, create, fit, learn
+from faultgen.evaluation.methods import LabelledRun, M, Method, Setting
 from faultgen.evaluation.wear_model import WearModel, wear_model, wear_points
 from faultgen.monitoring.reductions import SPEED_WINDOW, Limits, mean_abs_torque
 from faultgen.monitoring.sensors import Measured, Sensors, get_sensors, measure

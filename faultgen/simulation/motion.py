@@ -245,16 +245,9 @@ def _configuration(pose: Pose, arm: Arm, task: Task, before: np.ndarray, where: 
             angles = arm.inverse_kinematics(np.array(pose.position), turned, near)
         except InputError as error:
             raise InputError(f"task {task.name}, {where}: {error}") from None
-    low, high = robot.joint_range.T
-    outside = np.flatnonzero((angles < low - 1e-9) | (angles > high + 1e-9))
-    if len(outside):
-        axis = outside[0]
-        scale, unit, digits = (1.0, "m", 4) if robot.slides[axis] else (180 / np.pi, "deg", 1)
-        at, first, last = scale * np.array([angles[axis], low[axis], high[axis]])
-        raise InputError(
-            f"task {task.name}, {where}: {robot.label('axis ', axis + 1)} at {at:.{digits}f} "
-            f"{unit} is outside its range of {first:.{digits}f} to {last:.{digits}f} {unit}"
-        )
+    outside = robot.out_of_range(angles)
+    if outside:
+        raise InputError(f"task {task.name}, {where}: {outside[0]}")
     return angles
 
 

@@ -16,16 +16,9 @@ from faultgen.analysis.divergence import HistogramDivergence
 from faultgen.analysis.isolation import ChangeIsolator
 from faultgen.analysis.pca import PCAMonitor
 from faultgen.errors import InputError
+from faultgen.evaluation.calls import blame, create, fit, score
 from faultgen.evaluation.detectors import DETECTORS as OF_CYCLES
-from faultgen.evaluation.methods import (
-    HOURS,
-    Detector,
-    blame,
-    class_name,
-    create,
-    fit,
-    score,
-)
+from faultgen.evaluation.methods import HOURS, Detector, class_name
 from faultgen.studies.chapter3_detection.hourly_torque import HOURLY, HourlyMonitored, HourlyTorque
 
 COMPONENTS = 0.75

@@ -20,10 +20,11 @@ from faultgen.analysis import net_transfer_entropy
 from faultgen.analysis.isolation import Answer
 from faultgen.analysis.te_bins import CANDIDATES, choose_bins
 from faultgen.errors import InputError
+from faultgen.evaluation.calls import axis_of, create, fit, isolate
 from faultgen.evaluation.features import Features
 from faultgen.evaluation.isolate import LEVELS
 from faultgen.evaluation.isolators import ISOLATORS
-from faultgen.evaluation.methods import Isolator, Setting, axis_of, create, fit, isolate
+from faultgen.evaluation.methods import Isolator, Setting
 from faultgen.evaluation.places import TASKS, place_name
 from faultgen.evaluation.shares import share
 from faultgen.monitoring.reductions import SPEED_WINDOW

@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from faultgen.evaluation.calls import create, fit, score
 from faultgen.evaluation.detectors import DETECTORS
 from faultgen.evaluation.features import Features
-from faultgen.evaluation.methods import CYCLES, Detector, create, fit, needed, score
+from faultgen.evaluation.methods import CYCLES, Detector, needed
 from faultgen.monitoring.sensors import Sensors
 from faultgen.studies.chapter6_isolation.monitored import Monitored
 from faultgen.studies.detectability.ideal import BASELINE, DETECTED, FALSE_ALARM, LOGGED
