@@ -82,10 +82,12 @@ def written_down(terms, columns, residual, *, twin=False, trust=None, torque=10.
         torque=np.full(residual.shape, torque),
     )
 
+    place = {(term.key, term.parameters): k for k, term in enumerate(terms)}
+
     def simulate(changes=(), disturbance=None):
         total = np.zeros(residual.shape)
         for term, value in changes:
-            total += value * columns[terms.index(term)]
+            total += value * columns[place[term.key, term.parameters]]
         return total
 
     trust = np.ones(residual.shape) if trust is None else trust

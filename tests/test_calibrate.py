@@ -24,7 +24,8 @@ from faultgen.discovery.candidates import (
 from faultgen.discovery.classical import Regression, identify
 from faultgen.discovery.friction_law import with_friction_law
 from faultgen.discovery.inertia import inertia_terms
-from faultgen.discovery.physical import Drives, with_own_friction
+from faultgen.discovery.own_friction import with_own_friction
+from faultgen.discovery.physical import Drives
 from faultgen.discovery.recording import low_passed
 from faultgen.discovery.replay import relative_error
 from faultgen.discovery.simulated_fit import changed, replaying
@@ -236,10 +237,11 @@ def test_a_model_without_friction_is_calibrated(measured, tiny_robot, tmp_path):
         path, robot
     )  # refused if the torque were compared with a model without friction
     assert sum("has no friction" in line for line in warnings) == 2
-    own = Drives.of(with_own_friction(recording, robot))
+    made, _ = with_own_friction(recording, robot, healthy=False)
+    own = Drives.of(made)
     np.testing.assert_allclose(own.coulomb, [0.2, 0.1], rtol=0.1)
     np.testing.assert_allclose(own.inertia, Drives.of(robot).inertia)
-    assert with_own_friction(recording, tiny_robot) is tiny_robot
+    assert with_own_friction(recording, tiny_robot, healthy=False) == (tiny_robot, [])
     found = calibrate(recording, robot, prior_scales=[3.0])
     np.testing.assert_allclose(found.parameters["coulomb"], [0.2, 0.1], rtol=0.1)
     np.testing.assert_allclose(found.parameters["viscous"], 1e-3, rtol=0.1)

@@ -30,7 +30,7 @@ from faultgen.system.files import (
     verify,
     write_text,
 )
-from faultgen.system.hdf5 import new_hdf5, open_verified
+from faultgen.system.hdf5 import new_hdf5, open_verified, read_back
 
 
 def merge(dataset: Dataset, *, only_copy: bool = False) -> Path:
@@ -148,7 +148,7 @@ def _write(
                 copy_run(file, merged.create_group(f"runs/{run.id}"))
             sink.check()
     try:
-        _verify(dataset, temporary, table, texts)
+        _verify(dataset, path, table, texts)
         publish(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
@@ -209,15 +209,13 @@ def _array_names(file: h5py.Group) -> list[str]:
     return names
 
 
-def _verify(
-    dataset: Dataset, merged_path: Path, table: pd.DataFrame, texts: dict[str, str]
-) -> None:
+def _verify(dataset: Dataset, path: Path, table: pd.DataFrame, texts: dict[str, str]) -> None:
     """Compare the merged file with the run files, which agree with their own checksums.
 
     Raises:
         StorageFailed: An array or attribute differs from the run file.
     """
-    with h5py.File(merged_path, "r") as merged:
+    with read_back(path) as merged:
         index = merged["index"]
         read = {name: index[name].asstr()[()] for name in table if index[name].dtype == object}
         wrong = [name for name, text in texts.items() if merged[name].asstr()[()] != text]
@@ -227,9 +225,7 @@ def _verify(
             if not np.array_equal(read.get(name, index[name][()]), column.to_numpy())
         ]
         if wrong:
-            raise StorageFailed(
-                f"{dataset.path / MERGED}: '{wrong[0]}' differs from what was written"
-            )
+            raise StorageFailed(f"{path}: '{wrong[0]}' differs from what was written")
         for run in dataset.runs:
             group = merged[f"runs/{run.id}"]
             with run.open() as file:
@@ -238,8 +234,7 @@ def _verify(
                 wrong += [name for name in ["/", *names] if not _same_attributes(file, group, name)]
                 if wrong:
                     raise StorageFailed(
-                        f"{dataset.path / MERGED}: '{wrong[0]}' of run {run.id} "
-                        "differs from what was written"
+                        f"{path}: '{wrong[0]}' of run {run.id} differs from what was written"
                     )
 
 

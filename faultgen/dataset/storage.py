@@ -19,7 +19,7 @@ import numpy as np
 
 from faultgen.errors import StorageFailed
 from faultgen.system.files import publish, temporary_name
-from faultgen.system.hdf5 import new_hdf5
+from faultgen.system.hdf5 import new_hdf5, read_back
 
 _COMPRESSION: dict[str, Any] = {
     "compression": "gzip",
@@ -221,11 +221,8 @@ class RunWriter:
         Raises:
             StorageFailed: The file does not hold what was written.
         """
-        try:
-            with h5py.File(self._temporary, "r") as file:
-                wrong = self._difference(file)
-        except (OSError, KeyError, ValueError, RuntimeError) as error:
-            wrong = " ".join(str(error).split())
+        with read_back(self.path) as file:
+            wrong = self._difference(file)
         if wrong:
             raise StorageFailed(f"{self.path}: differs from what was written ({wrong})")
 

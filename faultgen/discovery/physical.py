@@ -12,7 +12,7 @@ recording leaves it open. Rotor inertia, friction and offsets are free, but not 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import mujoco
@@ -26,11 +26,7 @@ from faultgen.discovery.classical import (
     axis_weights,
     identify,
 )
-from faultgen.discovery.friction_law import (
-    set_bristles,
-    with_friction_law,
-    without_friction,
-)
+from faultgen.discovery.friction_law import set_bristles
 from faultgen.discovery.inertia import (
     PAIRS,
     apply_inertia,
@@ -40,7 +36,6 @@ from faultgen.discovery.inertia import (
     parameters_of,
     pseudo_inertia,
 )
-from faultgen.discovery.recording import Recording
 from faultgen.discovery.regressor import PER_LINK, link_parameters
 from faultgen.effects import get_effect
 from faultgen.effects.coupling import add_coupling_friction
@@ -333,29 +328,6 @@ def fit(
         gain=1 / (1 + unknown[-n:]),
         value=value,
     )
-
-
-def with_own_friction(recording: Recording, robot: Robot) -> Robot:
-    """Identify the friction of axes whose model has none. Nothing else is changed.
-
-    Args:
-        recording: A recording of the robot without the effect in question.
-        robot: The model.
-
-    Returns:
-        The model with friction on every axis; the given robot if it has friction everywhere.
-    """
-    lacking = without_friction(robot)
-    if not lacking.any() or recording.link:  # sensors behind the gearbox do not see friction
-        return robot
-    lawful = with_friction_law(robot, recording)
-    regression = Regression(recording, lawful)
-    spread = Spread(1.0, exclude=(INERTIA, GAIN, NAMES["rotor inertia"]))
-    fitted = fit(regression, regression.products, spread)
-    before, after = Drives.of(lawful).named(), fitted.drives.named()
-    drives = Drives(*(np.where(lacking, after[name], before[name]) for name in DRIVE))
-    drives = replace(drives, inertia=before["rotor inertia"], offset=before["offset"])
-    return replace(fitted, links=[], gain=np.ones(robot.n_axes), drives=drives).robot
 
 
 def _lightest(robot: Robot) -> np.ndarray:

@@ -13,13 +13,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-import h5py
 import numpy as np
 
 from faultgen.dataset.splits import TEST, TRAIN, drawn
 from faultgen.errors import InputError, StorageFailed
 from faultgen.system.files import publish, temporary_name
-from faultgen.system.hdf5 import new_hdf5
+from faultgen.system.hdf5 import new_hdf5, read_back
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -253,7 +252,7 @@ def write_ncmapss(robots: Sequence[Recorded], path: Path) -> dict[str, np.ndarra
         for name, values in arrays.items():
             file[name] = values
     try:
-        with h5py.File(temporary, "r") as file:
+        with read_back(path) as file:
             wrong = [k for k, v in arrays.items() if not np.array_equal(file[k][()], v)]
         if wrong:
             raise StorageFailed(f"{path}: '{wrong[0]}' differs from what was written")

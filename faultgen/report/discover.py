@@ -17,7 +17,8 @@ from threadpoolctl import threadpool_limits
 
 from faultgen.discovery.candidates import FREE_GAINS, Term, check_names, names_by_use
 from faultgen.discovery.in_step import in_step
-from faultgen.discovery.physical import GAIN, with_own_friction
+from faultgen.discovery.own_friction import with_own_friction
+from faultgen.discovery.physical import GAIN
 from faultgen.discovery.recording import Recording, mean_of
 from faultgen.discovery.regression import Problem
 from faultgen.discovery.replay import Replay, relative_error
@@ -115,7 +116,9 @@ def discover(
     for run in runs:
         check_same_motion(recording, run)
     check_own_noise(runs)
-    model = with_own_friction(mean_of(runs) if runs else recording, model)
+    before = mean_of(runs) if runs else recording
+    model, more = with_own_friction(before, model, healthy=bool(runs))
+    warnings += more
     other = None
     if validate is not None:
         other, more = usable(validate, model, low_pass, constants)

@@ -178,6 +178,29 @@ def new_hdf5(path: Path) -> Iterator[tuple[h5py.File, Sink]]:
 
 
 @contextmanager
+def read_back(path: Path) -> Iterator[h5py.File]:
+    """Open a file that `new_hdf5` wrote and that has no final name yet, to compare its content.
+
+    Args:
+        path: The final name.
+
+    Yields:
+        The open file.
+
+    Raises:
+        StorageFailed: The file cannot be read, not even closed.
+    """
+    try:
+        with h5py.File(temporary_name(path), "r") as file:
+            yield file
+    except (InputError, StorageFailed):
+        raise
+    except (OSError, KeyError, ValueError, RuntimeError) as error:
+        line = " ".join(str(error).split())
+        raise StorageFailed(f"{path}: differs from what was written ({line})") from None
+
+
+@contextmanager
 def _errors_of(sink: Sink) -> Iterator[None]:
     """Raise the error of the disk instead of the error that HDF5 derives from it."""
     try:
