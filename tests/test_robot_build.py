@@ -342,6 +342,8 @@ BAD = {
     "unknown table": (urdf(), "[motors]\nx = 1", r"motors: unknown; the file has joints"),
     "unknown axis": (urdf(), "[axis.wrist]\ngear_ratio = 3", r"axis\.wrist: no such axis"),
     "no ratio": (urdf(), "[all]\ngear_ratio = 0", r"all\.gear_ratio: must not be 0"),
+    "huge": (urdf(), "[all]\ngear_ratio = 1e300", r"gear_ratio: must be between .*, not 1e\+300"),
+    "tiny": (urdf(), "[all]\nrotor_inertia = 1e-30", r"rotor_inertia: must be .*, not 1e-30"),
     "negative": (urdf(), "[all]\ngear_stiffness = -1", r"gear_stiffness: must be positive, not -1"),
     "not toml": (urdf(), "[all", "not valid TOML"),
     "unknown joint": (

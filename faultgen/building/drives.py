@@ -23,6 +23,7 @@ from faultgen.system.reading import read_text
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+_SMALLEST, _LARGEST = 1e-12, 1e12  # of any number of a drive: its products can still be computed
 Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 
 
@@ -124,6 +125,8 @@ def _objection(name: str, value: float) -> str:
     quantities = {quantity.name: quantity for quantity in QUANTITIES}
     if name not in quantities:
         return f"unknown; a drive has {', '.join(quantities)}"
+    if value and not _SMALLEST <= abs(value) <= _LARGEST:
+        return f"must be between {_SMALLEST:g} and {_LARGEST:g} in size, not {value:g}"
     if name == "gear_ratio":
         return "" if value else "must not be 0"
     if quantities[name].zero:
