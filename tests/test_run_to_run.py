@@ -5,13 +5,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from linear import COUNT, written_down
 
 import faultgen
 from faultgen.discovery import investigate, read_recording, write_recording
+from faultgen.discovery.candidates import Term
 from faultgen.discovery.evidence import Evidence
 from faultgen.discovery.recording import mean_of
 from faultgen.discovery.result import Named
-from faultgen.discovery.run_to_run import differences, repetitions, variances
+from faultgen.discovery.run_to_run import between_axes, differences, repetitions, variances
+from faultgen.discovery.selection import choose
 from faultgen.errors import InputError
 from faultgen.report.discover import friction_warnings
 from faultgen.robot import COULOMB
@@ -165,7 +168,7 @@ def test_the_mean_has_what_all_runs_have(runs):
 )
 def test_a_usual_change_of_friction_is_told_with_a_warning(effect, severity, twin, known, warned):
     """Unless several runs show how much the friction of this robot differs."""
-    problem = SimpleNamespace(twin=twin, run_to_run=known)
+    problem = SimpleNamespace(twin=twin, run_to_run=known, friction_spread=0.0)
     answer = SimpleNamespace(effects=[Named(effect, 2, severity, 0.001, (0, 0), {}, 1.0, 0.1)])
     lines = friction_warnings(SimpleNamespace(problem=problem, answer=answer))
     assert len(lines) == warned
@@ -173,10 +176,97 @@ def test_a_usual_change_of_friction_is_told_with_a_warning(effect, severity, twi
 
 
 def test_friction_that_differs_on_many_axes_may_be_the_temperature():
-    problem = SimpleNamespace(twin=True, run_to_run=None)
+    problem = SimpleNamespace(twin=True, run_to_run=None, friction_spread=0.0)
     effects = [Named("viscous_friction", k, -0.3, 0.001, (0, 0), {}, 1.0, 0.1) for k in (1, 2, 5)]
     found = SimpleNamespace(problem=problem, answer=SimpleNamespace(effects=effects))
     (line,) = friction_warnings(found)
     assert "axes 1, 2, 5" in line and "temperatures" in line
     found.answer.effects = effects[:2]
     assert friction_warnings(found) == []
+    problem.friction_spread = 0.05  # estimated from the axes: nothing of this size is named
+    (line,) = friction_warnings(found)
+    assert "about 5 % on most axes" in line
+
+
+def with_friction_changes(rng, changes, *, twin=True, noise=1.0):
+    """A problem in which the friction of each axis differs by a factor, and nothing else."""
+    count = len(changes)
+    names = ("coulomb_friction", "static_friction", "viscous_friction", "friction_wear")
+    terms = [Term(name, axis, 0.1, 1e-3) for name in names for axis in range(1, count + 1)]
+    columns = np.zeros((len(terms), COUNT, count))
+    each = np.arange(count)
+    direction = np.sign(rng.normal(size=(COUNT, count)))
+    speed, slow = rng.uniform(0, 1, (2, COUNT, count))
+    columns[each, :, each] = 30 * direction.T
+    columns[count + each, :, each] = (5 * direction * (slow < 0.2)).T
+    columns[2 * count + each, :, each] = (10 * direction * speed).T
+    columns[3 * count + each] = columns[each] + columns[count + each]
+    residual = np.tensordot(changes, columns[2 * count + each] + columns[3 * count + each], axes=1)
+    residual += noise * rng.normal(size=residual.shape)
+    return written_down(terms, columns, residual, twin=twin)
+
+
+WEAR = "friction_wear"
+
+
+def stds(problem):
+    return {(term.name, term.axis): term.prior_std for term in problem.terms}
+
+
+def test_friction_that_differs_on_most_axes_is_allowed_for():
+    """The median of the axes tells by how much, whichever of them has a fault as well."""
+    rng = np.random.default_rng(5)
+    spreads = []
+    for _ in range(40):
+        changes = 0.05 * rng.normal(size=6)
+        changes[rng.integers(6)] = 0.5
+        problem = with_friction_changes(rng, changes)
+        wider = between_axes(problem)
+        (own,) = {round(std, 12) for (name, _), std in stds(wider).items() if name != WEAR}
+        spreads.append(own)
+        ratio = np.where([term.name == WEAR for term in problem.terms], 1, own / 1e-3)
+        np.testing.assert_allclose(wider.white, ratio[:, None, None] * problem.white, rtol=1e-5)
+        assert wider.friction_spread * 1.31 == pytest.approx(own, rel=0.01)
+        laws = problem.raw[[0, 6, 12], :, 0].astype(float)
+        size = wider.run_to_run[:, 0] / np.linalg.norm(laws, axis=0)
+        np.testing.assert_allclose(size, size[0], rtol=1e-5)
+    # the third of five healthy axes, times the quantile of Student's t with 5 degrees of freedom
+    assert np.median(spreads) == pytest.approx(0.05 * 1.31, rel=0.25)
+    assert max(spreads) < 0.2  # the fault itself is not taken for usual
+
+
+@pytest.mark.parametrize(
+    ("changes", "twin"),
+    [((0.5, 0, 0, 0, 0, 0), True), ((0.5, 0.3, 0, 0, 0), True), ((0.05, -0.05, 0.05), True)]
+    + [((0.05,) * 6, False)],
+    ids=["one fault", "two faults", "three axes", "no twin"],
+)
+def test_other_differences_of_friction_are_effects(changes, twin):
+    rng = np.random.default_rng(6)
+    problem = with_friction_changes(rng, np.array(changes), twin=twin, noise=0.01)
+    assert between_axes(problem) is problem
+
+
+def test_axes_at_rest_do_not_count():
+    """Four of six axes move; the friction of three of them differs."""
+    rng = np.random.default_rng(8)
+    changes = np.array([0.05, -0.05, 0.05, 0, 0, 0])
+    problem = with_friction_changes(rng, changes, noise=0.01)
+    still = replace(problem, white=problem.white.copy(), raw=problem.raw.copy())
+    for columns in (still.white, still.raw):
+        columns[:, :, 4:] = 0
+    assert between_axes(still).friction_spread == pytest.approx(0.05 / 0.674, rel=0.05)
+    still.white[:, :, 3] = 0
+    assert between_axes(still) is still  # three are too few
+
+
+def test_a_warmer_day_is_no_effect_and_a_fault_still_is():
+    """Friction of all axes differs by some percent; a fault is much larger than that."""
+    rng = np.random.default_rng(7)
+    usual = np.array([0.04, 0.05, -0.03, 0.06, 0.05, 0.03])
+    found = choose(between_axes(with_friction_changes(rng, usual))).best
+    assert found.groups == ()
+    usual[2] = 0.6
+    problem = between_axes(with_friction_changes(rng, usual))
+    groups = choose(problem).best.groups
+    assert {problem.terms[term].axis for group in groups for term in group} == {3}

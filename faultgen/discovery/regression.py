@@ -79,7 +79,10 @@ class Problem:
     shape (n_axes,)."""
     run_to_run: np.ndarray | None = None
     """Standard deviation by which the torque of an unchanged robot differs from run to run, beyond
-    the noise, shape (samples, n_axes). None if it was not measured."""
+    the noise, shape (samples, n_axes). None if it is not known."""
+    friction_spread: float = 0.0
+    """Standard deviation of the friction factors of the axes, if friction differs on most of them
+    and `run_to_run` is known from this alone; otherwise 0."""
 
     @property
     def fitting(self) -> list[int]:

@@ -8,6 +8,9 @@ recordings, or several repetitions of a motion in one of them, show how large th
 
 The differences between runs are projected onto the sensitivities. Each term then gets the variance
 with which these differences are most probable, one term after the other (Tipping and Faul 2003).
+
+A single healthy recording shows nothing of this, but the axes of the robot do: a fault changes the
+friction of one axis or two, a warmer day that of all of them. `between_axes` takes the median.
 """
 
 from __future__ import annotations
@@ -17,8 +20,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_solve
-from scipy.stats import norm, t
+from scipy.optimize import brentq
+from scipy.stats import chi2, norm, t
 
+from faultgen.discovery.candidates import DAY_TO_DAY
 from faultgen.discovery.evidence import Evidence, factored
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regression import Problem
@@ -26,6 +31,10 @@ from faultgen.discovery.regression import Problem
 _EQUAL = 1e-6  # difference of equal reference positions, over their range
 _NEEDED = 4.0  # fall of minus two times the log-likelihood that a wider prior requires: assumed
 _VARIANCES = np.logspace(0, 8, 161)  # variances that are tried, over that of the prior
+_ALL_FRICTION = ("friction_wear", "viscous_friction")  # equal severities: all friction grows
+_FRICTION = ("coulomb_friction", "static_friction", "viscous_friction")  # what may differ then
+_KNOWN = 0.1  # standard error of a friction factor from which an axis counts: assumed
+_FEWEST_AXES = 4  # of which the median is hardly changed by a fault of one of them: assumed
 _LEVEL = 0.975  # quantile at which few differences are made up for, as a confidence interval does
 
 
@@ -134,6 +143,63 @@ def widened(problem: Problem, found: Sequence[Difference]) -> Problem:
     white = problem.white.copy()
     white[wider] *= ratio[wider, None, None].astype(white.dtype)
     return replace(problem, terms=terms, white=white, run_to_run=np.sqrt(apart))
+
+
+def between_axes(problem: Problem) -> Problem:
+    """Return the same problem with priors that allow for friction that differs on most axes.
+
+    The friction of each axis is multiplied by a factor of its own. Its standard deviation is the
+    one with which the median of the axes is as expected (of an even number, the lower one of the
+    two in the middle), so that faults of fewer than half of the axes hardly change it.
+
+    Args:
+        problem: The difference of a recording and its twin, and the terms.
+
+    Returns:
+        The problem with other prior standard deviations, `run_to_run` and `friction_spread`. The
+        given one if there are too few axes, or if friction differs by no more than is allowed for
+        anyway.
+    """
+    n_axes = problem.robot.n_axes
+    if not problem.twin or n_axes < _FEWEST_AXES:
+        return problem
+    place = {term.key: k for k, term in enumerate(problem.terms)}
+    axes = range(1, n_axes + 1)
+    if not all((name, axis) in place for name in {*_ALL_FRICTION, *_FRICTION} for axis in axes):
+        return problem  # excluded by the user
+    growing = [[place[name, axis] for name in _ALL_FRICTION] for axis in axes]
+    used = problem.samples(problem.fitting)
+    error = problem.whiten(problem.residual)[used].astype(float)
+    factor, variance = np.empty((2, n_axes))
+    for axis, both in enumerate(growing):
+        std = np.array([problem.terms[k].prior_std for k in both])
+        column = np.tensordot(1 / std, problem.white[both][:, used].astype(float), axes=1)
+        length = max(float(np.sum(column**2)), 1e-300)
+        factor[axis], variance[axis] = np.sum(column * error) / length, 1 / length
+    seen = variance < _KNOWN**2
+    count = int(seen.sum())
+    if count < _FEWEST_AXES:
+        return problem
+
+    def excess(spread: float) -> float:
+        squares = np.sort(factor[seen] ** 2 / (spread**2 + variance[seen]))
+        return float(squares[(count - 1) // 2] - chi2.ppf(0.5, 1))
+
+    smallest = max(DAY_TO_DAY.values())
+    if excess(smallest) <= 0:
+        return problem
+    spread = brentq(excess, smallest, 10 * float(np.abs(factor[seen]).max()))
+    more = spread * t.ppf(_LEVEL, count - 1) / norm.ppf(_LEVEL)
+    terms, white = list(problem.terms), problem.white.copy()
+    apart = np.zeros_like(problem.residual)
+    for k in (place[name, axis] for name in _FRICTION for axis in axes):
+        ratio = float(np.hypot(1, more / terms[k].prior_std))
+        terms[k] = replace(terms[k], prior_std=ratio * terms[k].prior_std)
+        white[k] *= white.dtype.type(ratio)
+        apart += (spread * problem.raw[k].astype(float)) ** 2
+    return replace(
+        problem, terms=terms, white=white, run_to_run=np.sqrt(apart), friction_spread=spread
+    )
 
 
 def _products(problem: Problem, found: Sequence[Difference]) -> list[Evidence]:

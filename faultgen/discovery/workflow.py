@@ -41,7 +41,7 @@ from faultgen.discovery.recording import Recording, TorqueConstants, low_passed,
 from faultgen.discovery.regression import Problem, plain, pose
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.result import AMBIGUOUS, Answer
-from faultgen.discovery.run_to_run import differences, widened
+from faultgen.discovery.run_to_run import between_axes, differences, widened
 from faultgen.discovery.selection import Choice, choose
 from faultgen.discovery.sensitivities import own_sensitivities, sensitivities
 from faultgen.discovery.verdict import answer
@@ -145,8 +145,8 @@ def investigate(
     except ValueError as error:
         raise InputError(f"{recording.source}: {error}") from None
     problem = _with_orders(problem, workers, exclude)
-    if runs:
-        problem = widened(problem, differences(runs))
+    apart = differences(runs) if runs else []
+    problem = widened(problem, apart) if apart else between_axes(problem)
     with Progress("choosing effects", None):
         choice = choose(plain(problem) if white_noise else problem)
     with Progress("checking the choice", None):

@@ -192,9 +192,15 @@ def friction_warnings(found: Discovery) -> list[str]:
     Returns:
         One line for each warning; none without a twin, or if several runs were compared.
     """
+    several = "give several healthy recordings, which show how much it differs on this robot"
+    if found.problem.friction_spread:
+        return [
+            f"friction differs by about {100 * found.problem.friction_spread:.2g} % on most axes, "
+            "as between two days or temperatures; differences of this size are allowed for and not "
+            f"named; {several}"
+        ]
     if not found.problem.twin or found.problem.run_to_run is not None:
         return []
-    several = "give several healthy recordings, which show how much it differs on this robot"
     named = [
         one for one in found.answer.effects if get_effect(one.effect).prior.group == SPEED_FRICTION
     ]
