@@ -20,6 +20,11 @@ class StorageFailed(OSError):
     """A file could not be written, or does not hold what was written. The message is one line."""
 
 
+def one_line(error: object) -> str:
+    """Write the message of an error of other code in one line."""
+    return " ".join(str(error).split())
+
+
 def what_it_says(error: BaseException) -> str:
     """Write an error of other code in one line: its type and its message."""
-    return " ".join(f"{type(error).__name__}: {error}".split())
+    return one_line(f"{type(error).__name__}: {error}")

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from faultgen.applied import Applied, to_json
-from faultgen.errors import InputError
+from faultgen.errors import InputError, one_line
 from faultgen.mjcf.checks import count_axes, missing_elements, wrong_elements, wrong_numbers
 from faultgen.mjcf.compiling import check_memory, mujoco_warnings, read_mjcf
 from faultgen.mjcf.dcmotor import BRISTLE_DAMPING as BRISTLE_DAMPING
@@ -46,7 +46,7 @@ from faultgen.mjcf.gearing import Gearing, tendon_coefficients
 COUPLING = "wrist_coupling"
 """Name of the elements with friction and inertia that two neighbouring axes share."""
 
-_ROUNDING = 1e-8  # by which a joint may be outside its range [rad or m]
+_ROUNDING = 1e-9  # by which a joint may be outside its range [rad or m]
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ class Robot:
             try:
                 model = self.spec().compile()
             except (ValueError, RuntimeError, MemoryError, mujoco.FatalError) as error:
-                line = " ".join(str(error).split()) or "not enough memory"
+                line = one_line(error) or "not enough memory"
                 raise InputError(
                     f"robot {self.name}: MuJoCo cannot read the model: {line}"
                 ) from None

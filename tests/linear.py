@@ -11,6 +11,19 @@ from faultgen.discovery.recording import Recording
 from faultgen.discovery.regression import Problem, pose
 
 
+def straight(base, terms, columns):
+    """A simulation whose torque is straight in the values, whatever the priors of the terms are."""
+    place = {(term.key, term.parameters, term.step): k for k, term in enumerate(terms)}
+
+    def simulate(changes=(), disturbance=None):
+        total = base.copy()
+        for term, value in changes:
+            total += value * columns[place[term.key, term.parameters, term.step]]
+        return total
+
+    return simulate
+
+
 def linear(problem, values=(), *, noise=1.0, seed=0, twin=None, terms=None, raw=None):
     """A problem with a gap that is known.
 
@@ -32,15 +45,9 @@ def linear(problem, values=(), *, noise=1.0, seed=0, twin=None, terms=None, raw=
     for index, value in dict(values).items():
         residual = residual + value * raw[index]
 
-    def simulate(changes=(), disturbance=None):
-        total = problem.base.copy()
-        for term, value in changes:
-            total += value * raw[terms.index(term)]
-        return total
-
     replay = SimpleNamespace(
         measured=problem.replay.measured,
-        torque=simulate,
+        torque=straight(problem.base, terms, raw),
         recording=replace(problem.recording, torque=problem.base + residual),
         robot=problem.robot,
     )
@@ -82,14 +89,7 @@ def written_down(terms, columns, residual, *, twin=False, trust=None, torque=10.
         torque=np.full(residual.shape, torque),
     )
 
-    place = {(term.key, term.parameters): k for k, term in enumerate(terms)}
-
-    def simulate(changes=(), disturbance=None):
-        total = np.zeros(residual.shape)
-        for term, value in changes:
-            total += value * columns[place[term.key, term.parameters]]
-        return total
-
+    simulate = straight(np.zeros(residual.shape), terms, columns)
     trust = np.ones(residual.shape) if trust is None else trust
     scale = np.array([term.prior_std for term in terms], np.float32)
     return Problem(

@@ -23,8 +23,9 @@ from faultgen.system.reading import read_text
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-_SMALLEST, _LARGEST = 1e-12, 1e12  # of any number of a drive: its products can still be computed
 Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+
+_SMALLEST, _LARGEST = 1e-12, 1e12  # of any number of a drive: its products can still be computed
 
 
 class Payload(BaseModel):

@@ -29,7 +29,7 @@ from faultgen.building.findings import Finding, refuse
 from faultgen.building.flange import Flange, find_flange
 from faultgen.building.inertias import inertia_findings, repair_inertias
 from faultgen.building.source import Source, read_source
-from faultgen.errors import InputError
+from faultgen.errors import InputError, one_line
 from faultgen.mjcf.edit import mjcf_text
 
 HOME = "home"
@@ -100,7 +100,7 @@ def plain_arm(path: Path, joints: Sequence[str] | None = None, flange: str | Non
         spec.compile()
         text = mjcf_text(spec)
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        line = " ".join(str(error).split())
+        line = one_line(error)
         raise InputError(f"{path.name}: MuJoCo cannot use the model: {line}") from None
     return Plain(
         name=source.name,

@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 
 import mujoco
 
-from faultgen.errors import InputError
+from faultgen.errors import InputError, one_line
 from faultgen.mjcf.compiling import check_memory, read_mjcf
 from faultgen.system.reading import read_bytes, read_text
 
@@ -78,7 +78,7 @@ def read_source(path: Path) -> Source:
     try:
         spec = mujoco.MjSpec.from_string(text, assets=assets)
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        line = " ".join(str(error).split())
+        line = one_line(error)
         raise InputError(f"robot file {path}: MuJoCo cannot read it: {line}") from None
     kept = _gather(spec, assets, notes)
     return Source(path.stem, spec, kept, speed, tuple(notes))

@@ -26,7 +26,7 @@ from faultgen.cli import (
     view,
 )
 from faultgen.cli.app import app
-from faultgen.errors import InputError, MethodFailed, SimulationFailed, StorageFailed
+from faultgen.errors import InputError, MethodFailed, SimulationFailed, StorageFailed, one_line
 
 __all__ = [
     "data",
@@ -69,7 +69,7 @@ def main() -> None:
     except StorageFailed as error:
         _fail(f"{error}; check the disk, then run the same command again to continue", 1)
     except (SimulationFailed, MethodFailed, OSError) as error:
-        _fail(" ".join(str(error).split()), 1)
+        _fail(one_line(error), 1)
     except Exception as error:
         # usage errors of the command-line library
         if not hasattr(error, "format_message"):

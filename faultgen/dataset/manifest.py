@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from faultgen.dataset.splits import RunParts
-from faultgen.errors import InputError
+from faultgen.errors import InputError, one_line
 from faultgen.system.files import write_text
 
 FILE = "runs.json"
@@ -109,7 +109,7 @@ class Manifest:
         except KeyError as error:
             raise _damaged(path, f"it has no {error}") from None
         except (ValueError, TypeError, AttributeError, RecursionError) as error:
-            raise _damaged(path, " ".join(str(error).split())) from None
+            raise _damaged(path, one_line(error)) from None
 
 
 def _damaged(path: Path, reason: str) -> InputError:

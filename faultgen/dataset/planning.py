@@ -17,7 +17,7 @@ import numpy as np
 from faultgen.dataset.experiment import MOST_RUNS, SCHEMA_VERSION, Experiment
 from faultgen.dataset.faults import beside_of, list_faults, window_of
 from faultgen.effects import HEALTHY, Applied
-from faultgen.errors import InputError
+from faultgen.errors import InputError, one_line
 from faultgen.monitoring.reductions import SPEED_WINDOW
 from faultgen.monitoring.sensors import SENSORS, get_sensors
 from faultgen.robot import load_robot
@@ -223,7 +223,7 @@ def check_runs(runs: Sequence[Run]) -> list[str]:
         try:
             assemble(shared.robot, run.faults)
         except ValueError as error:
-            reason = " ".join(str(error).split())
+            reason = one_line(error)
             raise InputError(f"{run.label}: cannot be simulated ({reason})") from None
     return notes
 

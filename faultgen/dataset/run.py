@@ -13,7 +13,7 @@ from faultgen.applied import Applied
 from faultgen.dataset.planning import Run
 from faultgen.dataset.run_file import create_arrays, growth_of, run_attributes, shares_of
 from faultgen.dataset.storage import RunWriter
-from faultgen.errors import InputError, SimulationFailed
+from faultgen.errors import InputError, SimulationFailed, one_line
 from faultgen.monitoring.environment import Surroundings, differences, surroundings
 from faultgen.monitoring.reductions import monitor
 from faultgen.monitoring.sensors import get_sensors, measure
@@ -54,7 +54,7 @@ def make_run(
     except (SimulationFailed, InputError, ValueError, ArithmeticError) as error:
         if on_cycle:
             on_cycle(left)
-        return run, " ".join(str(error).split()) or type(error).__name__
+        return run, one_line(error) or type(error).__name__
     return run, None
 
 

@@ -50,18 +50,13 @@ def with_own_friction(
     regression = Regression(recording, lawful)
     numbers = range(len(regression.parts))
     fitted = _fitted(regression, numbers)
-    other = np.zeros(robot.n_axes, bool)
-    ratio = np.ones(robot.n_axes)
+    ratio = _ratio(regression, fitted)
+    own = lacking.copy()
     if healthy:
-        size = _size(regression, Drives.of(lawful))
-        halves = [_fitted(regression, numbers[start::2]) for start in (0, 1)]
-        ratios = [
-            _size(regression, one.drives) / np.maximum(size, 1e-300) for one in (fitted, *halves)
-        ]
-        ratio = ratios[0]
-        more, less = np.min(ratios, axis=0) > _FACTOR, np.max(ratios, axis=0) < 1 / _FACTOR
-        other = (more | less) & _moves_both_ways(regression) & ~lacking
-    own = lacking | other
+        halves = [_ratio(regression, _fitted(regression, numbers[k::2])) for k in (0, 1)]
+        ratios = np.array([ratio, *halves])
+        far = (ratios > _FACTOR).all(axis=0) | (ratios < 1 / _FACTOR).all(axis=0)
+        own |= far & _moves_both_ways(regression)
     if not own.any():
         return robot, []
     before, after = Drives.of(lawful).named(), fitted.drives.named()
@@ -71,7 +66,7 @@ def with_own_friction(
     lines = [
         f"axis {axis + 1}: friction in the healthy recording is {ratio[axis]:.2g} times that of "
         "the model and is used instead; severities are relative to it"
-        for axis in np.flatnonzero(other).tolist()
+        for axis in np.flatnonzero(own & ~lacking).tolist()
     ]
     return made, lines
 
@@ -82,20 +77,20 @@ def _fitted(regression: Regression, numbers: Sequence[int]) -> Physical:
     return fit(regression, regression.products.only(numbers), spread)
 
 
-def _friction(regression: Regression) -> np.ndarray:
-    """Columns of the Coulomb and viscous friction of each axis, shape (n_axes, 2)."""
-    return np.stack([regression.drive(name) for name in ("Coulomb", "viscous")], axis=1)
-
-
-def _size(regression: Regression, drives: Drives) -> np.ndarray:
-    """Root sum of squares of the friction torque over the recording, shape (n_axes,)."""
+def _ratio(regression: Regression, fitted: Physical) -> np.ndarray:
+    """RMS friction torque on the recorded motion over that of the model, shape (n_axes,)."""
+    columns = np.stack([regression.drive(name) for name in ("Coulomb", "viscous")], axis=1)
     gram = regression.products.gram.sum(axis=0)
-    values = np.stack([drives.coulomb, drives.viscous], axis=1)
-    squares = [
-        value @ gram[axis][np.ix_(columns, columns)] @ value
-        for axis, (columns, value) in enumerate(zip(_friction(regression), values, strict=True))
-    ]
-    return np.sqrt(np.maximum(squares, 0.0))
+
+    def size(drives: Drives) -> np.ndarray:
+        values = np.stack([drives.coulomb, drives.viscous], axis=1)
+        squares = [
+            value @ gram[axis][np.ix_(at, at)] @ value
+            for axis, (at, value) in enumerate(zip(columns, values, strict=True))
+        ]
+        return np.sqrt(np.maximum(squares, 0.0))
+
+    return np.asarray(size(fitted.drives) / np.maximum(size(Drives.of(fitted.given)), 1e-300))
 
 
 def _moves_both_ways(regression: Regression) -> np.ndarray:

@@ -40,7 +40,7 @@ from faultgen.discovery.regressor import PER_LINK, link_parameters
 from faultgen.effects import get_effect
 from faultgen.effects.coupling import add_coupling_friction
 from faultgen.effects.friction import add_offset
-from faultgen.errors import SimulationFailed
+from faultgen.errors import SimulationFailed, one_line
 from faultgen.robot import COULOMB, OFFSET, STICTION, Robot
 from faultgen.simulation.arm import Arm
 
@@ -205,7 +205,7 @@ def edited(robot: Robot, spec: mujoco.MjSpec, torque_gain: np.ndarray) -> Robot:
     try:
         spec.compile()
     except ValueError as error:
-        line = " ".join(str(error).split())
+        line = one_line(error)
         raise SimulationFailed(f"MuJoCo cannot compile the changed model: {line}") from None
     return robot.edited(spec)
 

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from faultgen.discovery.read_hdf5 import NAMES
-from faultgen.errors import InputError
+from faultgen.errors import InputError, one_line
 from faultgen.importing.table import LARGEST_FILE, listed, parsed_rows
 
 
@@ -79,7 +79,7 @@ def _columns(path: Path) -> dict[str, np.ndarray]:
     try:
         table = parsed_rows(text.partition("\n")[2], len(header))
     except pd.errors.ParserError as error:
-        line = " ".join(str(error).split())
+        line = one_line(error)
         raise InputError(
             f"{path}: header has {len(header)} names, but not every row has {len(header)} values "
             f"({line})"

@@ -15,7 +15,7 @@ from faultgen.discovery.inertia import apply_inertia
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.smoothing import smoothed
 from faultgen.effects import Applied, get_effect
-from faultgen.errors import InputError, SimulationFailed
+from faultgen.errors import InputError, SimulationFailed, one_line
 from faultgen.robot import Robot
 from faultgen.simulation.plant import Plant, assemble
 from faultgen.simulation.servo import control_signal
@@ -264,7 +264,7 @@ class Replay:
         except InputError:
             raise
         except ValueError as error:  # of MuJoCo's compiler
-            line = " ".join(str(error).split())
+            line = one_line(error)
             raise SimulationFailed(f"MuJoCo cannot compile the changed model: {line}") from None
 
 

@@ -129,17 +129,34 @@ def widened(problem: Problem, found: Sequence[Difference]) -> Problem:
     if not found:
         return problem
     variance = variances(_products(problem, found))
-    more = (t.ppf(_LEVEL, len(found)) / norm.ppf(_LEVEL)) ** 2 * (variance - 1)
-    ratio = np.sqrt(1 + more)
+    prior = np.array([term.prior_std for term in problem.terms])
+    spread = np.sqrt(variance - 1) * prior
+    return _with_usual(problem, spread, _made_up(len(found)) * spread)
+
+
+def _made_up(count: int) -> float:
+    """Factor of a standard deviation that is known from a number of differences only."""
+    return float(t.ppf(_LEVEL, count) / norm.ppf(_LEVEL))
+
+
+def _with_usual(problem: Problem, spread: np.ndarray, allowed: np.ndarray) -> Problem:
+    """The problem with wider priors, and with the `run_to_run` of what differs from run to run.
+
+    Args:
+        problem: The problem.
+        spread: Standard deviation of each term from run to run, shape (terms,).
+        allowed: The same, made up for its being known only roughly. It is added to the prior.
+    """
+    prior = np.array([term.prior_std for term in problem.terms])
+    ratio = np.hypot(1, allowed / prior)
     terms = [
         replace(term, prior_std=float(r) * term.prior_std)
         for term, r in zip(problem.terms, ratio, strict=True)
     ]
-    wider = np.flatnonzero(variance > 1)
+    wider = np.flatnonzero(spread > 0)
     apart = np.zeros_like(problem.residual)
     for k in wider:
-        seen = np.sqrt(variance[k] - 1) * problem.terms[k].prior_std
-        apart += (seen * problem.raw[k].astype(float)) ** 2
+        apart += (spread[k] * problem.raw[k].astype(float)) ** 2
     white = problem.white.copy()
     white[wider] *= ratio[wider, None, None].astype(white.dtype)
     return replace(problem, terms=terms, white=white, run_to_run=np.sqrt(apart))
@@ -189,17 +206,10 @@ def between_axes(problem: Problem) -> Problem:
     if excess(smallest) <= 0:
         return problem
     spread = brentq(excess, smallest, 10 * float(np.abs(factor[seen]).max()))
-    more = spread * t.ppf(_LEVEL, count - 1) / norm.ppf(_LEVEL)
-    terms, white = list(problem.terms), problem.white.copy()
-    apart = np.zeros_like(problem.residual)
-    for k in (place[name, axis] for name in _FRICTION for axis in axes):
-        ratio = float(np.hypot(1, more / terms[k].prior_std))
-        terms[k] = replace(terms[k], prior_std=ratio * terms[k].prior_std)
-        white[k] *= white.dtype.type(ratio)
-        apart += (spread * problem.raw[k].astype(float)) ** 2
-    return replace(
-        problem, terms=terms, white=white, run_to_run=np.sqrt(apart), friction_spread=spread
-    )
+    differs = np.zeros(len(problem.terms))
+    differs[[place[name, axis] for name in _FRICTION for axis in axes]] = spread
+    wider = _with_usual(problem, differs, differs * _made_up(count - 1))
+    return replace(wider, friction_spread=spread)
 
 
 def _products(problem: Problem, found: Sequence[Difference]) -> list[Evidence]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from faultgen.errors import InputError
+from faultgen.errors import InputError, one_line
 from faultgen.importing.column_map import File
 from faultgen.importing.table import Table
 
@@ -53,7 +53,7 @@ def read_bag(path: Path, file: File) -> Table:
                 reader.deserialize(raw, one.msgtype) for one, _, raw in reader.messages(wanted)
             ]
     except (AnyReaderError, OSError, ValueError, KeyError) as error:
-        line = " ".join(str(error).split())
+        line = one_line(error)
         raise InputError(f"{path}: cannot be read as a ROS 2 bag ({line})") from None
     if not messages:
         raise InputError(f"{path}: topic '{topic}' has no messages")

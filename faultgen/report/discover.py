@@ -190,7 +190,8 @@ def friction_warnings(found: Discovery) -> list[str]:
         found: The results of a discovery.
 
     Returns:
-        One line for each warning; none without a twin, or if several runs were compared.
+        One line for each warning; none without a twin, or if several runs were compared. If
+        friction that differs on most axes is allowed for, one line that states it.
     """
     several = "give several healthy recordings, which show how much it differs on this robot"
     if found.problem.friction_spread:

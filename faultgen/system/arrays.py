@@ -15,7 +15,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from faultgen.errors import InputError, StorageFailed
+from faultgen.errors import InputError, StorageFailed, one_line
 from faultgen.system.files import named_failures, rename, temporary_name
 from faultgen.system.hdf5 import new_hdf5
 
@@ -92,7 +92,7 @@ def read_arrays(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
             file.visititems(note)
             attributes = {name: plain_value(value) for name, value in file.attrs.items()}
     except (OSError, ValueError, RuntimeError) as error:
-        line = " ".join(str(error).split())
+        line = one_line(error)
         raise InputError(f"{path}: damaged or not an HDF5 file ({line})") from None
     wanted = attributes.pop(_CONTENT, None)
     if wanted != _sum_up(arrays, attributes, told):

@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from faultgen.errors import InputError, StorageFailed
+from faultgen.errors import InputError, StorageFailed, one_line
 
 # errors of a file system that cannot sync folders, which is no failure of the disk
 _NO_FOLDER_SYNC = {errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EACCES, errno.EISDIR}
@@ -82,7 +82,7 @@ def named_failures(path: Path) -> Iterator[None]:
     except StorageFailed:
         raise
     except OSError as error:
-        reason = error.strerror or " ".join(str(error).split())
+        reason = error.strerror or one_line(error)
         raise StorageFailed(f"{path}: cannot be written ({reason})") from None
 
 

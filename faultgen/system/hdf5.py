@@ -19,7 +19,7 @@ from typing import Any
 
 import h5py
 
-from faultgen.errors import InputError, StorageFailed
+from faultgen.errors import InputError, StorageFailed, one_line
 from faultgen.system.files import (
     BINARY,
     checksum_path,
@@ -196,7 +196,7 @@ def read_back(path: Path) -> Iterator[h5py.File]:
     except (InputError, StorageFailed):
         raise
     except (OSError, KeyError, ValueError, RuntimeError) as error:
-        line = " ".join(str(error).split())
+        line = one_line(error)
         raise StorageFailed(f"{path}: differs from what was written ({line})") from None
 
 
@@ -242,5 +242,5 @@ def open_verified(path: Path) -> Iterator[h5py.File]:
         with h5py.File(path, "r") as file:
             yield file
     except (OSError, RuntimeError) as error:
-        line = " ".join(str(error).split())
+        line = one_line(error)
         raise StorageFailed(f"{path}: cannot be read ({line})") from None

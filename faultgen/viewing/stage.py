@@ -9,7 +9,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from faultgen.errors import InputError
+from faultgen.errors import InputError, one_line
 from faultgen.robot import Robot
 
 LARGEST_PICTURE = 1280
@@ -43,7 +43,7 @@ class Stage:
         try:
             self.model = spec.compile()
         except ValueError as error:
-            line = " ".join(str(error).split())
+            line = one_line(error)
             raise InputError(f"robot {robot.name}: cannot be drawn ({line})") from None
         self.data = mujoco.MjData(self.model)
         joints = self.model.jnt_qposadr[robot.ids("joint", "joint", self.model)]

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from faultgen.errors import InputError
+from faultgen.errors import InputError, one_line
 from faultgen.viewing.playback import Playback
 from faultgen.viewing.stage import Stage
 
@@ -72,7 +72,7 @@ def open_window(shown: Sequence[Playback]) -> None:
 
 
 def _line(error: BaseException) -> str:
-    return " ".join(str(error).split())
+    return one_line(error)
 
 
 def _draw_curves(viewer: mujoco.viewer.Handle, shown: Sequence[Playback], row: int) -> None:
