@@ -12,6 +12,10 @@ class SimulationFailed(RuntimeError):
     """A simulation diverged, or was stopped by MuJoCo. The message states when and why."""
 
 
+class WorkerKilled(SimulationFailed):
+    """A process that did a part of the work was killed. The message is one line."""
+
+
 class MethodFailed(RuntimeError):
     """The code of an isolator or detector raised an error. The message is one line."""
 

@@ -19,9 +19,10 @@ from faultgen.dataset.experiment import make_experiment, to_toml
 from faultgen.dataset.manifest import Manifest
 from faultgen.dataset.planning import plan_runs
 from faultgen.dataset.reader import open_dataset
+from faultgen.dataset.run import make_run
 from faultgen.dataset.sweep import generate
 from faultgen.effects import EFFECTS, get_effect
-from faultgen.errors import InputError, SimulationFailed
+from faultgen.errors import InputError
 from faultgen.system.files import file_sha256
 
 
@@ -347,18 +348,35 @@ def test_folders_of_other_experiments_are_refused(small, made):
         generate(small(cycles=7), made, progress=False)
 
 
-def test_killed_workers_are_told_in_one_line(small, tmp_path, monkeypatch):
-    """A worker that dies stops the sweep with a message; what was made stays, the rest resumes."""
-    experiment = small(axis=[1, 2])
+@pytest.mark.parametrize("times", [1, 2])
+def test_runs_of_killed_workers_are_made_again(small, made, tmp_path, monkeypatch, times):
+    """The run is tried once more; if that kills the worker too, it is listed and resumed later."""
+    experiment = small(sensors="realistic", paired=True)
     monkeypatch.setattr(sweep, "make_run", _die)
-    with pytest.raises(SimulationFailed, match="a worker process was killed"):
-        generate(experiment, tmp_path, workers=2, progress=False)
+    monkeypatch.setenv("TEST_DEATHS", str(times))
+    out = tmp_path / "out"
+    summary = generate(experiment, out, workers=2, progress=False)
     monkeypatch.undo()
-    assert generate(experiment, tmp_path, progress=False).done == 3
+    assert (summary.done, len(summary.failed)) == ((3, 0) if times == 1 else (2, 1))
+    assert not list(out.rglob("*.tmp"))
+    if times == 2:
+        (reason,) = open_dataset(out).failed.values()
+        assert "its worker process was killed twice" in reason
+        assert generate(experiment, out, progress=False).done == 1
+    assert contents(out) == contents(made)
 
 
-def _die(run, folder, on_cycle):
-    os.kill(os.getpid(), signal.SIGKILL)
+def _die(run, folder, on_cycle=None):
+    """Make a run; while that of axis 2 is written, its process is killed some times."""
+    deaths = folder.parents[1] / "deaths"
+
+    def kill(cycles):
+        count = len(deaths.read_text()) if deaths.exists() else 0
+        if run.axes == (2,) and count < int(os.environ["TEST_DEATHS"]):
+            deaths.write_text("x" * (count + 1))
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    return make_run(run, folder, kill)
 
 
 def test_impossible_tasks_are_refused_before_anything_is_written(small, tmp_path):

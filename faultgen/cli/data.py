@@ -147,6 +147,17 @@ def generate(
             "share the folder can make the parts at the same time; then call faultgen merge."
         ),
     ] = None,
+    backend: Annotated[
+        str,
+        typer.Option(
+            help="local: processes of this machine make the runs. dask: the workers of the Dask "
+            "scheduler that --scheduler names make them."
+        ),
+    ] = "local",
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="Address of a Dask scheduler, such as tcp://10.0.0.1:8786."),
+    ] = None,
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
@@ -165,6 +176,10 @@ def generate(
     from faultgen.dataset.experiment import load_experiment, make_experiment
     from faultgen.dataset.sweep import generate as run_generate
 
+    if backend not in ("local", "dask"):
+        raise InputError(f"--backend: must be local or dask, not '{backend}'")
+    if (backend == "dask") != (scheduler is not None):
+        raise InputError("--backend dask and --scheduler belong together: give both or neither")
     flags: dict[str, Any] = {
         "robot": names(robot) or None,
         "task": names(task) or None,
@@ -214,6 +229,7 @@ def generate(
         regenerate=regenerate,
         keep=keep,
         part=part_of(part),
+        scheduler=scheduler,
     )
     _print_summary(summary, as_json)
 

@@ -26,7 +26,7 @@ from faultgen.dataset.reader import MERGED, Dataset, only_in, open_dataset
 from faultgen.dataset.run import make_run
 from faultgen.dataset.run_file import run_provenance
 from faultgen.dataset.splits import make_splits
-from faultgen.errors import InputError
+from faultgen.errors import InputError, WorkerKilled
 from faultgen.system.files import write_text, writer_of
 from faultgen.system.parallel import check_workers, in_parallel
 from faultgen.system.progress import Progress
@@ -59,6 +59,7 @@ def generate(
     regenerate: bool = False,
     keep: str = "all",
     part: tuple[int, int] | None = None,
+    scheduler: str | None = None,
     progress: bool = True,
 ) -> Summary:
     """Generate a dataset, or finish one that was interrupted.
@@ -77,16 +78,19 @@ def generate(
         part: Number of a part, from 1, and number of all parts: only the runs of this part are
             made, and nothing is merged. Parts may be made at the same time by machines that share
             the folder. `merge_parts` ends the work.
+        scheduler: Address of a Dask scheduler, whose workers then make the runs instead of local
+            processes. They need the folder under the same path.
         progress: Whether to show on stderr how far the simulation is.
 
     Returns:
-        What was done. A run that fails is listed there, and does not stop the other runs.
+        What was done. A run that fails is listed there, and does not stop the other runs. So is a
+        run whose worker process was killed twice.
 
     Raises:
         InputError: The experiment is wrong, the folder cannot be written or holds another dataset,
             or some of its runs were made by another version of the code.
         StorageFailed: A file could not be written. The same call continues the generation.
-        SimulationFailed: A worker process was killed. The same call continues the generation.
+        SimulationFailed: The scheduler was lost. The same call continues the generation.
     """
     if not isinstance(experiment, Experiment):
         experiment = load_experiment(experiment)
@@ -109,7 +113,7 @@ def generate(
         again |= _outdated(dataset, again, regenerate)
         todo = [run for run in own if run.id in again]
         summary.kept = len(own) - len(todo)
-        for run, reason in _make_all(todo, folder / "runs", workers, progress):
+        for run, reason in _made(todo, folder, workers, scheduler, progress):
             note = folder / "runs" / f"{run.id}.failed.json"
             if reason is None:
                 summary.done += 1
@@ -166,15 +170,54 @@ def _merge(folder: Path, keep: str) -> None:
         remove_run_files(dataset)
 
 
+def _made(
+    runs: list[Run], folder: Path, workers: int, scheduler: str | None, progress: bool
+) -> Iterator[tuple[Run, str | None]]:
+    """Make runs here or on a cluster."""
+    if scheduler is None:
+        return _make_all(runs, folder / "runs", workers, progress)
+    from faultgen.dataset.cluster import make_on_cluster
+
+    return make_on_cluster(runs, folder, scheduler, progress)
+
+
 def _make_all(
     runs: list[Run], folder: Path, workers: int, progress: bool
 ) -> Iterator[tuple[Run, str | None]]:
-    """Make runs in parallel. Yield each run with None, or with the reason why it failed."""
+    """Make runs in parallel. Yield each run with None, or with the reason why it failed.
+
+    If a worker process is killed, the runs that it may have been making are made again, one by one.
+    """
     workers = min(workers, max(len(runs), 1))
+    left = {run.id: run for run in runs}
     cycles = sum(run.cycles for run in runs)
     with Progress("simulating", cycles, "cycle", progress) as shown:
-        calls = (delayed(make_run)(run, folder, shown.counter) for run in runs)
-        yield from in_parallel(calls, workers, ordered=False)
+        while left:
+            calls = (delayed(make_run)(run, folder, shown.counter) for run in [*left.values()])
+            try:
+                for run, reason in in_parallel(calls, workers, ordered=False):
+                    del left[run.id]
+                    yield run, reason
+            except WorkerKilled:
+                # calls begin in their order, so that the killed one is among the first
+                for run in list(left.values())[:workers]:
+                    del left[run.id]
+                    yield _make_alone(run, folder)
+
+
+def _make_alone(run: Run, folder: Path) -> tuple[Run, str | None]:
+    """Make a run again, whose worker process may have been killed, while no other run is made.
+
+    Its cycles are not counted, because the killed process had counted some of them.
+    """
+    _clear_temporary([*folder.glob(f".{run.id}.*.tmp")])
+    try:
+        # with two workers it has a process of its own
+        (made,) = in_parallel([delayed(make_run)(run, folder)], 2)
+    except WorkerKilled:
+        _clear_temporary([*folder.glob(f".{run.id}.*.tmp")])
+        return run, "its worker process was killed twice, perhaps because memory ran out"
+    return made
 
 
 def _outdated(dataset: Dataset, again: set[str], regenerate: bool) -> set[str]:

@@ -97,16 +97,19 @@ def publish(temporary: Path, path: Path) -> str:
         The checksum.
 
     Raises:
-        StorageFailed: A step failed. The file and its checksum have then been removed.
+        StorageFailed: A step failed. The temporary file and the checksum written here have then
+            been removed.
     """
     note = checksum_path(path)
+    own = [temporary]
     try:
         with named_failures(path):
             checksum = file_sha256(temporary)
+            own.append(note)
             write_text(note, checksum + "\n")
             rename(temporary, path)
     except BaseException:
-        for file in (temporary, note):
+        for file in own:
             with suppress(OSError):
                 file.unlink(missing_ok=True)
         raise

@@ -19,7 +19,7 @@ from typing import Any
 
 import joblib
 
-from faultgen.errors import InputError, SimulationFailed
+from faultgen.errors import InputError, WorkerKilled
 
 Call = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
 """A call as `joblib.delayed` represents it: function, arguments and keyword arguments."""
@@ -61,7 +61,7 @@ def in_parallel(calls: Iterable[Call], workers: int, *, ordered: bool = True) ->
         The result of each call.
 
     Raises:
-        SimulationFailed: A worker process was killed.
+        WorkerKilled: A worker process was killed.
     """
     own = os.getpid()
     jobs = joblib.Parallel(
@@ -75,7 +75,7 @@ def in_parallel(calls: Iterable[Call], workers: int, *, ordered: bool = True) ->
     try:
         yield from results
     except BrokenProcessPool:
-        raise SimulationFailed(
+        raise WorkerKilled(
             "a worker process was killed, perhaps because memory ran out; "
             "run the same command again to continue"
         ) from None
