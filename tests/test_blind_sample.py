@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", ["twin", "alone"])
 def test_forty_cases(tmp_path, mode):
-    """No healthy robot gets an effect, nothing fails, clear effects are mostly right."""
+    """Healthy robots are called healthy, nothing fails, clear effects are mostly right."""
 
     def command(*words):
         done = CliRunner().invoke(blind_discovery.app, [*map(str, words)])
@@ -26,6 +26,7 @@ def test_forty_cases(tmp_path, mode):
     rows = {row.measure: row.value for row in score(truth, answers)}
     assert rows["failed"] == 0
     assert rows["clean robots given an effect"] == 0
+    assert rows["clean robots called unknown"] == 0
     assert rows["effect and axis right, 5 x limit"] >= 0.5
     assert rows["wrong name, and sure of it, >= 2 x limit"] <= 0.2
     told = json.loads((tmp_path / "score.json").read_text())

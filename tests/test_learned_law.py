@@ -108,7 +108,14 @@ def test_laws_complete_an_answer_that_explains_too_little(problem, given):
     residual = problem.residual + change_of(problem, LAWS["periodic"])
     choice = choose(problem)
     told = answer(problem, choice)
-    told = replace(told, verdict=given, left_torque=residual, changes=[], robot=problem.robot)
+    told = replace(
+        told,
+        verdict=given,
+        left_torque=residual,
+        strange_torque=residual,
+        changes=[],
+        robot=problem.robot,
+    )
     new, laws = with_laws(problem, choice, told)
     assert new.verdict == (given if given == "partly named" else "unknown effect")
     (row,) = contract(problem, new, laws)

@@ -1,6 +1,7 @@
 """Measured files: what is read and refused, and what a check makes of wrong units and signs."""
 
 import re
+from copy import copy
 from dataclasses import replace
 
 import h5py
@@ -104,6 +105,28 @@ def test_what_is_wrong_is_named(recording, tiny_robot, name, change, level, mess
     assert findings[0].level == level
     assert re.search(message, findings[0].message), findings[0]
     assert "\n" not in str(findings[0])
+
+
+def test_late_samples_are_no_gap(recording, tiny_robot):
+    """A sample that repeats the last one, and a step that catches up, are told and accepted."""
+    steps = np.abs(np.diff(recording.position[:, 1]))
+    at = int(np.argmax(steps))
+    slow = copy(tiny_robot)
+    limit = 1.05 * steps[at] / recording.sample_period  # motor side, as the recording
+    object.__setattr__(slow, "motor_velocity_limit", np.array([np.inf, limit]))
+
+    def hold(x):
+        out = x.copy()
+        out[at] = out[at - 1]  # and from there two steps at once
+        return out
+
+    def lose(x):
+        return np.concatenate([x[:at], x[at + 8 :], x[-1:].repeat(8)])
+
+    for change, level in ((hold, "warn"), (lose, "refuse")):
+        found = check_recording(changed(recording, "position", 1, change), slow)
+        jumps = [one for one in found if "jumps by" in one.message]
+        assert [(one.axis, one.level) for one in jumps] == [(2, level)], found
 
 
 def test_axes_that_tell_nothing(recording, tiny_robot):

@@ -168,4 +168,15 @@ def test_small_patterns_are_usual_without_a_twin(twin):
     large, small = (Pattern(1, "speed", size * limit, 1e-9, 0.0) for size in (1.1, 0.9))
     chance = Pattern(2, "speed", 9 * limit, 0.3, 0.0)
     expected = [large, small] if twin else [large]
-    assert strange_patterns(problem, [small, chance, large]) == expected
+    white = np.ones((COUNT, 2))
+    assert strange_patterns(problem, [small, chance, large], white) == expected
+
+
+@pytest.mark.parametrize(("share", "counts"), [(0.09, False), (0.11, True)])
+def test_patterns_of_a_small_part_of_a_difference_are_usual(share, counts):
+    """Between two runs that differ in many ways, a pattern has to explain a tenth of it."""
+    problem = written_down([], np.zeros((0, COUNT, 2)), np.zeros((COUNT, 2)), twin=True)
+    white = np.full((COUNT, 2), 2.0)
+    used = problem.samples(problem.fitting).sum()
+    one = Pattern(1, "speed", share * 3 * used, 1e-9, 0.0)  # a mean square of 4, 1 of it noise
+    assert strange_patterns(problem, [one], white) == ([one] if counts else [])

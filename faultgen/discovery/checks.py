@@ -19,6 +19,8 @@ from faultgen.simulation.arm import Arm, motor_torque
 _LAGS = 12  # samples by which a channel may be late to be told so
 _STILL = 1e-3  # range of a joint that does not move [rad]
 _STUCK = 0.25  # time without any change of position while the reference moves [s]
+_NEAR = 5  # steps before and after a jump that tell how far an axis usually moves
+_MISSING = 2.5  # usual steps that a jump may take more: two missing samples
 _SLOW = 3.0  # motor speed, in Stribeck velocities, that friction has to be told from
 
 
@@ -109,6 +111,17 @@ def _units(recording: Recording, robot: Robot, joint: np.ndarray) -> list[Findin
     return findings
 
 
+def _is_gap(steps: np.ndarray, k: int) -> bool:
+    """Whether more than two samples are missing before step `k` of an axis.
+
+    A sample that was logged late is followed by a step that catches up. The steps around it then
+    add up to the usual ones.
+    """
+    near = steps[max(k - _NEAR, 0) : k + _NEAR + 1]
+    usual = float(np.median(near))
+    return bool(abs(np.sum(near - usual)) > _MISSING * abs(usual) + 1e-6)
+
+
 def _gaps(recording: Recording, robot: Robot, joint: np.ndarray) -> list[Finding]:
     findings = []
     period = recording.sample_period
@@ -117,13 +130,20 @@ def _gaps(recording: Recording, robot: Robot, joint: np.ndarray) -> list[Finding
         steps = np.diff(joint[part], axis=0)
         for axis in range(robot.n_axes):
             far = np.flatnonzero(np.abs(steps[:, axis]) > 1.5 * fastest[axis] * period + 1e-6)
+            gaps = [k for k in far.tolist() if _is_gap(steps[:, axis], k)]
             if len(far):
-                sample = part.start + int(far[0]) + 1
+                first = gaps[0] if gaps else int(far[0])
                 text = (
-                    f"jumps by {steps[far[0], axis]:.3g} rad at sample {sample}, more than "
-                    f"{fastest[axis]:.3g} rad/s allow: a gap? begin a new segment there"
+                    f"jumps by {steps[first, axis]:.3g} rad at sample {part.start + first + 1}, "
+                    f"more than {fastest[axis]:.3g} rad/s allow"
                 )
-                findings.append(Finding("refuse", axis + 1, text))
+                text += (
+                    ": a gap? begin a new segment there"
+                    if gaps
+                    else f", and {len(far) - 1} times more: samples were logged late, or one or "
+                    "two are missing"
+                )
+                findings.append(Finding("refuse" if gaps else "warn", axis + 1, text))
         if recording.reference_position is None:
             continue
         reference = np.abs(np.diff(recording.reference_position[part], axis=0))

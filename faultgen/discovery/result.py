@@ -92,6 +92,10 @@ class Answer:
     """Differences of the robot's own numbers from the model, by name and axis."""
     left_torque: np.ndarray
     """Torque of the gap that the model does not explain, shape (samples, n_axes)."""
+    strange_torque: np.ndarray
+    """Torque that neither effects nor usual differences of a robot from its model explain, same
+    shape. Without a twin it is less than `left_torque`: friction of another form is usual, but
+    cannot be put into the model."""
 
     def contract(self) -> dict[str, Any]:
         """The content of ``discovery.json``."""

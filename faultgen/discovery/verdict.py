@@ -41,6 +41,10 @@ BAND = {
 """Largest RMS of a pattern, divided by the RMS torque of its axis, that is normal for a calibrated
 model without a twin: 1.35 times the largest of healthy development cases."""
 
+_PART = 0.1
+"""Share of what differs on an axis beyond noise that a pattern has to explain with a twin: assumed.
+Runs of an unchanged robot that differ in many ways also have small patterns."""
+
 _DRAWS = 1999  # of the bootstrap
 
 
@@ -69,7 +73,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     shares = where(problem, white_shown)
     p_value = significance(problem, problem.whiten(without))
     noise = problem.noise.of_samples()
-    strange = strange_patterns(problem, found)
+    strange = strange_patterns(problem, found, white)
     known = bool(best.groups) and not _contrived(problem, best)
     effects, alternatives = _named(problem, choice, kept.solution)
     chosen = (best, kept.solution) if known else (empty, base_values)
@@ -108,6 +112,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         lacks=tuple(lacks),
         calibration=_told(problem, chosen[0], built.changes),
         left_torque=built.left,
+        strange_torque=built.left if problem.twin else (left if known else without),
     )
 
 
@@ -180,25 +185,27 @@ def _contrived(problem: Problem, best: Fit) -> bool:
     return len(set(kinds)) < len(kinds)
 
 
-def strange_patterns(problem: Problem, found: list[Pattern]) -> list[Pattern]:
+def strange_patterns(problem: Problem, found: list[Pattern], white: np.ndarray) -> list[Pattern]:
     """Select the patterns that neither noise nor the usual errors of models explain.
 
     Args:
         problem: The recording and the model.
         found: All patterns.
+        white: Whitened error in which they were found, shape (samples, n_axes).
 
     Returns:
         The selected patterns, strongest first.
     """
-    strange = [one for one in found if one.p_value < UNLIKELY and _is_large(problem, one)]
+    strange = [one for one in found if one.p_value < UNLIKELY and _is_large(problem, one, white)]
     return sorted(strange, key=lambda one: -one.strength)
 
 
-def _is_large(problem: Problem, pattern: Pattern) -> bool:
-    """Whether a pattern is larger than the usual errors of models."""
-    if problem.twin:
-        return True
+def _is_large(problem: Problem, pattern: Pattern, white: np.ndarray) -> bool:
+    """Whether a pattern is larger than the usual errors of models, or differences between runs."""
     axis = pattern.axis - 1
+    if problem.twin:
+        rows = problem.inside[:, axis] & problem.samples(problem.fitting)
+        return pattern.strength > _PART * float(np.sum(white[rows, axis] ** 2 - 1))
     rows = problem.inside[:, axis]
     torque = float(np.sqrt(np.mean(problem.recording.torque[rows, axis] ** 2)))
     size = np.sqrt(max(pattern.strength, 0.0) / rows.sum()) * problem.noise.deviation[axis]

@@ -51,7 +51,7 @@ def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, l
         The answer with the laws in its model and its gaps, and the laws. If nothing can be learned,
         the answer is unchanged.
     """
-    laws = learn(problem, told.left_torque, told.changes)
+    laws = learn(problem, told.strange_torque, told.changes)
     if told.verdict in (UNKNOWN, PARTLY):
         return _with(problem, told, laws), laws
     certain = {one.axis for one in laws if one.confidence >= CERTAIN}
@@ -65,7 +65,7 @@ def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, l
     rest = fit(choice.problem, kept) if len(kept) < len(groups) else None
     if rest is not None:
         other = answer(problem, replace(choice, best=rest, rivals=()))
-        own = learn(problem, other.left_torque, other.changes)
+        own = learn(problem, other.strange_torque, other.changes)
         simpler = _with(problem, other, own)
         if own and simpler.after <= EQUAL * whole.after:
             return replace(simpler, verdict=PARTLY if simpler.effects else UNKNOWN), own
