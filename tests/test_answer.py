@@ -336,12 +336,36 @@ def test_an_effect_that_other_motions_refute_is_not_named(posed, in_scoring, kep
         ({"grows": True}, True),
         ({"grows": True, "is_supported": True}, False),
         ({"share": 0.9, "is_supported": True}, True),
+        ({"is_minor": True, "is_supported": True}, True),
     ],
 )
 def test_reasons_to_refute_an_effect(facts, is_refuted):
     plain = {"gain": 1.0, "grows": False, "missed": 0.0, "seen": 5.0, "share": 2.0}
-    trial = confirmation.Trial(**{"rest": None, "is_supported": False, **plain, **facts})
+    plain |= {"rest": None, "is_supported": False, "is_minor": False}
+    trial = confirmation.Trial(**{**plain, **facts})
     assert trial.is_refuted is is_refuted
+
+
+@pytest.mark.parametrize(
+    ("explained", "left", "is_minor"),
+    [
+        (0.09, 1.0, True),
+        (0.12, 1.0, False),  # a tenth of all is a ninth of the rest
+        (0.01, 0.26, True),
+        (0.01, 0.24, False),  # within what is known of the noise
+    ],
+)
+def test_an_effect_explains_a_part_of_what_differs(posed, explained, left, is_minor):
+    """Squared error on its axis, beyond that of noise, without the effect and with it."""
+    problem = posed[True]
+
+    def error(beyond):
+        white = np.sqrt(1 + beyond) * problem.inside
+        return confirmation._Error(white, white, white)
+
+    errors = confirmation._Errors(error(left + explained), error(left), problem.inside, 5)
+    assert errors.is_minor(problem, 1) is is_minor
+    assert not errors.is_minor(problem, 0)  # of the payload
 
 
 @pytest.mark.parametrize("twin", [True, False])

@@ -88,6 +88,7 @@ def stuck(x):
         ("torque", lambda x: -x, "refuse", "opposite sign of the model's"),
         ("torque", lambda x: 50 * x, "refuse", "about the gear ratio: is it joint side"),
         ("torque", lambda x: 1000 * x, "refuse", "times the model's$"),
+        ("torque", lambda x: 7 * x, "refuse", "torque is 7.* times the model's$"),
         ("torque", lambda x: late(x, 9), "warn", r"torque is \d+ samples \(\d+ ms\) late"),
         ("torque", np.random.default_rng(1).permutation, "warn", "hardly that of the model"),
         ("velocity", lambda x: -x, "refuse", "velocity has the opposite sign"),
@@ -105,6 +106,15 @@ def test_what_is_wrong_is_named(recording, tiny_robot, name, change, level, mess
     assert findings[0].level == level
     assert re.search(message, findings[0].message), findings[0]
     assert "\n" not in str(findings[0])
+
+
+def test_much_more_friction_is_no_wrong_unit(recording, tiny_robot):
+    """Assumed friction may be a fraction of the real one: the recording is accepted."""
+    speed = recording.velocity[:, 1]
+    rubs = changed(recording, "torque", 1, lambda x: x + 6 * x.std() * np.sign(speed))
+    (finding,) = check_recording(rubs, tiny_robot)
+    assert (finding.axis, finding.level) == (2, "warn")
+    assert finding.message.endswith("its friction differs; calibrate the model first")
 
 
 def test_late_samples_are_no_gap(recording, tiny_robot):

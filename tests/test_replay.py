@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from faultgen.discovery import Recording, Replay, replay, settled
+from faultgen.discovery import Recording, Replay, followed, replay, settled
 from faultgen.discovery.replay import relative_error
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
@@ -154,3 +155,22 @@ def test_a_noisy_position_is_followed_without_its_noise(tiny_robot, tiny_task_pa
     assert suited.measured and "no reference_position" in why
     inside = settled(recording, tiny_robot)
     assert relative_error((recording.torque - suited.torque()) ** 2, recording, inside) < 0.1
+
+
+def test_samples_that_are_late_by_different_times_are_smoothed_more(
+    tiny_robot, tiny_task_path, monkeypatch
+):
+    """Their noise is not white, so that the torque has to tell how much is smoothed."""
+    clean = recorded(tiny_robot, tiny_task_path)
+    rng = np.random.default_rng(3)
+    late = lfilter([1.0], [1.0, -0.8], 2e-4 * rng.standard_normal(len(clean.position)))  # [s]
+    speed = np.gradient(clean.position, PERIOD, axis=0)
+    noisy = replace(clean, position=clean.position + speed * late[:, None], reference_position=None)
+
+    def error():
+        torque = Replay(noisy, tiny_robot).torque()
+        return relative_error((noisy.torque - torque) ** 2, noisy, settled(clean, tiny_robot))
+
+    more = error()
+    monkeypatch.setattr(followed, "_STRONGER", (0.0,))
+    assert more < 0.5 * error()

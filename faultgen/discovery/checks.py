@@ -21,6 +21,8 @@ _STILL = 1e-3  # range of a joint that does not move [rad]
 _STUCK = 0.25  # time without any change of position while the reference moves [s]
 _NEAR = 5  # steps before and after a jump that tell how far an axis usually moves
 _MISSING = 2.5  # usual steps that a jump may take more: two missing samples
+_FRICTION_APART = 10.0  # ratio of torques up to which friction may be the reason: assumed
+_HARDLY = 0.03  # share of a torque that says nothing about its unit: assumed
 _SLOW = 3.0  # motor speed, in Stribeck velocities, that friction has to be told from
 
 
@@ -235,12 +237,35 @@ def _missing_friction(
     the friction.
     """
     friction = np.zeros_like(expected)
-    speed = qd * robot.gear_ratio if recording.side == "motor" else qd
     for axis in np.flatnonzero(without_friction(robot)):
-        shapes = np.stack([np.sign(speed[:, axis]), speed[:, axis]], axis=1)
+        shapes = _friction_shapes(qd[:, axis])
         left = recording.torque[:, axis] - expected[:, axis]
         friction[:, axis] = shapes @ nnls(shapes, left)[0]
     return friction
+
+
+def _friction_shapes(speed: np.ndarray) -> np.ndarray:
+    """Coulomb and viscous friction of an axis without their size, shape (samples, 2)."""
+    return np.stack([np.sign(speed), speed], axis=1)
+
+
+def _has_other_friction(measured: np.ndarray, model: np.ndarray, speed: np.ndarray) -> bool:
+    """Whether friction may be the reason why a torque is several times that of the model.
+
+    Friction and a factor of the model's torque are fitted to the recording. If what friction does
+    not explain has the size of the model's, its unit is right.
+
+    Args:
+        measured: Torque of an axis, shape (samples,).
+        model: Torque of the model, same shape and unit.
+        speed: Speed of the axis, same shape.
+    """
+    if not 1 / _FRICTION_APART < measured.std() / model.std() < _FRICTION_APART:
+        return False
+    shapes = np.column_stack([_friction_shapes(speed), np.ones_like(speed)])
+    own, other = (x - shapes @ np.linalg.lstsq(shapes, x, rcond=None)[0] for x in (model, measured))
+    factor = float(own @ other / (own @ own))
+    return bool(own.std() < _HARDLY * measured.std() or 1 / 3 < factor < 3)
 
 
 def _torque(
@@ -268,7 +293,9 @@ def _torque(
             near = ratio if recording.side == "motor" else 1 / ratio
             guess = f", about the gear ratio: is it {side} side?" if 0.5 < scale / near < 2 else ""
             text = f"torque is {scale:.3g} times the model's{guess}"
-            findings.append(Finding("refuse", axis + 1, text))
+            rubs = not guess and _has_other_friction(measured, model, qd[:, axis])
+            text += ": its friction differs; calibrate the model first" if rubs else ""
+            findings.append(Finding("warn" if rubs else "refuse", axis + 1, text))
         elif lag:
             milliseconds = 1000 * abs(lag) * recording.sample_period
             late = "late" if lag > 0 else "early"

@@ -11,6 +11,7 @@ from faultgen.discovery.fit import Fit, Group, fit
 from faultgen.discovery.gap import gap, scored_in_motion, unexplained
 from faultgen.discovery.model_edit import build
 from faultgen.discovery.regression import Problem
+from faultgen.discovery.result import CONSIDERABLE, PART
 from faultgen.discovery.selection import Choice, needed
 
 LARGER_TWIN, LARGER_OWN_TWIN = 1.005, 1.03
@@ -54,10 +55,11 @@ class Confirmed:
 def confirmed(problem: Problem, choice: Choice, calibrated: np.ndarray) -> Confirmed:
     """Keep only the effects that are borne out by the scoring motions.
 
-    Samples in motion are compared. An effect is removed for one of four reasons, where the set
+    Samples in motion are compared. An effect is removed for one of five reasons, where the set
     without it is fitted again. The squared error on the scoring motions is clearly larger than
     without it, or so is the gap. It foretells a change there that is not seen. Or it reduces the
     misfit by too little for a model that foretells the scoring motions as badly as this one does.
+    With a twin, it explains only a small part of what differs on its axis.
     Finally, a set is removed effect by effect until the model with it, simulated again, is not
     clearly worse than the calibrated model.
 
@@ -128,13 +130,16 @@ class Trial:
     motions, over the decrease that is needed."""
     is_supported: bool
     """Whether the scoring motions bear out the effect by themselves."""
+    is_minor: bool
+    """Whether, with a twin, it explains only a small part of what differs on its axis."""
 
     @property
     def is_refuted(self) -> bool:
         """Whether the effect is to be removed."""
         is_absent = self.seen < 0 and self.missed > MISSED
         grows = self.grows and not self.is_supported
-        return grows or _is_worse(self.gain, self.seen) or is_absent or self.share < 1
+        worse = grows or _is_worse(self.gain, self.seen)
+        return worse or is_absent or self.is_minor or self.share < 1
 
     @classmethod
     def of(cls, problem: Problem, group: Group, fits: tuple[Fit, Fit], errors: _Errors) -> Trial:
@@ -162,6 +167,7 @@ class Trial:
             seen=seen,
             share=(rest.misfit - best.misfit + min(errors.seen, 0.0)) / (errors.over * least),
             is_supported=seen >= least and abs(missed) <= MISSED,
+            is_minor=problem.twin and errors.is_minor(problem, problem.terms[group[0]].axis),
         )
 
 
@@ -173,12 +179,15 @@ class _Error:
     """In N m."""
     whitened: np.ndarray
     """Without unit; 0 outside the samples that are compared."""
+    of_all: np.ndarray
+    """The same of all recordings, also those for fitting; 0 outside the samples that are used."""
 
     @classmethod
     def of(cls, problem: Problem, fitted: Fit, inside: np.ndarray) -> _Error:
         """Compute the error of a set at the samples that are compared."""
         torque, _ = unexplained(problem, fitted)
-        return cls(torque, problem.whiten(torque) * inside)
+        white = problem.whiten(torque)
+        return cls(torque, white * inside, white * problem.inside)
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,6 +230,24 @@ class _Errors:
         errors = self.without, self.having
         before, after = (gap(problem, error.torque, self.inside) for error in errors)
         return _grows(before, after, _limits(problem), axes)
+
+    def is_minor(self, problem: Problem, axis: int) -> bool:
+        """Whether effects explain less than `PART` of what differs on an axis beyond noise.
+
+        It takes a considerable difference that they leave: the level of the noise is not known
+        better.
+
+        Args:
+            problem: The recording and the model.
+            axis: From 1; another one than those of the robot has no difference.
+        """
+        if not 1 <= axis <= problem.inside.shape[1]:
+            return False
+        before, after = (
+            float(np.sum(error.of_all[:, axis - 1] ** 2)) for error in (self.without, self.having)
+        )
+        count = float(problem.inside[:, axis - 1].sum())
+        return after > (1 + CONSIDERABLE) * count and before - after < PART * (before - count)
 
     def are_worse(self, problem: Problem) -> bool:
         """Whether the effects as a whole make the scoring motions clearly worse."""

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
 from faultgen.discovery.candidates import INERTIA, Term, applied
+from faultgen.discovery.followed import followed
 from faultgen.discovery.inertia import apply_inertia
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.smoothing import smoothed
 from faultgen.effects import Applied, get_effect
 from faultgen.errors import InputError, SimulationFailed, one_line
 from faultgen.robot import Robot
@@ -85,11 +85,7 @@ class Replay:
         if not self.measured:
             self.controls = self._controls(self.wanted)
             return
-        position = recording.joint_position(robot.gear_ratio)
-        self.wanted = np.concatenate(
-            [np.stack([smoothed(axis) for axis in position[part].T], 1) for part in recording.parts]
-        )
-        reference = self.wanted
+        reference = self.wanted = followed(recording, robot, settled(recording, robot))
         self.controls = self._controls(reference)
         for _ in range(_CORRECTIONS):
             with suppress(SimulationFailed):

@@ -28,6 +28,15 @@ UNLIKELY = 1e-3
 """A pattern is reported if the probability that noise causes it, corrected for the number of
 patterns tested, is below this value: one healthy robot in a thousand."""
 
+CONSIDERABLE = 0.25
+"""Squared error beyond that of noise, over that of noise, from which a gap counts as open:
+assumed."""
+
+PART = 0.1
+"""Share of what differs on an axis beyond noise that an effect or a pattern has to explain with a
+twin: assumed. Runs of an unchanged robot that differ in many ways also differ in small ways that a
+single effect or pattern describes."""
+
 MEASURE = "RMS torque error over RMS torque, on motions used neither for fitting nor for choosing"
 
 

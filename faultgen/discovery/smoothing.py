@@ -32,14 +32,16 @@ def noise_of_position(position: np.ndarray) -> float:
     return float(np.sqrt(np.mean(kept**2))) / float(np.linalg.norm(weights))
 
 
-def smoothed(position: np.ndarray) -> np.ndarray:
-    """Smooth a position as far as its own noise requires.
+def smoothed(position: np.ndarray, stronger: float = 0.0) -> np.ndarray:
+    """Smooth a position as far as its own noise requires, or more.
 
     The smoothed position has the smallest third differences of all that depart from the measured
     one by the noise (Whittaker 1923, with the discrepancy principle of Morozov 1966).
 
     Args:
         position: Shape (samples,), equally spaced in time, in any unit.
+        stronger: Common logarithm of a factor by which the penalty of third differences is
+            multiplied.
 
     Returns:
         The smoothed position, same shape and unit. A position without noise stays as it is.
@@ -60,7 +62,8 @@ def smoothed(position: np.ndarray) -> np.ndarray:
     low, high = _RANGE
     if excess(low) >= 0:
         return position
-    return at(high if excess(high) <= 0 else brentq(excess, low, high, xtol=0.05))
+    own = high if excess(high) <= 0 else brentq(excess, low, high, xtol=0.05)
+    return at(min(own + stronger, high))
 
 
 def _penalty(count: int) -> np.ndarray:

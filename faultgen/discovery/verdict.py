@@ -15,9 +15,11 @@ from faultgen.discovery.patterns import Pattern, patterns
 from faultgen.discovery.regression import Problem
 from faultgen.discovery.result import (
     AMBIGUOUS,
+    CONSIDERABLE,
     EXPLAINED,
     NAMED,
     NONE,
+    PART,
     PARTLY,
     UNKNOWN,
     UNLIKELY,
@@ -26,10 +28,6 @@ from faultgen.discovery.result import (
 )
 from faultgen.discovery.selection import Choice
 from faultgen.effects import get_effect
-
-CONSIDERABLE = 0.25
-"""Squared error beyond that of noise, over that of noise, from which a gap counts as open:
-assumed."""
 
 BAND = {
     "time": 0.004,
@@ -40,10 +38,6 @@ BAND = {
 }
 """Largest RMS of a pattern, divided by the RMS torque of its axis, that is normal for a calibrated
 model without a twin: 1.35 times the largest of healthy development cases."""
-
-_PART = 0.1
-"""Share of what differs on an axis beyond noise that a pattern has to explain with a twin: assumed.
-Runs of an unchanged robot that differ in many ways also have small patterns."""
 
 _DRAWS = 1999  # of the bootstrap
 
@@ -205,7 +199,7 @@ def _is_large(problem: Problem, pattern: Pattern, white: np.ndarray) -> bool:
     axis = pattern.axis - 1
     if problem.twin:
         rows = problem.inside[:, axis] & problem.samples(problem.fitting)
-        return pattern.strength > _PART * float(np.sum(white[rows, axis] ** 2 - 1))
+        return pattern.strength > PART * float(np.sum(white[rows, axis] ** 2 - 1))
     rows = problem.inside[:, axis]
     torque = float(np.sqrt(np.mean(problem.recording.torque[rows, axis] ** 2)))
     size = np.sqrt(max(pattern.strength, 0.0) / rows.sum()) * problem.noise.deviation[axis]
