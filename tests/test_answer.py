@@ -361,9 +361,9 @@ def test_an_effect_explains_a_part_of_what_differs(posed, explained, left, is_mi
 
     def error(beyond):
         white = np.sqrt(1 + beyond) * problem.inside
-        return confirmation._Error(white, white, white)
+        return confirmation.Error(white, white, white)
 
-    errors = confirmation._Errors(error(left + explained), error(left), problem.inside, 5)
+    errors = confirmation.Errors(error(left + explained), error(left), problem.inside, 5)
     assert errors.is_minor(problem, 1) is is_minor
     assert not errors.is_minor(problem, 0)  # of the payload
 

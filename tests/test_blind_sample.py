@@ -11,7 +11,11 @@ from typer.testing import CliRunner
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", ["twin", "alone"])
 def test_forty_cases(tmp_path, mode):
-    """Healthy robots are called healthy, nothing fails, clear effects are mostly right."""
+    """Healthy robots are called healthy, nothing fails, clear effects are right as often as usual.
+
+    There are five effects at five times the limit. Without a twin, about half of all such effects
+    are named (docs/results/blind.md), so that fewer than half of five say little.
+    """
 
     def command(*words):
         done = CliRunner().invoke(blind_discovery.app, [*map(str, words)])
@@ -27,7 +31,7 @@ def test_forty_cases(tmp_path, mode):
     assert rows["failed"] == 0
     assert rows["clean robots given an effect"] == 0
     assert rows["clean robots called unknown"] == 0
-    assert rows["effect and axis right, 5 x limit"] >= 0.5
+    assert rows["effect and axis right, 5 x limit"] >= (0.5 if mode == "twin" else 0.2)
     assert rows["wrong name, and sure of it, >= 2 x limit"] <= 0.2
     told = json.loads((tmp_path / "score.json").read_text())
     assert {row["measure"]: row["value"] for row in told if row["count"]} == {

@@ -172,5 +172,5 @@ def test_samples_that_are_late_by_different_times_are_smoothed_more(
         return relative_error((noisy.torque - torque) ** 2, noisy, settled(clean, tiny_robot))
 
     more = error()
-    monkeypatch.setattr(followed, "_STRONGER", (0.0,))
+    monkeypatch.setattr(followed, "STRONGER", (0.0,))
     assert more < 0.5 * error()

@@ -21,8 +21,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, filtfilt
 
+from faultgen.discovery.followed import followed
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regressor import link_parameters, link_regressor
+from faultgen.discovery.replay import settled
 from faultgen.discovery.samples import blocks, counted
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot
 from faultgen.simulation.arm import Arm
@@ -150,6 +152,7 @@ class Regression:
         joint = recording.position
         if recording.side == "motor":
             joint = np.linalg.solve(self.gearing, joint.T).T
+        joint = followed(recording, robot, settled(recording, robot), joint)
         self._motion = np.empty((3, *joint.shape))
         for part in recording.parts:
             smooth = _low_pass(joint[part], recording.sample_period, _MOTION * cut_off)

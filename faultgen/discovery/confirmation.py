@@ -79,9 +79,9 @@ def confirmed(problem: Problem, choice: Choice, calibrated: np.ndarray) -> Confi
     best, is_sure = choice.best, False
     inside = scored_in_motion(problem)
     while best.groups:
-        having = _Error.of(problem, best, inside)
+        having = Error.of(problem, best, inside)
         trials = [
-            Trial.of(problem, group, (rest, best), _Errors.of(problem, rest, having, inside))
+            Trial.of(problem, group, (rest, best), Errors.of(problem, rest, having, inside))
             for group, rest in _without_one(choice.problem, best)
         ]
         if not trials:
@@ -91,7 +91,7 @@ def confirmed(problem: Problem, choice: Choice, calibrated: np.ndarray) -> Confi
         if refuted:  # the weakest first: a false effect distorts what the others seem to do
             best = min(refuted, key=lambda one: one.share).rest
         # each effect may compensate for another one, while none of them is right
-        elif not is_sure and _Errors.of(problem, choice.fits[0], having, inside).are_worse(problem):
+        elif not is_sure and Errors.of(problem, choice.fits[0], having, inside).are_worse(problem):
             best = min(trials, key=lambda one: one.gain).rest
         else:
             break
@@ -142,7 +142,7 @@ class Trial:
         return worse or is_absent or self.is_minor or self.share < 1
 
     @classmethod
-    def of(cls, problem: Problem, group: Group, fits: tuple[Fit, Fit], errors: _Errors) -> Trial:
+    def of(cls, problem: Problem, group: Group, fits: tuple[Fit, Fit], errors: Errors) -> Trial:
         """Try an effect.
 
         Args:
@@ -172,7 +172,7 @@ class Trial:
 
 
 @dataclass(frozen=True, eq=False)
-class _Error:
+class Error:
     """Error of a set of effects on the scoring motions. Arrays have shape (samples, n_axes)."""
 
     torque: np.ndarray
@@ -183,29 +183,44 @@ class _Error:
     """The same of all recordings, also those for fitting; 0 outside the samples that are used."""
 
     @classmethod
-    def of(cls, problem: Problem, fitted: Fit, inside: np.ndarray) -> _Error:
-        """Compute the error of a set at the samples that are compared."""
+    def of(cls, problem: Problem, fitted: Fit, inside: np.ndarray) -> Error:
+        """Compute the error of a set at the samples that are compared.
+
+        Args:
+            problem: The recording and the model.
+            fitted: The set of effects.
+            inside: Samples that are compared, shape (samples, n_axes).
+        """
         torque, _ = unexplained(problem, fitted)
         white = problem.whiten(torque)
         return cls(torque, white * inside, white * problem.inside)
 
 
 @dataclass(frozen=True, eq=False)
-class _Errors:
+class Errors:
     """Errors on the scoring motions without and with effects."""
 
-    without: _Error
-    having: _Error
+    without: Error
+    """Error without the effects."""
+    having: Error
+    """Error with them."""
     inside: np.ndarray
     """Samples that are compared, shape (samples, n_axes)."""
     length: int
     """Samples of the blocks from which standard errors come."""
 
     @classmethod
-    def of(cls, problem: Problem, without: Fit, having: _Error, inside: np.ndarray) -> _Errors:
-        """Compare the error with effects with that of a set without them."""
+    def of(cls, problem: Problem, without: Fit, having: Error, inside: np.ndarray) -> Errors:
+        """Compare the error with effects with that of a set without them.
+
+        Args:
+            problem: The recording and the model.
+            without: The set without the effects.
+            having: The error with them.
+            inside: Samples that are compared, shape (samples, n_axes).
+        """
         length = max(5, round(0.1 / problem.recording.sample_period))
-        return cls(_Error.of(problem, without, inside), having, inside, length)
+        return cls(Error.of(problem, without, inside), having, inside, length)
 
     @property
     def over(self) -> float:
@@ -226,7 +241,12 @@ class _Errors:
         return self.seen / max(float(np.sqrt(np.sum(blocks**2))), 1e-300)
 
     def grows(self, problem: Problem, axes: Iterable[int] = ()) -> bool:
-        """Whether the gap of all axes, or of one of some axes, becomes clearly larger."""
+        """Whether the gap of all axes, or of one of some axes, becomes clearly larger.
+
+        Args:
+            problem: The recording and the model.
+            axes: Those axes, from 1.
+        """
         errors = self.without, self.having
         before, after = (gap(problem, error.torque, self.inside) for error in errors)
         return _grows(before, after, _limits(problem), axes)
@@ -250,7 +270,11 @@ class _Errors:
         return after > (1 + CONSIDERABLE) * count and before - after < PART * (before - count)
 
     def are_worse(self, problem: Problem) -> bool:
-        """Whether the effects as a whole make the scoring motions clearly worse."""
+        """Whether the effects as a whole make the scoring motions clearly worse.
+
+        Args:
+            problem: The recording and the model.
+        """
         return _is_worse(self.gain, self.seen / self.over) or self.grows(problem)
 
 

@@ -15,16 +15,18 @@ from faultgen.discovery.smoothing import smoothed
 from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm, motor_torque
 
-_STRONGER = tuple(np.arange(0.0, 11.0))
+STRONGER = tuple(range(11))
 """Common logarithms of the factors of the penalty of smoothing that are tried. A factor of a
 million lowers the bandwidth to a tenth."""
 
-_CLEARLY = 0.9  # squared torque error, over that without more smoothing, that requires it: assumed
+_CLEARLY = 0.75  # squared torque error, over that without more smoothing, that requires it: assumed
 _NEARLY = 1.02  # the same over the smallest one, up to which weaker smoothing is preferred: assumed
 _FEWEST = 100  # samples of an axis that can tell
 
 
-def followed(recording: Recording, robot: Robot, inside: np.ndarray) -> np.ndarray:
+def followed(
+    recording: Recording, robot: Robot, inside: np.ndarray, position: np.ndarray | None = None
+) -> np.ndarray:
     """Smooth the measured positions.
 
     All axes are smoothed equally much more than their own noise requires, because what is late in a
@@ -34,14 +36,17 @@ def followed(recording: Recording, robot: Robot, inside: np.ndarray) -> np.ndarr
         recording: The measured data.
         robot: The model.
         inside: Samples whose torque is compared, shape (samples, n_axes).
+        position: Its position, joint side, shape (samples, n_axes); None if no gearbox turns with
+            another joint.
 
     Returns:
         Joint side, shape (samples, n_axes), in [rad], or [m] for slides.
     """
-    position = recording.joint_position(robot.gear_ratio)
+    if position is None:
+        position = recording.joint_position(robot.gear_ratio)
     arm = Arm(robot)
     trials, errors = [], []
-    for stronger in _STRONGER:
+    for stronger in STRONGER:
         trials.append(_smoothed(position, recording, stronger))
         errors.append(_error(recording, arm, trials[-1], inside))
     clearly = min(errors) < _CLEARLY * errors[0]
