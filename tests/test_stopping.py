@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,8 @@ def start(tiny_robot_path, tiny_task_path, out):
     return subprocess.Popen(
         [*command, "--workers", "2", "-o", str(out)],
         start_new_session=True,
+        # tests that run in the background ignore Ctrl-C, and the program would inherit this
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
