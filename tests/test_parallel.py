@@ -1,12 +1,13 @@
 """Calls of functions in several processes."""
 
 import os
+import signal
 import time
 
 import pytest
 from joblib import delayed
 
-from faultgen.errors import InputError
+from faultgen.errors import InputError, WorkerKilled
 from faultgen.system.parallel import MOST_WORKERS, check_workers, in_parallel
 
 
@@ -39,3 +40,13 @@ def test_results_have_the_order_of_the_calls(workers):
     assert (processes == {os.getpid()}) == (workers == 1)
     unordered = in_parallel([delayed(slow)(k) for k in range(8)], workers, ordered=False)
     assert {number for number, _ in unordered} == set(range(8))
+
+
+def die(number):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX systems")
+def test_killed_workers_are_told_in_one_line():
+    with pytest.raises(WorkerKilled, match="^a worker process was killed, .* again to continue$"):
+        list(in_parallel([delayed(die)(k) for k in range(3)], 2))
