@@ -23,7 +23,7 @@ from faultgen.dataset.run import make_run
 from faultgen.dataset.run_file import run_provenance
 from faultgen.errors import InputError, SimulationFailed, one_line
 from faultgen.provenance import Provenance
-from faultgen.system.files import file_sha256
+from faultgen.system.files import file_sha256, unfinished
 from faultgen.system.progress import Progress
 
 if TYPE_CHECKING:
@@ -86,10 +86,8 @@ def make_on_cluster(
                 given[new] = following
                 ended.add(new)
             yield run, reason
-    own = {run.id for run in runs}
-    for unfinished in (folder / "runs").glob(".*.tmp"):  # of killed workers
-        if unfinished.name.split(".")[1] in own:
-            unfinished.unlink(missing_ok=True)
+    for left in unfinished(folder / "runs", {run.id for run in runs}):  # by killed workers
+        left.unlink(missing_ok=True)
 
 
 @contextmanager

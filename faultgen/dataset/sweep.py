@@ -27,7 +27,7 @@ from faultgen.dataset.run import make_run
 from faultgen.dataset.run_file import run_provenance
 from faultgen.dataset.splits import make_splits
 from faultgen.errors import InputError, WorkerKilled
-from faultgen.system.files import write_text, writer_of
+from faultgen.system.files import unfinished, write_text, writer_of
 from faultgen.system.parallel import check_workers, in_parallel
 from faultgen.system.progress import Progress
 
@@ -210,12 +210,12 @@ def _make_alone(run: Run, folder: Path) -> tuple[Run, str | None]:
 
     Its cycles are not counted, because the killed process had counted some of them.
     """
-    _clear_temporary([*folder.glob(f".{run.id}.*.tmp")])
+    _clear_temporary(unfinished(folder, {run.id}))
     try:
         # with two workers it has a process of its own
         (made,) = in_parallel([delayed(make_run)(run, folder)], 2)
     except WorkerKilled:
-        _clear_temporary([*folder.glob(f".{run.id}.*.tmp")])
+        _clear_temporary(unfinished(folder, {run.id}))
         return run, "its worker process was killed twice, perhaps because memory ran out"
     return made
 
@@ -274,11 +274,11 @@ def _prepare(
     if _differs(written, text) or not written.is_file():
         write_text(written, text)
     (folder / "runs").mkdir(exist_ok=True)
-    unfinished = [*folder.glob(".*.tmp"), *(folder / "runs").glob(".*.tmp")]
-    if part is not None:
-        own = {run.id for run in part}
-        unfinished = [file for file in unfinished if file.name.split(".")[1] in own]
-    _clear_temporary(unfinished)
+    if part is None:
+        left = [*folder.glob(".*.tmp"), *(folder / "runs").glob(".*.tmp")]
+    else:
+        left = unfinished(folder / "runs", {run.id for run in part})
+    _clear_temporary(left)
     return open_dataset(folder)
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.smoothing import smoothed
+from faultgen.discovery.smoothing import smoothings
 from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm, motor_torque
 
@@ -45,22 +45,20 @@ def followed(
     if position is None:
         position = recording.joint_position(robot.gear_ratio)
     arm = Arm(robot)
-    trials, errors = [], []
-    for stronger in STRONGER:
-        trials.append(_smoothed(position, recording, stronger))
-        errors.append(_error(recording, arm, trials[-1], inside))
+    trials = _smoothed(position, recording)
+    errors = [_error(recording, arm, one, inside) for one in trials]
     clearly = min(errors) < _CLEARLY * errors[0]
     best = next(k for k, one in enumerate(errors) if one <= _NEARLY * min(errors))
     return trials[best if clearly else 0]
 
 
-def _smoothed(position: np.ndarray, recording: Recording, stronger: float) -> np.ndarray:
-    return np.concatenate(
-        [
-            np.stack([smoothed(axis, stronger) for axis in position[part].T], axis=1)
-            for part in recording.parts
-        ]
-    )
+def _smoothed(position: np.ndarray, recording: Recording) -> np.ndarray:
+    """The position for each of `STRONGER`, shape (trials, samples, n_axes)."""
+    out = np.empty((len(STRONGER), *position.shape))
+    for part in recording.parts:
+        for axis in range(position.shape[1]):
+            out[:, part, axis] = smoothings(position[part, axis], STRONGER)
+    return out
 
 
 def _error(recording: Recording, arm: Arm, position: np.ndarray, inside: np.ndarray) -> float:

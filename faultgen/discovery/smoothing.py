@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.linalg import solveh_banded
 from scipy.optimize import brentq
@@ -32,23 +34,36 @@ def noise_of_position(position: np.ndarray) -> float:
     return float(np.sqrt(np.mean(kept**2))) / float(np.linalg.norm(weights))
 
 
-def smoothed(position: np.ndarray, stronger: float = 0.0) -> np.ndarray:
-    """Smooth a position as far as its own noise requires, or more.
+def smoothed(position: np.ndarray) -> np.ndarray:
+    """Smooth a position as far as its own noise requires.
+
+    Args:
+        position: Shape (samples,), equally spaced in time, in any unit.
+
+    Returns:
+        The smoothed position, same shape and unit. A position without noise stays as it is.
+    """
+    return smoothings(position, (0.0,))[0]
+
+
+def smoothings(position: np.ndarray, stronger: Sequence[float]) -> list[np.ndarray]:
+    """Smooth a position as far as its own noise requires, and more.
 
     The smoothed position has the smallest third differences of all that depart from the measured
     one by the noise (Whittaker 1923, with the discrepancy principle of Morozov 1966).
 
     Args:
         position: Shape (samples,), equally spaced in time, in any unit.
-        stronger: Common logarithm of a factor by which the penalty of third differences is
+        stronger: Common logarithms of factors by which the penalty of third differences is
             multiplied.
 
     Returns:
-        The smoothed position, same shape and unit. A position without noise stays as it is.
+        The smoothed position for each factor, same shape and unit. A position without noise stays
+        as it is.
     """
     noise = noise_of_position(position) if len(position) >= _FEWEST else 0.0
     if noise <= 1e-12 * max(float(np.ptp(position)), 1e-300):
-        return position
+        return [position] * len(stronger)
     bands = _penalty(len(position))
 
     def at(exponent: float) -> np.ndarray:
@@ -61,9 +76,9 @@ def smoothed(position: np.ndarray, stronger: float = 0.0) -> np.ndarray:
 
     low, high = _RANGE
     if excess(low) >= 0:
-        return position
+        return [position] * len(stronger)
     own = high if excess(high) <= 0 else brentq(excess, low, high, xtol=0.05)
-    return at(min(own + stronger, high))
+    return [at(min(own + more, high)) for more in stronger]
 
 
 def _penalty(count: int) -> np.ndarray:

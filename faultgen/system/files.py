@@ -15,7 +15,7 @@ import errno
 import hashlib
 import os
 import platform
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -43,6 +43,19 @@ def writer_of(temporary: Path) -> int | None:
     if len(parts) < 4 or parts[-3] != _MACHINE or not parts[-2].isdigit():
         return None
     return int(parts[-2])
+
+
+def unfinished(folder: Path, stems: Collection[str]) -> list[Path]:
+    """Find the files of a folder that are being written, or that a killed process left behind.
+
+    Args:
+        folder: The folder.
+        stems: Their final names without endings.
+
+    Returns:
+        Their temporary names.
+    """
+    return [path for path in folder.glob(".*.tmp") if path.name.split(".")[1] in stems]
 
 
 BINARY = getattr(os, "O_BINARY", 0)
