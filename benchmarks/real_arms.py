@@ -28,9 +28,9 @@ from scipy.signal import butter, filtfilt
 from faultgen.discovery.calibrate import calibrate
 from faultgen.discovery.classical import CUT_OFF, Coupling, Regression, identify
 from faultgen.discovery.friction_law import with_friction_law
+from faultgen.discovery.inputs import usable
 from faultgen.discovery.recording import Recording, low_passed, write_recording
 from faultgen.discovery.replay import Replay
-from faultgen.discovery.workflow import usable
 from faultgen.mjcf.edit import mjcf_text
 from faultgen.robot import Robot, load_robot
 

@@ -24,12 +24,12 @@ from faultgen.discovery.candidates import (
 from faultgen.discovery.classical import Regression, identify
 from faultgen.discovery.friction_law import with_friction_law
 from faultgen.discovery.inertia import inertia_terms
+from faultgen.discovery.inputs import usable
 from faultgen.discovery.own_friction import with_own_friction
 from faultgen.discovery.physical import Drives
 from faultgen.discovery.recording import low_passed
 from faultgen.discovery.replay import relative_error
 from faultgen.discovery.simulated_fit import changed, replaying
-from faultgen.discovery.workflow import usable
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot, load_robot

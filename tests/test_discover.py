@@ -142,7 +142,7 @@ def test_a_recording_that_would_be_simulated_for_days_is_refused(files, tiny_rob
     arrays = ("position", "torque", "reference_position")
     long = replace(long, **{name: np.resize(getattr(long, name), (count, 2)) for name in arrays})
     write_recording(long, tmp_path / "long.h5")
-    with pytest.raises(InputError, match="3700 s; give a recording of at most 3600 s"):
+    with pytest.raises(InputError, match="are 3700 s; give at most 3600 s"):
         faultgen.discover(tmp_path / "long.h5", tiny_robot_path)
 
 

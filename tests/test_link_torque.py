@@ -11,7 +11,7 @@ from faultgen.discovery import check_recording, read_recording, settled, write_r
 from faultgen.discovery.classical import DRIVE, Regression, held_out_error
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.sensitivities import kept_in
-from faultgen.discovery.workflow import check_same_motion
+from faultgen.discovery.several import check_same_motion
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
 from faultgen.simulation.arm import Arm

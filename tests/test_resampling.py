@@ -8,8 +8,8 @@ import pytest
 
 from faultgen.discovery import read_recording, write_recording
 from faultgen.discovery.in_step import in_step
+from faultgen.discovery.inputs import usable
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.workflow import usable
 from faultgen.errors import InputError
 
 PERIOD = 0.004

@@ -27,9 +27,10 @@ LowPass = Annotated[
 def discover(
     robot: Robot,
     measured: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Argument(
-            help="Recording of the robot (HDF5 or CSV); see docs/measured.md. None with --plan."
+            help="Recordings of the robot (HDF5 or CSV); see docs/measured.md. Several are used "
+            "together. None with --plan."
         ),
     ] = None,
     healthy: Annotated[
@@ -37,7 +38,8 @@ def discover(
         typer.Option(
             help="Recording of the same motions from before the change. It makes small changes "
             "visible. Repeat the option for several runs: they show how much the unchanged robot "
-            "differs from run to run."
+            "differs from run to run. Several recordings of different motions need equally many "
+            "healthy ones each, in any order."
         ),
     ] = None,
     validate: Annotated[
@@ -109,7 +111,7 @@ def discover(
     """
     if plan:
         others = {
-            "a recording": measured is not None,
+            "a recording": bool(measured),
             "--healthy": healthy is not None,
             "--validate": validate is not None,
             "--prior-scale": prior_scale != 1,
@@ -118,7 +120,7 @@ def discover(
         }
         _plan(robot, others, out, worker_count(workers), include or (), cache, as_json)
         return
-    if measured is None:
+    if not measured:
         raise InputError("give a recording of the robot, or --plan to learn what to record")
     from faultgen.report.discover import discover as run_discover
 
@@ -208,7 +210,11 @@ def _plan(
 @app.command()
 def calibrate(
     measured: Annotated[
-        Path, typer.Argument(help="Recording of the robot (HDF5 or CSV); see docs/measured.md.")
+        list[Path],
+        typer.Argument(
+            help="Recordings of the robot (HDF5 or CSV); see docs/measured.md. Several are used "
+            "together."
+        ),
     ],
     robot: Robot,
     out: Annotated[
@@ -226,7 +232,7 @@ def calibrate(
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
-    """Fit the parameters of a roughly known model to a recording.
+    """Fit the parameters of a roughly known model to recordings.
 
     The parameters of friction, offsets, rotors, torque constants and links may differ more from
     the model than usual. How much more is chosen with parts of the recording that were not used
@@ -241,15 +247,17 @@ def calibrate(
     from threadpoolctl import threadpool_limits
 
     from faultgen.discovery.calibrate import calibrate as run_calibrate
-    from faultgen.discovery.workflow import dump, usable
+    from faultgen.discovery.inputs import read_together
+    from faultgen.discovery.workflow import dump
     from faultgen.robot import load_robot
     from faultgen.system.files import write_text
 
     if out.suffix == ".xml" or out.is_file():
         raise InputError(f"out: must be a folder, not {out}; the model is written to its model.xml")
     model = load_robot(robot)
-    recording, warnings = usable(measured, model, low_pass)
-    for warning in warnings:
+    given = read_together(measured, model, low_pass=low_pass)
+    recording = given.recording
+    for warning in given.warnings:
         print(f"faultgen: {warning}", file=sys.stderr)
     with threadpool_limits(limits=1):
         found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))

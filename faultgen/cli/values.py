@@ -29,8 +29,8 @@ def task_of(recording: Path, robot: str, out: Path) -> str:
     Raises:
         InputError: The recording cannot be used.
     """
+    from faultgen.discovery.inputs import usable
     from faultgen.discovery.recorded_task import known_task, recorded_task
-    from faultgen.discovery.workflow import usable
     from faultgen.robot import load_robot
     from faultgen.system.files import write_text
 

@@ -142,7 +142,7 @@ def _gaps(recording: Recording, robot: Robot, joint: np.ndarray) -> list[Finding
                 text += (
                     ": a gap? begin a new segment there"
                     if gaps
-                    else f", and {len(far) - 1} times more: samples were logged late, or one or "
+                    else f" ({len(far)} such jumps in all): samples were logged late, or one or "
                     "two are missing"
                 )
                 findings.append(Finding("refuse" if gaps else "warn", axis + 1, text))

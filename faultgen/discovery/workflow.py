@@ -1,7 +1,7 @@
 """From a recording to a named effect and a model that contains it.
 
-recording, warnings = usable("measured.h5", robot)
-found = investigate(recording, robot)
+given = read_together(["measured.h5"], robot)
+found = investigate(given.recording, robot)
 found.answer.verdict
 """
 
@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -28,16 +27,13 @@ from faultgen.discovery.candidates import (
     with_free_gains,
     with_model_scale,
 )
-from faultgen.discovery.checks import check_recording
 from faultgen.discovery.friction_discrepancy import discrepancy_sensitivities, discrepancy_terms
 from faultgen.discovery.inertia import inertia_terms
 from faultgen.discovery.learned_law import Learned
-from faultgen.discovery.motor_current import constants_of, in_torque
 from faultgen.discovery.next_experiment import Experiment, next_experiment
 from faultgen.discovery.noise import is_same_noise
 from faultgen.discovery.order_analysis import find_orders
-from faultgen.discovery.read import read_recording
-from faultgen.discovery.recording import Recording, TorqueConstants, low_passed, mean_of
+from faultgen.discovery.recording import Recording, mean_of
 from faultgen.discovery.regression import Problem, plain, pose
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.result import AMBIGUOUS, Answer
@@ -49,9 +45,6 @@ from faultgen.effects import EFFECTS
 from faultgen.errors import InputError
 from faultgen.robot import Robot
 from faultgen.system.progress import Progress
-
-LONGEST = 3600.0
-"""Longest recording that can be used [s]. It is simulated again for every term."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,133 +207,6 @@ def _with_orders(problem: Problem, workers: int, exclude: Collection[str]) -> Pr
         problem.residual,
         twin=problem.twin,
     )
-
-
-def check_positive(what: str, value: float) -> None:
-    """Refuse a number that is not positive and finite.
-
-    Args:
-        what: Name of the option, for the message.
-        value: The number.
-
-    Raises:
-        InputError: The number is not positive, or not finite.
-    """
-    if not 0 < value < np.inf:
-        raise InputError(f"{what}: must be a positive number, not {value:g}")
-
-
-def usable(
-    path: str | Path,
-    robot: Robot,
-    low_pass: float | None = None,
-    constants: TorqueConstants | None = None,
-) -> tuple[Recording, list[str]]:
-    """Read a recording, and refuse it if a check finds that it cannot be used.
-
-    It is filtered if asked, and motor currents are converted to torque.
-
-    Args:
-        path: The file.
-        robot: The model.
-        low_pass: Cut-off frequency [Hz] of a filter, used if there is no reference.
-        constants: Torque constants, if it has motor currents. None: they are found from it.
-
-    Returns:
-        The recording, and one line for each warning.
-
-    Raises:
-        InputError: The file or the cut-off frequency cannot be used. The message is one line.
-    """
-    if robot.gearing.coupled.any():
-        axis = int(np.argmax(robot.gearing.coupled)) + 1
-        raise InputError(
-            f"robot {robot.name}: gearbox{axis} also turns with another joint; recordings can only "
-            "be compared with robots whose gearboxes turn with their own joint alone"
-        )
-    if low_pass is not None:
-        check_positive("low-pass", low_pass)
-    recording = read_recording(path)
-    seconds = len(recording.position) * recording.sample_period
-    if seconds > LONGEST:
-        raise InputError(
-            f"{path}: {len(recording.position)} samples of {recording.sample_period:g} s are "
-            f"{seconds:.0f} s; give a recording of at most {LONGEST:g} s"
-        )
-    if low_pass is not None and recording.reference_position is None:
-        recording = low_passed(recording, low_pass)
-    found = []
-    if recording.current and recording.n_axes == robot.n_axes:
-        if constants is None:
-            constants = constants_of(recording, robot)
-            found = [str(constants)]
-        recording = in_torque(recording, robot, constants)
-    findings = check_recording(recording, robot)
-    for finding in findings:
-        if finding.level == "refuse":
-            where = f"axis {finding.axis}: " if finding.axis else ""
-            raise InputError(f"{path}: {where}{finding.message}")
-    return recording, [*found, *(f"{path}: {finding}" for finding in findings)]
-
-
-def check_same_motion(worn: Recording, twin: Recording) -> None:
-    """Refuse two recordings that cannot be subtracted from each other.
-
-    Args:
-        worn: Recording of the robot.
-        twin: Recording of the same motions before the change.
-
-    Raises:
-        InputError: They do not contain the same motions, sample by sample.
-    """
-    same = (
-        worn.position.shape == twin.position.shape
-        and worn.side == twin.side
-        and worn.segments == twin.segments
-        and abs(worn.sample_period - twin.sample_period) < 1e-9
-    )
-    if same:
-        moved = np.ptp(twin.position, axis=0)
-        apart = np.abs(worn.position - twin.position).max(axis=0)
-        same = bool(np.all(apart <= 0.05 * moved + 1e-3 * moved.max()))
-    if (worn.constants is None) != (twin.constants is None):
-        raise InputError(
-            f"{worn.source} and {twin.source}: only one of them has motor_current; give both as "
-            "currents, or both as torques"
-        )
-    if worn.link != twin.link:
-        raise InputError(
-            f"{worn.source} and {twin.source}: not both have the torque sensor behind the gearbox; "
-            "give both with the same torque_sensor"
-        )
-    if not same:
-        raise InputError(
-            f"{worn.source} and {twin.source}: not the same motions, sample by sample; record the "
-            "same program from the same start, with the same sample period"
-        )
-
-
-def check_own_noise(healthy: Sequence[Recording]) -> None:
-    """Refuse healthy recordings that do not show how much runs differ.
-
-    Args:
-        healthy: Recordings of the same motions.
-
-    Raises:
-        InputError: Two of them are the same, or have the same noise, or are too short to tell.
-    """
-    for one, other in combinations(healthy, 2):
-        if np.array_equal(one.torque, other.torque):
-            raise InputError(f"{one.source} and {other.source}: the same run; give each run once")
-        try:
-            same = is_same_noise(one.torque, other.torque, one.parts)
-        except ValueError as error:
-            raise InputError(f"{one.source}: {error}") from None
-        if same.any():
-            raise InputError(
-                f"{one.source} and {other.source}: have the same noise, as runs of one dataset "
-                "with paired = true do; give healthy runs with their own noise"
-            )
 
 
 def dump(result: dict[str, Any]) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from faultgen.discovery.candidates import FREE_GAINS, Term, check_names, names_by_use
-from faultgen.discovery.in_step import in_step
+from faultgen.discovery.inputs import check_positive, read_together, usable
 from faultgen.discovery.own_friction import with_own_friction
 from faultgen.discovery.physical import GAIN
 from faultgen.discovery.recording import Recording, mean_of
@@ -24,14 +24,7 @@ from faultgen.discovery.regression import Problem
 from faultgen.discovery.replay import Replay, relative_error
 from faultgen.discovery.samples import counted
 from faultgen.discovery.with_laws import contract, outside, with_laws
-from faultgen.discovery.workflow import (
-    Discovery,
-    check_own_noise,
-    check_positive,
-    check_same_motion,
-    investigate,
-    usable,
-)
+from faultgen.discovery.workflow import Discovery, investigate
 from faultgen.effects import EFFECTS, get_effect
 from faultgen.effects.friction import SPEED_FRICTION
 from faultgen.errors import InputError, SimulationFailed
@@ -43,7 +36,7 @@ _MANY = 3  # axes whose friction hardly wears at the same time: assumed
 
 
 def discover(
-    measured: str | Path,
+    measured: str | Path | Sequence[str | Path],
     robot: str | Path,
     healthy: str | Path | Sequence[str | Path] | None = None,
     validate: str | Path | None = None,
@@ -60,12 +53,14 @@ def discover(
     """Find the physical effect that a measured robot has and its model lacks.
 
     Args:
-        measured: Recording of the robot; docs/measured.md describes the format.
+        measured: Recording of the robot, or several that are used together; docs/measured.md
+            describes the format.
         robot: Name of the robot, or path of its MJCF file or folder.
-        healthy: Recording of the same motions from before the change, or several of them. Several
-            also show how much the unchanged robot differs from run to run, and such differences
-            are not reported. Without any, the model is first calibrated on the recording itself,
-            and an effect is reported only if it is larger than the usual errors of a model.
+        healthy: Recording of the same motions from before the change, or several of them in any
+            order, equally many for each measured recording. Several runs also show how much the
+            unchanged robot differs from run to run, and such differences are not reported. Without
+            any, the model is first calibrated on the recording itself, and an effect is reported
+            only if it is larger than the usual errors of a model.
         validate: Recording of other motions with the effect. It is used only to score the result.
         out: Folder for ``discovery.json``, ``report.html``, the folder ``model`` that is a robot
             with all that was found, its MJCF part ``model.xml`` and, if there is one, the next
@@ -101,27 +96,14 @@ def discover(
         if folder is not None and Path(folder).is_file():
             raise InputError(f"{name}: must be a folder, not the file {folder}")
     model = load_robot(str(robot))
-    warnings: list[str] = []
-    runs: list[Recording] = []
-    constants = None  # of the motors, from the first recording that has currents
-    for path in [healthy] if isinstance(healthy, str | Path) else healthy or ():
-        run, more = usable(path, model, low_pass, constants)
-        constants = constants or run.constants
-        warnings += more
-        runs.append(run)
-    recording, more = usable(measured, model, low_pass, constants)
-    constants = constants or recording.constants
-    warnings += more
-    recording, *runs = in_step([recording, *runs])
-    for run in runs:
-        check_same_motion(recording, run)
-    check_own_noise(runs)
+    given = read_together(_paths(measured), model, _paths(healthy), low_pass)
+    recording, runs, warnings = given.recording, given.runs, given.warnings
     before = mean_of(runs) if runs else recording
     model, more = with_own_friction(before, model, healthy=bool(runs))
     warnings += more
     other = None
     if validate is not None:
-        other, more = usable(validate, model, low_pass, constants)
+        other, more = usable(validate, model, low_pass, given.constants)
         warnings += more
     with threadpool_limits(limits=1):
         found = investigate(
@@ -250,6 +232,10 @@ def _torque_constants(found: Discovery) -> list[dict[str, float]] | None:
             elif term.name == "torque_offset":  # pushes forward, which spares the motor torque
                 offset[term.axis - 1] -= value / constants.constant[term.axis - 1]
     return replace(constants, constant=constant, offset=offset).contract()
+
+
+def _paths(given: str | Path | Sequence[str | Path] | None) -> Sequence[str | Path]:
+    return [given] if isinstance(given, str | Path) else given or ()
 
 
 def _path(folder: str | Path | None) -> Path | None:

@@ -23,10 +23,11 @@ from threadpoolctl import threadpool_limits
 from faultgen.dataset.experiment import check_seed
 from faultgen.discovery.calibrate import calibrate
 from faultgen.discovery.in_step import in_step
+from faultgen.discovery.inputs import usable
 from faultgen.discovery.recorded_task import recorded_task
 from faultgen.discovery.recording import Recording, mean_of, write_recording
 from faultgen.discovery.replay import Replay
-from faultgen.discovery.workflow import check_own_noise, check_same_motion, usable
+from faultgen.discovery.several import check_own_noise, check_same_motion
 from faultgen.errors import InputError
 from faultgen.monitoring.autoregression import impulse_response
 from faultgen.monitoring.sensors import FILE, Remainder, Sensors

@@ -1,0 +1,154 @@
+"""Files with recordings, read and checked for discovery and calibration.
+
+given = read_together(["monday.h5", "tuesday.h5"], robot)
+given.recording, given.warnings
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from faultgen.discovery.checks import check_recording
+from faultgen.discovery.motor_current import constants_of, in_torque
+from faultgen.discovery.read import read_recording
+from faultgen.discovery.recording import Recording, TorqueConstants, low_passed
+from faultgen.discovery.several import check_own_noise, check_same_motion, with_healthy
+from faultgen.errors import InputError
+from faultgen.robot import Robot
+
+LONGEST = 3600.0
+"""Longest recording that can be used [s]. It is simulated again for every term."""
+
+_OPTIONAL = ("velocity", "reference_position", "temperature")
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """Recordings that can be used."""
+
+    recording: Recording
+    """The measured recordings as one."""
+    runs: list[Recording]
+    """Healthy recordings of the same motions."""
+    constants: TorqueConstants | None
+    """Torque constants of the first file with motor currents; None if there is none."""
+    warnings: list[str]
+    """One line for each thing that the user should know."""
+
+
+def read_together(
+    measured: Sequence[str | Path],
+    robot: Robot,
+    healthy: Sequence[str | Path] = (),
+    low_pass: float | None = None,
+) -> Given:
+    """Read recordings of one robot, and the healthy ones of the same motions.
+
+    Args:
+        measured: Files of the robot as it is, at least one. They are used together.
+        robot: The model.
+        healthy: Files from before the change, in any order: for each measured file equally many
+            of the same motions, or none.
+        low_pass: Cut-off frequency [Hz] of a filter, used if there is no reference.
+
+    Returns:
+        The recordings.
+
+    Raises:
+        InputError: A file or the cut-off frequency cannot be used, or the files do not belong
+            together. The message is one line.
+    """
+    warnings: list[str] = []
+    constants: TorqueConstants | None = None
+    found: list[Recording] = []
+    for path in (*healthy, *measured):  # the healthy ones tell the torque constants
+        one, more = usable(path, robot, low_pass, constants)
+        constants = constants or one.constants
+        warnings += more
+        found.append(one)
+    recording, runs = with_healthy(found[len(healthy) :], found[: len(healthy)])
+    _check_length(recording)
+    for name in _OPTIONAL:
+        lacking = [one.source for one in found[len(healthy) :] if getattr(one, name) is None]
+        if lacking and len(lacking) < len(measured):
+            warnings.append(f"{name} is not used, because it is missing in {', '.join(lacking)}")
+    for run in runs:
+        check_same_motion(recording, run)
+    check_own_noise(runs)
+    return Given(recording, runs, constants, warnings)
+
+
+def usable(
+    path: str | Path,
+    robot: Robot,
+    low_pass: float | None = None,
+    constants: TorqueConstants | None = None,
+) -> tuple[Recording, list[str]]:
+    """Read a recording, and refuse it if a check finds that it cannot be used.
+
+    It is filtered if asked, and motor currents are converted to torque.
+
+    Args:
+        path: The file.
+        robot: The model.
+        low_pass: Cut-off frequency [Hz] of a filter, used if there is no reference.
+        constants: Torque constants, if it has motor currents. None: they are found from it.
+
+    Returns:
+        The recording, and one line for each warning.
+
+    Raises:
+        InputError: The file or the cut-off frequency cannot be used. The message is one line.
+    """
+    if robot.gearing.coupled.any():
+        axis = int(np.argmax(robot.gearing.coupled)) + 1
+        raise InputError(
+            f"robot {robot.name}: gearbox{axis} also turns with another joint; recordings can only "
+            "be compared with robots whose gearboxes turn with their own joint alone"
+        )
+    if low_pass is not None:
+        check_positive("low-pass", low_pass)
+    recording = read_recording(path)
+    _check_length(recording)
+    if low_pass is not None and recording.reference_position is None:
+        recording = low_passed(recording, low_pass)
+    found = []
+    if recording.current and recording.n_axes == robot.n_axes:
+        if constants is None:
+            constants = constants_of(recording, robot)
+            found = [str(constants)]
+        recording = in_torque(recording, robot, constants)
+    findings = check_recording(recording, robot)
+    for finding in findings:
+        if finding.level == "refuse":
+            where = f"axis {finding.axis}: " if finding.axis else ""
+            raise InputError(f"{path}: {where}{finding.message}")
+    return recording, [*found, *(f"{path}: {finding}" for finding in findings)]
+
+
+def _check_length(recording: Recording) -> None:
+    """Refuse a recording that is longer than can be simulated."""
+    seconds = len(recording.position) * recording.sample_period
+    if seconds > LONGEST:
+        raise InputError(
+            f"{recording.source}: {len(recording.position)} samples of "
+            f"{recording.sample_period:g} s are {seconds:.0f} s; give at most {LONGEST:g} s"
+        )
+
+
+def check_positive(what: str, value: float) -> None:
+    """Refuse a number that is not positive and finite.
+
+    Args:
+        what: Name of the option, for the message.
+        value: The number.
+
+    Raises:
+        InputError: The number is not positive, or not finite.
+    """
+    if not 0 < value < np.inf:
+        raise InputError(f"{what}: must be a positive number, not {value:g}")
