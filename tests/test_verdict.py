@@ -172,11 +172,13 @@ def test_small_patterns_are_usual_without_a_twin(twin):
     assert strange_patterns(problem, [small, chance, large], white) == expected
 
 
-@pytest.mark.parametrize(("share", "counts"), [(0.09, False), (0.11, True)])
-def test_patterns_of_a_small_part_of_a_difference_are_usual(share, counts):
-    """Between two runs that differ in many ways, a pattern has to explain a tenth of it."""
+@pytest.mark.parametrize(
+    ("square", "share", "counts"), [(4.0, 0.09, False), (4.0, 0.11, True), (1.2, 0.09, True)]
+)
+def test_patterns_of_a_small_part_of_a_difference_are_usual(square, share, counts):
+    """Between runs that differ by more than a quarter of the noise, it has to be a tenth of it."""
     problem = written_down([], np.zeros((0, COUNT, 2)), np.zeros((COUNT, 2)), twin=True)
-    white = np.full((COUNT, 2), 2.0)
+    white = np.full((COUNT, 2), np.sqrt(square))
     used = problem.samples(problem.fitting).sum()
-    one = Pattern(1, "speed", share * 3 * used, 1e-9, 0.0)  # a mean square of 4, 1 of it noise
+    one = Pattern(1, "speed", share * (square - 1) * used, 1e-9, 0.0)  # 1 of it is noise
     assert strange_patterns(problem, [one], white) == ([one] if counts else [])

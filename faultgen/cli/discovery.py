@@ -73,12 +73,12 @@ def discover(
         ),
     ] = None,
     prior_scale: Annotated[
-        float,
+        float | None,
         typer.Option(
-            help="How uncertain the model's parameters are, as a multiple of the default. "
-            "Choose more than 1 for a model that is only roughly known."
+            help="How uncertain the model's parameters are, as a multiple of the usual values. "
+            "Default: it is learned from the recording."
         ),
-    ] = 1.0,
+    ] = None,
     white_noise: Annotated[
         bool,
         typer.Option(
@@ -114,7 +114,7 @@ def discover(
             "a recording": bool(measured),
             "--healthy": healthy is not None,
             "--validate": validate is not None,
-            "--prior-scale": prior_scale != 1,
+            "--prior-scale": prior_scale is not None,
             "--white-noise": white_noise,
             "--low-pass": low_pass is not None,
         }

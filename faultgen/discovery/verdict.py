@@ -199,7 +199,8 @@ def _is_large(problem: Problem, pattern: Pattern, white: np.ndarray) -> bool:
     axis = pattern.axis - 1
     if problem.twin:
         rows = problem.inside[:, axis] & problem.samples(problem.fitting)
-        return pattern.strength > PART * float(np.sum(white[rows, axis] ** 2 - 1))
+        beyond = float(np.sum(white[rows, axis] ** 2 - 1))  # noise is not known to within a little
+        return beyond < CONSIDERABLE * rows.sum() or pattern.strength > PART * beyond
     rows = problem.inside[:, axis]
     torque = float(np.sqrt(np.mean(problem.recording.torque[rows, axis] ** 2)))
     size = np.sqrt(max(pattern.strength, 0.0) / rows.sum()) * problem.noise.deviation[axis]

@@ -8,8 +8,8 @@ found.answer.verdict
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from faultgen.discovery.candidates import (
     with_model_scale,
 )
 from faultgen.discovery.friction_discrepancy import discrepancy_sensitivities, discrepancy_terms
+from faultgen.discovery.healthy_spread import learned_scales, with_scales
 from faultgen.discovery.inertia import inertia_terms
 from faultgen.discovery.learned_law import Learned
 from faultgen.discovery.next_experiment import Experiment, next_experiment
@@ -61,6 +62,9 @@ class Discovery:
     """A motion that distinguishes what this recording cannot distinguish."""
     following: str
     """Which positions the model follows, and why."""
+    prior_scales: Mapping[str, float] = field(default_factory=dict)
+    """Learned factors of the prior standard deviations by kind of number; empty with a twin, or if
+    they were given."""
     laws: tuple[Learned, ...] = ()
     """Laws that were learned from what effects leave unexplained."""
 
@@ -73,7 +77,7 @@ def investigate(
     workers: int = 1,
     exclude: Collection[str] = (),
     include: Collection[str] = (),
-    prior_scale: float = 1.0,
+    prior_scale: float | None = None,
     white_noise: bool = False,
     cache: Path | None = None,
 ) -> Discovery:
@@ -89,8 +93,7 @@ def investigate(
         exclude: Effects that are not considered.
         include: Optional effects that are considered, with the use "on request".
         prior_scale: How uncertain the model's parameters (`candidates.NUMBERS`) are, as a multiple
-            of the default. Use more than 1 for a model that is only roughly known. `calibrate`
-            finds it.
+            of the default. None: it is learned from the recording, see `healthy_spread`.
         white_noise: Whether long-lasting errors get full weight, see `regression.plain`. Otherwise
             a part of them is treated as drifting noise. Use it for recordings that were filtered.
         cache: Folder in which sensitivities are kept.
@@ -128,7 +131,7 @@ def investigate(
     residual = recording.torque - (base if twin is None else twin.torque)
     if twin is not None:
         terms = between_runs(terms)
-    elif prior_scale != 1:
+    elif prior_scale is not None:
         terms = with_model_scale(terms, prior_scale)
     if twin is None and recording.constants is not None:
         terms = with_free_gains(terms)
@@ -138,6 +141,10 @@ def investigate(
     except ValueError as error:
         raise InputError(f"{recording.source}: {error}") from None
     problem = _with_orders(problem, workers, exclude)
+    scales: dict[str, float] = {}
+    if twin is None and prior_scale is None:
+        scales = learned_scales(problem)
+        problem = with_scales(problem, scales)
     apart = differences(runs) if runs else []
     problem = widened(problem, apart) if apart else between_axes(problem)
     with Progress("choosing effects", None):
@@ -148,7 +155,7 @@ def investigate(
     if told.verdict == AMBIGUOUS:
         with Progress("planning the next experiment", None):
             experiment = next_experiment(problem, choice)
-    return Discovery(problem, choice, told, experiment, following)
+    return Discovery(problem, choice, told, experiment, following, scales)
 
 
 def _check_followed(recording: Recording, twin: Recording) -> None:

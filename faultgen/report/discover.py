@@ -45,7 +45,7 @@ def discover(
     workers: int = 1,
     exclude: Collection[str] = (),
     include: Collection[str] = (),
-    prior_scale: float = 1.0,
+    prior_scale: float | None = None,
     white_noise: bool = False,
     low_pass: float | None = None,
     cache: str | Path | None = None,
@@ -70,8 +70,7 @@ def discover(
         include: Names of effects that are considered only on request, with the use
             "on request".
         prior_scale: How uncertain the model's parameters (`candidates.NUMBERS`) are, as a multiple
-            of the default. It is above 1 for a model that is only roughly known. `calibrate` finds
-            it.
+            of the default. None: it is learned from the recording, for each kind of parameter.
         white_noise: Whether long-lasting errors get full weight. Otherwise part of them is treated
             as drifting noise. Use it for recordings that were filtered; see `regression.plain`.
         low_pass: Cut-off frequency [Hz] of a low-pass filter for recordings without a reference
@@ -91,7 +90,8 @@ def discover(
     started = time.monotonic()
     check_names("include", include, names_by_use("on request"))
     check_names("exclude", exclude, EFFECTS)
-    check_positive("prior-scale", prior_scale)
+    if prior_scale is not None:
+        check_positive("prior-scale", prior_scale)
     for name, folder in (("out", out), ("cache", cache)):
         if folder is not None and Path(folder).is_file():
             raise InputError(f"{name}: must be a folder, not the file {folder}")
@@ -138,6 +138,7 @@ def discover(
             "torque_sensor is 'link': what acts on the rotors is not visible and not named, that "
             "is friction, ripple, rotor inertia, torque constant and offset"
         )
+    result["prior_scales"] = {kind: round(one, 3) for kind, one in found.prior_scales.items()}
     result["run_to_run"] = _run_to_run(found.problem)
     result["warnings"] = [
         *warnings,

@@ -1,0 +1,100 @@
+"""How far the numbers of this robot are from those of its model, learned from the recording itself.
+
+The prior standard deviations of `candidates` say how well a model's numbers are usually known. A
+particular model may be much better than that, or worse. All its numbers of one kind show this
+together: if the friction of five axes is right to within 0.5 %, then 10 % on the sixth is a change
+of the robot and no error of the model.
+
+    scales = learned_scales(problem)     # {"friction": 0.21, ...}
+    problem = with_scales(problem, scales)
+
+Each kind has one scale s, by which the prior standard deviations of its terms are multiplied. The
+terms have Student's t distribution about zero with this scale, so that a few numbers that are far
+off, such as a missing effect, hardly widen it. The scales are found by expectation maximisation
+(Dempster, Laird and Rubin 1977; empirical Bayes, Bishop 2006, 3.5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import cho_solve
+
+from faultgen.discovery.candidates import FORM, INERTIA, Term
+from faultgen.discovery.evidence import factored
+from faultgen.discovery.regression import Problem
+
+KINDS = {
+    "coulomb_friction": "friction",
+    "viscous_friction": "friction",
+    "static_friction": "friction",
+    "stribeck_velocity": "friction",
+    FORM: "form of friction",
+    "rotor_inertia": "inertia",
+    INERTIA: "inertia",
+    "payload_mass": "inertia",
+    "gear_stiffness": "stiffness",
+}
+"""Kinds of numbers that are about equally well known. Each has its own scale: friction may have
+been calibrated, and stiffness not."""
+
+_TAILS = 4.0  # degrees of freedom of the t distribution: assumed
+_USUAL = 1.0  # numbers of usual size that count beside the robot's own, so that none is exact
+_LARGEST = 10.0  # scale beyond which a model has to be calibrated first
+_ROUNDS = 60
+_DONE = 0.01  # relative change of a scale at which the search ends
+
+
+def learned_scales(problem: Problem) -> dict[str, float]:
+    """Learn how well each kind of numbers is known.
+
+    Args:
+        problem: The residual and the terms, with the usual priors.
+
+    Returns:
+        Factor of the prior standard deviations by kind, at most 10.
+    """
+    evidence = problem.evidence()
+    gram, right = evidence.gram.sum(axis=0), evidence.right.sum(axis=0)
+    kinds = [_kind(term) for term in problem.terms]
+    members = {k: np.array([one == k for one in kinds]) for k in dict.fromkeys(KINDS.values())}
+    members = {kind: which for kind, which in members.items() if which.any()}
+    variance = np.ones(len(right))
+    scales = dict.fromkeys(members, 1.0)
+    for _ in range(_ROUNDS):
+        precision = gram + np.diag(1 / variance)
+        inverse = cho_solve(factored(precision), np.eye(len(right)))
+        square = (inverse @ right) ** 2 + np.diag(inverse)
+        change = 0.0
+        for kind, which in members.items():
+            weight = (_TAILS + 1) / (_TAILS + square[which] / scales[kind] ** 2)
+            total = float(np.sum(weight * square[which])) + _USUAL
+            new = min(np.sqrt(total / (which.sum() + _USUAL)), _LARGEST)
+            change = max(change, abs(np.log(new / scales[kind])))
+            scales[kind] = float(new)
+            variance[which] = new**2 / weight
+        if change < _DONE:
+            break
+    return scales
+
+
+def _kind(term: Term) -> str:
+    return "" if term.nuisance and term.name not in (FORM, INERTIA) else KINDS.get(term.name, "")
+
+
+def with_scales(problem: Problem, scales: Mapping[str, float]) -> Problem:
+    """Return the same problem with scaled prior standard deviations.
+
+    Args:
+        problem: The residual and the terms.
+        scales: Factor by kind; kinds that are missing keep their prior standard deviations.
+    """
+    factor = np.array([scales.get(_kind(term), 1.0) for term in problem.terms])
+    terms = [
+        replace(term, prior_std=float(f) * term.prior_std)
+        for term, f in zip(problem.terms, factor, strict=True)
+    ]
+    white = problem.white * factor[:, None, None].astype(problem.white.dtype)
+    return replace(problem, terms=terms, white=white)
