@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import faultgen
 from faultgen.cli.app import app
-from faultgen.discovery import read_recording, write_recording
+from faultgen.discovery import Recording, read_recording, write_recording
 from faultgen.discovery.inputs import read_together
 from faultgen.discovery.several import joined, with_healthy
 from faultgen.errors import InputError
@@ -20,21 +20,17 @@ COUNT = 40
 
 def small(source, seed=0, start=0.0, **other):
     """A recording with some of the arrays."""
-    rng = np.random.default_rng(seed)
-    ramp = start + np.linspace(0, 1, COUNT)[:, None] * [1.0, 2.0]
-    return replace(of_arrays(ramp, rng.standard_normal((COUNT, 2))), source=source, **other)
-
-
-def of_arrays(position, torque):
-    return faultgen.discovery.Recording(
-        source="",
+    position = start + np.linspace(0, 1, COUNT)[:, None] * [1.0, 2.0]
+    one = Recording(
+        source=source,
         robot="tiny",
         side="motor",
         sample_period=0.004,
         position=position,
-        torque=torque,
+        torque=np.random.default_rng(seed).standard_normal((COUNT, 2)),
         reference_position=position / 50,
     )
+    return replace(one, **other)
 
 
 def test_recordings_become_separate_ones_of_one():
@@ -72,13 +68,11 @@ def test_clocks_may_differ_by_little():
 def test_healthy_runs_go_with_the_same_motion():
     """Runs are in the order of the measured motions, however they were given."""
     measured = [small("a", 1), small("b", 2, start=5.0)]
-    healthy = [small(name, 3 + k, start=5.0 * (name[0] == "b")) for k, name in enumerate(NAMES)]
+    names = ("b1", "a1", "a2", "b2")
+    healthy = [small(name, 3 + k, start=5.0 * (name[0] == "b")) for k, name in enumerate(names)]
     recording, runs = with_healthy(measured, healthy)
     assert recording.source == "a, b"
     assert [run.source for run in runs] == ["a1, b1", "a2, b2"]
-
-
-NAMES = ("b1", "a1", "a2", "b2")
 
 
 def test_healthy_runs_that_do_not_fit_are_refused():
@@ -128,6 +122,12 @@ def test_calibration_gets_all_files(files, tiny_robot):
     assert both.recording.segments == whole.segments
     assert np.array_equal(both.recording.torque, whole.torque)
     assert not both.runs and not both.warnings
+
+
+def test_a_file_counts_once(files, tiny_robot):
+    """Twice the same file would look like twice the evidence."""
+    with pytest.raises(InputError, match="worn1.h5: the same run; give each run once"):
+        read_together([files / "worn1.h5", files / "worn2.h5", files / "worn1.h5"], tiny_robot)
 
 
 def test_what_some_files_lack_is_told(files, tiny_robot, tmp_path):

@@ -95,7 +95,7 @@ def discover(
     The command compares a recording of the robot with its simulation. With --healthy, the recording
     from before the change is subtracted, so that even small changes are visible. Without it, the
     model is first calibrated on the recording, and an effect is reported only if it is larger than
-    the usual errors of a model.
+    the errors of this model.
 
     The recording has position and torque of every axis, or motor current [A] instead of torque; its
     samples need not be evenly spaced.

@@ -22,9 +22,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import cho_solve
 
-from faultgen.discovery.candidates import FORM, INERTIA, Term
+from faultgen.discovery.candidates import FORM, INERTIA
 from faultgen.discovery.evidence import factored
-from faultgen.discovery.regression import Problem
+from faultgen.discovery.regression import Problem, with_priors
 
 KINDS = {
     "coulomb_friction": "friction",
@@ -58,7 +58,7 @@ def learned_scales(problem: Problem) -> dict[str, float]:
     """
     evidence = problem.evidence()
     gram, right = evidence.gram.sum(axis=0), evidence.right.sum(axis=0)
-    kinds = [_kind(term) for term in problem.terms]
+    kinds = [KINDS.get(term.name) for term in problem.terms]
     members = {k: np.array([one == k for one in kinds]) for k in dict.fromkeys(KINDS.values())}
     members = {kind: which for kind, which in members.items() if which.any()}
     variance = np.ones(len(right))
@@ -80,10 +80,6 @@ def learned_scales(problem: Problem) -> dict[str, float]:
     return scales
 
 
-def _kind(term: Term) -> str:
-    return "" if term.nuisance and term.name not in (FORM, INERTIA) else KINDS.get(term.name, "")
-
-
 def with_scales(problem: Problem, scales: Mapping[str, float]) -> Problem:
     """Return the same problem with scaled prior standard deviations.
 
@@ -91,10 +87,8 @@ def with_scales(problem: Problem, scales: Mapping[str, float]) -> Problem:
         problem: The residual and the terms.
         scales: Factor by kind; kinds that are missing keep their prior standard deviations.
     """
-    factor = np.array([scales.get(_kind(term), 1.0) for term in problem.terms])
     terms = [
-        replace(term, prior_std=float(f) * term.prior_std)
-        for term, f in zip(problem.terms, factor, strict=True)
+        replace(term, prior_std=scales.get(KINDS.get(term.name, ""), 1.0) * term.prior_std)
+        for term in problem.terms
     ]
-    white = problem.white * factor[:, None, None].astype(problem.white.dtype)
-    return replace(problem, terms=terms, white=white)
+    return with_priors(problem, terms)

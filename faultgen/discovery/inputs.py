@@ -15,15 +15,18 @@ import numpy as np
 from faultgen.discovery.checks import check_recording
 from faultgen.discovery.motor_current import constants_of, in_torque
 from faultgen.discovery.read import read_recording
-from faultgen.discovery.recording import Recording, TorqueConstants, low_passed
-from faultgen.discovery.several import check_own_noise, check_same_motion, with_healthy
+from faultgen.discovery.recording import OPTIONAL, Recording, TorqueConstants, low_passed
+from faultgen.discovery.several import (
+    check_distinct,
+    check_own_noise,
+    check_same_motion,
+    with_healthy,
+)
 from faultgen.errors import InputError
 from faultgen.robot import Robot
 
 LONGEST = 3600.0
 """Longest recording that can be used [s]. It is simulated again for every term."""
-
-_OPTIONAL = ("velocity", "reference_position", "temperature")
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,24 +65,47 @@ def read_together(
         InputError: A file or the cut-off frequency cannot be used, or the files do not belong
             together. The message is one line.
     """
-    warnings: list[str] = []
-    constants: TorqueConstants | None = None
-    found: list[Recording] = []
-    for path in (*healthy, *measured):  # the healthy ones tell the torque constants
-        one, more = usable(path, robot, low_pass, constants)
-        constants = constants or one.constants
-        warnings += more
-        found.append(one)
-    recording, runs = with_healthy(found[len(healthy) :], found[: len(healthy)])
+    found, warnings = read_all([*healthy, *measured], robot, low_pass)
+    own = found[len(healthy) :]
+    check_distinct(own)
+    recording, runs = with_healthy(own, found[: len(healthy)])
     _check_length(recording)
-    for name in _OPTIONAL:
-        lacking = [one.source for one in found[len(healthy) :] if getattr(one, name) is None]
-        if lacking and len(lacking) < len(measured):
+    for name in OPTIONAL:
+        lacking = [one.source for one in own if getattr(one, name) is None]
+        if lacking and len(lacking) < len(own):
             warnings.append(f"{name} is not used, because it is missing in {', '.join(lacking)}")
     for run in runs:
         check_same_motion(recording, run)
     check_own_noise(runs)
+    constants = next((one.constants for one in found if one.constants is not None), None)
     return Given(recording, runs, constants, warnings)
+
+
+def read_all(
+    paths: Sequence[str | Path], robot: Robot, low_pass: float | None = None
+) -> tuple[list[Recording], list[str]]:
+    """Read recordings of one robot, with the torque constants of the first one with currents.
+
+    Args:
+        paths: The files.
+        robot: The model.
+        low_pass: Cut-off frequency [Hz] of a filter, used if there is no reference.
+
+    Returns:
+        The recordings in the order of the files, and one line for each warning.
+
+    Raises:
+        InputError: A file or the cut-off frequency cannot be used. The message is one line.
+    """
+    recordings: list[Recording] = []
+    warnings: list[str] = []
+    constants = None
+    for path in paths:
+        one, more = usable(path, robot, low_pass, constants)
+        constants = constants or one.constants
+        recordings.append(one)
+        warnings += more
+    return recordings, warnings
 
 
 def usable(

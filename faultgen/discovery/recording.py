@@ -34,7 +34,10 @@ from faultgen.system.arrays import write_arrays
 if TYPE_CHECKING:
     import pandas as pd
 
-_ARRAYS = ("position", "torque", "velocity", "reference_position", "temperature")
+OPTIONAL = ("velocity", "reference_position", "temperature")
+"""Arrays that a recording may lack."""
+
+_ARRAYS = ("position", "torque", *OPTIONAL)
 _SMOOTHING = 0.06  # window of the derivatives [s]
 _PADDING = 15  # samples that the filter of `low_passed` needs beyond each end
 

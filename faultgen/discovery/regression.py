@@ -303,6 +303,18 @@ def plain(problem: Problem) -> Problem:
     return replace(new, white=new.whiten(problem.raw) * prior_stds[:, None, None])
 
 
+def with_priors(problem: Problem, terms: list[Term]) -> Problem:
+    """Return the same problem with other prior standard deviations.
+
+    Args:
+        problem: The residual and the terms.
+        terms: The same terms in the same order, with other prior standard deviations.
+    """
+    pairs = zip(terms, problem.terms, strict=True)
+    ratio = np.array([new.prior_std / old.prior_std for new, old in pairs], np.float32)
+    return replace(problem, terms=terms, white=problem.white * ratio[:, None, None])
+
+
 def _trust(recording: Recording, robot: Robot, left: np.ndarray, inside: np.ndarray) -> np.ndarray:
     """Weights that make the residual in slow motion as large as the noise, by axis."""
     slow = near_reversal(recording, robot)

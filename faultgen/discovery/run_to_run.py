@@ -26,7 +26,7 @@ from scipy.stats import chi2, norm, t
 from faultgen.discovery.candidates import DAY_TO_DAY
 from faultgen.discovery.evidence import Evidence, factored
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.regression import Problem
+from faultgen.discovery.regression import Problem, with_priors
 
 _EQUAL = 1e-6  # difference of equal reference positions, over their range
 _NEEDED = 4.0  # fall of minus two times the log-likelihood that a wider prior requires: assumed
@@ -148,18 +148,14 @@ def _with_usual(problem: Problem, spread: np.ndarray, allowed: np.ndarray) -> Pr
         allowed: The same, made up for its being known only roughly. It is added to the prior.
     """
     prior = np.array([term.prior_std for term in problem.terms])
-    ratio = np.hypot(1, allowed / prior)
     terms = [
-        replace(term, prior_std=float(r) * term.prior_std)
-        for term, r in zip(problem.terms, ratio, strict=True)
+        replace(term, prior_std=float(size))
+        for term, size in zip(problem.terms, np.hypot(prior, allowed), strict=True)
     ]
-    wider = np.flatnonzero(spread > 0)
     apart = np.zeros_like(problem.residual)
-    for k in wider:
+    for k in np.flatnonzero(spread > 0):
         apart += (spread[k] * problem.raw[k].astype(float)) ** 2
-    white = problem.white.copy()
-    white[wider] *= ratio[wider, None, None].astype(white.dtype)
-    return replace(problem, terms=terms, white=white, run_to_run=np.sqrt(apart))
+    return replace(with_priors(problem, terms), run_to_run=np.sqrt(apart))
 
 
 def between_axes(problem: Problem) -> Problem:

@@ -173,6 +173,20 @@ def check_same_motion(worn: Recording, twin: Recording) -> None:
         )
 
 
+def check_distinct(recordings: Sequence[Recording]) -> None:
+    """Refuse recordings that are given twice: they would count as twice the evidence.
+
+    Args:
+        recordings: Recordings of one robot.
+
+    Raises:
+        InputError: Two of them have the same torque.
+    """
+    for one, other in combinations(recordings, 2):
+        if np.array_equal(one.torque, other.torque):
+            raise InputError(f"{one.source} and {other.source}: the same run; give each run once")
+
+
 def check_own_noise(healthy: Sequence[Recording]) -> None:
     """Refuse healthy recordings that do not show how much runs differ.
 
@@ -182,9 +196,8 @@ def check_own_noise(healthy: Sequence[Recording]) -> None:
     Raises:
         InputError: Two of them are the same, or have the same noise, or are too short to tell.
     """
+    check_distinct(healthy)
     for one, other in combinations(healthy, 2):
-        if np.array_equal(one.torque, other.torque):
-            raise InputError(f"{one.source} and {other.source}: the same run; give each run once")
         try:
             same = is_same_noise(one.torque, other.torque, one.parts)
         except ValueError as error:

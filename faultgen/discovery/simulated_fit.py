@@ -28,7 +28,7 @@ from faultgen.discovery.fit import differences
 from faultgen.discovery.inertia import apply_inertia, inertia_terms
 from faultgen.discovery.physical import GAIN, edited
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.regression import Problem, plain, pose
+from faultgen.discovery.regression import Problem, plain, pose, with_priors
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.sensitivities import sensitivities
 from faultgen.effects import get_effect
@@ -96,11 +96,11 @@ class SimulatedFit:
         self.held_out: dict[float, float] = {}
         """Mean squared whitened error of blocks that were not fitted, by prior scale."""
         for scale in prior_scales:
-            posed = _with_priors(problem, with_model_scale(terms, scale, known))
+            posed = with_priors(problem, with_model_scale(terms, scale, known))
             self.held_out[scale] = float(posed.evidence().held_out([]).sum()) / count
         self.prior_scale = min(self.held_out, key=lambda scale: self.held_out[scale])
         """The scale with the smallest error."""
-        self.problem = _with_priors(problem, with_model_scale(terms, self.prior_scale, known))
+        self.problem = with_priors(problem, with_model_scale(terms, self.prior_scale, known))
 
     def predicted(self) -> np.ndarray:
         """Torque with values that were fitted to the other parts, to first order.
@@ -123,13 +123,6 @@ class SimulatedFit:
             if made is not None:
                 return made, share
         return self.start, 0.0
-
-
-def _with_priors(problem: Problem, new: list[Term]) -> Problem:
-    """Return the same problem with other prior standard deviations."""
-    pairs = zip(new, problem.terms, strict=True)
-    scale = np.array([a.prior_std / b.prior_std for a, b in pairs], np.float32)
-    return replace(problem, terms=new, white=problem.white * scale[:, None, None])
 
 
 def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[tuple[Term, float]]:

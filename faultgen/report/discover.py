@@ -60,7 +60,7 @@ def discover(
             order, equally many for each measured recording. Several runs also show how much the
             unchanged robot differs from run to run, and such differences are not reported. Without
             any, the model is first calibrated on the recording itself, and an effect is reported
-            only if it is larger than the usual errors of a model.
+            only if it is larger than the errors of this model.
         validate: Recording of other motions with the effect. It is used only to score the result.
         out: Folder for ``discovery.json``, ``report.html``, the folder ``model`` that is a robot
             with all that was found, its MJCF part ``model.xml`` and, if there is one, the next

@@ -23,7 +23,7 @@ from threadpoolctl import threadpool_limits
 from faultgen.dataset.experiment import check_seed
 from faultgen.discovery.calibrate import calibrate
 from faultgen.discovery.in_step import in_step
-from faultgen.discovery.inputs import usable
+from faultgen.discovery.inputs import read_all
 from faultgen.discovery.recorded_task import recorded_task
 from faultgen.discovery.recording import Recording, mean_of, write_recording
 from faultgen.discovery.replay import Replay
@@ -201,14 +201,7 @@ def furnish(
 
 def _read(healthy: Sequence[str | Path], robot: Robot) -> tuple[list[Recording], list[str]]:
     """Read recordings of the same motions, with the torque constants of the first one."""
-    warnings: list[str] = []
-    recordings: list[Recording] = []
-    constants = None
-    for path in healthy:
-        one, more = usable(path, robot, None, constants)
-        constants = constants or one.constants
-        warnings += more
-        recordings.append(one)
+    recordings, warnings = read_all(healthy, robot)
     if recordings[0].link:
         raise InputError(
             f"{recordings[0].source}: its torque sensor is behind the gearbox; a twin needs the "
