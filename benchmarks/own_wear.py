@@ -13,6 +13,7 @@ import tempfile
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 import faultgen
@@ -21,6 +22,8 @@ from faultgen.dataset.experiment import Experiment
 from faultgen.discovery import write_recording
 from faultgen.discovery.from_runs import recording_of
 from faultgen.robot import COULOMB, Robot, load_robot
+from faultgen.simulation.motion import plan
+from faultgen.tasks import load_task
 
 TASKS = ["pick_and_place", "spot_weld", "arc_weld"]
 
@@ -45,7 +48,35 @@ CASES = (
 """Effect, axis and severity of each case; the last robot is healthy. The torques of `torque_offset`
 and `torque_ripple` are shares of the axis' Coulomb friction here."""
 
+FURTHER: tuple[tuple[str, int, float], ...] = (
+    ("seizing_spot", 2, 1.0),
+    ("seizing_spot", 3, 0.5),
+    ("tooth_damage", 2, 5e-5),
+    ("tooth_damage", 3, 2e-4),
+    ("winding_fault", 1, 0.2),
+    ("winding_fault", 3, 0.1),
+    ("loose_tool", 6, 1e-3),
+    ("torque_sensor_gain", 3, 0.05),
+    ("encoder_quantisation", 2, 0.02),
+    ("sensor_dropout", 3, 0.05),
+    ("sensor_stuck", 2, 0.05),
+)
+"""The same for effects whose place, phase or moment has to be found. Their parameters are drawn."""
+
 HEALTHY = "no missing effect"
+
+
+def parameters_of(robot: Robot, effect: str, axis: int, seed: int) -> dict[str, int | float | str]:
+    """Draw the parameters of a case: the angle of a spot within the task, and phases."""
+    rng = np.random.default_rng(seed)
+    if effect == "seizing_spot":
+        motion = plan(load_task(robot.name, TASKS[0], robot.tasks), robot)
+        position, _, _ = motion(np.linspace(0, motion.period, 500))
+        low, high = np.quantile(position[:, axis - 1], [0.2, 0.8])
+        return {"angle": float(rng.uniform(low, high)), "width": float(rng.uniform(0.15, 0.3))}
+    if effect in ("tooth_damage", "winding_fault"):
+        return {"phase": float(rng.uniform(-np.pi, np.pi))}
+    return {"direction": int(rng.integers(3))} if effect == "loose_tool" else {}
 
 
 def severity_of(robot: Robot, effect: str, axis: int, size: float) -> float:
@@ -62,11 +93,13 @@ def generated(
     """Write ``worn.h5`` and ``healthy.h5`` of a case into a folder."""
     effect, axis, size = case
     severity = severity_of(robot, effect, axis, size)
+    parameters = parameters_of(robot, effect, axis, seed)
     experiment = Experiment(
         robot=[robot.name],
         task=TASKS,
         axis=[[axis]],
         effect=[effect or "friction_wear"],
+        parameters={effect: parameters} if parameters else {},
         schedule=[severity] * 2,
         cycles=2,
         sensors=sensors,
@@ -85,6 +118,7 @@ def main(
     robots: Annotated[str, typer.Option(help="Names of robots.")] = "puma560,irb6700",
     mode: Annotated[str, typer.Option(help="'twin', 'alone' or 'both'.")] = "both",
     seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 1,
+    further: Annotated[bool, typer.Option(help="Effects that have a place or a moment.")] = False,
     workers: Annotated[int, typer.Option(help="Processes.")] = 1,
     cache: Annotated[Path | None, typer.Option(help="Folder for sensitivities.")] = None,
 ) -> None:
@@ -96,7 +130,7 @@ def main(
         kept = cache or Path(folder) / "sensitivities"
         for name in robots.split(","):
             robot = load_robot(name)
-            for number, case in enumerate(CASES):
+            for number, case in enumerate(FURTHER if further else CASES):
                 effect, axis, size = case
                 out = Path(folder) / f"{name}-{number}"
                 generated(robot, case, 100 * seed + number, sensors, out)

@@ -133,7 +133,7 @@ def effect_terms(
         if name.startswith("payload") and _massless(robot):
             terms += payload_terms(robot) if name == PAYLOAD else []
             continue
-        for axis in effect.axes(robot.n_axes):
+        for axis in effect.axes_on(robot):
             terms += [
                 Term(name, axis, step, prior.std_on(robot, axis), tuple(parameters.items()))
                 for step in prior.steps_on(robot, axis)

@@ -62,7 +62,13 @@ class Fit:
             at = until
 
 
-def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = None) -> Fit | None:
+def fit(
+    problem: Problem,
+    groups: Sequence[Group],
+    start: np.ndarray | None = None,
+    *,
+    simulating: Callable[[], None] = lambda: None,
+) -> Fit | None:
     """Fit a set of effects by re-simulation, with the Gauss-Newton method.
 
     Each step simulates the effects exactly. The slopes are the columns of the unchanged model. If
@@ -74,6 +80,7 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
         problem: The residual and the terms.
         groups: The set of effects. It may be empty.
         start: Values from which the fit starts, shape (terms,). None: the linear estimate.
+        simulating: Called before each simulation.
 
     Returns:
         The fit, or None if no severity within the bounds of an effect explains anything.
@@ -84,15 +91,21 @@ def fit(problem: Problem, groups: Sequence[Group], start: np.ndarray | None = No
         _, _, misfit = evidence.solve()
         return _done(problem, (), np.empty(0), np.zeros_like(problem.residual), evidence, misfit)
     new = terms if start is None else groups[-1]
-    plays = [t for t in new if get_effect(problem.terms[t].name).prior.scan]
+    plays = [t for t in new if get_effect(problem.terms[t].name).prior.play]
     if problem.twin:
-        return _fit(problem, groups, start, plays)
-    found = _fit(problem, groups, start, ())
-    return _fit(problem, groups, start, plays) if found is None and plays else found
+        return _fit(problem, groups, start, plays, simulating)
+    found = _fit(problem, groups, start, (), simulating)
+    if found is None and plays:
+        return _fit(problem, groups, start, plays, simulating)
+    return found
 
 
 def _fit(
-    problem: Problem, groups: Sequence[Group], start: np.ndarray | None, plays: Sequence[int]
+    problem: Problem,
+    groups: Sequence[Group],
+    start: np.ndarray | None,
+    plays: Sequence[int],
+    simulating: Callable[[], None],
 ) -> Fit | None:
     """Fit a set of effects, of which some are searched over a wide range of severities.
 
@@ -101,6 +114,7 @@ def _fit(
         groups: The set of effects, at least one.
         start: As for `fit`.
         plays: Indices of the terms that are searched.
+        simulating: As for `fit`.
 
     Returns:
         As for `fit`.
@@ -110,6 +124,7 @@ def _fit(
     evidence = problem.evidence()
 
     def simulate(value: np.ndarray) -> np.ndarray | None:
+        simulating()
         pairs = zip(terms, value.tolist(), strict=True)
         return problem.change([(problem.terms[t], v) for t, v in pairs])
 

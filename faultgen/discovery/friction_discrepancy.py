@@ -60,7 +60,7 @@ def discrepancy_sensitivities(
     Returns:
         Shape (terms, samples, n_axes), in the unit of the recording's torque per unit of the term.
     """
-    pushes = [-_STEP * shape for shape in _shapes(replay)]
+    pushes = [-_STEP * shape for shape in shapes_of(replay)]
     runs = kept_runs(
         [kept_in(cache, replay, push.tobytes()) for push in pushes],
         [delayed(replay.torque)((), push) for push in pushes],
@@ -74,8 +74,15 @@ def discrepancy_sensitivities(
     return out
 
 
-def _shapes(replay: Replay) -> np.ndarray:
-    """Friction torque on the rotors for each shape, shape (shapes, samples, n_axes), in [N m]."""
+def shapes_of(replay: Replay) -> np.ndarray:
+    """Compute the friction torque on the rotors for each shape.
+
+    Args:
+        replay: The recording and the model.
+
+    Returns:
+        Shape (shapes, samples, n_axes), in [N m]; positive with forward motion.
+    """
     recording, robot = replay.recording, replay.robot
     motor = replay.wanted * robot.gear_ratio
     friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")]

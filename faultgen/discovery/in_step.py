@@ -53,5 +53,6 @@ def _cut(recording: Recording, lengths: Sequence[int]) -> Recording:
         velocity=of(recording.velocity),
         reference_position=of(recording.reference_position),
         temperature=of(recording.temperature),
+        lost=of(recording.lost),
         segments=tuple(np.cumsum([0, *lengths[:-1]]).tolist()),
     )

@@ -7,15 +7,16 @@ given.recording, given.warnings
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from faultgen.discovery.checks import check_recording
+from faultgen.discovery.log_faults import new_faults, repaired
 from faultgen.discovery.motor_current import constants_of, in_torque
 from faultgen.discovery.read import read_recording
-from faultgen.discovery.recording import OPTIONAL, Recording, TorqueConstants, low_passed
+from faultgen.discovery.recording import OPTIONAL, LogFault, Recording, TorqueConstants, low_passed
 from faultgen.discovery.several import (
     check_distinct,
     check_own_noise,
@@ -41,6 +42,8 @@ class Given:
     """Torque constants of the first file with motor currents; None if there is none."""
     warnings: list[str]
     """One line for each thing that the user should know."""
+    faults: tuple[LogFault, ...] = ()
+    """Faults of the log that the healthy recordings do not have."""
 
 
 def read_together(
@@ -78,7 +81,10 @@ def read_together(
         check_same_motion(recording, run)
     check_own_noise(runs)
     constants = next((one.constants for one in found if one.constants is not None), None)
-    return Given(recording, runs, constants, warnings)
+    lost = [one.lost for one in (recording, *runs) if one.lost is not None]
+    if lost:
+        recording = replace(recording, lost=np.any(lost, axis=0))
+    return Given(recording, runs, constants, warnings, new_faults(recording, runs, robot))
 
 
 def read_all(
@@ -138,7 +144,7 @@ def usable(
         )
     if low_pass is not None:
         check_positive("low-pass", low_pass)
-    recording = read_recording(path)
+    recording = repaired(read_recording(path))
     _check_length(recording)
     if low_pass is not None and recording.reference_position is None:
         recording = low_passed(recording, low_pass)

@@ -26,6 +26,7 @@ import numpy as np
 from scipy.signal import butter, filtfilt, savgol_filter
 
 from faultgen.discovery.fields import fields_of
+from faultgen.effects import get_effect
 from faultgen.errors import InputError
 from faultgen.importing import arranged, load_map, map_of, table_of_frame
 from faultgen.robot import Robot
@@ -70,6 +71,35 @@ class TorqueConstants:
         return f"torque constants found from {self.source}: {each}"
 
 
+@dataclass(frozen=True)
+class LogFault:
+    """An effect of the catalogue that acts on the log of one axis."""
+
+    effect: str
+    """Name."""
+    axis: int
+    """From 1."""
+    severity: float
+    """In the unit of the effect."""
+    interval: tuple[float, float]
+    """Interval that contains the severity with 95 % probability."""
+
+    def contract(self, gap: float) -> dict[str, Any]:
+        """Return the fault as an effect of ``discovery.json``.
+
+        Args:
+            gap: Relative torque error of the model, which the fault does not change.
+        """
+        return {
+            "effect": self.effect,
+            "axis": self.axis,
+            "parameters": {"severity": self.severity, "unit": get_effect(self.effect).unit},
+            "interval": {"severity": list(self.interval)},
+            "confidence": 1.0,
+            "gap_after": gap,
+        }
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Recording:
     """A recording, motor side or joint side. Arrays have shape (samples, n_axes)."""
@@ -105,6 +135,11 @@ class Recording:
     """Constants with which the torque was found from motor currents; None if it was measured."""
     notes: tuple[str, ...] = ()
     """One line for each thing that was done to the data when they were read."""
+    lost: np.ndarray | None = None
+    """Samples that were lost, which are not used, shape (samples, n_axes); None if there are none.
+    They hold interpolated values."""
+    faults: tuple[LogFault, ...] = ()
+    """Faults of the log that were found when it was read."""
 
     @classmethod
     def planned(cls, robot: Robot, ways: Sequence[np.ndarray], sample_period: float) -> Recording:
@@ -300,6 +335,9 @@ def low_passed(recording: Recording, cut_off: float) -> Recording:
     position, torque = filtered(recording.position), filtered(recording.torque)
     assert position is not None and torque is not None
     lengths = [len(range(part.start, part.stop, every)) for part in recording.parts]
+    lost = recording.lost
+    if lost is not None:
+        lost = np.concatenate([lost[part][::every] for part in recording.parts])
     return replace(
         recording,
         sample_period=every * recording.sample_period,
@@ -307,6 +345,7 @@ def low_passed(recording: Recording, cut_off: float) -> Recording:
         torque=torque,
         velocity=filtered(recording.velocity),
         temperature=filtered(recording.temperature),
+        lost=lost,
         segments=tuple(int(start) for start in np.cumsum([0, *lengths[:-1]])),
     )
 

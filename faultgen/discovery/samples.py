@@ -157,7 +157,8 @@ def samples_of(parts: Sequence[slice], count: int) -> np.ndarray:
 def counted(recording: Recording, robot: Robot, *, twin: bool) -> np.ndarray:
     """Find the samples that are used in a comparison.
 
-    All numbers of an answer, and the score on other motions, use these samples only.
+    All numbers of an answer, and the score on other motions, use these samples only. Samples that
+    the log has lost are not among them.
 
     Args:
         recording: The measured data.
@@ -169,6 +170,8 @@ def counted(recording: Recording, robot: Robot, *, twin: bool) -> np.ndarray:
         Mask of shape (samples, n_axes).
     """
     inside = settled(recording, robot)
+    if recording.lost is not None:
+        inside &= ~recording.lost
     return inside if twin else inside & rolling(recording, robot)
 
 

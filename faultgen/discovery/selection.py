@@ -45,6 +45,9 @@ FORM_ERROR = 0.002
 effect of a real robot differs from its law by some 10 %, and about a fifth of the difference looks
 like another effect: assumed."""
 
+LONGEST_SEARCH = 300
+"""Simulations after which no further effect is sought: assumed. They take some minutes."""
+
 _JUDGED = 8  # candidates that are judged on held-out recordings
 _RIVALS = 3  # swaps that are simulated
 
@@ -62,6 +65,9 @@ class Choice:
     rivals: tuple[tuple[int, Group, float], ...]
     """Exchanges that are not excluded: position in the set, the effect that is put there, and by
     how much the misfit increases."""
+    is_complete: bool = True
+    """Whether the search went on until no further effect was found. If not, it ended at
+    `LONGEST_SEARCH`."""
 
 
 def groups_of(terms: Sequence[Term]) -> list[Group]:
@@ -85,10 +91,19 @@ def needed(problem: Problem, group: Group) -> float:
         problem: The residual and the terms.
         group: The terms of the effect.
     """
-    if problem.twin:
+    return needed_of(problem.terms[group[0]].name, twin=problem.twin)
+
+
+def needed_of(effect: str, *, twin: bool) -> float:
+    """Return the same for an effect by its name.
+
+    Args:
+        effect: Name.
+        twin: Whether the residual is the difference of two recordings.
+    """
+    if twin:
         return SURE_TWIN
-    imitated = get_effect(problem.terms[group[0]].name).prior.imitated
-    return SURE_IMITATED if imitated else SURE
+    return SURE_IMITATED if get_effect(effect).prior.imitated else SURE
 
 
 def choose(problem: Problem) -> Choice:
@@ -103,7 +118,8 @@ def choose(problem: Problem) -> Choice:
     search = _Search(problem)
     current = search.empty
     fits = [current]
-    while True:
+    is_complete = True
+    while search.simulated < LONGEST_SEARCH:
         new = search.addition(current)
         if new is None:
             break
@@ -116,7 +132,9 @@ def choose(problem: Problem) -> Choice:
             break
         current = new
         fits.append(current)
-    return Choice(problem, tuple(fits), current, tuple(search.rivals(current)))
+    else:
+        is_complete = False
+    return Choice(problem, tuple(fits), current, tuple(search.rivals(current)), is_complete)
 
 
 class _Search:
@@ -126,6 +144,8 @@ class _Search:
         self.problem = problem
         self.candidates = groups_of(problem.terms)
         self._seen: dict[frozenset[Group], Fit | None] = {}
+        self.simulated = 0
+        """Number of simulations so far."""
         empty = self._fitted(())
         assert empty is not None
         self.empty = empty
@@ -137,8 +157,11 @@ class _Search:
     def _fitted(self, groups: Sequence[Group], start: np.ndarray | None = None) -> Fit | None:
         key = frozenset(groups)
         if key not in self._seen:
-            self._seen[key] = fit(self.problem, groups, start)
+            self._seen[key] = fit(self.problem, groups, start, simulating=self._count)
         return self._seen[key]
+
+    def _count(self) -> None:
+        self.simulated += 1
 
     def _term(self, group: Group) -> Term:
         return self.problem.terms[group[0]]

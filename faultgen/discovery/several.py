@@ -64,6 +64,8 @@ def joined(recordings: Sequence[Recording]) -> Recording:
             for own in one.segments
         ),
         notes=tuple(note for one in recordings for note in one.notes),
+        lost=_all_lost(recordings),
+        faults=tuple(fault for one in recordings for fault in one.faults),
     )
 
 
@@ -76,6 +78,14 @@ def _kind(recording: Recording) -> tuple[object, ...]:
     if recording.link:
         torque = "torque behind the gearbox"
     return recording.n_axes, recording.side, torque, recording.payload_mass
+
+
+def _all_lost(recordings: Sequence[Recording]) -> np.ndarray | None:
+    if all(one.lost is None for one in recordings):
+        return None
+    return np.concatenate(
+        [np.zeros(one.position.shape, bool) if one.lost is None else one.lost for one in recordings]
+    )
 
 
 def _all(arrays: Sequence[np.ndarray | None]) -> np.ndarray | None:

@@ -34,6 +34,7 @@ from faultgen.discovery.learned_law import Learned
 from faultgen.discovery.next_experiment import Experiment, next_experiment
 from faultgen.discovery.noise import is_same_noise
 from faultgen.discovery.order_analysis import find_orders
+from faultgen.discovery.placed import with_places
 from faultgen.discovery.recording import Recording, mean_of
 from faultgen.discovery.regression import Problem, plain, pose
 from faultgen.discovery.replay import Replay
@@ -141,6 +142,7 @@ def investigate(
     except ValueError as error:
         raise InputError(f"{recording.source}: {error}") from None
     problem = _with_orders(problem, workers, exclude)
+    problem = with_places(problem, workers=workers, exclude=exclude)
     scales: dict[str, float] = {}
     if twin is None and prior_scale is None:
         scales = learned_scales(problem)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -12,6 +13,9 @@ from faultgen.effects.elements import add_tendon
 from faultgen.effects.prior import Prior
 from faultgen.effects.structure import MASSLESS, payload_body
 from faultgen.errors import InputError
+
+if TYPE_CHECKING:
+    from faultgen.robot import Robot
 
 FREQUENCY = 60.0
 """Frequency of the payload on its stops [Hz]: assumed."""
@@ -51,6 +55,10 @@ def loosen_payload(spec: mujoco.MjSpec, axis: int, severity: float, *, direction
     stops.springlength = np.array([-severity / 2, severity / 2])
 
 
+def _directions(robot: Robot, axis: int) -> list[dict[str, Any]]:
+    return [{"direction": direction} for direction in range(3)]
+
+
 EFFECTS = (
     Effect(
         name="loose_tool",
@@ -62,7 +70,13 @@ EFFECTS = (
         signature="strikes and ringing where the payload's weight and inertia change sign along "
         "the play",
         element="slide loose_tool_x (y, z) of the payload, tendon springlength (dead band)",
-        prior=Prior(use="never", reason="its play would have to be searched for"),
+        prior=Prior(
+            std=1e-5,
+            steps=(1e-4, 5e-4, 2e-3, 8e-3),
+            play=True,
+            variants=_directions,
+            imitated=True,
+        ),
         source="sliding mass between elastic stops; their 60 Hz and 5 % damping are assumed, so "
         "that the smallest play has elastic stops too",
         largest=0.05,

@@ -8,7 +8,7 @@ numbers of a data sheet are off by some per cent, and what a model lacks is smal
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import mujoco
@@ -34,13 +34,51 @@ _ACROSS = 3e-4  # of a centre of mass, as seen on healthy development robots [m]
 _TURNED = 0.1  # angle of the payload about the last axis, one with its encoder's zero [rad]
 
 
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """Motion of one axis, as an effect sees it. Arrays have shape (samples,)."""
+
+    robot: Robot
+    """The unchanged model."""
+    axis: int
+    """From 1."""
+    joint: np.ndarray
+    """Position of the joint [rad], or [m]."""
+    motor: np.ndarray
+    """Position of the motor [rad]."""
+    velocity: np.ndarray
+    """Speed of the motor [rad/s]."""
+    torque: np.ndarray
+    """Torque of the motor of the unchanged model [N m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """How the place at which an effect acts is searched for."""
+
+    parameter: str
+    """Parameter of the effect that is the place, an angle in [rad]; [m] for a joint that slides."""
+    spacing: float
+    """Distance between the places that are tried."""
+    cause: Callable[[Seen, Mapping[str, Any]], np.ndarray]
+    """What severity 1 does, as a function of the motion and all parameters: a torque on the rotor
+    [N m], or with `twists` an error of the gearbox [rad, joint side]; shape (samples,)."""
+    twists: bool = False
+    """Whether the cause is an error of the gearbox, and not a torque."""
+    within_motion: bool = False
+    """Whether places are angles of the joint. Those of the motion are tried. Otherwise, places are
+    phases, and a whole turn is tried."""
+    others: Mapping[str, Any] = field(default_factory=dict)
+    """Other parameters, if they differ from the defaults of the effect."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Prior:
     """What discovery assumes about one effect."""
 
-    use: Literal["always", "on request", "periodic", "never"] = "always"
+    use: Literal["always", "on request", "periodic", "searched", "never"] = "always"
     """When the effect is a candidate. A periodic effect is probed at many orders, and its phase is
-    fitted."""
+    fitted. A searched one acts at one place, which `search` says how to find."""
     reason: str = ""
     """Why it is a candidate only on request, or never."""
     std: float | OnAxis = 0.0
@@ -51,12 +89,15 @@ class Prior:
     steps_in_std: float = 0.0
     """The same as a multiple of the standard deviation, for an effect that is linear in its
     severity. Give either this or `steps`."""
+    play: bool = False
+    """Whether the shape of the torque changes so much with the severity that slopes lead nowhere.
+    A fit then tries severities over a wide range."""
     scan: tuple[float, ...] = ()
-    """Further severities at which the effect is looked for, on all axes in one simulation. An
-    effect needs them if the shape of its torque changes so much with the severity that a fit from
-    another severity leads nowhere."""
+    """Further severities at which a play is looked for, on all axes in one simulation."""
     variants: Variants | None = None
     """Sets of parameters of the effect. Each of them is a candidate. None: the defaults."""
+    search: tuple[Search, ...] = ()
+    """How the place of a searched effect is found; the best place of all searches counts."""
     group: str = ""
     """Candidates of one group on one axis can imitate each other's laws together: two of them are
     named on one axis only if both are large."""
@@ -76,6 +117,10 @@ class Prior:
         """State what is wrong with the record in one line; empty if nothing is."""
         if self.use == "never":
             return "" if self.reason else "use = 'never' needs a reason"
+        if (self.use == "searched") != bool(self.search):
+            return "give search with use = 'searched', and only then"
+        if self.use == "searched":
+            return ""
         if self.use == "on request" and not self.reason:
             return "use = 'on request' needs a reason"
         if not callable(self.std) and not self.std > 0:

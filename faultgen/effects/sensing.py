@@ -16,8 +16,8 @@ from faultgen.effects.prior import Prior
 if TYPE_CHECKING:
     from faultgen.monitoring.sensors import Measured
 
-NO_SENSORS = "it acts on sensors, which the replay of a recording does not simulate"
-"""Why the effects of sensors are no candidates of discovery."""
+IN_THE_LOG = "it is seen in the log itself, which is searched for it without a simulation"
+"""Why effects of the log are no candidates among those that are simulated."""
 
 
 def scale_torque(
@@ -129,7 +129,7 @@ EFFECTS = (
         unit="fraction of the true torque that is shown too much",
         signature="every torque of the axis is larger in the log, by the same factor",
         element="log of torque",
-        prior=Prior(use="never", reason=NO_SENSORS),
+        prior=Prior(use="never", reason="torque_constant changes the log in the same way"),
         source="logged torque = (1 + severity) times the true one; the control is unaffected",
         largest=1.0,
         smallest=-0.9,
@@ -144,7 +144,7 @@ EFFECTS = (
         signature="none in torque; logged position in steps, logged speed in steps over the "
         "sample period",
         element="log of position and speed",
-        prior=Prior(use="never", reason=NO_SENSORS),
+        prior=Prior(use="never", reason=IN_THE_LOG),
         source="logged position = severity round(q_m / severity); speed as its difference",
         largest=7.0,
         step=0.01,
@@ -156,7 +156,7 @@ EFFECTS = (
         unit="fraction of samples that are lost",
         signature="single samples that repeat the one before, in position, speed and torque",
         element="log of all channels",
-        prior=Prior(use="never", reason=NO_SENSORS),
+        prior=Prior(use="never", reason=IN_THE_LOG),
         source="losses independent of one another, drawn by the seed; the first is never lost",
         largest=0.95,
         step=0.05,
@@ -168,7 +168,7 @@ EFFECTS = (
         unit="fraction of the cycle's time",
         signature="position, speed and torque that stay at one value, once a cycle",
         element="log of all channels",
-        prior=Prior(use="never", reason=NO_SENSORS),
+        prior=Prior(use="never", reason=IN_THE_LOG),
         source="one stretch a cycle; when it begins is drawn by the seed, each time as likely",
         largest=1.0,
         step=0.05,

@@ -5,15 +5,17 @@ A separate friction element represents it. Its friction torque is set between st
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from faultgen.effects.base import Effect, Moment, Place, Update
 from faultgen.effects.elements import ToldFriction, add_told_friction, numbered
-from faultgen.effects.prior import Prior
+from faultgen.effects.prior import Prior, Search, Seen
 from faultgen.errors import InputError
+from faultgen.mjcf.dcmotor import COULOMB
 
 
 def bump(angle: np.ndarray, centre: float | np.ndarray, width: float | np.ndarray) -> np.ndarray:
@@ -76,6 +78,14 @@ def follow_angle(places: Sequence[Place]) -> Update:
     return update
 
 
+def _push(seen: Seen, parameters: Mapping[str, Any]) -> np.ndarray:
+    """Torque on the rotor where the spot has the whole Coulomb friction of the axis."""
+    element = seen.robot.ids("actuator", "friction")[seen.axis - 1]
+    coulomb = float(seen.robot.model.actuator_biasprm[element, COULOMB])
+    spot = bump(seen.joint, parameters["angle"], parameters["width"])
+    return -np.sign(seen.velocity) * coulomb * spot
+
+
 EFFECTS = (
     Effect(
         name="seizing_spot",
@@ -83,7 +93,20 @@ EFFECTS = (
         unit="fraction of Coulomb friction, at the centre of the spot",
         signature="more torque against the motion about one angle of the joint",
         element="seizing_spot{i}, passive dcmotor lugre, told the joint's angle between steps",
-        prior=Prior(use="never", reason="the place of the spot would have to be searched for"),
+        prior=Prior(
+            use="searched",
+            search=tuple(
+                Search(
+                    parameter="angle",
+                    spacing=width / 6,
+                    within_motion=True,
+                    others={"width": width},
+                    cause=_push,
+                )
+                for width in (0.1, 0.14, 0.2, 0.28, 0.4)
+            ),
+            imitated=True,
+        ),
         source="position-dependent Coulomb friction; its form, a raised cosine "
         "(1 + cos(2 pi (q - angle) / width)) / 2, is assumed; angle and width in rad",
         step=0.3,

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
 
 from faultgen.effects.base import Effect, Place
 from faultgen.effects.elements import add_cogging, add_tendon, gear_ratio
-from faultgen.effects.prior import Prior
+from faultgen.effects.prior import Prior, Search, Seen
 from faultgen.effects.ripple import motor_order, with_error
 from faultgen.errors import InputError
 
@@ -114,6 +115,12 @@ def log_tooth_damage(truth: Cycle, logged: Cycle, place: Place) -> Cycle:
     return with_error(logged, place, error)
 
 
+def _lead(seen: Seen, parameters: Mapping[str, Any]) -> np.ndarray:
+    """Error of the gearbox of a pulse of 1 rad."""
+    shaft = seen.motor if parameters["per"] == "motor" else seen.joint
+    return pulse(shaft, parameters["phase"], parameters["width"])
+
+
 EFFECTS = (
     Effect(
         name="tooth_damage",
@@ -124,7 +131,27 @@ EFFECTS = (
         slide_units="m",
         signature="a short pulse and its ringing at one angle of the shaft, once a turn",
         element="tooth_damage{i}, two passive dcmotors with cogging for each harmonic of the pulse",
-        prior=Prior(use="never", reason="the place of the tooth would have to be searched for"),
+        prior=Prior(
+            use="searched",
+            search=(
+                Search(
+                    parameter="phase",
+                    spacing=0.1,
+                    others={"per": "motor"},
+                    cause=_lead,
+                    twists=True,
+                ),
+                Search(
+                    parameter="phase",
+                    spacing=0.1,
+                    within_motion=True,
+                    others={"per": "joint"},
+                    cause=_lead,
+                    twists=True,
+                ),
+            ),
+            imitated=True,
+        ),
         source="displacement of a damaged tooth as a local transmission error; its form, "
         "cos(x / 2)^(2 m), and width at half height [rad of the shaft] are assumed",
         largest=0.01,

@@ -66,6 +66,7 @@ EFFECTS = (
         prior=Prior(
             std=2e-6,
             steps=(2e-5, 3e-4, 2e-3),
+            play=True,
             # a play that differs by a fifth meets its gears at clearly other moments
             scan=tuple(np.geomspace(4e-5, 4e-3, 21).tolist()),
             imitated=True,

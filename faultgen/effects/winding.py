@@ -7,14 +7,15 @@ is part of an element. Its amplitude, the torque of the drive, is set between st
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from faultgen.effects.base import Effect, Moment, Place, Update
 from faultgen.effects.elements import add_cogging, numbered
-from faultgen.effects.prior import Prior
+from faultgen.effects.prior import Prior, Search, Seen
 from faultgen.errors import InputError
 from faultgen.robot import OFFSET
 
@@ -83,6 +84,12 @@ def follow_torque(places: Sequence[Place]) -> Update:
     return update
 
 
+def _missing(seen: Seen, parameters: Mapping[str, Any]) -> np.ndarray:
+    """Torque that is missing on the rotor if one phase gives nothing."""
+    angle = 2 * parameters["pole_pairs"] * seen.motor + parameters["phase"]
+    return -_SHARE * seen.torque * (1 + np.cos(angle))
+
+
 EFFECTS = (
     Effect(
         name="winding_fault",
@@ -92,7 +99,20 @@ EFFECTS = (
         "proportion to torque",
         element="winding_ripple{i}, winding_loss{i}, passive dcmotors with cogging, told the "
         "torque of drive{i} between steps",
-        prior=Prior(use="never", reason="the phase of the winding would have to be searched for"),
+        prior=Prior(
+            use="searched",
+            search=tuple(
+                Search(
+                    parameter="phase",
+                    spacing=0.2,
+                    others={"pole_pairs": pairs},
+                    cause=_missing,
+                )
+                for pairs in (2, 3, 4, 5)
+            ),
+            imitated=True,
+            at_motor=True,
+        ),
         source="torque = (1 - severity (1 + cos(2 p q_m + phase)) / 3) of the logged one: three "
         "phases with sinusoidal flux and current; 4 pole pairs are assumed",
         largest=1.0,

@@ -19,9 +19,10 @@ from faultgen.discovery.candidates import FREE_GAINS, Term, check_names, names_b
 from faultgen.discovery.inputs import check_positive, read_together, usable
 from faultgen.discovery.own_friction import with_own_friction
 from faultgen.discovery.physical import GAIN
-from faultgen.discovery.recording import Recording, mean_of
+from faultgen.discovery.recording import LogFault, Recording, mean_of
 from faultgen.discovery.regression import Problem
 from faultgen.discovery.replay import Replay, relative_error
+from faultgen.discovery.result import NAMED, NONE, PARTLY, UNKNOWN
 from faultgen.discovery.samples import counted
 from faultgen.discovery.with_laws import contract, outside, with_laws
 from faultgen.discovery.workflow import Discovery, investigate
@@ -119,6 +120,9 @@ def discover(
         )
         found = _completed(found)
         result = _result(found)
+        warnings += _add_log_faults(
+            result, [one for one in given.faults if one.effect not in exclude]
+        )
         if other is not None:
             try:
                 result["gap"]["validation"] = _validation(found, other)
@@ -144,6 +148,7 @@ def discover(
         *warnings,
         *_on_noise(found.problem),
         *friction_warnings(found),
+        *_on_search(found),
         *found.answer.lacks,
     ]
     result["seconds"] = round(time.monotonic() - started, 1)
@@ -163,6 +168,28 @@ def _on_noise(problem: Problem) -> list[str]:
         f"axis {axes}: the recording and its healthy twin differ by far less than the noise in "
         "each, as runs of one dataset with paired = true do; they are compared as if each had "
         "noise of its own, and runs with paired = false are the better test"
+    ]
+
+
+def _add_log_faults(result: dict[str, Any], faults: Sequence[LogFault]) -> list[str]:
+    """Add faults of the log to a result. Returns one line for the report about each."""
+    result["effects"] += [one.contract(result["gap"]["after"]) for one in faults]
+    if faults:
+        result["verdict"] = {NONE: NAMED, UNKNOWN: PARTLY}.get(result["verdict"], result["verdict"])
+    return [
+        f"axis {one.axis}: {one.effect} is seen in the log itself; samples that it spoils are not "
+        "used, and it is not put into the model"
+        for one in faults
+    ]
+
+
+def _on_search(found: Discovery) -> list[str]:
+    """A line for the report if the search for effects ended at its limit."""
+    if found.choice.is_complete:
+        return []
+    return [
+        f"the search for effects ended at its limit after {len(found.choice.best.groups)} effects, "
+        "so that there may be more; put these into the model (--robot OUT/model) and repeat it"
     ]
 
 

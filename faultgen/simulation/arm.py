@@ -32,6 +32,10 @@ def _rigid(
             spec.delete(tendon)
     for rotor in rotors:
         spec.delete(rotor)
+    held = spec.body("payload")
+    for play in list(held.joints) if held is not None else []:  # of a loose tool
+        spec.delete(spec.tendon(play.name))
+        spec.delete(play)
     if not payload:
         spec.delete(spec.body("payload"))
     model = spec.compile()

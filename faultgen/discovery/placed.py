@@ -1,0 +1,232 @@
+"""Effects that act at one place: an angle of the joint, or a phase of a turn, that is not known.
+
+The reaction to such an effect is told for many places without a simulation, see `reaction`. The
+place is the one at which the effect best explains what all other terms leave. The effect is then
+simulated there, and becomes a candidate.
+
+    problem = with_places(problem)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_solve
+
+from faultgen.discovery.candidates import FORM, Term, names_by_use
+from faultgen.discovery.evidence import factored
+from faultgen.discovery.friction_discrepancy import shapes_of
+from faultgen.discovery.reaction import Reaction
+from faultgen.discovery.regression import Problem, pose
+from faultgen.discovery.selection import needed_of
+from faultgen.discovery.sensitivities import sensitivities
+from faultgen.effects import get_effect
+from faultgen.effects.prior import Search, Seen
+
+_WAVE = "transmission_error"  # its simulated reactions tell those to other errors of the gearbox
+_PROMISING = 0.75  # share of the evidence that is needed, from which a place is simulated
+_CLOSER = 0.5 ** np.arange(1, 5)  # distances from the best place so far, over the spacing
+_BESIDE = 2.0  # distance of places that are simulated beside the best one, over the spacing
+_MOST = 2  # axes of one effect that are simulated
+_USUAL = 0.01  # standard deviation among healthy robots, over the severity that is probed: assumed
+
+
+def with_places(problem: Problem, *, workers: int = 1, exclude: Collection[str] = ()) -> Problem:
+    """Return the same problem with candidates for effects that act at one place.
+
+    Args:
+        problem: The residual and the terms.
+        workers: Number of processes. It has no effect on the result.
+        exclude: Effects that are not considered.
+
+    Returns:
+        The problem with a term for each effect and axis where a place is promising; the given one
+        if there is none.
+    """
+    names = [name for name in names_by_use("searched") if name not in exclude]
+    left = _Left(problem)
+    best: dict[tuple[str, int], _Place] = {}
+    for axis in range(1, problem.robot.n_axes + 1) if names else ():
+        if not problem.inside[left.rows, axis - 1].any():
+            continue
+        here = _Axis(problem, axis)
+        for name in names:
+            found = [here.best(left, name, search) for search in get_effect(name).prior.search]
+            best[name, axis] = max(found, key=lambda one: one.gain)
+    simulated: list[tuple[Term, np.ndarray]] = []
+    for name in names:
+        least = _PROMISING * needed_of(name, twin=problem.twin)
+        of_name = sorted(
+            (place for (own, _), place in best.items() if own == name), key=lambda one: -one.gain
+        )
+        for place in of_name[:_MOST]:
+            if place.gain > least:
+                simulated.append(_simulated(problem, left, place, workers))
+    if not simulated:
+        return problem
+    terms, columns = zip(*simulated, strict=True)
+    return pose(
+        problem.replay,
+        [*problem.terms, *terms],
+        problem.base,
+        np.concatenate([problem.raw, np.array(columns)]),
+        problem.residual,
+        twin=problem.twin,
+    )
+
+
+@dataclass(frozen=True)
+class _Place:
+    """An effect at the best place of one of its searches."""
+
+    gain: float
+    """Decrease of the misfit, as the linear reaction tells it."""
+    effect: str
+    axis: int
+    search: Search
+    at: float
+    """The place."""
+
+    def term(self, at: float) -> Term:
+        """The effect at a place."""
+        step = get_effect(self.effect).step
+        own = {self.search.parameter: at, **self.search.others}
+        return Term(self.effect, self.axis, step, _USUAL * step, tuple(own.items()))
+
+
+def _simulated(
+    problem: Problem, left: _Left, place: _Place, workers: int
+) -> tuple[Term, np.ndarray]:
+    """Simulate an effect at a place and beside it, and at the place that a parabola tells.
+
+    The linear reaction is not exact at frequencies that friction hardly has.
+
+    Returns:
+        The effect at the best of these places, and its column.
+    """
+    apart = _BESIDE * place.search.spacing
+    terms = [place.term(place.at + k * apart) for k in (-1, 0, 1)]
+    _, columns = sensitivities(problem.replay, terms, workers=workers)
+
+    def gain(column: np.ndarray) -> float:
+        return left.gain(column[:, place.axis - 1].astype(float), place.axis)
+
+    low, middle, high = (gain(column) for column in columns)
+    bend = low - 2 * middle + high
+    if bend < 0:
+        shift = float(np.clip((low - high) / (2 * bend), -2.0, 2.0))
+        new = place.term(place.at + shift * apart)
+        _, column = sensitivities(problem.replay, [new], workers=workers)
+        terms, columns = [*terms, new], np.concatenate([columns, column])
+    best = int(np.argmax([gain(column) for column in columns]))
+    return terms[best], columns[best]
+
+
+class _Axis:
+    """Searched effects on one axis, and the reactions to them."""
+
+    def __init__(self, problem: Problem, axis: int) -> None:
+        recording, robot, k = problem.recording, problem.robot, axis - 1
+        torque = problem.base[:, k]
+        if recording.side == "joint":
+            torque = torque / robot.gear_ratio[k]
+        motor = problem.motion.position[:, k]
+        joint = problem.replay.wanted[:, k]
+        self._seen = Seen(robot, axis, joint, motor, problem.motion.velocity[:, k], torque)
+        parts, period = recording.parts, recording.sample_period
+        own = {False: FORM, True: _WAVE}
+        shapes = -shapes_of(problem.replay)[:, :, k]  # friction is positive against the motion
+        self._reactions = {}
+        for twists, name in own.items():
+            causes, reactions = [], []
+            for term, raw in zip(problem.terms, problem.raw, strict=True):
+                if term.key != (name, axis):
+                    continue
+                given = dict(term.parameters)
+                if twists:
+                    causes.append(np.sin(given["order"] * motor + given["phase"]))
+                else:
+                    causes.append(shapes[int(given["shape"])])
+                reactions.append(raw[:, k])
+            if causes:
+                self._reactions[twists] = Reaction(causes, reactions, parts, period)
+
+    def best(self, left: _Left, name: str, search: Search) -> _Place:
+        """Find the best place of an effect, first among all places and then closer.
+
+        Args:
+            left: What is to be explained.
+            name: Effect with the use "searched".
+            search: One of its searches.
+
+        Returns:
+            The place. Its gain is 0 if the effect cannot act on the axis.
+        """
+        effect, seen = get_effect(name), self._seen
+        reaction = self._reactions.get(search.twists)
+
+        def tried(at: float) -> _Place:
+            gain = 0.0
+            if reaction is not None and seen.axis in effect.axes_on(seen.robot):
+                parameters = {**effect.parameters, search.parameter: at, **search.others}
+                gain = left.gain(reaction.to(search.cause(seen, parameters)), seen.axis)
+            return _Place(gain, name, seen.axis, search, at)
+
+        places, spacing = _places(search, seen)
+        best = max((tried(at) for at in places), key=lambda one: one.gain)
+        for distance in spacing * _CLOSER if best.gain > 0 else ():
+            sides = [tried(float(best.at + side * distance)) for side in (-1, 1)]
+            best = max([best, *sides], key=lambda one: one.gain)
+        return best
+
+
+def _places(search: Search, seen: Seen) -> tuple[list[float], float]:
+    """All places, and the distance between two of them."""
+    low, high = -np.pi, np.pi
+    if search.within_motion:
+        low, high = float(seen.joint.min()), float(seen.joint.max())
+    count = max(1, int(np.ceil((high - low) / search.spacing)))
+    spacing = (high - low) / count
+    return (low + (np.arange(count) + 0.5) * spacing).tolist(), spacing
+
+
+class _Left:
+    """What all terms of a problem leave, to be explained by further ones."""
+
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        evidence = problem.evidence()
+        gram = evidence.gram.sum(axis=0)
+        gram[np.diag_indices_from(gram)] += 1.0
+        self._inverse = cho_solve(factored(gram), np.eye(len(gram)))
+        self._solution = self._inverse @ evidence.right.sum(axis=0)
+        self.rows = problem.samples(problem.fitting)
+        """Samples that are used for fitting, shape (samples,)."""
+        self._target = problem.whiten(problem.residual)
+
+    def gain(self, column: np.ndarray, axis: int) -> float:
+        """Compute the decrease of the misfit by a term that acts on one axis.
+
+        Args:
+            column: Change of the torque of the axis per unit of the term, shape (samples,).
+            axis: From 1.
+
+        Returns:
+            The decrease; 0 if the severity would be negative.
+        """
+        own = self._problem.whiten_axis(column, axis)[self.rows]
+        others = self._columns(axis) @ own.astype(np.float32)
+        pull = own @ self._target[self.rows, axis - 1] - others @ self._solution
+        size = own @ own - others @ self._inverse @ others
+        if pull <= 0 or size <= 1e-6 * (own @ own):
+            return 0.0
+        return float(pull**2 / size)
+
+    def _columns(self, axis: int) -> np.ndarray:
+        """Whitened columns of all terms on an axis, kept for the next call."""
+        if getattr(self, "_of", None) != axis:
+            self._of = axis
+            self._own = np.ascontiguousarray(self._problem.white[:, self.rows, axis - 1])
+        return self._own

@@ -1,0 +1,81 @@
+"""Effects with a place, phase or direction are named with it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from faultgen.discovery.candidates import Term, names_by_use
+from faultgen.discovery.reaction import Reaction
+from faultgen.discovery.replay import Replay
+from faultgen.discovery.workflow import investigate
+from faultgen.effects import get_effect
+
+HIDDEN = {
+    "seizing_spot": (1, 2.0, {"angle": 0.3, "width": 0.25}),
+    "tooth_damage": (2, 2e-3, {"phase": 1.0, "per": "motor"}),
+    "winding_fault": (1, 0.3, {"phase": -2.0, "pole_pairs": 3}),
+    "loose_tool": (2, 2e-3, {"direction": 2}),
+}
+"""Axis, severity and parameters of each effect."""
+
+
+def with_effect(recording, robot, name):
+    """A recording to which the simulated change by an effect is added."""
+    axis, severity, parameters = HIDDEN[name]
+    replay = Replay(recording, robot, measured=False)
+    term = Term(name, axis, 0.0, 0.0, tuple(parameters.items()))
+    change = replay.torque([(term, severity)]) - replay.torque()
+    return replace(recording, torque=recording.torque + change, source="worn")
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_a_hidden_effect_is_named_with_its_place(name, tiny_robot, measured):
+    axis, severity, parameters = HIDDEN[name]
+    worn = with_effect(measured([], 0), tiny_robot, name)
+    found = investigate(worn, tiny_robot, measured([], 1))
+    (named,) = found.answer.effects
+    assert (named.effect, named.axis) == (name, axis)
+    assert named.severity == pytest.approx(severity, rel=0.15)
+    for key, value in parameters.items():
+        if isinstance(value, str):
+            assert named.parameters[key] == value
+        else:
+            assert named.parameters[key] == pytest.approx(value, abs=0.15)
+    assert found.answer.after < 1.1 * found.answer.floor
+
+
+def test_a_healthy_robot_has_no_promising_place(tiny_robot, measured):
+    found = investigate(measured([], 2), tiny_robot, measured([], 3))
+    assert {t.name for t in found.problem.terms}.isdisjoint(names_by_use("searched"))
+    assert found.answer.effects == ()
+
+
+def test_excluded_effects_are_not_searched_for(tiny_robot, measured):
+    worn = with_effect(measured([], 0), tiny_robot, "seizing_spot")
+    found = investigate(worn, tiny_robot, measured([], 1), exclude=["seizing_spot"])
+    assert "seizing_spot" not in {term.name for term in found.problem.terms}
+
+
+def test_reaction_is_that_of_the_filter():
+    """A filter that is known is found from two causes, in two separate recordings."""
+    rng = np.random.default_rng(0)
+    parts, period = [slice(0, 400), slice(400, 1000)], 0.01
+
+    def filtered(x):
+        return np.concatenate([lfilter([0.2, 0.1], [1.0, -0.6], x[part]) for part in parts])
+
+    causes = np.cumsum(rng.standard_normal((2, 1000)), axis=1)
+    reaction = Reaction(causes, [filtered(one) for one in causes], parts, period)
+    new = np.sin(np.arange(1000) / 7)
+    assert reaction.to(new) == pytest.approx(filtered(new), abs=2e-3)
+    assert np.all(Reaction([0 * new], [new], parts, period).to(new) == 0)
+
+
+@pytest.mark.parametrize("name", names_by_use("searched"))
+def test_every_searched_effect_tells_its_cause(name):
+    """Each search has a parameter of the effect, and knows its other ones."""
+    effect = get_effect(name)
+    for search in effect.prior.search:
+        assert {search.parameter, *search.others} <= set(effect.parameters)
