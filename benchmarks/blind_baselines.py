@@ -100,7 +100,7 @@ def _read(measured: Path, healthy: Path, robot: Robot) -> _Case:
     inside = settled(recording, robot)
     parts, scoring = cut(recording, robot, inside)
     scored = samples_of([parts[p] for p in scoring], len(gap))[:, None]
-    motion = recording.derivatives(recording.motor_position(robot.gear_ratio))
+    motion = recording.derivatives(recording.motor_position(robot))
     return _Case(
         recording, robot, gap, inside & ~scored, inside & scored, motion, np.random.default_rng(0)
     )

@@ -180,7 +180,7 @@ def test_the_next_experiment_is_the_motion_that_tells_most(posed, monkeypatch, o
         assert found.separates[0] == own[:2] and found.separates[1] in rivals
     task = Task(**{"name": best, "robot": "tiny", **tomllib.loads(found.toml)})
     reference = plan(task, problem.robot)(np.linspace(0, 3, 50))[0]
-    seen = problem.recording.joint_position(problem.robot.gear_ratio)
+    seen = problem.recording.joint_position(problem.robot)
     assert (reference >= seen.min(axis=0) - 1e-6).all()
     assert (reference <= seen.max(axis=0) + 1e-6).all()
 

@@ -38,7 +38,7 @@ def test_own_motions_stay_within_the_recording(problem):
     robot = problem.robot
     tasks = dict(library(problem))
     assert list(tasks) == ["slow_reversals", "speed_ladder", "poses"]
-    seen = robot.to_degrees(problem.recording.joint_position(robot.gear_ratio))
+    seen = robot.to_degrees(problem.recording.joint_position(robot))
     extent = seen.max(axis=0) - seen.min(axis=0)
     for name, toml in tasks.items():
         poses, _ = moves(toml)

@@ -30,7 +30,7 @@ def problem(tiny_robot):
         torque=np.ones((COUNT, 2)),
         segments=(0, COUNT // 2),
     )
-    position = recording.motor_position(tiny_robot.gear_ratio)
+    position = recording.motor_position(tiny_robot)
     _, velocity, acceleration = recording.derivatives(position)
     use = np.arange(COUNT)
     return SimpleNamespace(

@@ -63,14 +63,15 @@ def check_recording(recording: Recording, robot: Robot) -> list[Finding]:
         text = f"the file says robot '{recording.robot}', the model is {robot.name}"
         findings.append(Finding("warn", 0, text))
     motor = recording.side == "motor"
-    joint = recording.joint_position(robot.gear_ratio)
+    joint = recording.joint_position(robot)
     findings += _units(recording, robot, joint)
     findings += _gaps(recording, robot, joint)
     if any(finding.level == "refuse" for finding in findings):
         return _sorted(findings)  # derivatives and torques of such data mean nothing
     q, qd, qdd = recording.derivatives(joint)
-    findings += _velocity(recording, qd * robot.gear_ratio if motor else qd)
-    findings += _excitation(recording, robot, q, qd)
+    outputs = robot.gearing.outputs(qd)
+    findings += _velocity(recording, outputs * robot.gear_ratio if motor else qd)
+    findings += _excitation(recording, robot, robot.gearing.outputs(q), outputs)
     if recording.link:
         expected = Arm(robot).inverse_dynamics(q, qd, qdd)
         return _sorted(findings + _torque(recording, robot, expected, qd))
@@ -81,8 +82,8 @@ def check_recording(recording: Recording, robot: Robot) -> list[Finding]:
     expected = motor_torque(Arm(robot), q, qd, qdd)
     if not motor:
         expected = expected * robot.gear_ratio
-    expected += _missing_friction(recording, robot, expected, qd)
-    findings += _torque(recording, robot, expected, qd)
+    expected += _missing_friction(recording, robot, expected, outputs)
+    findings += _torque(recording, robot, expected, outputs)
     return _sorted(findings)
 
 

@@ -43,7 +43,7 @@ def followed(
         Joint side, shape (samples, n_axes), in [rad], or [m] for slides.
     """
     if position is None:
-        position = recording.joint_position(robot.gear_ratio)
+        position = recording.joint_position(robot)
     arm = Arm(robot)
     trials = _smoothed(position, recording)
     errors = [_error(recording, arm, one, inside) for one in trials]

@@ -84,7 +84,7 @@ def shapes_of(replay: Replay) -> np.ndarray:
         Shape (shapes, samples, n_axes), in [N m]; positive with forward motion.
     """
     recording, robot = replay.recording, replay.robot
-    motor = replay.wanted * robot.gear_ratio
+    motor = robot.gearing.outputs(replay.wanted) * robot.gear_ratio
     friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")]
     coulomb = friction[:, COULOMB]
     height = friction[:, STICTION] - coulomb

@@ -55,7 +55,7 @@ def with_friction_law(robot: Robot, recording: Recording) -> Robot:
     lacking = np.flatnonzero(without_friction(robot))
     if not len(lacking):
         return robot
-    position = recording.motor_position(robot.gear_ratio)
+    position = recording.motor_position(robot)
     _, speed, _ = recording.derivatives(position)
     torque = recording.torque / (robot.gear_ratio if recording.side == "joint" else 1.0)
     spec = robot.spec()

@@ -136,18 +136,14 @@ def usable(
     Raises:
         InputError: The file or the cut-off frequency cannot be used. The message is one line.
     """
-    if robot.gearing.coupled.any():
-        axis = int(np.argmax(robot.gearing.coupled)) + 1
-        raise InputError(
-            f"robot {robot.name}: gearbox{axis} also turns with another joint; recordings can only "
-            "be compared with robots whose gearboxes turn with their own joint alone"
-        )
     if low_pass is not None:
         check_positive("low-pass", low_pass)
     recording = repaired(read_recording(path))
     _check_length(recording)
     if low_pass is not None and recording.reference_position is None:
         recording = low_passed(recording, low_pass)
+    if robot.gearing.coupled.any() and recording.n_axes == robot.n_axes:
+        recording = recording.on_motor_side(robot)
     found = []
     if recording.current and recording.n_axes == robot.n_axes:
         if constants is None:

@@ -226,7 +226,7 @@ def _coarse_encoders(
 def _steps(recording: Recording, robot: Robot) -> np.ndarray:
     """Steps of each axis' position, motor side, shape (n_axes,); 0 if it has none."""
     steps = np.zeros(recording.n_axes)
-    position = recording.motor_position(robot.gear_ratio)
+    position = recording.motor_position(robot)
     for axis in range(recording.n_axes):
         values = np.unique(
             position[:, axis]

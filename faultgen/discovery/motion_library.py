@@ -92,7 +92,8 @@ class AllowedPoses:
         if np.any(pose < self.low - 1e-9) or np.any(pose > self.high + 1e-9):
             return False
         robot, still = self.arm.robot, np.zeros((1, len(pose)))
-        load = self.arm.inverse_dynamics(pose[None], still, still)[0] / robot.gear_ratio
+        load = robot.gearing.torque(self.arm.inverse_dynamics(pose[None], still, still))[0]
+        load = load / robot.gear_ratio
         if np.any(np.abs(load) > _HOLDING * robot.motor_torque_limit):
             return False
         return self.is_above_floor(pose)

@@ -46,9 +46,8 @@ def constants_of(recording: Recording, robot: Robot) -> TorqueConstants:
     Raises:
         InputError: Too little of the recording moves.
     """
-    ratio = robot.gear_ratio
     current = recording.torque
-    q, qd, qdd = recording.derivatives(recording.joint_position(ratio))
+    q, qd, qdd = recording.derivatives(recording.joint_position(robot))
     needed = motor_torque(Arm(robot), q, qd, qdd)
     size = np.ptp(current, axis=0)
     constant = np.ones(robot.n_axes)
@@ -62,7 +61,7 @@ def constants_of(recording: Recording, robot: Robot) -> TorqueConstants:
         motor = replace(
             recording,
             side="motor",
-            position=recording.motor_position(ratio),
+            position=recording.motor_position(robot),
             velocity=None,
             torque=constant * current,
         )

@@ -120,12 +120,12 @@ def planned_recording(problem: Problem, name: str, toml: str) -> Recording:
     period = problem.recording.sample_period
     times = np.arange(int(min(motion.period, _LONGEST) / period)) * period
     reference = motion(times)[0]
-    ratio = robot.gear_ratio if problem.recording.side == "motor" else 1.0
+    motor = problem.recording.side == "motor"
     temperature = problem.recording.temperature
     return replace(
         problem.recording,
         source=name,
-        position=reference * ratio,
+        position=robot.gearing.outputs(reference) * robot.gear_ratio if motor else reference,
         torque=np.zeros_like(reference),
         velocity=None,
         reference_position=reference,
@@ -148,7 +148,7 @@ def library(problem: Problem) -> Iterator[tuple[str, str]]:
 def _own(problem: Problem, robot: Robot) -> Iterator[tuple[str, str]]:
     """Moves between joint angles that lie within the range of the recording."""
     recording = problem.recording
-    joints = robot.to_degrees(recording.joint_position(robot.gear_ratio))
+    joints = robot.to_degrees(recording.joint_position(robot))
     low, middle, high = np.quantile(joints, [0.15, 0.5, 0.85], axis=0)
 
     def task(text: str, moves: list[tuple[np.ndarray, float, float]]) -> str:

@@ -42,7 +42,7 @@ def find_orders(problem: Problem, error: np.ndarray) -> list[Order]:
     Returns:
         Orders that noise does not explain, strongest first.
     """
-    turns = problem.recording.motor_position(problem.robot.gear_ratio) / (2 * np.pi)
+    turns = problem.recording.motor_position(problem.robot) / (2 * np.pi)
     use = problem.samples(problem.fitting)
     velocity = problem.motion.velocity
     found = []

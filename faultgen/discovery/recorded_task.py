@@ -73,7 +73,7 @@ def recorded_task(recording: Recording, robot: Robot, name: str) -> str:
     Raises:
         InputError: The recorded motions are too long.
     """
-    wanted = recording.commanded(robot.gear_ratio)
+    wanted = recording.commanded(robot)
     ways = [wanted[part] for part in recording.parts]
     if recording.reference_position is None:
         ways = [_calmed(way, recording.sample_period) for way in ways]
@@ -128,7 +128,7 @@ def known_task(recording: Recording, robot: Robot) -> str | None:
         Name of the first task with sampled paths that are the motions of the recording; None if
         there is none.
     """
-    position = recording.joint_position(robot.gear_ratio)
+    position = recording.joint_position(robot)
     ways = [position[part] for part in recording.parts]
     ways = [ways[k] for k in distinct(ways)]
     for name in robot.tasks:

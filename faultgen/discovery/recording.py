@@ -212,40 +212,78 @@ class Recording:
             return self.temperature
         return np.broadcast_to(self.temperature[:, None], self.position.shape)
 
-    def joint_position(self, gear_ratio: np.ndarray) -> np.ndarray:
+    def joint_position(self, robot: Robot) -> np.ndarray:
         """Return the measured position on the joint side.
 
         Args:
-            gear_ratio: Rotor turns per joint turn. Shape (n_axes,).
+            robot: The model, for its gearboxes.
 
         Returns:
             Position, shape (samples, n_axes), in [rad].
         """
-        return self.position / gear_ratio if self.side == "motor" else self.position
+        return robot.gearing.joints(self.position) if self.side == "motor" else self.position
 
-    def motor_position(self, gear_ratio: np.ndarray) -> np.ndarray:
+    def motor_position(self, robot: Robot) -> np.ndarray:
         """Return the measured position on the motor side.
 
         Args:
-            gear_ratio: Rotor turns per joint turn. Shape (n_axes,).
+            robot: The model, for its gearboxes.
 
         Returns:
             Position, shape (samples, n_axes), in [rad].
         """
-        return self.position * gear_ratio if self.side == "joint" else self.position
+        if self.side == "motor":
+            return self.position
+        return robot.gearing.outputs(self.position) * robot.gear_ratio
 
-    def commanded(self, gear_ratio: np.ndarray) -> np.ndarray:
+    def commanded(self, robot: Robot) -> np.ndarray:
         """Return the commanded position on the joint side; the measured one if none was recorded.
 
         Args:
-            gear_ratio: Rotor turns per joint turn. Shape (n_axes,).
+            robot: The model, for its gearboxes.
 
         Returns:
             Position, shape (samples, n_axes), in [rad].
         """
         if self.reference_position is not None:
             return self.reference_position
-        return self.joint_position(gear_ratio)
+        return self.joint_position(robot)
+
+    def on_motor_side(self, robot: Robot) -> Recording:
+        """Convert a recording of a robot whose gearboxes also turn with other joints.
+
+        The torque of such a joint belongs to several motors. Each axis is compared with the model
+        on its own, so that such a recording is used on the motor side.
+
+        Args:
+            robot: The model.
+
+        Returns:
+            Position, velocity and torque of the motors. Currents stay what they are. The same
+            recording if it is on the motor side.
+
+        Raises:
+            InputError: The torque was measured behind the gearbox.
+        """
+        if self.side == "motor":
+            return self
+        if self.link:
+            raise InputError(
+                f"{self.source}: its torque was measured behind the gearboxes; in {robot.name}, "
+                "they also turn with other joints, and then only the torque of the motors can be "
+                "compared"
+            )
+        gearing, ratio = robot.gearing, robot.gear_ratio
+        velocity = self.velocity
+        spread = (gearing.matrix != 0) | (np.linalg.inv(gearing.matrix).T != 0)
+        return replace(
+            self,
+            side="motor",
+            position=self.motor_position(robot),
+            velocity=None if velocity is None else gearing.outputs(velocity) * ratio,
+            torque=self.torque if self.current else gearing.torque(self.torque) / ratio,
+            lost=None if self.lost is None else self.lost @ spread.T,
+        )
 
     def derivatives(self, position: np.ndarray) -> np.ndarray:
         """Compute smoothed position, velocity and acceleration (Savitzky and Golay).

@@ -102,7 +102,7 @@ class Problem:
     @cached_property
     def motion(self) -> Kinematics:
         """Measured motion, smoothed."""
-        position = self.recording.motor_position(self.robot.gear_ratio)
+        position = self.recording.motor_position(self.robot)
         _, velocity, acceleration = self.recording.derivatives(position)
         return Kinematics(position, velocity, acceleration)
 
@@ -330,7 +330,7 @@ def _trust(recording: Recording, robot: Robot, left: np.ndarray, inside: np.ndar
 
 def _drivers(recording: Recording, robot: Robot) -> list[np.ndarray]:
     """Speed and load, with which noise may grow; each of shape (samples, n_axes), not negative."""
-    position = recording.motor_position(robot.gear_ratio)
+    position = recording.motor_position(robot)
     _, velocity, _ = recording.derivatives(position)
     load, _, _ = recording.derivatives(recording.torque)
     return [np.abs(velocity), np.abs(load)]

@@ -80,7 +80,7 @@ class Replay:
         self.robot = robot
         self.measured = recording.reference_position is None if measured is None else measured
         """Whether the measured positions are followed."""
-        self.wanted = recording.commanded(robot.gear_ratio)
+        self.wanted = recording.commanded(robot)
         """Position that the model is to follow, joint side, shape (samples, n_axes)."""
         if not self.measured:
             self.controls = self._controls(self.wanted)
@@ -89,7 +89,7 @@ class Replay:
         self.controls = self._controls(reference)
         for _ in range(_CORRECTIONS):
             with suppress(SimulationFailed):
-                reached = self._logged("motor_position", ()) / robot.gear_ratio
+                reached = robot.gearing.joints(self._logged("motor_position", ()))
                 lag, _, _ = recording.derivatives(self.wanted - reached)  # smoothed: no more noise
                 reference = reference + lag
                 self.controls = self._controls(reference)
@@ -345,7 +345,7 @@ def settled(recording: Recording, robot: Robot) -> np.ndarray:
     Returns:
         Mask of shape (samples, n_axes).
     """
-    position = recording.motor_position(robot.gear_ratio)
+    position = recording.motor_position(robot)
     skipped = round(SETTLING / recording.sample_period)
     mask = np.zeros(recording.position.shape, bool)
     for part in recording.parts:

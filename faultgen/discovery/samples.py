@@ -242,7 +242,7 @@ def _moves(recording: Recording, robot: Robot) -> np.ndarray:
 
 def _motor_speed(recording: Recording, robot: Robot) -> np.ndarray:
     """Size of the motors' speed by differences, shape (samples, n_axes), in [rad/s]."""
-    position = recording.motor_position(robot.gear_ratio)
+    position = recording.motor_position(robot)
     speed = np.zeros(position.shape)
     for part in recording.parts:
         speed[part] = np.gradient(position[part], recording.sample_period, axis=0)

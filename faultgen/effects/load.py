@@ -41,14 +41,16 @@ def follow_load(places: Sequence[Place]) -> Update:
         shares[place.axis - 1] += place.severity
     axes = np.flatnonzero(shares)
     share, ratio = shares[axes], robot.gear_ratio[axes]
-    motors, joints = (where[axes] for where in robot.addresses(model))
+    motors, joints = robot.addresses(model)
     gearbox = Gearbox(model, robot.ids("tendon", "gearbox", model)[axes])
     numbers = (axes + 1).tolist()
     friction = ToldFriction(robot, model, [f"load_friction{axis}" for axis in numbers], numbers)
 
     def update(moment: Moment) -> None:
-        twist = moment.qpos[:, motors] / ratio - moment.qpos[:, joints]
-        rate = moment.qvel[:, motors] / ratio - moment.qvel[:, joints]
+        twist, rate = (
+            (state[:, motors] / robot.gear_ratio - robot.gearing.outputs(state[:, joints]))[:, axes]
+            for state in (moment.qpos, moment.qvel)
+        )
         load = np.abs(gearbox.torque(twist + rate * (moment.interval / 2), rate) / ratio)
         friction.tell(moment, share * load)
 

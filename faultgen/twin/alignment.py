@@ -86,9 +86,10 @@ def find_cycles(recording: Recording, motion: KnownMotion) -> list[np.ndarray]:
         raise InputError(
             f"{recording.source}: has {recording.n_axes} axes, but the motion has {n_axes}"
         )
-    position = recording.joint_position(motion.gear_ratio)
-    torque = recording.torque
-    if recording.side == "joint":
+    position, torque = recording.position, recording.torque
+    if recording.side == "motor":
+        position = position / motion.gear_ratio
+    else:
         torque = torque / motion.gear_ratio
     by_stretch = []
     for number, (start, end) in enumerate(motion.stretches, start=1):

@@ -149,7 +149,7 @@ def furnish(
     shared = nominal(str(out), TASK, period)
     known, clean = nominal_cycle(shared, period)
     runs = run_differences(replay, recordings)
-    _, speed, _ = mean.derivatives(mean.motor_position(robot.gear_ratio))
+    _, speed, _ = mean.derivatives(mean.motor_position(robot))
     noise = torque_noise_of(runs, replay, np.abs(speed), np.abs(mean.torque))
     side = robot.gear_ratio if mean.side == "joint" else np.ones(robot.n_axes)
     deviation = noise.deviation / np.abs(side)
@@ -201,6 +201,12 @@ def furnish(
 
 def _read(healthy: Sequence[str | Path], robot: Robot) -> tuple[list[Recording], list[str]]:
     """Read recordings of the same motions, with the torque constants of the first one."""
+    if robot.gearing.coupled.any():
+        axis = int(np.argmax(robot.gearing.coupled)) + 1
+        raise InputError(
+            f"robot {robot.name}: gearbox{axis} also turns with another joint; a twin is made of a "
+            "robot whose gearboxes turn with their own joint alone"
+        )
     recordings, warnings = read_all(healthy, robot)
     if recordings[0].link:
         raise InputError(
