@@ -1,4 +1,4 @@
-"""Commands that make datasets and check them."""
+"""Commands that make datasets."""
 
 from __future__ import annotations
 
@@ -17,10 +17,9 @@ from faultgen.cli.app import (
     app,
     names,
     print_json,
-    print_table,
     worker_count,
 )
-from faultgen.cli.values import TRAINING, axes_of, part_of, severities_of, task_of
+from faultgen.cli.values import TRAINING, axes_of, numbers_of, part_of, severities_of, task_of
 from faultgen.errors import InputError, SimulationFailed
 
 if TYPE_CHECKING:
@@ -89,6 +88,27 @@ def generate(
         typer.Option(
             help="Preset of sensor noise and disturbances, none, thesis or realistic, or the path "
             "of a sensors file. Default: the sensors in the robot's folder, or none."
+        ),
+    ] = None,
+    speed: Annotated[
+        str | None,
+        typer.Option(
+            help="Speed override: 0.5 means half of the programmed speed. For several, write "
+            "0.5,1; all runs are made at each of them. Default: 1."
+        ),
+    ] = None,
+    payload: Annotated[
+        str | None,
+        typer.Option(
+            help="Mass of the payload in kg, which the controller knows. For several, write 0,50. "
+            "Default: that of the model."
+        ),
+    ] = None,
+    temperature: Annotated[
+        str | None,
+        typer.Option(
+            help="Mean temperature of the gearboxes in °C, from 30 to 80. For several, write "
+            "30,50. Default: that at which the friction of the model holds, usually 40."
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the first repetition.")] = None,
@@ -163,11 +183,11 @@ def generate(
 ) -> None:
     """Generate a labelled dataset. If it was interrupted, run the same command again to resume.
 
-    The dataset has one run for every combination of robot, task, effect, axis and severity, and
-    one more run of the healthy robot for each robot and task. Defaults: the effect is
-    friction_wear, it acts on every axis that it can act on, the final severity is 0.2 (effects
-    with a unit have a default of their own, see 'faultgen effects'), the schedule is exponential,
-    and a run has 100 cycles without noise.
+    The dataset has one run for every combination of robot, task, speed, payload, temperature,
+    effect, axis and severity, and one more run of the healthy robot for each of the first five.
+    Defaults: the effect is friction_wear, it acts on every axis that it can act on, the final
+    severity is 0.2 (effects with a unit have a default of their own, see 'faultgen effects'), the
+    schedule is exponential, and a run has 100 cycles without noise.
 
     \b
     faultgen generate --robot irb6700 --task spot_weld --axis 3 --cycles 50 -o out
@@ -189,6 +209,9 @@ def generate(
         "schedule": schedule,
         "cycles": cycles,
         "sensors": sensors,
+        "speed": numbers_of("speed", speed),
+        "payload": numbers_of("payload", payload),
+        "temperature": numbers_of("temperature", temperature),
         "seed": seed,
         "repetitions": repetitions,
         "paired": paired,
@@ -263,110 +286,6 @@ def merge(
     from faultgen.dataset.sweep import merge_parts
 
     _print_summary(merge_parts(folder, keep=keep), as_json)
-
-
-@app.command()
-def info(folder: Folder, as_json: Json = False) -> None:
-    """List the runs of a dataset, or the robots of a fleet, and check all of its files.
-
-    The command reports whether the dataset is complete and intact. The exit status is 1 if runs are
-    missing or damaged, or were made by different versions of faultgen.
-    """
-    from faultgen.dataset.reader import MERGED, open_dataset
-    from faultgen.fleet.data import is_fleet
-
-    if is_fleet(folder):
-        _fleet_info(folder, as_json)
-        return
-    dataset = open_dataset(folder)
-    damaged = dataset.damaged()
-    broken = {Path(name).stem for name in damaged}
-    versions = dataset.versions()
-    rows = []
-    for run_id, parameters in dataset.planned.items():
-        state = "missing" if run_id in dataset.missing else "ok"
-        state = "failed" if run_id in dataset.failed else state
-        state = "damaged" if run_id in broken else state
-        rows.append(
-            {
-                "run": run_id,
-                "robot": Path(parameters["robot"]).stem,
-                "task": Path(parameters["task"]).stem,
-                "effect": parameters["effect"],
-                "axes": "+".join(map(str, parameters["axes"])) or "-",
-                "severity": parameters["severity"],
-                "cycles": parameters["cycles"],
-                "sensors": parameters["sensors"],
-                "seed": parameters["seed"],
-                "state": state,
-            }
-        )
-    merged = dataset.path / MERGED
-    complete = not dataset.missing and merged.is_file()
-    whole = complete and not damaged and len(versions) < 2
-    result: dict[str, Any] = {
-        "folder": str(folder),
-        "complete": complete,
-        "intact": not damaged,
-        "runs": rows,
-        "splits": {
-            by: {part: len(ids) for part, ids in parts.items()}
-            for by, parts in dataset.manifest.splits.items()
-        },
-        "only_copy": sum(not run.own_file for run in dataset.runs),
-        "missing": dataset.missing,
-        "failed": dataset.failed,
-        "damaged": damaged,
-        "versions": {str(version): ids for version, ids in versions.items()},
-    }
-    if as_json:
-        print_json(result)
-    else:
-        print_table(rows)
-        print(f"{len(rows)} runs planned, {len(dataset.missing)} missing, {len(damaged)} damaged")
-        for by, counts in result["splits"].items():
-            print(f"split by {by}: " + ", ".join(f"{n} {part}" for part, n in counts.items()))
-        if result["only_copy"]:
-            print(f"{result['only_copy']} runs have no file of their own; {MERGED} holds them")
-        for run_id, reason in dataset.failed.items():
-            print(f"failed: {run_id}: {reason}")
-        for name, reason in damaged.items():
-            print(f"damaged: {name}: {reason}")
-        if not merged.is_file():
-            print("dataset.h5 is missing")
-        if len(versions) > 1:
-            for version, ids in versions.items():
-                print(f"made by {version}: {', '.join(ids)}")
-            print(
-                "the runs were made by different versions; run the generate command again with "
-                "--regenerate to make all of them with this version"
-            )
-        print(
-            "the dataset is complete and intact"
-            if whole
-            else "the dataset is not in order; run the generate command again to complete it"
-        )
-    if not whole:
-        raise typer.Exit(1)
-
-
-def _fleet_info(folder: Path, as_json: bool) -> None:
-    """Carry out `info` on a fleet."""
-    from faultgen.fleet.data import fleet_state
-
-    rows = fleet_state(folder)
-    whole = all(row["state"] == "ok" for row in rows)
-    if as_json:
-        print_json({"folder": str(folder), "complete": whole, "intact": whole, "robots": rows})
-    else:
-        print_table(rows)
-        print(
-            "the fleet is complete and intact"
-            if whole
-            else "the fleet is not in order; run the fleet command again to complete it"
-        )
-    if not whole:
-        raise typer.Exit(1)
 
 
 @app.command()

@@ -81,6 +81,22 @@ def severities_of(text: str | None) -> list[float] | dict[str, list[float]] | No
     return found[""] if "" in found else found
 
 
+def numbers_of(name: str, text: str | None) -> list[float] | None:
+    """Parse "0.5,1" to a list.
+
+    Args:
+        name: Name of the option, for the message.
+        text: The text, or None.
+
+    Raises:
+        InputError: The text has something else than numbers.
+    """
+    try:
+        return None if text is None else [float(number) for number in text.split(",")]
+    except ValueError:
+        raise InputError(f"--{name}: give numbers such as 0.5,1, not '{text}'") from None
+
+
 def part_of(text: str | None) -> tuple[int, int] | None:
     """Part and number of parts from '3/10'."""
     if text is None:

@@ -59,7 +59,7 @@ def data_card(runs: Sequence[OpenRun], manifest: Manifest) -> str:
         + (f" {missing} planned runs are missing." if missing else ""),
     ]
     if len(table):
-        parts += [_content(table), *_files(), *_arrays(runs)]
+        parts += [_content(table), *_operations(table), *_files(), *_arrays(runs)]
     parts += [
         "## Origin",
         f"Made by {'; '.join(versions) or 'no run'}. The experiment is in `experiment.toml` "
@@ -84,6 +84,18 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     # a bar, as in |torque|, would end the cell
     cells = [[str(cell).replace("|", "\\|") for cell in row] for row in rows]
     return tabulate(cells, head, tablefmt="github", disable_numparse=True)
+
+
+def _operations(table: pd.DataFrame) -> list[str]:
+    """Speeds, payloads and temperatures, if there are several."""
+    kinds = {"speed": "speed overrides", "payload_mass": "payloads [kg]"}
+    kinds["mean_temperature"] = "temperatures of the gearboxes [°C]"
+    told = [
+        f"{words} {', '.join(f'{one:g}' for one in sorted(set(table[name])))}"
+        for name, words in kinds.items()
+        if table[name].nunique() > 1
+    ]
+    return [f"Every combination of these was made: {'; '.join(told)}."] if told else []
 
 
 def _listed(table: pd.DataFrame, column: str) -> str:

@@ -20,6 +20,7 @@ from faultgen.dataset.planning import Run, check_runs, plan_runs
 from faultgen.dataset.run import make_run
 from faultgen.effects import get_effect
 from faultgen.errors import SimulationFailed
+from faultgen.simulation.operation import Operation
 from faultgen.system.progress import follow
 
 _SHORT, _LONG = 1, 3  # cycles of the runs that are measured
@@ -57,10 +58,11 @@ def estimate(experiment: Experiment, *, workers: int = 1, progress: bool = True)
     """
     runs = plan_runs(experiment)
     check_runs(runs)
-    kinds: dict[tuple[str, str, bool, bool], list[Run]] = {}
+    kinds: dict[tuple[str, str, Operation, bool, bool], list[Run]] = {}
     for run in runs:
         stepped = any(get_effect(one.effect).between is not None for one in run.faults)
-        kinds.setdefault((run.robot, run.task, bool(run.axes), stepped), []).append(run)
+        kind = (run.robot, run.task, run.operation, bool(run.axes), stepped)
+        kinds.setdefault(kind, []).append(run)
     seconds, size = 0.0, 0.0
     for of in follow(list(kinds.values()), "measuring", len(kinds), "run", progress):
         measured = [_measured(of[0], cycles) for cycles in (_SHORT, _LONG)]

@@ -8,6 +8,7 @@ or a list of values, and the dataset has a run for every combination of these va
 
 from __future__ import annotations
 
+import itertools
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -28,8 +29,10 @@ from faultgen.dataset.severity import check_severity, default_severity
 from faultgen.dataset.wear import severities
 from faultgen.effects import HEALTHY, get_effect
 from faultgen.effects.base import DEFAULT_FRACTION
+from faultgen.effects.temperature import TEMPERATURE_RANGE
 from faultgen.errors import InputError
 from faultgen.monitoring.sensors import get_sensors, sensors_of
+from faultgen.simulation.operation import Operation
 from faultgen.system.reading import read_text
 
 SCHEMA_VERSION = 2
@@ -78,6 +81,11 @@ def _axes(value: Any) -> Any:
     return [_listed(item) for item in _listed(value)]
 
 
+def _several(value: Any) -> Any:
+    """Make a list of one number; None stays None."""
+    return None if value is None else _listed(value)
+
+
 def _severities(value: Any) -> Any:
     """Turn 0.1 into [0.1], also within a table of severities by effect."""
     if isinstance(value, dict):
@@ -103,6 +111,10 @@ Severities = Annotated[list[Severity], Field(min_length=1)]
 Window = Annotated[
     list[Annotated[float, Field(ge=0, allow_inf_nan=False)]], Field(min_length=2, max_length=2)
 ]
+
+Speed = Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)]
+Mass = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Temperature = Annotated[float, Field(ge=TEMPERATURE_RANGE[0], le=TEMPERATURE_RANGE[1])]
 
 MOST_RUNS = 100_000
 """Largest number of runs that a dataset may have."""
@@ -146,7 +158,7 @@ class Beside(BaseModel):
 
 
 class Experiment(BaseModel):
-    """The runs of a dataset: every combination of robot, task, effect, axis and severity."""
+    """The runs of a dataset: every combination of the entries that may have several values."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -177,8 +189,17 @@ class Experiment(BaseModel):
     such as [parameters.torque_ripple]."""
     beside: list[Beside] = []
     """Further effects that every faulty run has; in TOML one table [[beside]] for each."""
+    speed: Annotated[list[Speed] | None, BeforeValidator(_several)] = None
+    """Speed overrides, above 0 and up to 1. All runs are made at each of them. Default: 1."""
+    payload: Annotated[list[Mass] | None, BeforeValidator(_several)] = None
+    """Masses of the payload [kg], which the controller knows. All runs are made with each of them.
+    Default: that of the model."""
+    temperature: Annotated[list[Temperature] | None, BeforeValidator(_several)] = None
+    """Mean temperatures of the gearboxes [deg C]. All runs are made at each of them. Default: that
+    at which the friction of the model holds."""
     healthy: bool = True
-    """Whether there is also a run of the healthy robot for each robot, task and seed."""
+    """Whether there is also a run of the healthy robot for each robot, task, speed, payload,
+    temperature and seed."""
     sensors: Annotated[str, BeforeValidator(_absolute)] = "none"
     """Preset of sensor noise and disturbances, or the path of a sensors file. Default: the sensors
     in the robot's folder, if it has any, otherwise "none"."""
@@ -223,12 +244,12 @@ class Experiment(BaseModel):
         if isinstance(self.schedule, str) and "severity" not in self.model_fields_set:
             self.severity = default_severity(effects)
         check_severity(effects, self.severity, self.schedule)
-        warms = sensors.temperature_wander > 0
+        warms = sensors.temperature_wander > 0 or self.temperature is not None
         for name in self.faults:
             if "temperature" in get_effect(name).parameters and not warms:
                 raise InputError(
                     f"effect: {name} needs a temperature that changes, but it does not change with "
-                    f"sensors '{self.sensors}'; choose sensors 'realistic'"
+                    f"sensors '{self.sensors}'; choose sensors 'realistic', or give a temperature"
                 )
         self._check_parameters()
         severities(self.schedule, 0.0, self.cycles)
@@ -241,6 +262,10 @@ class Experiment(BaseModel):
             if not low < high:
                 raise InputError(f"speed_window: must be [low, high], not [{low:g}, {high:g}]")
         check_seed(self.seed, self.repetitions)
+        for name in ("speed", "payload", "temperature"):
+            values = getattr(self, name)
+            if values is not None and len(set(values)) < max(len(values), 1):
+                raise InputError(f"{name}: give each value once, and at least one")
         return self
 
     def _check_parameters(self) -> None:
@@ -258,6 +283,13 @@ class Experiment(BaseModel):
                     f"beside: the severity of {one.effect} must be from 0 to {effect.largest:g} "
                     f"({effect.unit}), not {one.severity:g}"
                 )
+
+    @property
+    def operations(self) -> list[Operation]:
+        """Every combination of speed, payload and temperature."""
+        default: list[float | None] = [None]
+        values = (self.speed or default, self.payload or default, self.temperature or default)
+        return [Operation(*one) for one in itertools.product(*values)]
 
     @property
     def faults(self) -> list[str]:

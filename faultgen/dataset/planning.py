@@ -6,6 +6,7 @@ runs = plan_runs(load_experiment("experiment.toml"))
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -14,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from faultgen.building.resonance import largest_step, zero_pose
 from faultgen.dataset.experiment import MOST_RUNS, SCHEMA_VERSION, Experiment
 from faultgen.dataset.faults import beside_of, list_faults, window_of
 from faultgen.effects import HEALTHY, Applied
@@ -22,6 +24,7 @@ from faultgen.monitoring.reductions import SPEED_WINDOW
 from faultgen.monitoring.sensors import SENSORS, get_sensors
 from faultgen.robot import load_robot
 from faultgen.simulation.nominal import Nominal, nominal
+from faultgen.simulation.operation import Operation
 from faultgen.simulation.plant import assemble
 from faultgen.simulation.stepping import decimation
 from faultgen.tasks import load_task
@@ -31,6 +34,9 @@ _OPTIONAL = (
     "beside",
     "speed_window",
     "sensors_sha256",
+    "speed",
+    "payload",
+    "temperature",
 )  # not in the id of a run without them
 
 
@@ -71,6 +77,12 @@ class Run:
     """The further effects in the run, with their final severities."""
     speed_window: tuple[tuple[float, float], ...] = ()
     """Low and high motor speed of each axis [rad/s]; empty for the task's default."""
+    speed: float | None = None
+    """Speed override; None: 1."""
+    payload: float | None = None
+    """Mass of the payload [kg]; None: that of the model."""
+    temperature: float | None = None
+    """Mean temperature of the gearboxes [deg C]; None: that at which the model's friction holds."""
     model_sha256: str
     """Hash of the robot's model."""
     task_sha256: str
@@ -86,7 +98,9 @@ class Run:
 
         It does not depend on the folders in which the files of the robot and the task are stored.
         """
-        told = {k: v for k, v in asdict(self).items() if v or k not in _OPTIONAL}
+        told = {
+            k: v for k, v in asdict(self).items() if v or k not in _OPTIONAL
+        } | self.operation.given
         told |= {"robot": Path(self.robot).stem, "task": Path(self.task).stem}
         told["sensors"] = Path(self.sensors).stem
         if self.beside:
@@ -96,6 +110,11 @@ class Run:
             ]
         text = json.dumps(told, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    @property
+    def operation(self) -> Operation:
+        """Speed, payload and temperature."""
+        return Operation(self.speed, self.payload, self.temperature)
 
     @property
     def own_faults(self) -> list[Applied]:
@@ -118,7 +137,8 @@ class Run:
             fault += "".join(
                 f" + {one.effect} {one.severity:g} on axis {one.axis}" for one in self.beside
             )
-        return f"{Path(self.robot).stem} {Path(self.task).stem} {fault} seed {self.seed}"
+        operated = f" at {self.operation}" if self.operation.given else ""
+        return f"{Path(self.robot).stem} {Path(self.task).stem}{operated} {fault} seed {self.seed}"
 
 
 def plan_runs(experiment: Experiment) -> list[Run]:
@@ -146,7 +166,8 @@ def plan_runs(experiment: Experiment) -> list[Run]:
         sensors.check_axes(robot.n_axes, experiment.sensors)
         faults = list_faults(experiment, robot)
         window = window_of(experiment, robot)
-        count = len(faults) * experiment.repetitions * len(experiment.task)
+        operations = experiment.operations
+        count = len(faults) * experiment.repetitions * len(experiment.task) * len(operations)
         if count > MOST_RUNS:
             raise InputError(
                 f"experiment: has {count} runs, but a dataset can have at most {MOST_RUNS}"
@@ -154,33 +175,37 @@ def plan_runs(experiment: Experiment) -> list[Run]:
         for task_name in experiment.task:
             task = load_task(robot.name, task_name, robot.tasks)
             digest = task.sha256
-            for repetition in range(experiment.repetitions):
-                for effect, axes, severity in faults:
-                    seed = experiment.seed + repetition
-                    # the healthy runs of the first robot and task have the seeds as given
-                    if not experiment.paired and (axes or not first):
-                        seed = _own_seed(seed, robot.sha256, digest, effect, axes, severity)
-                    run = Run(
-                        robot=robot_name,
-                        task=task_name,
-                        effect=effect,
-                        axes=axes,
-                        severity=severity,
-                        schedule=schedule if isinstance(schedule, str) else tuple(schedule),
-                        cycles=experiment.cycles,
-                        sensors=experiment.sensors,
-                        seed=seed,
-                        sample_period=experiment.sample_period,
-                        signals=experiment.kept_signals,
-                        thin=experiment.thin,
-                        parameters=tuple(sorted(experiment.parameters.get(effect, {}).items())),
-                        beside=beside_of(experiment, axes),
-                        speed_window=window,
-                        model_sha256=robot.sha256,
-                        task_sha256=digest,
-                        sensors_sha256=noise,
-                    )
-                    runs.setdefault(run.id, run)
+            every = itertools.product(operations, range(experiment.repetitions), faults)
+            for operation, repetition, (effect, axes, severity) in every:
+                seed = experiment.seed + repetition
+                # the healthy runs of the first robot, task and operation have the seeds as given
+                if not experiment.paired and (axes or not first or operation != operations[0]):
+                    own = [robot.sha256, digest, effect, axes, severity]
+                    seed = _own_seed(seed, *own, *([operation.given] if operation.given else []))
+                run = Run(
+                    robot=robot_name,
+                    task=task_name,
+                    effect=effect,
+                    axes=axes,
+                    severity=severity,
+                    schedule=schedule if isinstance(schedule, str) else tuple(schedule),
+                    cycles=experiment.cycles,
+                    sensors=experiment.sensors,
+                    seed=seed,
+                    sample_period=experiment.sample_period,
+                    signals=experiment.kept_signals,
+                    thin=experiment.thin,
+                    parameters=tuple(sorted(experiment.parameters.get(effect, {}).items())),
+                    beside=beside_of(experiment, axes),
+                    speed_window=window,
+                    speed=operation.speed,
+                    payload=operation.payload,
+                    temperature=operation.temperature,
+                    model_sha256=robot.sha256,
+                    task_sha256=digest,
+                    sensors_sha256=noise,
+                )
+                runs.setdefault(run.id, run)
             first = False
     return list(runs.values())
 
@@ -206,8 +231,9 @@ def check_runs(runs: Sequence[Run]) -> list[str]:
             than one sample of a cycle would be kept.
     """
     notes = []
-    for run in {(r.robot, r.task, r.sample_period): r for r in runs}.values():
-        shared = nominal(run.robot, run.task, run.sample_period)
+    kinds = {(r.robot, r.task, r.sample_period, r.speed, r.payload): r for r in runs}
+    for run in kinds.values():
+        shared = nominal(run.robot, run.task, run.sample_period, run.operation)
         assemble(shared.robot)  # refuses effects of its folder that do not exist
         if run.thin > 1 and run.thin >= shared.samples:
             raise InputError(
@@ -216,16 +242,33 @@ def check_runs(runs: Sequence[Run]) -> list[str]:
             )
         note = _window_note(shared, run)
         if note:
-            notes.append(f"{shared.robot.name}, {Path(run.task).stem}: {note}")
-    faulty = {(r.robot, r.effect, r.axes, r.parameters, r.beside): r for r in runs if r.axes}
+            where = ", ".join(filter(None, [Path(run.task).stem, str(run.operation)]))
+            notes.append(f"{shared.robot.name}, {where}: {note}")
+    for run in {(r.robot, r.payload): r for r in runs if r.payload is not None}.values():
+        _check_payload(run)
+    faulty = {
+        (r.robot, r.payload, r.effect, r.axes, r.parameters, r.beside): r for r in runs if r.axes
+    }
     for run in faulty.values():
-        shared = nominal(run.robot, run.task, run.sample_period)
+        shared = nominal(run.robot, run.task, run.sample_period, run.operation)
         try:
             assemble(shared.robot, run.faults)
         except ValueError as error:
             reason = one_line(error)
             raise InputError(f"{run.label}: cannot be simulated ({reason})") from None
     return notes
+
+
+def _check_payload(run: Run) -> None:
+    """Refuse a payload that is so light that the last gearboxes become too fast to be simulated."""
+    robot = run.operation.loaded(load_robot(run.robot))
+    step, stable = robot.model.opt.timestep, largest_step(robot, zero_pose(robot))
+    if step > stable:
+        raise InputError(
+            f"payload: {run.payload:g} kg is too light for the model of {robot.name}: its time "
+            f"step is {step:g} s, and {stable:.2g} s is the largest stable one with this payload; "
+            "give a heavier payload or a model with a smaller time step"
+        )
 
 
 def _window_note(shared: Nominal, run: Run) -> str:

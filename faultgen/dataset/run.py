@@ -59,13 +59,16 @@ def make_run(
 
 
 def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], None]) -> None:
-    shared = nominal(run.robot, run.task, run.sample_period)
+    shared = nominal(run.robot, run.task, run.sample_period, run.operation)
     robot, sensors = shared.robot, get_sensors(run.sensors)
     rngs = np.random.default_rng(run.seed).spawn(4)
     rng_surroundings, rng_sensors, rng_faults, rng_runs = rngs
     healthy = differences(sensors, run.cycles, rng_runs)
-    lacks = sensors.missing_torque(run.task_sha256, shared.samples, run.sample_period)
-    around = surroundings(sensors, run.cycles, robot.friction_temperature, rng_surroundings)
+    lacks = None
+    if run.speed is None and run.payload is None:  # it was learned on the task as programmed
+        lacks = sensors.missing_torque(run.task_sha256, shared.samples, run.sample_period)
+    mean = robot.friction_temperature if run.temperature is None else run.temperature
+    around = surroundings(sensors, run.cycles, mean, rng_surroundings)
     window = shared.speed_window(run.speed_window)
     with RunWriter(folder, run.id, run_attributes(run, shared), robot.xml) as writer:
         create_arrays(writer, run, shared, around)

@@ -121,6 +121,11 @@ def run_attributes(run: Run, nominal: Nominal) -> dict[str, Any]:
         "sensors": run.sensors,
         "seed": run.seed,
         "sample_period": run.sample_period,
+        "speed": 1.0 if run.speed is None else run.speed,
+        "payload_mass": robot.payload_mass,
+        "mean_temperature": (
+            robot.friction_temperature if run.temperature is None else run.temperature
+        ),
         "thin": run.thin,
         "gear_ratio": robot.gear_ratio,
         "encoder_counts": robot.encoder_counts,
@@ -166,7 +171,7 @@ def create_arrays(writer: RunWriter, run: Run, nominal: Nominal, around: Surroun
         writer.add("truth/payload_mass", mass, ("cycle_number",))
     for name in ("mean_abs_torque", "torque_indicator", "speed_indicator"):
         writer.create(f"monitoring/{name}", (run.cycles, n_axes), "f8", ("cycle_number", "axis"))
-    commanded = nominal.angle[:: run.thin]
+    commanded = nominal.position[:: run.thin]
     writer.add("command/reference_position", commanded, ("time", "axis"))
     window = nominal.speed_window(run.speed_window)
     writer.describe("monitoring/mean_abs_torque", speed_window=window)

@@ -59,9 +59,15 @@ INDEX = {
     "sensors": ("", "preset of the sensors"),
     "seed": ("1", "seed of the run"),
     "sample_period": ("s", "time between samples"),
+    "speed": ("1", "speed override; 1: as programmed"),
+    "payload_mass": ("kg", "mass of the payload; nan if the model has none"),
+    "mean_temperature": ("degC", "mean temperature of the gearboxes"),
     "file_sha256": ("", "checksum of the run's own file"),
 }
 """Unit and meaning of the columns of the table of runs. Texts have no unit."""
+
+_OPERATION = ("speed", "payload_mass", "mean_temperature")
+_KEPT = ("run", "robot", "task", "effect", "axis", "axes", "severity_units", "seed", *_OPERATION)
 
 
 def runs_table(runs: Sequence[OpenRun], splits: RunParts) -> pd.DataFrame:
@@ -96,6 +102,9 @@ def _run_row(run: OpenRun, splits: RunParts) -> dict[str, Any]:
         "sensors": told["sensors"],
         "seed": int(told["seed"]),
         "sample_period": float(told["sample_period"]),
+        "speed": float(told.get("speed", 1.0)),
+        "payload_mass": float(told.get("payload_mass", np.nan)),
+        "mean_temperature": float(told.get("mean_temperature", np.nan)),
         **{
             f"split_{scheme}": next(part for part, ids in parts.items() if run.id in ids)
             for scheme, parts in splits.items()
@@ -126,6 +135,7 @@ def cycles_table(
     if isinstance(features, str):
         features = [features]
     units: dict[str, str] = {"axis": "1", "seed": "1", "cycle": "1", TEMPERATURE: "degC"}
+    units |= {name: INDEX[name][0] for name in _OPERATION}
     labels, values, axes = [], [], []
     severity_units = set()
     for run in runs:
@@ -133,8 +143,7 @@ def cycles_table(
             row = _run_row(run, splits)
             count = int(row["cycles"])
             severity_units.add(row["severity_units"])
-            kept = ("run", "robot", "task", "effect", "axis", "axes", "severity_units", "seed")
-            columns: dict[str, Any] = {name: np.repeat(row[name], count) for name in kept}
+            columns: dict[str, Any] = {name: np.repeat(row[name], count) for name in _KEPT}
             columns |= {k: np.repeat(v, count) for k, v in row.items() if k.startswith("split_")}
             columns["cycle"] = group["cycle/index"][()]
             columns["severity"] = group["cycle/severity"][()]

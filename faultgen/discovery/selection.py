@@ -45,11 +45,13 @@ FORM_ERROR = 0.002
 effect of a real robot differs from its law by some 10 %, and about a fifth of the difference looks
 like another effect: assumed."""
 
-LONGEST_SEARCH = 300
-"""Simulations after which no further effect is sought: assumed. They take some minutes."""
+LONGEST_SEARCH = 150
+"""Simulations after which no further effect is sought: assumed. They take some minutes. One with an
+effect that acts between the time steps counts as `_BETWEEN`."""
 
 _JUDGED = 8  # candidates that are judged on held-out recordings
 _RIVALS = 3  # swaps that are simulated
+_BETWEEN = 4  # time of such a simulation over that of another: 3 to 6 were measured
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +147,7 @@ class _Search:
         self.candidates = groups_of(problem.terms)
         self._seen: dict[frozenset[Group], Fit | None] = {}
         self.simulated = 0
-        """Number of simulations so far."""
+        """Number of simulations so far, in units of the cheapest."""
         empty = self._fitted(())
         assert empty is not None
         self.empty = empty
@@ -157,11 +159,13 @@ class _Search:
     def _fitted(self, groups: Sequence[Group], start: np.ndarray | None = None) -> Fit | None:
         key = frozenset(groups)
         if key not in self._seen:
-            self._seen[key] = fit(self.problem, groups, start, simulating=self._count)
+            effects = [get_effect(self._term(group).name) for group in groups]
+            cost = _BETWEEN if any(effect.between is not None for effect in effects) else 1
+            self._seen[key] = fit(self.problem, groups, start, simulating=lambda: self._count(cost))
         return self._seen[key]
 
-    def _count(self) -> None:
-        self.simulated += 1
+    def _count(self, cost: int) -> None:
+        self.simulated += cost
 
     def _term(self, group: Group) -> Term:
         return self.problem.terms[group[0]]
@@ -245,7 +249,7 @@ class _Search:
     def _swaps(self, current: Fit, over: float, most: int) -> Iterator[tuple[int, Group, Fit]]:
         """Simulated sets with one effect exchanged that are about as good to first order."""
         nominal = self.problem.evidence()
-        found = []
+        found: dict[tuple, tuple[float, int, Group]] = {}  # with one probing severity
         for place, group in enumerate(current.groups):
             rest = [t for j, g in enumerate(current.groups) if j != place for t in g]
             others = self._others(current.groups)
@@ -254,8 +258,9 @@ class _Search:
                 loss = float(gains[0] - gains[k])
                 near = loss <= max(3 * SIMILAR * over, 0.25 * gains[0])
                 if near and self._allowed(other, first[k]):
-                    found.append((loss, place, other))
-        for _, place, other in sorted(found, key=lambda one: one[0])[:most]:
+                    key = (place, *self._which(other))
+                    found[key] = min(found.get(key, (np.inf, 0, ())), (loss, place, other))
+        for _, place, other in sorted(found.values())[:most]:
             groups = [other if j == place else g for j, g in enumerate(current.groups)]
             rival = self._fitted(groups)
             if rival is not None:

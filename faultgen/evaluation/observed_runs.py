@@ -20,6 +20,7 @@ from faultgen.monitoring.reductions import SPEED_WINDOW, Limits, mean_abs_torque
 from faultgen.monitoring.sensors import Measured, Sensors, get_sensors, measure
 from faultgen.robot import load_robot
 from faultgen.simulation.nominal import nominal
+from faultgen.simulation.operation import Operation
 from faultgen.simulation.surrogate import simulate_at
 
 WEAR = "friction_wear"
@@ -392,22 +393,25 @@ def places(dataset: Dataset, sensors: str | None = None, split: str | None = Non
     """
     chosen, redraw = noise_of(dataset, sensors)
     parts = dataset.part_of(split) if split is not None else {}
-    groups: dict[tuple[str, str], list[StoredRun]] = {}
+    groups: dict[tuple[str, str, Operation], list[StoredRun]] = {}
     for run in dataset.runs:
-        groups.setdefault((run["robot"], run["task"]), []).append(run)
+        operation = Operation.of(dataset.planned[run.id])
+        groups.setdefault((run["robot"], run["task"], operation), []).append(run)
     found = []
-    for (robot, task), runs in groups.items():
+    for (robot, task, operation), runs in groups.items():
         planned = dataset.planned[runs[0].id]
-        model = _model(planned["robot"], planned["task"], runs)
+        model = _model(planned["robot"], planned["task"], operation, runs)
         first = runs[0]
         preset = get_sensors(chosen) if redraw else None
-        limits = nominal(planned["robot"], planned["task"], first["sample_period"]).limits
+        period = first["sample_period"]
+        limits = nominal(planned["robot"], planned["task"], period, operation).limits
         setting = Setting(
             n_axes=len(model.turning),
             samples=len(first.read("time")) * int(first["thin"]),
             temperature_varies=preset is None
             and any(get_sensors(run["sensors"]).changes_motion for run in runs),
-            reference_temperature=load_robot(planned["robot"]).friction_temperature,
+            reference_temperature=operation.temperature
+            or load_robot(planned["robot"]).friction_temperature,
             directions=model.directions,
             turning=model.turning,
         )
@@ -417,11 +421,16 @@ def places(dataset: Dataset, sensors: str | None = None, split: str | None = Non
     return found
 
 
-def _model(robot_path: str, task_path: str, runs: list[StoredRun]) -> WearModel:
+def _model(
+    robot_path: str, task_path: str, operation: Operation, runs: list[StoredRun]
+) -> WearModel:
     robot = load_robot(robot_path)
     if robot.sha256 != runs[0]["model_sha256"]:
         raise InputError(f"{robot_path}: the robot has changed since the dataset was made")
     period = runs[0]["sample_period"]
-    conditions = wear_points(robot, WEAR)
-    cycles = [simulate_at(robot_path, task_path, period, condition) for condition in conditions]
+    conditions = wear_points(robot, WEAR, operation.temperature)
+    cycles = [
+        simulate_at(robot_path, task_path, period, condition, operation=operation)
+        for condition in conditions
+    ]
     return wear_model(robot, np.stack(cycles), _speed_window(runs[0]))

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from faultgen.analysis.friction_features import FrictionFeatures
 from faultgen.analysis.isolation import ChangeIsolator
 from faultgen.effects import Applied
+from faultgen.effects.temperature import TEMPERATURE_RANGE
 from faultgen.monitoring.reductions import SPEED_WINDOW, mean_abs_torque
 from faultgen.robot import Robot
 from faultgen.simulation.state import Condition
@@ -76,7 +77,7 @@ def _steps(reference: float) -> list[tuple[float, float]]:
     ]
 
 
-def wear_points(robot: Robot, effect: str) -> list[Condition]:
+def wear_points(robot: Robot, effect: str, temperature: float | None = None) -> list[Condition]:
     """List the conditions whose cycles `wear_model` and `wear_slopes` need, in their order.
 
     The first one has a heavier payload. Then each step has the healthy robot and each worn axis.
@@ -84,11 +85,16 @@ def wear_points(robot: Robot, effect: str) -> list[Condition]:
     Args:
         robot: The healthy robot.
         effect: Effect that is considered as wear.
+        temperature: Mean temperature of the gearboxes [deg C]. Default: that at which the friction
+            of the model holds. All conditions stay within the range of the law of friction.
 
     Returns:
         The conditions.
     """
     reference = robot.friction_temperature
+    if temperature is not None:
+        low, high = TEMPERATURE_RANGE
+        reference = min(max(temperature, low + _STEP), high - _STEP)
     conditions = [Condition(reference, _HEAVIER)]
     for temperature, severity in _steps(reference):
         conditions.append(Condition(temperature))

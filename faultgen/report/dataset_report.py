@@ -20,6 +20,7 @@ from faultgen.evaluation.outcomes import Isolation, table
 from faultgen.report.chart import SYMBOLS, Chart, axes, library, line, square_map
 from faultgen.report.page import markdown, page
 from faultgen.report.signals import Place, in_words, signal_charts
+from faultgen.simulation.operation import Operation
 from faultgen.system.files import write_text
 
 _LINES = 4  # worn runs drawn for an axis
@@ -60,7 +61,7 @@ def write_report(folder: str | Path, result: Isolation | None = None) -> Path:
 def _shown(dataset: Dataset, result: Isolation) -> Iterator[dict[str, Any]]:
     """What the page shows of each robot and task."""
     room = _ROOM
-    for robot, task, runs in _places(dataset):
+    for robot, task, operation, runs in _places(dataset):
         place = Place.of(runs, dataset.planned[runs[0].id]["robot"])
         charts, notes = signal_charts(place)
         room -= sum(len(chart.json) for chart in charts)
@@ -70,7 +71,7 @@ def _shown(dataset: Dataset, result: Isolation) -> Iterator[dict[str, Any]]:
         worn = [axis for axis in range(1, place.n_axes + 1) if place.worn(axis)]
         yield {
             "robot": robot,
-            "task": task,
+            "task": ", ".join(filter(None, [task, operation])),
             "axes": [
                 (axis, f"{axis}" if axis in worn else f"{axis} (never worn)")
                 for axis in range(1, place.n_axes + 1)
@@ -81,10 +82,14 @@ def _shown(dataset: Dataset, result: Isolation) -> Iterator[dict[str, Any]]:
         }
 
 
-def _places(dataset: Dataset) -> Iterator[tuple[str, str, list[StoredRun]]]:
-    """Each robot and task with its runs."""
-    for place in dict.fromkeys((run["robot"], run["task"]) for run in dataset.runs):
-        yield *place, [run for run in dataset.runs if (run["robot"], run["task"]) == place]
+def _places(dataset: Dataset) -> Iterator[tuple[str, str, str, list[StoredRun]]]:
+    """Each robot, task and operation with its runs."""
+
+    def place_of(run: StoredRun) -> tuple[str, str, str]:
+        return run["robot"], run["task"], str(Operation.of(dataset.planned[run.id]))
+
+    for place in dict.fromkeys(map(place_of, dataset.runs)):
+        yield *place, [run for run in dataset.runs if place_of(run) == place]
 
 
 def _wear(place: Place) -> Chart:

@@ -15,7 +15,8 @@ import numpy as np
 from faultgen.errors import InputError
 from faultgen.monitoring.reductions import Limits, default_window
 from faultgen.robot import Robot, load_robot
-from faultgen.simulation.motion import plan
+from faultgen.simulation.motion import plan, shifted
+from faultgen.simulation.operation import AS_PROGRAMMED, Operation
 from faultgen.simulation.servo import control_signal
 from faultgen.tasks import load_task
 
@@ -28,15 +29,15 @@ class Nominal:
     """What all runs of a robot and task share."""
 
     robot: Robot
-    """The healthy robot."""
+    """The healthy robot with its payload."""
     control: np.ndarray
     """Control signal of one cycle, shape (steps, n_controls), from `control_signal`."""
     mean_torque: np.ndarray
     """Mean |torque| of the motors in the planned motion, shape (n_axes,), in [N m]."""
     samples: int
     """Number of samples in a cycle."""
-    angle: np.ndarray
-    """Commanded joint angle of each sample, shape (samples, n_axes), in [rad]."""
+    position: np.ndarray
+    """Commanded joint position of each sample, shape (samples, n_axes), in [rad], or [m]."""
     speed: np.ndarray
     """Planned |motor speed| of each sample, shape (samples, n_axes), in [rad/s]."""
     limits: Limits
@@ -56,7 +57,9 @@ class Nominal:
 
 
 @lru_cache(maxsize=4)
-def nominal(robot_name: str, task_name: str, sample_period: float) -> Nominal:
+def nominal(
+    robot_name: str, task_name: str, sample_period: float, operation: Operation = AS_PROGRAMMED
+) -> Nominal:
     """Plan a task and compute its control signal.
 
     The results of the last calls are kept in memory for the following runs of this process.
@@ -65,6 +68,7 @@ def nominal(robot_name: str, task_name: str, sample_period: float) -> Nominal:
         robot_name: Name of the robot, or path of an MJCF file.
         task_name: Name of the task, or path of a task file.
         sample_period: Time between samples [s].
+        operation: Speed and payload. Default: those of the task and the model.
 
     Returns:
         What the runs of this robot and task share.
@@ -73,8 +77,10 @@ def nominal(robot_name: str, task_name: str, sample_period: float) -> Nominal:
         InputError: The robot cannot do the task, or a cycle has too many steps or fewer than two
             samples.
     """
-    robot = load_robot(robot_name)
+    robot = operation.loaded(load_robot(robot_name))
     motion = plan(load_task(robot.name, task_name, robot.tasks), robot)
+    if operation.speed is not None:
+        motion = shifted(motion, robot, np.zeros(robot.n_axes), operation.speed)
     timestep = robot.model.opt.timestep
     if motion.period / timestep > _MOST_STEPS:
         raise InputError(
@@ -96,7 +102,7 @@ def nominal(robot_name: str, task_name: str, sample_period: float) -> Nominal:
         control=control,
         mean_torque=torque.mean(axis=0),
         samples=-(-len(control) // every),
-        angle=angle[::every],
+        position=robot.gearing.joints(control[::every, feed_forward - 2]),
         speed=speed[::every],
         limits=_limits(robot, angle, speed.max(axis=0), torque.max(axis=0)),
     )

@@ -32,6 +32,7 @@ from faultgen.errors import InputError
 from faultgen.provenance import provenance
 from faultgen.robot import load_robot
 from faultgen.simulation.nominal import nominal
+from faultgen.simulation.operation import AS_PROGRAMMED, Operation
 from faultgen.simulation.state import Condition, plant_at
 from faultgen.simulation.stepping import simulate
 from faultgen.system.arrays import read_arrays, write_arrays
@@ -235,6 +236,7 @@ def simulate_at(
     sample_period: float,
     condition: Condition,
     controller: str | None = None,
+    operation: Operation = AS_PROGRAMMED,
 ) -> np.ndarray:
     """Simulate one cycle at a condition that also held before the cycle.
 
@@ -244,13 +246,14 @@ def simulate_at(
         sample_period: Time between samples [s].
         condition: The condition.
         controller: Robot for which motion and feed-forward are planned. Default: the robot itself.
+        operation: Speed and payload.
 
     Returns:
         Shape (channels, samples, n_axes), with the channels of `CHANNELS`, in [rad], [rad/s] and
         [N m].
     """
-    control = nominal(controller or robot, task, sample_period).control
-    simulated = load_robot(robot)
+    control = nominal(controller or robot, task, sample_period, operation).control
+    simulated = operation.loaded(load_robot(robot))
     plant = plant_at(simulated, simulated.spec(), condition)
     cycle = next(simulate(simulated, control, [plant], sample_period=sample_period))
     return np.stack([getattr(cycle, name) for name in CHANNELS])

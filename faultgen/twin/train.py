@@ -204,12 +204,13 @@ def _checked_runs(dataset: Dataset) -> list[StoredRun]:
     runs = dataset.runs
     if not runs:
         raise InputError(f"{dataset.path}: has no runs")
-    for what in ("robot", "task", "sensors", "sample_period", "model_sha256"):
-        told = {str(run[what]) for run in runs}
+    operation = ("speed", "payload_mass", "mean_temperature")
+    for what in ("robot", "task", "sensors", "sample_period", "model_sha256", *operation):
+        told = {str(run.attributes.get(what)) for run in runs}
         if len(told) > 1:
             raise InputError(
-                f"{dataset.path}: a detector is for one robot, task and sensors, but the runs have "
-                f"several values of {what}: {', '.join(sorted(told))}"
+                f"{dataset.path}: a detector is for one robot, task, operation and sensors, but "
+                f"the runs have several values of {what}: {', '.join(sorted(told))}"
             )
     first = runs[0]
     if int(first["thin"]) != 1 or _TORQUE not in first or _POSITION not in first:

@@ -1,0 +1,116 @@
+"""The command `info`: what a dataset or fleet holds, and whether it is whole."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from faultgen.cli.app import Folder, Json, app, print_json, print_table
+
+
+@app.command()
+def info(folder: Folder, as_json: Json = False) -> None:
+    """List the runs of a dataset, or the robots of a fleet, and check all of its files.
+
+    The command reports whether the dataset is complete and intact. The exit status is 1 if runs are
+    missing or damaged, or were made by different versions of faultgen.
+    """
+    from faultgen.dataset.reader import MERGED, open_dataset
+    from faultgen.fleet.data import is_fleet
+    from faultgen.simulation.operation import Operation
+
+    if is_fleet(folder):
+        _fleet_info(folder, as_json)
+        return
+    dataset = open_dataset(folder)
+    damaged = dataset.damaged()
+    broken = {Path(name).stem for name in damaged}
+    versions = dataset.versions()
+    rows = []
+    for run_id, parameters in dataset.planned.items():
+        state = "missing" if run_id in dataset.missing else "ok"
+        state = "failed" if run_id in dataset.failed else state
+        state = "damaged" if run_id in broken else state
+        rows.append(
+            {
+                "run": run_id,
+                "robot": Path(parameters["robot"]).stem,
+                "task": Path(parameters["task"]).stem,
+                "effect": parameters["effect"],
+                "axes": "+".join(map(str, parameters["axes"])) or "-",
+                "severity": parameters["severity"],
+                "cycles": parameters["cycles"],
+                "sensors": parameters["sensors"],
+                **Operation.of(parameters).given,
+                "seed": parameters["seed"],
+                "state": state,
+            }
+        )
+    merged = dataset.path / MERGED
+    complete = not dataset.missing and merged.is_file()
+    whole = complete and not damaged and len(versions) < 2
+    result: dict[str, Any] = {
+        "folder": str(folder),
+        "complete": complete,
+        "intact": not damaged,
+        "runs": rows,
+        "splits": {
+            by: {part: len(ids) for part, ids in parts.items()}
+            for by, parts in dataset.manifest.splits.items()
+        },
+        "only_copy": sum(not run.own_file for run in dataset.runs),
+        "missing": dataset.missing,
+        "failed": dataset.failed,
+        "damaged": damaged,
+        "versions": {str(version): ids for version, ids in versions.items()},
+    }
+    if as_json:
+        print_json(result)
+    else:
+        print_table(rows)
+        print(f"{len(rows)} runs planned, {len(dataset.missing)} missing, {len(damaged)} damaged")
+        for by, counts in result["splits"].items():
+            print(f"split by {by}: " + ", ".join(f"{n} {part}" for part, n in counts.items()))
+        if result["only_copy"]:
+            print(f"{result['only_copy']} runs have no file of their own; {MERGED} holds them")
+        for run_id, reason in dataset.failed.items():
+            print(f"failed: {run_id}: {reason}")
+        for name, reason in damaged.items():
+            print(f"damaged: {name}: {reason}")
+        if not merged.is_file():
+            print("dataset.h5 is missing")
+        if len(versions) > 1:
+            for version, ids in versions.items():
+                print(f"made by {version}: {', '.join(ids)}")
+            print(
+                "the runs were made by different versions; run the generate command again with "
+                "--regenerate to make all of them with this version"
+            )
+        print(
+            "the dataset is complete and intact"
+            if whole
+            else "the dataset is not in order; run the generate command again to complete it"
+        )
+    if not whole:
+        raise typer.Exit(1)
+
+
+def _fleet_info(folder: Path, as_json: bool) -> None:
+    """Carry out `info` on a fleet."""
+    from faultgen.fleet.data import fleet_state
+
+    rows = fleet_state(folder)
+    whole = all(row["state"] == "ok" for row in rows)
+    if as_json:
+        print_json({"folder": str(folder), "complete": whole, "intact": whole, "robots": rows})
+    else:
+        print_table(rows)
+        print(
+            "the fleet is complete and intact"
+            if whole
+            else "the fleet is not in order; run the fleet command again to complete it"
+        )
+    if not whole:
+        raise typer.Exit(1)
