@@ -287,3 +287,15 @@ def test_info_reports_runs_of_two_versions(dataset):
     assert "complete and intact" not in done.stdout
     said = json.loads(faultgen("info", dataset, "--json").stdout)
     assert len(said["versions"]) == 2
+
+
+@pytest.mark.parametrize("end", ["", "\n\n", "\x0b", "0\n"])
+def test_every_byte_of_a_checksum_file_counts(experiment, dataset, end):
+    """Also its line end: what differs in a byte is noticed, and written again."""
+    before = contents(dataset)
+    note = next((dataset / "runs").glob("*.sha256"))
+    note.write_text(note.read_text()[:-1] + end)
+    damaged = open_dataset(dataset).damaged()
+    assert list(damaged.values()) == ["its checksum is damaged"]
+    generate(experiment, dataset, progress=False)
+    assert contents(dataset) == before

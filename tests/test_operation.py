@@ -14,6 +14,7 @@ from faultgen.dataset.experiment import make_experiment, to_toml
 from faultgen.dataset.planning import plan_runs
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
+from faultgen.discovery.from_runs import recording_of
 from faultgen.effects.temperature import friction_ratios
 from faultgen.errors import InputError
 from faultgen.evaluation.observed_runs import places
@@ -219,3 +220,13 @@ def test_info_and_data_card_name_the_operations(swept):
     )
     card = (swept.path / "DATACARD.md").read_text()
     assert "speed overrides 0.5, 1; payloads [kg] 0.2, 1; temperatures of the gearboxes" in card
+
+
+def test_a_recording_has_one_payload(swept):
+    """Runs with different payloads do not become segments of one recording."""
+    light, heavy = (healthy(swept, 1.0, payload, 40.0).path for payload in PAYLOADS)
+    with pytest.raises(
+        InputError, match=r"runs: must have the same payload_mass, not 0\.2 and 1\.0"
+    ):
+        recording_of([light, heavy])
+    assert recording_of([light]).position.shape[1] == 2

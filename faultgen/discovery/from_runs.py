@@ -35,7 +35,7 @@ def recording_of(files: Sequence[str | Path], cycle: int | None = None) -> Recor
     runs = [StoredRun.at(Path(file)) for file in files]
     parts = [_part(run, cycle) for run in runs]
     names = set.intersection(*(set(part) for part in parts))
-    for what in ("robot", "sample_period"):
+    for what in ("robot", "sample_period", "payload_mass"):
         told = {str(_of(run, what)) for run in runs}
         if len(told) > 1:
             raise InputError(f"runs: must have the same {what}, not {' and '.join(sorted(told))}")
@@ -61,7 +61,7 @@ def _of(run: StoredRun, what: str) -> str | float:
         raise InputError(f"{run.path}: is not a run file; give files of the folder runs/")
     if what == "sample_period":
         return float(run["sample_period"]) * int(run["thin"])
-    return str(run[what])
+    return str(run.attributes.get(what))
 
 
 def _part(run: StoredRun, cycle: int | None) -> dict[str, np.ndarray]:

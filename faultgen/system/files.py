@@ -25,6 +25,7 @@ from faultgen.errors import InputError, StorageFailed, one_line
 _NO_FOLDER_SYNC = {errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EACCES, errno.EISDIR}
 
 
+_DIGITS = 64  # of a checksum
 _MACHINE = hashlib.sha256(platform.node().encode()).hexdigest()[:8]
 """This machine, for names of files."""
 
@@ -238,13 +239,14 @@ def damage(path: Path) -> str | None:
     _verified.pop(path.resolve(), None)
     try:
         state = path.stat()
-        wanted = note.read_bytes().decode("ascii", errors="replace").strip()
+        wanted = note.read_bytes().decode("ascii", errors="replace")
         found = file_sha256(path)
     except FileNotFoundError as error:
         return "its checksum is missing" if Path(error.filename) == note else "it is missing"
     except OSError as error:
         return f"cannot be read: {error.strerror}"
-    if len(wanted) != hashlib.sha256().digest_size * 2:
+    wanted, end = wanted[:_DIGITS], wanted[_DIGITS:]
+    if len(wanted) < _DIGITS or end != "\n":
         return "its checksum is damaged"
     if found != wanted:
         return "differs from its checksum"
