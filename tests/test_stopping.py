@@ -104,3 +104,32 @@ def test_resuming_waits_for_writers_of_a_killed_program(
     generate(make_experiment(given), tmp_path, progress=False)
     assert len(waits) == 3
     assert not unfinished.exists()
+
+
+def test_ctrl_c_is_not_lost(tiny_robot_path, tiny_task_path, tmp_path):
+    """Nor where code that catches every exception gets it, as some modules do at their import."""
+    code = (
+        "import os, signal, sys\n"
+        "import faultgen.cli\n"
+        "import faultgen.dataset.sweep as sweep\n"
+        "real = sweep.plan_runs\n"
+        "def swallowing(experiment):\n"
+        "    try:\n"
+        "        os.kill(os.getpid(), signal.SIGINT)\n"
+        "    except BaseException:\n"
+        "        print('caught', flush=True)\n"
+        "    return real(experiment)\n"
+        "sweep.plan_runs = swallowing\n"
+        "faultgen.cli.main()"
+    )
+    given = ["generate", "--robot", tiny_robot_path, "--task", tiny_task_path, "--cycles", "2"]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *given, "--workers", "1", "-o", str(tmp_path / "out")],
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.default_int_handler),
+        capture_output=True,
+        text=True,
+        timeout=HANG,
+    )
+    assert done.stdout == "caught\n"
+    assert done.returncode == 130
+    assert done.stderr == "faultgen: interrupted; run the same command again to continue\n"

@@ -28,6 +28,7 @@ from faultgen.cli import (
 )
 from faultgen.cli.app import app
 from faultgen.errors import InputError, MethodFailed, SimulationFailed, StorageFailed, one_line
+from faultgen.system.interrupts import interrupt
 
 __all__ = [
     "data",
@@ -57,6 +58,8 @@ def main() -> None:
     # when interrupted, two processes of joblib may clear up the same folder, and one complains
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
     signal.signal(signal.SIGTERM, _terminate)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # it may be ignored instead
+        signal.signal(signal.SIGINT, interrupt)
     try:
         status = app(standalone_mode=False)
         if status == _INTERRUPTED:  # the command-line library has caught Ctrl-C

@@ -27,6 +27,7 @@ from typing import TypeVar
 from tqdm import tqdm
 
 from faultgen.system.files import BINARY
+from faultgen.system.interrupts import raise_if_interrupted
 
 FIRST_LINE = 5.0
 """Time after which the first line is printed [s]."""
@@ -82,7 +83,8 @@ class Progress:
         self._ended = threading.Event()
 
     def __enter__(self) -> Progress:
-        """Begin to show the progress."""
+        """Begin to show the progress, unless Ctrl-C was pressed and has been lost since."""
+        raise_if_interrupted()
         try:
             handle, name = tempfile.mkstemp(prefix="faultgen-progress-")
             os.close(handle)
@@ -160,6 +162,7 @@ def follow(
     with Progress(what, total, unit, shown) as progress:
         for item in items:
             progress.counter()
+            raise_if_interrupted()
             yield item
 
 
