@@ -52,6 +52,16 @@ def test_a_healthy_robot_has_no_promising_place(tiny_robot, measured):
     assert found.answer.effects == ()
 
 
+def test_what_happens_once_has_no_place(tiny_robot, measured):
+    """A bump of the torque that comes once is at some angle too, but is not an effect there."""
+    worn = measured([], 0)
+    time = worn.sample_period * np.arange(len(worn.torque))
+    bump = 0.1 * np.exp(-(((time - time[-1] / 2) / 0.05) ** 2))
+    torque = worn.torque + bump[:, np.newaxis] * [1.0, 0.0]
+    found = investigate(replace(worn, torque=torque), tiny_robot, measured([], 1))
+    assert {t.name for t in found.problem.terms}.isdisjoint(names_by_use("searched"))
+
+
 def test_excluded_effects_are_not_searched_for(tiny_robot, measured):
     worn = with_effect(measured([], 0), tiny_robot, "seizing_spot")
     found = investigate(worn, tiny_robot, measured([], 1), exclude=["seizing_spot"])

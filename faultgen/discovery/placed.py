@@ -30,6 +30,10 @@ _PROMISING = 0.75  # share of the evidence that is needed, from which a place is
 _CLOSER = 0.5 ** np.arange(1, 5)  # distances from the best place so far, over the spacing
 _BESIDE = 2.0  # distance of places that are simulated beside the best one, over the spacing
 _MOST = 2  # axes of one effect that are simulated
+_APART = 0.5  # time between two passes of a place, at least [s]
+_LONGEST = 1.0  # a pass that takes longer counts as several [s]
+_FELT = 0.02  # square of the reaction during a pass, over the largest
+_AGAIN = 2.0  # standard errors of the severity that all passes but the most telling one show
 _USUAL = 0.01  # standard deviation among healthy robots, over the severity that is probed: assumed
 
 
@@ -63,7 +67,10 @@ def with_places(problem: Problem, *, workers: int = 1, exclude: Collection[str] 
         )
         for place in of_name[:_MOST]:
             if place.gain > least:
-                simulated.append(_simulated(problem, left, place, workers))
+                term, column = _simulated(problem, left, place, workers)
+                own = column[:, place.axis - 1].astype(float)
+                if left.is_repeated(own, place.axis, least):
+                    simulated.append((term, column))
     if not simulated:
         return problem
     terms, columns = zip(*simulated, strict=True)
@@ -223,6 +230,43 @@ class _Left:
         if pull <= 0 or size <= 1e-6 * (own @ own):
             return 0.0
         return float(pull**2 / size)
+
+    def is_repeated(self, column: np.ndarray, axis: int, least: float) -> bool:
+        """Whether an effect is seen at more than one pass of its place, and about equally large.
+
+        What happens once, such as a lost sample or a bump, happens at some place too.
+
+        Args:
+            column: Change of the torque of the axis per unit of the term, shape (samples,).
+            axis: From 1.
+            least: Decrease of the misfit that is needed.
+        """
+        own = self._problem.whiten_axis(column, axis)[self.rows]
+        rest = self._target[self.rows, axis - 1] - self._solution @ self._columns(axis)
+        starts = self._passes(own)
+        if len(starts) < 2:
+            return False
+        size = np.add.reduceat(own**2, starts)
+        pull = np.add.reduceat(own * rest, starts)
+        most = np.argmax(pull**2 / size)
+        if np.delete(pull, most).sum() < _AGAIN * np.sqrt(np.delete(size, most).sum()):
+            return False
+        severity = pull.sum() / size.sum()
+        scatter = np.sum((pull - severity * size) ** 2 / size) / (len(starts) - 1)
+        return bool(severity**2 * size.sum() > least * max(1.0, scatter))
+
+    def _passes(self, own: np.ndarray) -> np.ndarray:
+        """First sample of each pass, shape (passes,); a pass lasts until the next one."""
+        period = self._problem.recording.sample_period
+        felt = np.flatnonzero(own**2 > _FELT * np.max(own**2))
+        starts: list[int] = []
+        last = 0
+        for sample in felt.tolist():
+            ended = sample - last > _APART / period
+            if not starts or ended or sample - starts[-1] > _LONGEST / period:
+                starts.append(sample)
+            last = sample
+        return np.array(starts)
 
     def _columns(self, axis: int) -> np.ndarray:
         """Whitened columns of all terms on an axis, kept for the next call."""
