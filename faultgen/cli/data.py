@@ -140,6 +140,14 @@ def generate(
             "signals/motor_torque,truth/friction_torque. Default: all."
         ),
     ] = None,
+    fidelity: Annotated[
+        str | None,
+        typer.Option(
+            help="stepped: every cycle is simulated. interpolated: some conditions of each run are "
+            "simulated, and the cycles are computed between them, which is several times faster. "
+            "The error is stored with each run; a run with a large one fails. Default: stepped."
+        ),
+    ] = None,
     dry_run: Annotated[
         bool,
         typer.Option(
@@ -216,6 +224,7 @@ def generate(
         "repetitions": repetitions,
         "paired": paired,
         "healthy": healthy,
+        "fidelity": fidelity,
         "signals": signals if signals in ("all", "none") else names(signals) or None,
     }
     given = {name: value for name, value in flags.items() if value is not None}

@@ -18,6 +18,7 @@ def info(folder: Folder, as_json: Json = False) -> None:
     missing or damaged, or were made by different versions of faultgen.
     """
     from faultgen.dataset.reader import MERGED, open_dataset
+    from faultgen.dataset.run_file import interpolation_error
     from faultgen.fleet.data import is_fleet
     from faultgen.simulation.operation import Operation
 
@@ -51,6 +52,11 @@ def info(folder: Folder, as_json: Json = False) -> None:
     merged = dataset.path / MERGED
     complete = not dataset.missing and merged.is_file()
     whole = complete and not damaged and len(versions) < 2
+    interpolated = {
+        run.id: interpolation_error(run.attributes)
+        for run in dataset.runs
+        if run.attributes.get("fidelity") == "interpolated"
+    }
     result: dict[str, Any] = {
         "folder": str(folder),
         "complete": complete,
@@ -61,6 +67,7 @@ def info(folder: Folder, as_json: Json = False) -> None:
             for by, parts in dataset.manifest.splits.items()
         },
         "only_copy": sum(not run.own_file for run in dataset.runs),
+        "interpolation_error": interpolated,
         "missing": dataset.missing,
         "failed": dataset.failed,
         "damaged": damaged,
@@ -75,6 +82,11 @@ def info(folder: Folder, as_json: Json = False) -> None:
             print(f"split by {by}: " + ", ".join(f"{n} {part}" for part, n in counts.items()))
         if result["only_copy"]:
             print(f"{result['only_copy']} runs have no file of their own; {MERGED} holds them")
+        if interpolated:
+            print(
+                f"{len(interpolated)} runs are interpolated: where it was measured, the error of "
+                f"their torque is at most {max(interpolated.values()):.1%} of its noise"
+            )
         for run_id, reason in dataset.failed.items():
             print(f"failed: {run_id}: {reason}")
         for name, reason in damaged.items():

@@ -69,7 +69,7 @@ def data_card(runs: Sequence[OpenRun], manifest: Manifest) -> str:
         "## Divisions",
         *_divisions(manifest, bool(paired)),
         "## Limitations",
-        "\n".join(f"- {line}" for line in _LIMITATIONS),
+        "\n".join(f"- {line}" for line in [*_interpolation(table), *_LIMITATIONS]),
         "## Licence",
         f"The data are under the licence Creative Commons Attribution 4.0 International "
         f"(CC BY 4.0, {LICENCE}). The software faultgen is under the MIT licence.",
@@ -96,6 +96,18 @@ def _operations(table: pd.DataFrame) -> list[str]:
         if table[name].nunique() > 1
     ]
     return [f"Every combination of these was made: {'; '.join(told)}."] if told else []
+
+
+def _interpolation(table: pd.DataFrame) -> list[str]:
+    """What is to be said about interpolated cycles."""
+    own = table[table["fidelity"] == "interpolated"]
+    if own.empty:
+        return []
+    return [
+        f"The cycles of {len(own)} runs are interpolated between simulated ones. Where it was "
+        f"measured, the error of their torque is at most {own['interpolation_error'].max():.1%} of "
+        "its noise."
+    ]
 
 
 def _listed(table: pd.DataFrame, column: str) -> str:

@@ -24,6 +24,7 @@ from faultgen.simulation.operation import Operation
 from faultgen.system.progress import follow
 
 _SHORT, _LONG = 1, 3  # cycles of the runs that are measured
+_FEW, _MANY = 200, 300  # the same if cycles are interpolated: the run has to be long enough for it
 _MERGED = 2  # every run is stored twice: in its own file and in dataset.h5
 
 
@@ -65,9 +66,12 @@ def estimate(experiment: Experiment, *, workers: int = 1, progress: bool = True)
         kinds.setdefault(kind, []).append(run)
     seconds, size = 0.0, 0.0
     for of in follow(list(kinds.values()), "measuring", len(kinds), "run", progress):
-        measured = [_measured(of[0], cycles) for cycles in (_SHORT, _LONG)]
-        first, rate = _line([one[0] for one in measured])
-        head, growth = _line([one[1] for one in measured])
+        lengths = _lengths(of[0])
+        if of[0].interpolated:
+            _measured(of[0], lengths[0])  # later runs use its simulated cycles
+        measured = [_measured(of[0], cycles) for cycles in lengths]
+        first, rate = _line(lengths, [one[0] for one in measured])
+        head, growth = _line(lengths, [one[1] for one in measured])
         seconds += sum(first + rate * run.cycles for run in of)
         size += _MERGED * sum(head + growth * run.cycles for run in of)
     return Estimate(
@@ -76,6 +80,14 @@ def estimate(experiment: Experiment, *, workers: int = 1, progress: bool = True)
         seconds=seconds / max(1, min(workers, len(runs))),
         bytes=round(size),
     )
+
+
+def _lengths(run: Run) -> tuple[int, int]:
+    """Cycles of two runs that are measured instead of a run."""
+    if not run.interpolated:
+        return _SHORT, _LONG
+    few = min(_FEW, run.cycles)
+    return few, max(few + 1, min(_MANY, run.cycles))
 
 
 def _measured(run: Run, cycles: int) -> tuple[float, float]:
@@ -92,7 +104,7 @@ def _measured(run: Run, cycles: int) -> tuple[float, float]:
         return took, sum(file.stat().st_size for file in Path(folder).iterdir())
 
 
-def _line(measured: Sequence[float]) -> tuple[float, float]:
+def _line(lengths: Sequence[int], measured: Sequence[float]) -> tuple[float, float]:
     """Value at 0 cycles, and growth per cycle, neither below 0."""
-    growth = max(0.0, (measured[1] - measured[0]) / (_LONG - _SHORT))
-    return max(0.0, measured[0] - _SHORT * growth), growth
+    growth = max(0.0, (measured[1] - measured[0]) / (lengths[1] - lengths[0]))
+    return max(0.0, measured[0] - lengths[0] * growth), growth

@@ -213,6 +213,10 @@ class Experiment(BaseModel):
     its own, so that a method that learns from the data cannot recognise runs by their noise."""
     sample_period: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.004
     """Time between samples [s]."""
+    fidelity: Literal["stepped", "interpolated"] = "stepped"
+    """How cycles are made. "stepped" simulates every one. "interpolated" simulates some conditions
+    of each run and computes the cycles between them, which takes much less time; their error is
+    measured and stored. A run is refused if it exceeds a tenth of the torque noise."""
     signals: Literal["all", "none"] | list[str] = "all"
     """Which sampled signals are kept in the files."""
     thin: Annotated[int, Field(ge=1)] = 1
@@ -233,6 +237,11 @@ class Experiment(BaseModel):
         sensors = get_sensors(self.sensors)
         if "sample_period" not in self.model_fields_set and sensors.sample_period is not None:
             self.sample_period = sensors.sample_period
+        if self.fidelity == "interpolated" and sensors.run_to_run:
+            raise InputError(
+                f"fidelity: with sensors '{self.sensors}' the healthy robot differs from cycle to "
+                "cycle in too many ways to be interpolated; use 'stepped'"
+            )
         if not isinstance(self.schedule, str):
             if "severity" in self.model_fields_set:
                 raise InputError(

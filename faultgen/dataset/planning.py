@@ -37,6 +37,7 @@ _OPTIONAL = (
     "speed",
     "payload",
     "temperature",
+    "interpolated",
 )  # not in the id of a run without them
 
 
@@ -83,6 +84,8 @@ class Run:
     """Mass of the payload [kg]; None: that of the model."""
     temperature: float | None = None
     """Mean temperature of the gearboxes [deg C]; None: that at which the model's friction holds."""
+    interpolated: bool = False
+    """Whether cycles are interpolated between simulated ones."""
     model_sha256: str
     """Hash of the robot's model."""
     task_sha256: str
@@ -201,6 +204,7 @@ def plan_runs(experiment: Experiment) -> list[Run]:
                     speed=operation.speed,
                     payload=operation.payload,
                     temperature=operation.temperature,
+                    interpolated=experiment.fidelity == "interpolated",
                     model_sha256=robot.sha256,
                     task_sha256=digest,
                     sensors_sha256=noise,

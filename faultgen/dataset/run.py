@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable
 from itertools import tee
 from pathlib import Path
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
-from faultgen.applied import Applied
+from faultgen.dataset.conditions import Course
+from faultgen.dataset.interpolated import interpolated
 from faultgen.dataset.planning import Run
-from faultgen.dataset.run_file import create_arrays, growth_of, run_attributes, shares_of
+from faultgen.dataset.run_file import create_arrays, run_attributes
 from faultgen.dataset.storage import RunWriter
 from faultgen.errors import InputError, SimulationFailed, one_line
-from faultgen.monitoring.environment import Surroundings, differences, surroundings
+from faultgen.monitoring.environment import differences, surroundings
 from faultgen.monitoring.reductions import monitor
 from faultgen.monitoring.sensors import get_sensors, measure
-from faultgen.robot import Robot
+from faultgen.simulation.cycle import Cycle
 from faultgen.simulation.nominal import nominal
 from faultgen.simulation.plant import Plant
-from faultgen.simulation.state import Condition, plant_at
 from faultgen.simulation.stepping import simulate
 
 
@@ -50,7 +50,8 @@ def make_run(
             on_cycle(1)
 
     try:
-        _simulate_and_write(run, folder, count)
+        with threadpool_limits(limits=1):  # sums in another order would differ in their last digits
+            _simulate_and_write(run, folder, count)
     except (SimulationFailed, InputError, ValueError, ArithmeticError) as error:
         if on_cycle:
             on_cycle(left)
@@ -69,11 +70,20 @@ def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], None]) ->
         lacks = sensors.missing_torque(run.task_sha256, shared.samples, run.sample_period)
     mean = robot.friction_temperature if run.temperature is None else run.temperature
     around = surroundings(sensors, run.cycles, mean, rng_surroundings)
+    course = Course(run, around, healthy)
     window = shared.speed_window(run.speed_window)
-    with RunWriter(folder, run.id, run_attributes(run, shared), robot.xml) as writer:
+    attributes = run_attributes(run, shared)
+    cycles: Iterable[Cycle]
+    plants: Iterable[Plant]
+    if run.interpolated:
+        found = interpolated(course, shared)
+        cycles, plants = found.cycles(), found.plants(course, robot)
+        attributes |= {"interpolation_error": found.error, "interpolation_noise": found.noise}
+    else:
+        plants, to_simulate = tee(course.plants(robot))
+        cycles = simulate(robot, shared.control, to_simulate, sample_period=run.sample_period)
+    with RunWriter(folder, run.id, attributes, robot.xml) as writer:
         create_arrays(writer, run, shared, around)
-        plants, simulated = tee(_plants(run, robot, around, healthy))
-        cycles = simulate(robot, shared.control, simulated, sample_period=run.sample_period)
         for index, (plant, cycle) in enumerate(zip(plants, cycles, strict=True)):
             seen = measure(
                 sensors,
@@ -97,29 +107,3 @@ def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], None]) ->
                 values = getattr(seen if group == "signals" else cycle, channel)
                 writer.put(name, index, values[:: run.thin])
             on_cycle()
-
-
-def _plants(
-    run: Run, robot: Robot, around: Surroundings, healthy: Sequence[tuple[Applied, ...]]
-) -> Iterator[Plant]:
-    """Yield the robot as it is in each cycle. It is assembled anew only where something changed."""
-    spec = robot.spec()
-    before: Condition | None = None
-    plant = Plant(robot.model)
-    growth, shares = growth_of(run), shares_of(run)
-    for severity, share, temperature, load, own in zip(
-        growth, shares.tolist(), around.temperature, around.payload_factor, healthy, strict=True
-    ):
-        now = Condition(
-            temperature=float(temperature),
-            payload_factor=float(load),
-            faults=(
-                *own,
-                *(replace(one, severity=float(severity)) for one in run.own_faults),
-                *(replace(one, severity=one.severity * share) for one in run.beside),
-            ),
-        )
-        if now != before:
-            plant = plant_at(robot, spec, now)
-            before = now
-        yield plant

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
@@ -121,6 +122,7 @@ def run_attributes(run: Run, nominal: Nominal) -> dict[str, Any]:
         "sensors": run.sensors,
         "seed": run.seed,
         "sample_period": run.sample_period,
+        "fidelity": "interpolated" if run.interpolated else "stepped",
         "speed": 1.0 if run.speed is None else run.speed,
         "payload_mass": robot.payload_mass,
         "mean_temperature": (
@@ -141,6 +143,21 @@ def run_attributes(run: Run, nominal: Nominal) -> dict[str, Any]:
         ),
         **own,
     }
+
+
+def interpolation_error(told: Mapping[str, Any]) -> float:
+    """Compute how large the error of interpolated torque is.
+
+    Args:
+        told: Attributes of a run.
+
+    Returns:
+        The largest error of an axis, over its noise; 0 if every cycle was simulated.
+    """
+    if "interpolation_error" not in told:
+        return 0.0
+    error, noise = (np.asarray(told[f"interpolation_{what}"]) for what in ("error", "noise"))
+    return float(np.max(error / np.maximum(noise, 1e-300)))
 
 
 def create_arrays(writer: RunWriter, run: Run, nominal: Nominal, around: Surroundings) -> None:

@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 import pandas as pd
 
+from faultgen.dataset.run_file import interpolation_error
 from faultgen.dataset.splits import RunParts
 from faultgen.errors import InputError
 from faultgen.system.tables import optional
@@ -62,6 +63,8 @@ INDEX = {
     "speed": ("1", "speed override; 1: as programmed"),
     "payload_mass": ("kg", "mass of the payload; nan if the model has none"),
     "mean_temperature": ("degC", "mean temperature of the gearboxes"),
+    "fidelity": ("", "stepped, or interpolated between simulated cycles"),
+    "interpolation_error": ("1", "largest error of the torque of an axis, over its noise"),
     "file_sha256": ("", "checksum of the run's own file"),
 }
 """Unit and meaning of the columns of the table of runs. Texts have no unit."""
@@ -105,6 +108,8 @@ def _run_row(run: OpenRun, splits: RunParts) -> dict[str, Any]:
         "speed": float(told.get("speed", 1.0)),
         "payload_mass": float(told.get("payload_mass", np.nan)),
         "mean_temperature": float(told.get("mean_temperature", np.nan)),
+        "fidelity": told.get("fidelity", "stepped"),
+        "interpolation_error": interpolation_error(told),
         **{
             f"split_{scheme}": next(part for part, ids in parts.items() if run.id in ids)
             for scheme, parts in splits.items()

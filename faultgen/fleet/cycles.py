@@ -27,11 +27,11 @@ from faultgen.errors import InputError
 from faultgen.fleet.robot_instance import Program, RobotInstance
 from faultgen.robot import Robot, load_robot
 from faultgen.simulation.cycle import Cycle
+from faultgen.simulation.grid import lagrange
 from faultgen.simulation.motion import Motion, plan, shifted
 from faultgen.simulation.servo import control_signal
 from faultgen.simulation.state import Condition, plant_at
 from faultgen.simulation.stepping import simulate
-from faultgen.simulation.surrogate import lagrange
 from faultgen.tasks import load_task
 
 TEMPERATURES = np.array([30.0, 41.0, 61.0, 80.0])

@@ -1,15 +1,9 @@
 """Cycles at any temperature, payload and wear, interpolated between simulated ones.
 
 A study needs many thousand cycles that differ only a little. Every condition on a grid is simulated
-once, and a cycle at any other condition is computed sample by sample:
-
-    y(T, m, s) = base(T) + load(m, T) + sum_axes wear_axis(s_axis, T)
-
-`base` is the polynomial through its nodes in temperature. `load` and `wear` are differences from
-it; they are polynomials in temperature and in the payload or severity, and zero where the payload
-is nominal or the severity is 0. The surrogate ignores interactions such as wear x payload or wear
-of one axis x wear of another; they are of second order. `benchmarks/surrogate_error.py` measures
-the error against direct simulation, and docs/surrogate.md compares it with the noise.
+once, and a cycle at any other condition is computed sample by sample, see `grid`. Each axis is a
+way of wear of its own. `benchmarks/surrogate_error.py` measures the error against direct
+simulation, and docs/surrogate.md compares it with the noise.
 
     surrogate = build_surrogate("irb6700", "spot_weld")
     cycles = surrogate.cycles(temperature=[36.0], payload_factor=[1.01], severity=severity)
@@ -18,7 +12,7 @@ the error against direct simulation, and docs/surrogate.md compares it with the 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,6 +25,7 @@ from faultgen.effects.temperature import TEMPERATURE_RANGE
 from faultgen.errors import InputError
 from faultgen.provenance import provenance
 from faultgen.robot import load_robot
+from faultgen.simulation.grid import Grid, chebyshev
 from faultgen.simulation.nominal import nominal
 from faultgen.simulation.operation import AS_PROGRAMMED, Operation
 from faultgen.simulation.state import Condition, plant_at
@@ -47,7 +42,6 @@ SAMPLE_PERIOD = 0.004
 
 _SPREAD = 20.0  # temperatures up to so far from the reference, five standard deviations [K]
 _BASE_NODES = 9
-_EVERY = 2  # every so many-th node in temperature has nodes in payload and wear too
 _LOAD = (-0.03, 0.03)
 _WEAR = (0.1, 0.2)
 
@@ -105,17 +99,11 @@ class Surrogate:
             )
         if severity.min() < 0 or severity.max() > _WEAR[-1] * (1 + 1e-9):
             raise ValueError(f"severity must be within 0 and {_WEAR[-1]}, got {severity.max()}")
-        base = lagrange(self.temperatures, temperature)
-        coarse = self.temperatures[::_EVERY]
-        slope = lagrange(coarse, temperature)
-        load = lagrange((0.0, *_LOAD), payload_factor - 1)[:, 1:]
-        by_load = slope[:, :, None] * load[:, None, :]
-        wear = np.stack([lagrange((0.0, *_WEAR), s)[:, 1:] for s in severity.T], axis=1)
-        by_wear = slope[:, :, None, None] * wear[:, None]
-        # differences from the base at the same temperature
-        base[:, ::_EVERY] -= by_load.sum(axis=2) + by_wear.sum(axis=(2, 3))
-        cycles = len(base)
-        return np.hstack([base, by_load.reshape(cycles, -1), by_wear.reshape(cycles, -1)])
+        return self._grid.weights(temperature, payload_factor, severity)
+
+    @property
+    def _grid(self) -> Grid:
+        return _grid(self.temperatures.tolist(), self.n_axes)
 
     def cycles(
         self, temperature: np.ndarray, payload_factor: np.ndarray, severity: np.ndarray
@@ -196,38 +184,8 @@ class Surrogate:
             raise InputError(f"{error}; this is not a surrogate: delete {path}") from None
 
 
-def lagrange(nodes: Iterable[float], x: Iterable[float]) -> np.ndarray:
-    """Evaluate the Lagrange polynomials of some nodes.
-
-    Args:
-        nodes: The nodes, in the unit of `x`.
-        x: Where the polynomials are evaluated.
-
-    Returns:
-        Value of each polynomial, shape (len(x), nodes), without unit.
-    """
-    at = np.asarray(list(nodes), float)
-    x = np.asarray(x, float)
-    value = np.ones((len(x), len(at)))
-    for k in range(len(at)):
-        for j in range(len(at)):
-            if j != k:
-                value[:, k] *= (x - at[j]) / (at[k] - at[j])
-    return value
-
-
-def _conditions(temperatures: np.ndarray, n_axes: int, effect: str) -> list[Condition]:
-    """Conditions of all nodes, in the order of `Surrogate.weights`."""
-    coarse = temperatures[::_EVERY].tolist()
-    conditions = [Condition(t) for t in temperatures.tolist()]
-    conditions += [Condition(t, 1 + load) for t in coarse for load in _LOAD]
-    conditions += [
-        Condition(t, 1.0, (Applied(effect, axis, severity),))
-        for t in coarse
-        for axis in range(1, n_axes + 1)
-        for severity in _WEAR
-    ]
-    return conditions
+def _grid(temperatures: Sequence[float], n_axes: int) -> Grid:
+    return Grid(tuple(temperatures), _LOAD, (_WEAR,) * n_axes)
 
 
 def simulate_at(
@@ -293,9 +251,15 @@ def build_surrogate(
     reference = simulated.friction_temperature
     low = max(reference - _SPREAD, TEMPERATURE_RANGE[0])
     high = min(reference + _SPREAD, TEMPERATURE_RANGE[1])
-    around = np.cos(np.pi * np.arange(_BASE_NODES) / (_BASE_NODES - 1))[::-1]  # Chebyshev-Lobatto
-    temperatures = (low + high) / 2 + (high - low) / 2 * around
-    conditions = _conditions(temperatures, simulated.n_axes, effect)
+    temperatures = chebyshev(low, high, _BASE_NODES)
+    conditions = [
+        Condition(
+            node.temperature,
+            node.payload_factor,
+            () if node.way is None else (Applied(effect, node.way + 1, node.wear),),
+        )
+        for node in _grid(temperatures, simulated.n_axes).nodes
+    ]
     calls = [
         delayed(simulate_at)(robot, task, sample_period, condition, controller)
         for condition in conditions
@@ -307,7 +271,7 @@ def build_surrogate(
         task_path=task,
         effect=effect,
         sample_period=sample_period,
-        temperatures=temperatures,
+        temperatures=np.array(temperatures),
         nodes=np.stack(list(shown)),
         gear_ratio=simulated.gear_ratio,
         encoder_counts=simulated.encoder_counts,
