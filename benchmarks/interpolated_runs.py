@@ -1,6 +1,7 @@
 """Interpolated runs of `generate` beside stepped ones: error, and cycles per second.
 
     python benchmarks/interpolated_runs.py [--robot puma560] [--task pick_and_place] [--cycles 1000]
+        [--effects friction_wear,delay]
 
 For every effect, a run of 1000 cycles with the preset 'realistic' is made without sampled signals:
 interpolated, and as long as ten cycles take also stepped. The severity grows exponentially to the
@@ -25,7 +26,7 @@ from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.interpolated import interpolated, noise_of
 from faultgen.dataset.planning import Run, plan_runs
 from faultgen.dataset.run import make_run
-from faultgen.effects import EFFECTS
+from faultgen.effects import EFFECTS, get_effect
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.monitoring.environment import surroundings
 from faultgen.monitoring.sensors import get_sensors
@@ -43,11 +44,12 @@ def main() -> None:
     parser.add_argument("--robot", default="puma560")
     parser.add_argument("--task", default="pick_and_place")
     parser.add_argument("--cycles", type=int, default=1000)
+    parser.add_argument("--effects", default=",".join(EFFECTS))
     args = parser.parse_args()
     print("| effect | stated error | error of further cycles | times faster |")
     print("| --- | --- | --- | --- |")
-    for name, effect in EFFECTS.items():
-        axes = list(effect.axes_on(load_robot(args.robot)))
+    for name in args.effects.split(","):
+        axes = list(get_effect(name).axes_on(load_robot(args.robot)))
         if not axes:
             continue
         entries = {
