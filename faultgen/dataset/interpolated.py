@@ -3,14 +3,14 @@
 Cycles at the nodes of a grid of conditions are simulated, and every cycle of the run is computed
 from them, see `faultgen.simulation.grid`. The grid spans the temperatures, payloads and severities
 of the run, so that no cycle is outside of it. An axis that stands still at the beginning of a cycle
-holds a torque that depends on how it stopped, and so on the condition c' of the cycle before. With
-the condition c of the cycle itself:
+holds a torque that depends on how it stopped. With the condition c of a cycle, and its change d
+from the cycle before:
 
-    y(c, c') = f(c) + h(c') - h(c)
+    y(c, d) = f(c) + g(d, T) - g(0, T)
 
-f is a cycle after cycles like it, and h a cycle under usual conditions after one at a condition. h
-is left out if it is not needed. Some cycles of the run are simulated as well; the difference is the
-error. A run whose error is too large is refused.
+f is a cycle after cycles like it, and g a healthy cycle at its temperature T after one that differs
+in temperature and payload. g is left out if it is not needed. Some cycles of the run are simulated
+as well; the difference is the error. A run whose error is too large is refused.
 
     found = interpolated(course, nominal(run.robot, run.task, run.sample_period))
     for cycle in found.cycles(): ...
@@ -24,7 +24,14 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from faultgen.dataset.conditions import Course
-from faultgen.dataset.nodes import conditions_of, grids_of, nodes_of, simulated
+from faultgen.dataset.nodes import (
+    conditions_of,
+    grid_of,
+    grid_of_changes,
+    nodes_of,
+    nodes_of_changes,
+    simulated,
+)
 from faultgen.dataset.run_file import growth_of
 from faultgen.effects import get_effect
 from faultgen.effects.temperature import TEMPERATURE_RANGE
@@ -58,8 +65,8 @@ class Interpolated:
     weights: np.ndarray
     """Weight of each node in each cycle, shape (cycles, nodes)."""
     error: np.ndarray
-    """Largest RMS error of the torque among the cycles that were simulated as well, shape
-    (n_axes,), in [N m]; 0 if every condition of the run was simulated."""
+    """RMS error of the torque in the cycles that were simulated as well, with the most extreme ones
+    among them; shape (n_axes,), in [N m]; 0 if every condition of the run was simulated."""
     noise: np.ndarray
     """Standard deviation of the noise with which the error is compared, shape (n_axes,), in
     [N m]."""
@@ -111,7 +118,9 @@ def interpolated(course: Course, shared: Nominal) -> Interpolated:
     every = np.column_stack([temperature, around.payload_factor, growth_of(run)])
     pairs = np.hstack([every[[0, *range(len(every) - 1)]], every])  # with the cycle before
     noise = noise_of(get_sensors(run.sensors), shared.mean_torque)
-    grids = [grids_of(every, levels) for levels in _LEVELS]
+    grids = [grid_of(every, levels) for levels in _LEVELS]
+    changes = (every - pairs[:, :3])[:, :2]
+    of_changes = grid_of_changes(grids[0].temperatures, changes)
     checked = _checked(every)
 
     def last_of(rows: np.ndarray, channels: tuple[str, ...]) -> np.ndarray:
@@ -120,28 +129,26 @@ def interpolated(course: Course, shared: Nominal) -> Interpolated:
         return simulated(shared, run.sample_period, sequences, channels)
 
     distinct, which = np.unique(pairs, axis=0, return_inverse=True)
-    if 2 * len(distinct) <= len(grids[0][0].nodes) + 2 * len(checked):
+    if 2 * len(distinct) <= len(grids[0].nodes) + 2 * len(checked):
         _check_size(len(distinct) * len(channels), shared)
         weights = np.zeros((run.cycles, len(distinct)))
         weights[np.arange(run.cycles), which.reshape(-1)] = 1.0
         nodes = last_of(distinct, channels)
         return Interpolated(channels, nodes, weights, 0 * noise, noise)
-    _check_size(sum(len(grid.nodes) for grid in grids[-1]) * len(channels), shared)
+    _check_size((len(grids[-1].nodes) + len(of_changes.nodes)) * len(channels), shared)
     (true,) = last_of(pairs[checked], _MEASURED[_TORQUE:]).swapaxes(0, 1)
     limit = np.maximum(LARGEST_ERROR * noise, _SMALLEST * shared.limits.torque)
     worst, over = 0, np.inf
-    for fine, coarse in dict.fromkeys(grids):
-        nodes = nodes_of(shared, run, fine, channels, before=False)
-        weights = _weights(fine, every)
-        for with_before in (False, True):
-            if with_before:
-                nodes = np.concatenate(
-                    [nodes, nodes_of(shared, run, coarse, channels, before=True)]
-                )
-                change = _weights(coarse, pairs[:, :3]) - _weights(coarse, every)
+    for grid in dict.fromkeys(grids):
+        nodes = nodes_of(shared, run, grid, channels)
+        weights = grid.weights(every[:, 0], every[:, 1], every[:, 2 : 2 + len(grid.wear)])
+        for with_changes in (False, True):
+            if with_changes:
+                nodes = np.concatenate([nodes, nodes_of_changes(run, of_changes, channels)])
+                change = _weights_of_changes(of_changes, every[:, 0], changes)
                 weights = np.hstack([weights, change])
             told = np.tensordot(weights[checked], nodes[:, _TORQUE], axes=1)
-            error = np.sqrt(np.mean((told - true) ** 2, axis=1)).max(axis=0)
+            error = np.sqrt(np.mean((told - true) ** 2, axis=(0, 1)))
             if np.all(error <= limit):
                 return Interpolated(channels, nodes, weights, error, noise)
             worst, over = int(np.argmax(error / limit)), float(np.max(error / limit))
@@ -168,9 +175,11 @@ def noise_of(sensors: Sensors, mean_torque: np.ndarray) -> np.ndarray:
     return np.asarray(level * mean_torque)
 
 
-def _weights(grid: Grid, every: np.ndarray) -> np.ndarray:
-    """Weights of the nodes of a grid, shape (cycles, nodes)."""
-    return grid.weights(every[:, 0], every[:, 1], every[:, 2 : 2 + len(grid.wear)])
+def _weights_of_changes(grid: Grid, temperature: np.ndarray, changes: np.ndarray) -> np.ndarray:
+    """Weights of the changes in each cycle, less those of no change, shape (cycles, nodes)."""
+    warmer, heavier = changes[:, : len(grid.wear)], changes[:, 1]
+    still = grid.weights(temperature, np.ones(len(changes)), 0 * warmer)
+    return grid.weights(temperature, 1 + heavier, warmer) - still
 
 
 def _checked(every: np.ndarray) -> list[int]:

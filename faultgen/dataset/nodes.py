@@ -17,35 +17,54 @@ from faultgen.simulation.state import Condition, plant_at
 from faultgen.simulation.stepping import simulate
 
 _TEMPERATURES = 9  # nodes in temperature
-_BEFORE = 3  # the same for the cycle before
 _WHOLE = 5.0  # ends of the grid in temperature are multiples of it [K], so that runs share nodes
 _LOAD = 0.01  # the same for the payload
+_CHANGE, _LOAD_CHANGE = 1.0, 0.02  # the same for changes from one cycle to the next
 
 
-def grids_of(every: np.ndarray, levels: int) -> tuple[Grid, Grid]:
-    """Choose grids that span all conditions of a run.
+def grid_of(every: np.ndarray, levels: int) -> Grid:
+    """Choose a grid that spans all conditions of a run.
 
     Args:
         every: Temperature, payload factor and severity of each cycle, shape (cycles, 3).
         levels: Number of nodes in severity, with 0.
-
-    Returns:
-        The grid of the cycles themselves, and a coarser one of the cycles before them.
     """
     temperature, payload, severity = every.T
-    fine: tuple[float, ...] = (float(temperature[0]),)
-    before = fine
+    temperatures: tuple[float, ...] = (float(temperature[0]),)
     if np.ptp(temperature) > 0:
         low = _WHOLE * np.floor(temperature.min() / _WHOLE)
         high = _WHOLE * np.ceil(temperature.max() / _WHOLE)
         low, high = np.clip([low, high], *TEMPERATURE_RANGE).tolist()
-        fine, before = chebyshev(low, high, _TEMPERATURES), chebyshev(low, high, _BEFORE)
-    away = _LOAD * float(np.ceil(np.abs(payload - 1).max() / _LOAD))
-    loads = (-away, away) if away else ()
+        temperatures = chebyshev(low, high, _TEMPERATURES)
+    away = _rounded_up(payload - 1, _LOAD)
     own = [float(one) for one in np.unique(severity) if one != 0]
     wear = tuple(own) if len(own) < levels else chebyshev(0.0, own[-1], levels)[1:]
-    ways = (wear,) if own else ()
-    return Grid(fine, loads, ways), Grid(before, loads, ways)
+    return Grid(temperatures, (-away, away) if away else (), (wear,) if own else ())
+
+
+def grid_of_changes(temperatures: tuple[float, ...], changes: np.ndarray) -> Grid:
+    """Choose a grid that spans the changes from one cycle of a run to the next.
+
+    Args:
+        temperatures: Nodes in temperature of the cycles themselves, ascending [deg C].
+        changes: Changes of temperature and payload factor, shape (cycles, 2).
+
+    Returns:
+        The grid. Its payloads are changes of the payload factor, and its wear is the change of the
+        temperature [K].
+    """
+    warmer, heavier = (
+        _rounded_up(change, whole)
+        for change, whole in zip(changes.T, (_CHANGE, _LOAD_CHANGE), strict=True)
+    )
+    few = temperatures[:: max(1, len(temperatures) // 2)]
+    loads = (-heavier, -heavier / 2, heavier / 2, heavier) if heavier else ()
+    return Grid(few, loads, ((-warmer, warmer),) if warmer else ())
+
+
+def _rounded_up(values: np.ndarray, whole: float) -> float:
+    """The largest magnitude, rounded up to a multiple."""
+    return whole * float(np.ceil(np.abs(values).max() / whole))
 
 
 def conditions_of(run: Run, rows: np.ndarray) -> list[Condition]:
@@ -58,9 +77,7 @@ def conditions_of(run: Run, rows: np.ndarray) -> list[Condition]:
     return [Condition(one, load, faults_at(run, worn)) for one, load, worn in rows.tolist()]
 
 
-def nodes_of(
-    shared: Nominal, run: Run, grid: Grid, channels: tuple[str, ...], *, before: bool
-) -> np.ndarray:
+def nodes_of(shared: Nominal, run: Run, grid: Grid, channels: tuple[str, ...]) -> np.ndarray:
     """Simulate the nodes of a grid. Those without wear are kept for the next run.
 
     Args:
@@ -68,48 +85,76 @@ def nodes_of(
         run: The run.
         grid: The grid.
         channels: Names of the channels.
-        before: Whether the nodes are conditions of the cycle before one under usual conditions,
-            which is recorded.
 
     Returns:
         Shape (nodes, channels, samples, n_axes), in [rad], [rad/s] and [N m].
     """
-    operated = (run.robot, run.task, run.sample_period, run.operation)
-    healthy = Grid(grid.temperatures, grid.loads, ())
-    hashes = (run.model_sha256, run.task_sha256)
-    base = _healthy_nodes(*operated, hashes, healthy, channels, before)
     worn = [
-        Condition(node.temperature, node.payload_factor, faults_at(run, node.wear))
+        (Condition(node.temperature, node.payload_factor, faults_at(run, node.wear)),)
         for node in grid.nodes
         if node.way is not None
     ]
-    own = simulated(shared, run.sample_period, _sequences(worn, grid, before), channels)
-    return np.concatenate([base, own])
+    base = _healthy_nodes(*_made_of(run), Grid(grid.temperatures, grid.loads, ()), channels)
+    return np.concatenate([base, simulated(shared, run.sample_period, worn, channels)])
 
 
-@lru_cache(maxsize=2)
+def nodes_of_changes(run: Run, grid: Grid, channels: tuple[str, ...]) -> np.ndarray:
+    """Simulate healthy cycles, each after a cycle from which it differs by a change.
+
+    Args:
+        run: The run.
+        grid: The grid of changes.
+        channels: Names of the channels.
+
+    Returns:
+        Shape (nodes, channels, samples, n_axes), in [rad], [rad/s] and [N m]. They are kept for the
+        next run.
+    """
+    return _after_changes(*_made_of(run), grid, channels)
+
+
+def _made_of(run: Run) -> tuple[str, str, float, Operation, tuple[str, str]]:
+    """What the healthy cycles of a run depend on."""
+    hashes = (run.model_sha256, run.task_sha256)
+    return run.robot, run.task, run.sample_period, run.operation, hashes
+
+
+@lru_cache(maxsize=1)
 def _healthy_nodes(
     robot: str,
     task: str,
     sample_period: float,
     operation: Operation,
-    _hashes: tuple[str, ...],
+    _hashes: tuple[str, str],
     grid: Grid,
     channels: tuple[str, ...],
-    before: bool,
 ) -> np.ndarray:
     """Simulate the nodes of a grid without wear."""
     shared = nominal(robot, task, sample_period, operation)
-    conditions = [Condition(node.temperature, node.payload_factor) for node in grid.nodes]
-    return simulated(shared, sample_period, _sequences(conditions, grid, before), channels)
+    sequences = [(Condition(node.temperature, node.payload_factor),) for node in grid.nodes]
+    return simulated(shared, sample_period, sequences, channels)
 
 
-def _sequences(
-    conditions: Sequence[Condition], grid: Grid, before: bool
-) -> list[tuple[Condition, ...]]:
-    """Conditions of the cycles that are simulated for each node, of which the last is recorded."""
-    usual = Condition(grid.temperatures[len(grid.temperatures) // 2])
-    return [(one, usual) if before else (one,) for one in conditions]
+@lru_cache(maxsize=1)
+def _after_changes(
+    robot: str,
+    task: str,
+    sample_period: float,
+    operation: Operation,
+    _hashes: tuple[str, str],
+    grid: Grid,
+    channels: tuple[str, ...],
+) -> np.ndarray:
+    """Simulate `nodes_of_changes`."""
+    shared = nominal(robot, task, sample_period, operation)
+    sequences = [
+        (
+            Condition(node.temperature - node.wear, 2 - node.payload_factor),
+            Condition(node.temperature),
+        )
+        for node in grid.nodes
+    ]
+    return simulated(shared, sample_period, sequences, channels)
 
 
 def simulated(
