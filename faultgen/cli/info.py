@@ -55,7 +55,7 @@ def info(folder: Folder, as_json: Json = False) -> None:
     interpolated = {
         run.id: interpolation_error(run.attributes)
         for run in dataset.runs
-        if run.attributes.get("fidelity") == "interpolated"
+        if run.id not in broken and run.attributes.get("fidelity") == "interpolated"
     }
     result: dict[str, Any] = {
         "folder": str(folder),
