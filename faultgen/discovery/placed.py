@@ -2,25 +2,26 @@
 
 The reaction to such an effect is told for many places without a simulation, see `reaction`. The
 place is the one at which the effect best explains what all other terms leave. The effect is then
-simulated there, and becomes a candidate.
+simulated there, and becomes a candidate. Simulating it takes long, so this is done only where it
+explains more than every other effect, or enough of what the best other effects would leave.
 
     problem = with_places(problem)
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_solve
 
 from faultgen.discovery.candidates import FORM, Term, names_by_use
-from faultgen.discovery.evidence import factored
+from faultgen.discovery.evidence import FREE, factored
 from faultgen.discovery.friction_discrepancy import shapes_of
 from faultgen.discovery.reaction import Reaction
 from faultgen.discovery.regression import Problem, pose
-from faultgen.discovery.selection import needed_of
+from faultgen.discovery.selection import groups_of, needed, needed_of
 from faultgen.discovery.sensitivities import sensitivities
 from faultgen.effects import get_effect
 from faultgen.effects.prior import Search, Seen
@@ -34,6 +35,7 @@ _APART = 0.5  # time between two passes of a place, at least [s]
 _LONGEST = 1.0  # a pass that takes longer counts as several [s]
 _FELT = 0.02  # square of the reaction during a pass, over the largest
 _AGAIN = 2.0  # standard errors of the severity that all passes but the most telling one show
+_BEFORE = 3  # other effects whose best explanation is left to a place at most
 _USUAL = 0.01  # standard deviation among healthy robots, over the severity that is probed: assumed
 
 
@@ -51,6 +53,8 @@ def with_places(problem: Problem, *, workers: int = 1, exclude: Collection[str] 
     """
     names = [name for name in names_by_use("searched") if name not in exclude]
     left = _Left(problem)
+    others, strongest = _others(problem) if names else ([], 0.0)
+    beside = _Left(problem, others) if others else left
     best: dict[tuple[str, int], _Place] = {}
     for axis in range(1, problem.robot.n_axes + 1) if names else ():
         if not problem.inside[left.rows, axis - 1].any():
@@ -66,7 +70,9 @@ def with_places(problem: Problem, *, workers: int = 1, exclude: Collection[str] 
             (place for (own, _), place in best.items() if own == name), key=lambda one: -one.gain
         )
         for place in of_name[:_MOST]:
-            if place.gain > least:
+            if place.gain > least and (
+                place.gain > strongest or beside.gain(place.column, place.axis) > least
+            ):
                 term, column = _simulated(problem, left, place, workers)
                 own = column[:, place.axis - 1].astype(float)
                 if left.is_repeated(own, place.axis, least):
@@ -84,7 +90,27 @@ def with_places(problem: Problem, *, workers: int = 1, exclude: Collection[str] 
     )
 
 
-@dataclass(frozen=True)
+def _others(problem: Problem) -> tuple[list[int], float]:
+    """Terms of the effects that explain most, chosen one after another to first order.
+
+    Returns:
+        Indices of the terms, and the decrease of the misfit by the first effect.
+    """
+    evidence, groups = problem.evidence(), groups_of(problem.terms)
+    free: list[int] = []
+    strongest = 0.0
+    for _ in range(_BEFORE):
+        rest = [group for group in groups if not set(group) & set(free)]
+        gains, _ = evidence.gains(rest, free) if rest else (np.zeros(1), None)
+        k = int(np.argmax(gains))
+        strongest = max(strongest, float(gains[k]))
+        if not rest or gains[k] < needed(problem, rest[k]):
+            break
+        free += rest[k]
+    return free, strongest
+
+
+@dataclass(frozen=True, eq=False)
 class _Place:
     """An effect at the best place of one of its searches."""
 
@@ -95,6 +121,8 @@ class _Place:
     search: Search
     at: float
     """The place."""
+    column: np.ndarray
+    """The linear reaction of the axis, shape (samples,); empty if the effect cannot act there."""
 
     def term(self, at: float) -> Term:
         """The effect at a place."""
@@ -175,11 +203,12 @@ class _Axis:
         reaction = self._reactions.get(search.twists)
 
         def tried(at: float) -> _Place:
-            gain = 0.0
+            gain, column = 0.0, np.empty(0)
             if reaction is not None and seen.axis in effect.axes_on(seen.robot):
                 parameters = {**effect.parameters, search.parameter: at, **search.others}
-                gain = left.gain(reaction.to(search.cause(seen, parameters)), seen.axis)
-            return _Place(gain, name, seen.axis, search, at)
+                column = reaction.to(search.cause(seen, parameters))
+                gain = left.gain(column, seen.axis)
+            return _Place(gain, name, seen.axis, search, at, column)
 
         places, spacing = _places(search, seen)
         best = max((tried(at) for at in places), key=lambda one: one.gain)
@@ -202,11 +231,19 @@ def _places(search: Search, seen: Seen) -> tuple[list[float], float]:
 class _Left:
     """What all terms of a problem leave, to be explained by further ones."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, free: Sequence[int] = ()) -> None:
+        """Fit all terms.
+
+        Args:
+            problem: The residual and the terms.
+            free: Terms without a prior.
+        """
         self._problem = problem
         evidence = problem.evidence()
         gram = evidence.gram.sum(axis=0)
-        gram[np.diag_indices_from(gram)] += 1.0
+        weight = np.ones(len(gram))
+        weight[list(free)] = FREE
+        gram[np.diag_indices_from(gram)] += weight
         self._inverse = cho_solve(factored(gram), np.eye(len(gram)))
         self._solution = self._inverse @ evidence.right.sum(axis=0)
         self.rows = problem.samples(problem.fitting)
