@@ -1,12 +1,17 @@
+import contextlib
+import io
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import patch
 
 import matplotlib.legend
 import numpy as np
 import pytest
 
+from faultgen.cli import main
 from faultgen.discovery import Recording
 from faultgen.effects import get_effect
 from faultgen.robot import Robot, load_robot
@@ -33,6 +38,31 @@ def faultgen(*arguments, cwd=None, variables=None) -> subprocess.CompletedProces
         text=True,
         timeout=HANG,
     )
+
+
+def faultgen_here(*arguments, cwd=None) -> subprocess.CompletedProcess[str]:
+    """Run the command in this process, which starts sooner.
+
+    Use it for commands that only list or refuse something, not for what starts or ends processes.
+    """
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    out, err = io.StringIO(), io.StringIO()
+    with (
+        patch.object(sys, "argv", ["faultgen", *map(str, arguments)]),
+        patch.dict(os.environ),
+        contextlib.chdir(cwd or Path.cwd()),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
+        try:
+            main()
+            status = 0
+        except SystemExit as ended:
+            status = int(ended.code or 0)
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+    return subprocess.CompletedProcess(arguments, status, out.getvalue(), err.getvalue())
 
 
 def contents(folder: Path) -> dict[str, str]:

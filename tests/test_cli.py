@@ -10,7 +10,7 @@ from pathlib import Path
 
 import h5py
 import pytest
-from conftest import HANG, faultgen
+from conftest import HANG, faultgen, faultgen_here
 
 from faultgen.effects import EFFECTS
 from faultgen.robot import load_robot, robot_names
@@ -39,32 +39,32 @@ def dataset(tiny_robot_path, tiny_task_path, tmp_path_factory):
 
 def test_every_command_teaches():
     """--help lists the commands, and that of each says what it does and takes."""
-    overview = faultgen("--help").stdout
+    overview = faultgen_here("--help").stdout
     for command in COMMANDS:
         assert re.search(rf"^  {command} ", overview, re.MULTILINE), command
-        text = faultgen(command, "--help").stdout
+        text = faultgen_here(command, "--help").stdout
         assert "--json" in text
         assert len(text.splitlines()) > 5
 
 
 def test_lists_are_json_too():
     """robots, tasks and effects print the same as a table and as JSON."""
-    robots = json.loads(faultgen("robots", "--json").stdout)
+    robots = json.loads(faultgen_here("robots", "--json").stdout)
     axes = [(row["robot"], row["axis"]) for row in robots]
     known = {name: load_robot(name).n_axes for name in robot_names()}
     assert axes == [(name, axis) for name, n in known.items() for axis in range(1, n + 1)]
-    effects = json.loads(faultgen("effects", "--json").stdout)
+    effects = json.loads(faultgen_here("effects", "--json").stdout)
     assert [row["effect"] for row in effects] == list(EFFECTS)
     (ripple,) = (row for row in effects if row["effect"] == "torque_ripple")
     assert ripple["parameters"] == {"order": 2.0, "phase": 0.0, "per": "motor"}
-    text = faultgen("effects").stdout
+    text = faultgen_here("effects").stdout
     assert "friction_wear" in text
     assert "order = 2.0, phase = 0.0, per = motor" in text
-    tasks = json.loads(faultgen("tasks", "--json").stdout)
+    tasks = json.loads(faultgen_here("tasks", "--json").stdout)
     assert [(row["robot"], row["task"]) for row in tasks] == [
         (name, task) for name in known for task in task_names(name)
     ]
-    assert "chapter3_task1" in faultgen("tasks").stdout
+    assert "chapter3_task1" in faultgen_here("tasks").stdout
 
 
 def test_generate_again_keeps_what_is_there(tiny_robot_path, tiny_task_path, dataset):
@@ -103,15 +103,15 @@ def test_info_tells_what_is_there(dataset):
 
 def test_info_tells_of_damage(tiny_robot_path, tiny_task_path, tmp_path):
     """A truncated and a missing run are named, and the exit status is 1."""
-    faultgen(*flags(tiny_robot_path, tiny_task_path, tmp_path, cycles=2))
+    faultgen_here(*flags(tiny_robot_path, tiny_task_path, tmp_path, cycles=2))
     lost, cut, _ = sorted((tmp_path / "runs").glob("*.h5"))
     lost.unlink()
     cut.write_bytes(cut.read_bytes()[:-7])
-    told = faultgen("info", tmp_path)
+    told = faultgen_here("info", tmp_path)
     assert told.returncode == 1
     assert f"damaged: runs/{cut.name}: differs from its checksum" in told.stdout
     assert re.search(rf"{lost.stem}.*missing", told.stdout)
-    isolated = faultgen("isolate", tmp_path)
+    isolated = faultgen_here("isolate", tmp_path)
     assert isolated.returncode == 2
     said = rf"faultgen: .*{cut.name}: damaged .differs from its checksum.*\n"
     assert re.fullmatch(said, isolated.stderr), isolated.stderr
@@ -215,7 +215,7 @@ def test_bad_files_and_folders_get_one_line(tmp_path):
         (["fly"], "No such command 'fly'"),
         (["info"], "Missing argument 'folder'"),
     ):
-        done = faultgen(*arguments)
+        done = faultgen_here(*arguments)
         assert done.returncode == 2, (arguments, done.stderr)
         assert re.fullmatch(rf"faultgen: .*{re.escape(message)}.*\n", done.stderr), done.stderr
 
@@ -225,7 +225,7 @@ def test_bad_files_and_folders_get_one_line(tmp_path):
     ["demo", "robot build arm.urdf", "export x.h5", "import x.csv", "twin x.h5 --robot puma560"],
 )
 def test_an_empty_path_is_not_the_current_folder(command, tmp_path):
-    done = faultgen(*command.split(), "-o", "", cwd=tmp_path)
+    done = faultgen_here(*command.split(), "-o", "", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.endswith("is empty; give a path, or . for the current folder\n")
     assert not list(tmp_path.iterdir())

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import faultgen
+from conftest import faultgen, faultgen_here
 from scipy.linalg import toeplitz
 
 from faultgen.effects import EFFECTS
@@ -225,7 +225,7 @@ def test_the_command_gives_the_same_for_any_number_of_workers(
 
 
 def test_other_studies_take_no_sensors(tmp_path):
-    done = faultgen("study", "isolation", "--sensors", "thesis", "-o", tmp_path / "out")
+    done = faultgen_here("study", "isolation", "--sensors", "thesis", "-o", tmp_path / "out")
     assert done.returncode == 2 and "takes no --sensors" in done.stderr
 
 

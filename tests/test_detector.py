@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import faultgen
+from conftest import faultgen_here
 from recorded import record
 
 from faultgen.dataset.experiment import make_experiment
@@ -221,7 +221,7 @@ def test_recordings_of_currents_or_links_are_refused(twin, tmp_path):
 def test_commands_explain_themselves_and_refuse_bad_input(tmp_path):
     """Help teaches with an example; nonsense is exit status 2 and one line."""
     for name, word in (("twin", "my_robot"), ("train", "repetitions"), ("judge", "running mean")):
-        done = faultgen(name, "--help")
+        done = faultgen_here(name, "--help")
         assert done.returncode == 0 and word in done.stdout
     for call in (
         ("judge", tmp_path),
@@ -229,6 +229,6 @@ def test_commands_explain_themselves_and_refuse_bad_input(tmp_path):
         ("train", tmp_path),
         ("twin", tmp_path / "no.h5", "--robot", "puma560"),
     ):
-        done = faultgen(*call)
+        done = faultgen_here(*call)
         assert done.returncode == 2, call
         assert done.stderr.startswith("faultgen: ") and done.stderr.count("\n") == 1

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from conftest import faultgen
+from conftest import faultgen_here
 
 from faultgen.dataset.estimate import estimate
 from faultgen.dataset.experiment import make_experiment
@@ -39,11 +39,11 @@ def test_size_and_runs_are_those_of_the_dataset(entries, more, tmp_path):
 
 def test_a_dry_run_writes_nothing(entries, tmp_path):
     flags = [part for name, value in entries.items() for part in (f"--{name}", value)]
-    done = faultgen("generate", *flags, "--dry-run", "--workers", 1, "-o", "out", cwd=tmp_path)
+    done = faultgen_here("generate", *flags, "--dry-run", "--workers", 1, "-o", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("3 runs, 45 cycles; about 0:")
     assert list(tmp_path.iterdir()) == []
-    done = faultgen("generate", *flags, "--dry-run", "--workers", 2, "--json", cwd=tmp_path)
+    done = faultgen_here("generate", *flags, "--dry-run", "--workers", 2, "--json", cwd=tmp_path)
     told = json.loads(done.stdout)
     assert (told["runs"], told["cycles"], told["workers"]) == (3, 45, 2)
 
@@ -52,7 +52,7 @@ def test_flags_say_what_a_file_can_say(entries, tmp_path):
     """--signals and --no-healthy, as the entries signals and healthy."""
     flags = [part for name, value in entries.items() for part in (f"--{name}", value)]
     kept = "signals/motor_torque,truth/friction_torque"
-    done = faultgen(
+    done = faultgen_here(
         "generate", *flags, "--no-healthy", "--signals", kept, "--paired", "-o", tmp_path / "out"
     )
     assert done.returncode == 0, done.stderr
@@ -62,5 +62,5 @@ def test_flags_say_what_a_file_can_say(entries, tmp_path):
     for run in runs:
         assert all(name in run for name in kept.split(","))
         assert "signals/motor_velocity" not in run
-    done = faultgen("generate", *flags, "--signals", "torque", "-o", tmp_path / "other")
+    done = faultgen_here("generate", *flags, "--signals", "torque", "-o", tmp_path / "other")
     assert done.returncode == 2 and "signals: unknown 'torque'" in done.stderr

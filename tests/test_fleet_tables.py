@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import faultgen
+from conftest import faultgen_here
 from fake_fleet import fake_fleet
 from typer.testing import CliRunner
 
@@ -54,13 +54,13 @@ def test_every_array_has_its_unit(folder):
             file["torque_indicator"].attrs["units"] = "kN"
         with pytest.raises(InputError, match="differs from its checksum"):
             read_arrays(path)
-        told = faultgen("info", folder, "--json")
+        told = faultgen_here("info", folder, "--json")
         assert told.returncode == 1
         states = [row["state"] for row in json.loads(told.stdout)["robots"]]
         assert "differs from its checksum" in states[0] and states[1:] == ["ok"] * 3
     finally:
         path.write_bytes(content)
-    told = faultgen("info", folder)
+    told = faultgen_here("info", folder)
     assert told.returncode == 0 and "the fleet is complete and intact" in told.stdout
 
 

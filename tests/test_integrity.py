@@ -9,7 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from conftest import contents, faultgen
+from conftest import contents, faultgen, faultgen_here
 
 import faultgen.dataset.sweep as sweep
 import faultgen.system.files as files
@@ -119,7 +119,7 @@ def test_commands_refuse_damaged_files(dataset, reader):
     """One line that names the file; exit status 2, or 1 of `info`, which lists it."""
     path = open_dataset(dataset).runs[0].path
     flip(path, path.stat().st_size // 2)
-    done = faultgen(reader, dataset)
+    done = faultgen_here(reader, dataset)
     if reader == "info":
         assert done.returncode == 1
         assert f"damaged: runs/{path.name}: differs from its checksum" in done.stdout
@@ -132,7 +132,7 @@ def test_an_altered_list_of_runs_is_not_shown_as_truth(dataset):
     """A changed value in runs.json is noticed, even if the file is still JSON."""
     path = dataset / "runs.json"
     path.write_text(path.read_text().replace('"severity": 0.2', '"severity": 0.3'))
-    done = faultgen("info", dataset)
+    done = faultgen_here("info", dataset)
     assert done.returncode == 2
     assert re.fullmatch(r"faultgen: .*runs.json: damaged [^\n]*checksum[^\n]*\n", done.stderr)
 
@@ -151,7 +151,7 @@ def test_an_edited_experiment_is_noticed(experiment, dataset):
     path = dataset / "experiment.toml"
     before = path.read_bytes()
     path.write_bytes(before.replace(b"cycles = 3", b"cycles = 4"))
-    done = faultgen("info", dataset)
+    done = faultgen_here("info", dataset)
     assert done.returncode == 1
     assert "damaged: experiment.toml: is not the experiment that made" in done.stdout
     generate(experiment, dataset, progress=False)
@@ -280,12 +280,12 @@ def test_info_reports_runs_of_two_versions(dataset):
     with h5py.File(path, "r+") as file:
         file.attrs["mujoco_version"] = "3.9.9"
     files.checksum_path(path).write_text(file_sha256(path) + "\n")
-    done = faultgen("info", dataset)
+    done = faultgen_here("info", dataset)
     assert done.returncode == 1
     assert "made by faultgen" in done.stdout
     assert "MuJoCo 3.9.9, code " in done.stdout
     assert "complete and intact" not in done.stdout
-    said = json.loads(faultgen("info", dataset, "--json").stdout)
+    said = json.loads(faultgen_here("info", dataset, "--json").stdout)
     assert len(said["versions"]) == 2
 
 

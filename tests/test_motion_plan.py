@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import faultgen
+from conftest import faultgen_here
 from scipy.signal import lfilter
 
 from faultgen.discovery import motion_plan
@@ -295,6 +295,6 @@ def test_the_table_is_short(planned):
 )
 def test_wrong_use_is_one_line(arguments, message):
     """A plan needs a robot and no recording; without --plan a recording is needed."""
-    done = faultgen("discover", *arguments)
+    done = faultgen_here("discover", *arguments)
     assert done.returncode == 2
     assert done.stdout == "" and len(done.stderr.splitlines()) == 1 and message in done.stderr

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
-from conftest import faultgen
+from conftest import faultgen, faultgen_here
 from PIL import Image
 
 from faultgen.errors import InputError
@@ -212,7 +212,7 @@ def test_without_a_display_there_is_one_line(monkeypatch, shown):
     ],
 )
 def test_wrong_input_is_one_line(arguments, message, tmp_path):
-    done = faultgen("view", *arguments, cwd=tmp_path)
+    done = faultgen_here("view", *arguments, cwd=tmp_path)
     assert done.returncode == 2
     assert message in done.stderr and done.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
