@@ -50,6 +50,7 @@ def linear(problem, values=(), *, noise=1.0, seed=0, twin=None, terms=None, raw=
         torque=straight(problem.base, terms, raw),
         recording=replace(problem.recording, torque=problem.base + residual),
         robot=problem.robot,
+        left_out=None,
     )
     twin = problem.twin if twin is None else twin
     return pose(replay, terms, problem.base, raw, residual, twin=twin)
@@ -93,7 +94,9 @@ def written_down(terms, columns, residual, *, twin=False, trust=None, torque=10.
     trust = np.ones(residual.shape) if trust is None else trust
     scale = np.array([term.prior_std for term in terms], np.float32)
     return Problem(
-        replay=SimpleNamespace(torque=simulate, recording=recording, robot=robot, measured=True),
+        replay=SimpleNamespace(
+            torque=simulate, recording=recording, robot=robot, measured=True, left_out=None
+        ),
         terms=list(terms),
         base=np.zeros(residual.shape),
         residual=residual,

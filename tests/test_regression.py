@@ -104,7 +104,7 @@ def given(residual, columns, base, *, twin=True, position=None, torque=None):
         position=way if position is None else position,
         torque=base + residual if torque is None else torque,
     )
-    replay = SimpleNamespace(recording=recording, robot=robot, torque=None)
+    replay = SimpleNamespace(recording=recording, robot=robot, torque=None, left_out=None)
     terms = [OFFSET, Term("viscous_friction", 1, 0.1, 0.05)][: len(columns)]
     return pose(replay, terms, base, np.asarray(columns, np.float32), residual, twin=twin)
 
@@ -159,6 +159,26 @@ def test_slow_motion_is_trusted_less_where_more_is_left_there(rng, smooth):
     assert np.median(problem.trust[~slow, 0]) == 1
     assert np.median(problem.trust[inner, 1]) == pytest.approx(1.0, abs=0.1)
     assert (problem.trust <= 1).all()
+
+
+def test_what_known_effects_explain_is_no_noise(rng, smooth):
+    """Strokes that no sum of columns explains count as noise until their effect is known."""
+    base, column = smooth
+    noise = np.array([0.3, 0.05]) * rng.normal(size=(MANY, 2))
+    strokes = np.where(rng.random((MANY, 2)) < 0.3, 2.0, 0.0) * rng.normal(size=(MANY, 2))
+    before = given(noise + strokes, [column], base, twin=False)
+    after = pose(
+        before.replay,
+        before.terms,
+        base,
+        before.raw,
+        before.residual,
+        twin=False,
+        explained=strokes,
+    )
+    assert after.noise.deviation == pytest.approx([0.3, 0.05], rel=0.06)
+    assert (before.noise.deviation > 1.3 * after.noise.deviation).all()
+    np.testing.assert_array_equal(after.residual, before.residual)
 
 
 @pytest.mark.parametrize("rough", [False, True])

@@ -91,7 +91,8 @@ def certainty(problem: Problem, fitted: Fit, place: int) -> Certainty:
         change = problem.change([(problem.terms[t], v) for t, v in pairs])
         if change is None:
             return np.inf
-        _, _, misfit = problem.evidence(problem.residual - change).solve(held=terms)
+        evidence = problem.evidence(problem.residual - change).weighted(fitted.evidence.weight)
+        _, _, misfit = evidence.solve(held=terms)
         return max(misfit - fitted.misfit, 0.0) / over
 
     effect = get_effect(problem.terms[terms[start]].name)

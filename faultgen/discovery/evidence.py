@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
@@ -59,6 +59,8 @@ class Evidence:
     """Products of the columns with the residual, shape (parts, terms)."""
     energy: np.ndarray
     """Product of the residual with itself, shape (parts,)."""
+    weight: np.ndarray | None = None
+    """Weight of the square of each term in the misfit, shape (terms,). None: 1 for all."""
 
     @staticmethod
     def of(columns: np.ndarray, residual: np.ndarray, parts: Sequence[slice]) -> Evidence:
@@ -98,7 +100,7 @@ class Evidence:
             y = residual[part].ravel()
             right.append(columns[:, part].reshape(len(columns), -1) @ y.astype(columns.dtype))
             energy.append(float(y.astype(float) @ y))
-        return Evidence(self.gram, np.array(right, float), np.array(energy))
+        return Evidence(self.gram, np.array(right, float), np.array(energy), self.weight)
 
     def replaced(
         self,
@@ -128,12 +130,26 @@ class Evidence:
                     products[other] = column @ again
                 gram[k, term] = gram[k, :, term] = products
                 right[k, term] = column @ residual[part].ravel()
-        return Evidence(gram, right, self.energy)
+        return Evidence(gram, right, self.energy, self.weight)
 
     def only(self, parts: Sequence[int]) -> Evidence:
         """Return the inner products of some of the recordings."""
         chosen = list(parts)
-        return Evidence(self.gram[chosen], self.right[chosen], self.energy[chosen])
+        return Evidence(self.gram[chosen], self.right[chosen], self.energy[chosen], self.weight)
+
+    def weighted(self, weight: np.ndarray | None) -> Evidence:
+        """Return the same inner products with other weights of the terms.
+
+        Args:
+            weight: As in the class, shape (terms,) or None.
+        """
+        return replace(self, weight=weight)
+
+    def _weights(self, free: Sequence[int] = ()) -> np.ndarray:
+        """Weight of each term, where some terms have practically none; shape (terms,)."""
+        weight = np.ones(len(self.right[0])) if self.weight is None else self.weight.copy()
+        weight[list(free)] = FREE
+        return weight
 
     def solve(
         self, free: Sequence[int] = (), held: Sequence[int] = ()
@@ -148,8 +164,7 @@ class Evidence:
             Values in units of the prior standard deviations, shape (terms,); their posterior
             covariance, shape (terms, terms); and the misfit.
         """
-        weight = np.ones(len(self.right[0]))
-        weight[list(free)] = FREE
+        weight = self._weights(free)
         weight[list(held)] = 1e12
         precision = self.gram.sum(axis=0)
         precision[np.diag_indices_from(precision)] += weight
@@ -173,12 +188,13 @@ class Evidence:
             first term of each group in units of its prior_std, shape (groups,).
         """
         value, inverse, _ = self.solve(free)
+        spread = 1 / self._weights()
         gain, first = np.zeros(len(groups)), np.zeros(len(groups))
         for k, group in enumerate(groups):
             index = list(group)
             block = inverse[np.ix_(index, index)]
-            # taking the unit prior of a block away: Woodbury's identity
-            left = np.linalg.solve(np.eye(len(index)) * (1 + 1e-9) - block, value[index])
+            # taking the prior of a block away: Woodbury's identity
+            left = np.linalg.solve(np.diag(spread[index] * (1 + 1e-9)) - block, value[index])
             gain[k] = value[index] @ left
             first[k] = (value[index] + block @ left)[0]
         return gain, first
@@ -200,7 +216,7 @@ class Evidence:
             priors. Smaller is better.
         """
         value, _, _ = self.solve(free)
-        others = np.delete(value, list(free))
+        others = np.delete(np.sqrt(self._weights()) * value, list(free))
         whole = self._marginal(free)
         every = range(len(self.energy))
         left_out = [self.only([p for p in every if p != part]) for part in every]
@@ -208,8 +224,7 @@ class Evidence:
 
     def _marginal(self, free: Sequence[int]) -> float:
         """Minus two times the logarithm of the marginal likelihood, up to a constant."""
-        weight = np.ones(len(self.right[0]))
-        weight[list(free)] = FREE
+        weight = self._weights(free)
         precision = self.gram.sum(axis=0)
         precision[np.diag_indices_from(precision)] += weight
         right = self.right.sum(axis=0)

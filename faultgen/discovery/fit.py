@@ -10,6 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from faultgen.discovery.candidates import PAYLOAD, Term
 from faultgen.discovery.evidence import Evidence
+from faultgen.discovery.law_error import score, weights
 from faultgen.discovery.regression import Problem
 from faultgen.effects import get_effect
 
@@ -20,6 +21,7 @@ _STEPS = 6  # re-simulations of a fit at most
 _SHORT = 0.1  # share of a linear gain that simulation may fall short of
 _CLOSE = 0.02  # change of a value, over the value, at which a fit has converged
 _SHARES = (0.1, 0.2, 0.35, 0.6, 1.0, 1.7, 3.0, 5.0)  # of a severity, tried in turn
+_FAR = 100.0  # decrease of the misfit from which a play is searched for without a twin: assumed
 _REFINED = 7  # simulations to refine the best of them
 
 
@@ -74,7 +76,8 @@ def fit(
     Each step simulates the effects exactly. The slopes are the columns of the unchanged model. If
     the simulation explains less than these slopes predict, new slopes are computed at each step.
     The severity of a play is searched over a wide range: always if there is a twin, and otherwise
-    where the slopes lead nowhere, because the errors of a model look like some play or other.
+    where the slopes lead nowhere or promise much, because the errors of a model look like some
+    small play or other.
 
     Args:
         problem: The residual and the terms.
@@ -95,9 +98,19 @@ def fit(
     if problem.twin:
         return _fit(problem, groups, start, plays, simulating)
     found = _fit(problem, groups, start, (), simulating)
-    if found is None and plays:
-        return _fit(problem, groups, start, plays, simulating)
+    if plays and (found is None or _promised(problem, plays) > _FAR):
+        scanned = _fit(problem, groups, start, plays, simulating)
+        both = [one for one in (found, scanned) if one is not None]
+        return min(both, key=lambda one: one.misfit) if both else None
     return found
+
+
+def _promised(problem: Problem, plays: Sequence[int]) -> float:
+    """Largest decrease of the misfit by a play of any size, to first order."""
+    keys = {problem.terms[t].key for t in plays}
+    groups = [(t,) for t, term in enumerate(problem.terms) if term.key in keys]
+    gains, _ = problem.evidence().gains(groups)
+    return float(gains.max())
 
 
 def _fit(
@@ -128,6 +141,9 @@ def _fit(
         pairs = zip(terms, value.tolist(), strict=True)
         return problem.change([(problem.terms[t], v) for t, v in pairs])
 
+    def beside(evidence: Evidence, value: np.ndarray) -> Evidence:
+        return evidence.weighted(weights(problem, terms, value))
+
     value = start
     if value is None:
         solution, _, _ = evidence.solve(free=terms)
@@ -139,7 +155,7 @@ def _fit(
         if t in plays:
             value = _scanned(problem, terms, value, k, simulate)
     told = np.tensordot(value.astype(np.float32), problem.raw[terms], axes=1)
-    _, _, expected = problem.evidence(problem.residual - told).solve(held=terms)
+    _, _, expected = beside(problem.evidence(problem.residual - told), value).solve(held=terms)
     _, _, nothing = evidence.solve(held=terms)
     straight = all(len(get_effect(problem.terms[t].name).prior.steps) < 2 for t in terms)
     best: tuple[float, np.ndarray, np.ndarray, Evidence] | None = None
@@ -147,7 +163,7 @@ def _fit(
         change = simulate(value)
         here = np.inf
         if change is not None:
-            evidence = problem.evidence(problem.residual - change)
+            evidence = beside(problem.evidence(problem.residual - change), value)
             _, _, here = evidence.solve(held=terms)
         if best is None:
             if not here < nothing:  # the first step was too long
@@ -161,7 +177,7 @@ def _fit(
                 steps = {k: -0.02 * v or problem.terms[terms[k]].step for k, v in enumerate(value)}
                 slopes = differences(simulate, value, change, steps)
                 by_term = {terms[k]: slope for k, slope in slopes.items()}
-                evidence = problem.evidence(problem.residual - change, by_term)
+                evidence = beside(problem.evidence(problem.residual - change, by_term), value)
             best = here, value, change, evidence
             solution, _, _ = evidence.solve(free=terms)
             delta = solution[terms] * scale
@@ -302,7 +318,7 @@ def _done(
     scale = np.array([problem.terms[t].prior_std for t in terms])
     _, inverse, _ = evidence.solve(free=terms)
     errors = scale * np.sqrt(np.diag(inverse)[terms]) if terms else np.empty(0)
-    return Fit(groups, value, errors, change, evidence, misfit, evidence.score(terms))
+    return Fit(groups, value, errors, change, evidence, misfit, score(evidence, terms))
 
 
 def bounds_of(problem: Problem, terms: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:

@@ -22,9 +22,9 @@ def unexplained(problem: Problem, fitted: Fit) -> tuple[np.ndarray, np.ndarray]:
         in prior standard deviations, shape (terms,), where those of the set are 0.
     """
     free = fitted.terms
-    solution, _, _ = fitted.evidence.solve(free)
+    solution, _, _ = fitted.evidence.solve(held=free)  # they are at the fit already
     solution = solution.copy()
-    solution[free] = 0.0  # at the fit already
+    solution[free] = 0.0
     scale = np.array([term.prior_std for term in problem.terms])
     explained = np.tensordot((solution * scale).astype(np.float32), problem.raw, axes=1)
     return problem.residual - fitted.change - explained, solution

@@ -13,6 +13,7 @@ from faultgen.discovery.evidence import Evidence
 from faultgen.discovery.noise import SHARED, Autoregression, autoregression, noise_of, shared_noise
 from faultgen.discovery.noise_level import Noise, levelled
 from faultgen.discovery.recording import Recording
+from faultgen.discovery.regimes import trust_by_regime
 from faultgen.discovery.replay import Changes, Replay
 from faultgen.discovery.samples import (
     counted,
@@ -27,6 +28,7 @@ from faultgen.errors import SimulationFailed
 from faultgen.robot import Robot
 
 _FEWEST = 50  # samples of a regime from which its weight is told
+_LOOSE = 0.01  # weight of the square of each term: ten times the prior standard deviation
 _EXACT = 1e-5  # noise over torque that simulations and columns are not exact enough to go below
 
 
@@ -197,6 +199,7 @@ def pose(
     residual: np.ndarray,
     *,
     twin: bool,
+    explained: np.ndarray | None = None,
 ) -> Problem:
     """Estimate the noise of a residual, and whiten the residual and all columns with it.
 
@@ -214,6 +217,8 @@ def pose(
         raw: Columns, shape (terms, samples, n_axes).
         residual: Torque that is to be explained, shape (samples, n_axes).
         twin: Whether the residual is the difference of two recordings.
+        explained: Part of the residual that known effects explain and that does not count as noise,
+            shape (samples, n_axes). None: nothing.
 
     Returns:
         The residual and the terms, ready for fitting.
@@ -223,6 +228,8 @@ def pose(
     """
     recording, robot = replay.recording, replay.robot
     inside = counted(recording, robot, twin=twin)
+    if replay.left_out is not None:
+        inside &= ~replay.left_out
     parts, scoring = cut(recording, robot, inside)
     inside, steady = for_noise(inside, inside & ~near_reversal(recording, robot), parts)
     if not inside[samples_of([parts[p] for p in scoring], len(inside))].any():
@@ -253,7 +260,8 @@ def pose(
             by = found = found.with_colour(exact(found.colour))
         return found
 
-    noise = noise_in(residual)
+    rest = residual if explained is None else residual - explained
+    noise = noise_in(rest)
     shared = np.zeros(robot.n_axes, bool)
     if twin:
         shared = shared_noise(recording.torque, recording.torque - residual, parts)
@@ -266,9 +274,14 @@ def pose(
         shared &= noise.colour.innovation < SHARED * own.colour.innovation
         noise = noise.replaced(own, shared)
         noise = noise.with_colour(exact(noise.colour))
-    left = noise.whiten(unexplained(residual, noise), parts)
-    trust = _trust(recording, robot, left, inside)
-    weight = (mask * trust).astype(np.float32)
+    columns = noise.whiten(raw, parts) * mask * prior_stds
+    target = noise.whiten(rest, parts) * mask
+    if twin:
+        left = noise.whiten(unexplained(rest, noise), parts)
+        trust = _trust(recording, robot, left, inside)
+    else:
+        trust = trust_by_regime(_foretold_error(columns, target, parts), recording, robot, inside)
+    weight = trust.astype(np.float32)
     return Problem(
         replay=replay,
         terms=list(terms),
@@ -280,7 +293,7 @@ def pose(
         raw=raw,
         noise=noise,
         trust=trust,
-        white=noise.whiten(raw, parts) * weight * prior_stds,
+        white=columns * weight,
         twin=twin,
         shared=shared,
     )
@@ -313,6 +326,18 @@ def with_priors(problem: Problem, terms: list[Term]) -> Problem:
     pairs = zip(terms, problem.terms, strict=True)
     ratio = np.array([new.prior_std / old.prior_std for new, old in pairs], np.float32)
     return replace(problem, terms=terms, white=problem.white * ratio[:, None, None])
+
+
+def _foretold_error(white: np.ndarray, target: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+    """Error of each period if loosely bound terms are fitted to all others, shape of target."""
+    folds = divided(parts)
+    evidence = Evidence.of(white, target, folds).weighted(np.full(len(white), _LOOSE))
+    left = target.copy()
+    every = range(len(folds))
+    for k, fold in enumerate(folds):
+        value, _, _ = evidence.only([j for j in every if j != k]).solve()
+        left[fold] -= np.tensordot(value.astype(np.float32), white[:, fold], axes=1)
+    return left
 
 
 def _trust(recording: Recording, robot: Robot, left: np.ndarray, inside: np.ndarray) -> np.ndarray:

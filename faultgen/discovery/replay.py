@@ -80,6 +80,9 @@ class Replay:
         self.robot = robot
         self.measured = recording.reference_position is None if measured is None else measured
         """Whether the measured positions are followed."""
+        self.left_out: np.ndarray | None = None
+        """Samples that are not compared, beside those of `samples.counted`; shape (samples,
+        n_axes)."""
         self.wanted = recording.commanded(robot)
         """Position that the model is to follow, joint side, shape (samples, n_axes)."""
         if not self.measured:
@@ -108,7 +111,9 @@ class Replay:
         return controls
 
     @classmethod
-    def suited(cls, recording: Recording, robot: Robot) -> tuple[Replay, str]:
+    def suited(
+        cls, recording: Recording, robot: Robot, inside: np.ndarray | None = None
+    ) -> tuple[Replay, str]:
         """Choose the positions that the model follows, by one simulation of each kind.
 
         The commanded positions are used if they were recorded, and if the model's servo makes of
@@ -118,6 +123,8 @@ class Replay:
         Args:
             recording: The measured data.
             robot: The model.
+            inside: Samples whose torque will be compared, shape (samples, n_axes). None: those of
+                `settled`.
 
         Returns:
             The replay, and a sentence that states the choice and the reason.
@@ -132,7 +139,8 @@ class Replay:
                 "because the recording has no reference_position"
             )
         commanded = cls(recording, robot, measured=False)
-        inside = settled(recording, robot)
+        if inside is None or not inside.any():
+            inside = settled(recording, robot)
         errors = []
         for replay in (commanded, measured):
             try:
@@ -149,6 +157,16 @@ class Replay:
                 f"the robot ({told} positions)"
             )
         return commanded, f"the model's servo follows the commanded positions ({told} positions)"
+
+    def without(self, samples: np.ndarray) -> Replay:
+        """Return the same replay, with further samples that are not compared.
+
+        Args:
+            samples: Mask of shape (samples, n_axes).
+        """
+        other = copy.copy(self)
+        other.left_out = samples
+        return other
 
     def with_effects(self, effects: Sequence[Applied]) -> Replay:
         """Return the same motion and commands for the robot with further effects.

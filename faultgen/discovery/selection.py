@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultgen.discovery import law_error
 from faultgen.discovery.candidates import PAYLOAD, Term
 from faultgen.discovery.certainty import overdispersion
 from faultgen.discovery.fit import Fit, Group, fit
@@ -50,6 +51,7 @@ LONGEST_SEARCH = 150
 effect that acts between the time steps counts as `_BETWEEN`."""
 
 _JUDGED = 8  # candidates that are judged on held-out recordings
+_TRIED = 3  # of them that are simulated
 _RIVALS = 3  # swaps that are simulated
 _BETWEEN = 4  # time of such a simulation over that of another: 3 to 6 were measured
 
@@ -196,28 +198,43 @@ class _Search:
         """The set with one more candidate: the one that best predicts held-out recordings."""
         free = current.terms
         others = self._others(current.groups)
-        gains, first = current.evidence.gains(others, free)
+        gains, first = law_error.gains(self.problem, current.evidence, others, free, current.values)
         strong: dict[tuple, int] = {}  # one probing severity of each effect
         for k in np.argsort(-gains):
             if self._allowed(others[k], first[k]) and gains[k] > self._sure(others[k]):
                 strong.setdefault(self._which(others[k]), k)
-        before = current.evidence.score(free)
+        before = law_error.score(current.evidence, free)
         judged = [
-            (before - current.evidence.score([*free, *others[k]]), k)
+            (before - self._score(current, others[k], first[k]), k)
             for k in list(strong.values())[:_JUDGED]
         ]
-        for gain, k in sorted(judged, reverse=True)[:3]:
+        found: list[Fit] = []
+        for gain, k in sorted(judged, reverse=True)[:_TRIED]:
             group = others[k]
+            is_play = get_effect(self._term(group).name).prior.play
+            if found and not is_play:
+                continue
             least = max(self._sure(group) / 2, SHARE * self._explained(current))
             if gain < least:
-                return None
+                break
             if self._is_companion(current, group) and gain < COMPANION * self._explained(current):
                 continue
             start = np.append(current.values, self._start(current, group))
             new = self._fitted([*current.groups, group], start)
             if new is not None and new.misfit < current.misfit - least:
-                return new
-        return None
+                found.append(new)
+                if not is_play:
+                    break
+        # slopes do not show which play is the right one, so that several are simulated
+        return min(found, key=lambda one: one.misfit) if found else None
+
+    def _score(self, current: Fit, group: Group, first: float) -> float:
+        """Score to first order with a further candidate, and what its law may miss."""
+        own = np.append(first * self._term(group).prior_std, np.zeros(len(group) - 1))
+        weight = law_error.weights(
+            self.problem, [*current.terms, *group], np.append(current.values, own)
+        )
+        return law_error.score(current.evidence.weighted(weight), [*current.terms, *group])
 
     def _is_companion(self, current: Fit, group: Group) -> bool:
         """Whether an axis already has another effect of the same group."""
@@ -253,7 +270,10 @@ class _Search:
         for place, group in enumerate(current.groups):
             rest = [t for j, g in enumerate(current.groups) if j != place for t in g]
             others = self._others(current.groups)
-            gains, first = nominal.gains([group, *others], rest)
+            values = np.concatenate(
+                [np.empty(0), *(v for j, (_, v, _) in enumerate(current.members()) if j != place)]
+            )
+            gains, first = law_error.gains(self.problem, nominal, [group, *others], rest, values)
             for k, other in enumerate(others, start=1):
                 loss = float(gains[0] - gains[k])
                 near = loss <= max(3 * SIMILAR * over, 0.25 * gains[0])

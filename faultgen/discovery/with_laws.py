@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from faultgen.discovery.fit import fit
+from faultgen.discovery.gap import gap
 from faultgen.discovery.law_curves import Courses, Curve
 from faultgen.discovery.law_words import NAMES
 from faultgen.discovery.learned_law import Learned, learn
 from faultgen.discovery.regression import Problem
 from faultgen.discovery.replay import Replay, relative_error, relative_errors
-from faultgen.discovery.result import NAMED, NONE, PARTLY, UNKNOWN, Answer
+from faultgen.discovery.result import NAMED, NONE, PART, PARTLY, UNKNOWN, Answer
 from faultgen.discovery.selection import Choice
 from faultgen.discovery.verdict import answer, is_part
 from faultgen.errors import InputError, SimulationFailed
@@ -31,6 +32,10 @@ CERTAIN = 0.98
 EQUAL = 1.01
 """Gap of a law alone, over the gap of effects and laws, up to which the effects of its axis count
 as superfluous: assumed."""
+
+ALIKE = 0.8
+"""Correlation of a law with an effect from which the law is that effect in another form, and the
+effect keeps its name: assumed."""
 
 _BEYOND = 0.02  # share of the range of a variable by which other motions may leave it
 
@@ -53,12 +58,15 @@ def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, l
     """
     laws = learn(problem, told.strange_torque, told.changes)
     if told.verdict in (UNKNOWN, PARTLY):
-        return _with(problem, told, laws), laws
+        return _if_smaller(problem, told, _with(problem, told, laws), laws)
     certain = {one.axis for one in laws if one.confidence >= CERTAIN}
     if not certain:
         return told, []
     if told.verdict == NONE:
-        return _with(problem, replace(told, verdict=UNKNOWN), laws), laws
+        whole = _with(problem, replace(told, verdict=UNKNOWN), laws)
+        if not problem.twin and not _is_considerable(problem, told, whole, certain):
+            return told, []
+        return _if_smaller(problem, told, whole, laws)
     whole = _with(problem, told, laws)
     groups = choice.best.groups
     kept = [group for group in groups if problem.terms[group[0]].axis not in certain]
@@ -67,11 +75,34 @@ def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, l
         other = answer(problem, replace(choice, best=rest, rivals=()))
         own = learn(problem, other.strange_torque, other.changes)
         simpler = _with(problem, other, own)
-        if own and simpler.after <= EQUAL * whole.after:
+        left_out = {problem.terms[g[0]].key for g in groups if g not in kept}
+        alike = {one[:2] for law in own for one in law.resembles if one[2] >= ALIKE}
+        if own and simpler.after <= EQUAL * whole.after and not left_out & alike:
             return replace(simpler, verdict=PARTLY if simpler.effects else UNKNOWN), own
     if is_part(told.before, told.after, whole.floor):
         return replace(whole, verdict=PARTLY if told.verdict == NAMED else told.verdict), laws
     return told, []
+
+
+def _if_smaller(
+    problem: Problem, told: Answer, whole: Answer, laws: list[Learned]
+) -> tuple[Answer, list[Learned]]:
+    """The answer with laws, or without them if they do not make the gap smaller."""
+    before, _ = gap(problem, told.left_torque)
+    return (whole, laws) if laws and whole.after < before else (told, [])
+
+
+def _is_considerable(problem: Problem, told: Answer, whole: Answer, axes: Collection[int]) -> bool:
+    """Whether laws close a tenth of what is open on one of their axes.
+
+    Without a twin, the errors of a model leave small patterns on every axis.
+    """
+    _, before = gap(problem, told.left_torque)
+    return any(
+        gap_before**2 - one["after"] ** 2 > PART * (gap_before**2 - one["floor"] ** 2)
+        for gap_before, one in zip(before, whole.per_axis, strict=True)
+        if one["axis"] in axes
+    )
 
 
 def _with(problem: Problem, told: Answer, laws: Sequence[Learned]) -> Answer:

@@ -40,13 +40,18 @@ from faultgen.discovery.regression import Problem, plain, pose
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.result import AMBIGUOUS, Answer
 from faultgen.discovery.run_to_run import between_axes, differences, widened
+from faultgen.discovery.samples import counted
 from faultgen.discovery.selection import Choice, choose
 from faultgen.discovery.sensitivities import own_sensitivities, sensitivities
+from faultgen.discovery.transients import unsettled
 from faultgen.discovery.verdict import answer
 from faultgen.effects import EFFECTS
 from faultgen.errors import InputError
 from faultgen.robot import Robot
 from faultgen.system.progress import Progress
+
+_LOWEST = 0.9  # cycles per motor turn without a twin: errors of gravity look like slower waves
+_LESS = 0.8  # noise, over that before effects were known, from which it is estimated again
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +118,8 @@ def investigate(
             _check_followed(recording, run)
     if recording.link:
         exclude = {*exclude, *HIDDEN_BEHIND_GEARS}
-    replay, following = Replay.suited(recording, robot)
+    compared = counted(recording, robot, twin=twin is not None)
+    replay, following = Replay.suited(recording, robot, compared)
     terms = effect_terms(robot, exclude, include) + inertia_terms(robot)
     waves = _waves(robot, exclude)
     own = [term for term in waves if EFFECTS[term.name].prior.own_axis_only]
@@ -130,6 +136,8 @@ def investigate(
     )
     terms += discrepancy + own
     residual = recording.torque - (base if twin is None else twin.torque)
+    if twin is None:
+        replay = replay.without(unsettled(replay, terms, base, raw))
     if twin is not None:
         terms = between_runs(terms)
     elif prior_scale is not None:
@@ -151,6 +159,10 @@ def investigate(
     problem = widened(problem, apart) if apart else between_axes(problem)
     with Progress("choosing effects", None):
         choice = choose(plain(problem) if white_noise else problem)
+        again = _with_noise_beside(problem, choice)
+        if again is not problem:
+            problem = again
+            choice = choose(plain(problem) if white_noise else problem)
     with Progress("checking the choice", None):
         told = answer(problem, choice)
     experiment = None
@@ -200,6 +212,8 @@ def _with_orders(problem: Problem, workers: int, exclude: Collection[str]) -> Pr
     for found in find_orders(problem, error):
         if (found.axis, round(found.order, 2)) in known:
             continue
+        if not problem.twin and found.order < _LOWEST:
+            continue
         for name in names_by_use("periodic"):
             if name not in exclude:
                 new += periodic_terms(problem.robot, name, found.axis, found.order)
@@ -216,6 +230,27 @@ def _with_orders(problem: Problem, workers: int, exclude: Collection[str]) -> Pr
         problem.residual,
         twin=problem.twin,
     )
+
+
+def _with_noise_beside(problem: Problem, choice: Choice) -> Problem:
+    """The problem with the noise that chosen effects leave, if it is clearly smaller.
+
+    What an effect far from linear does, such as the strokes of a play, is not explained by any sum
+    of columns. It counts as noise until the effect is known.
+    """
+    if problem.twin or not choice.best.groups:
+        return problem
+    again = pose(
+        problem.replay,
+        problem.terms,
+        problem.base,
+        problem.raw,
+        problem.residual,
+        twin=problem.twin,
+        explained=choice.best.change,
+    )
+    before, after = problem.noise.deviation, again.noise.deviation
+    return again if np.any(after < _LESS * before) else problem
 
 
 def dump(result: dict[str, Any]) -> str:

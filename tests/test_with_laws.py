@@ -1,0 +1,45 @@
+"""When learned laws join an answer; the gaps are written down, nothing is simulated."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from linear import COUNT, PARTS, written_down
+
+from faultgen.discovery.candidates import Term
+from faultgen.discovery.gap import gap
+from faultgen.discovery.with_laws import _if_smaller, _is_considerable
+
+
+@pytest.fixture
+def problem():
+    columns = np.zeros((1, COUNT, 2))
+    return written_down([Term("torque_offset", 1, 0.1, 1.0)], columns, np.zeros((COUNT, 2)))
+
+
+def answers(problem, *sizes):
+    """Answers whose errors have these sizes on axis 1, 5 on axis 2, and a floor of 3."""
+    for size in sizes:
+        left = np.full((COUNT, 2), 5.0)
+        left[:, 0] = size
+        after, per_axis = gap(problem, left)
+        rows = [{"axis": k + 1, "after": one, "floor": 3.0 / 10} for k, one in enumerate(per_axis)]
+        yield SimpleNamespace(left_torque=left, after=after, per_axis=rows)
+
+
+@pytest.mark.parametrize(("size", "kept"), [(4.99, True), (5.0, False), (6.0, False)])
+def test_laws_that_make_the_gap_larger_are_left_out(problem, size, kept):
+    told, whole = answers(problem, 5.0, size)
+    laws = [object()]
+    assert _if_smaller(problem, told, whole, laws) == ((whole, laws) if kept else (told, []))
+    assert _if_smaller(problem, told, whole, []) == (told, [])
+
+
+@pytest.mark.parametrize(("closed", "enough"), [(0.09, False), (0.11, True)])
+def test_a_law_must_close_a_tenth_of_what_is_open_on_its_axis(problem, closed, enough):
+    """Without a twin; what is closed on another axis does not count."""
+    size = np.sqrt(25 - closed * (25 - 9))
+    told, whole = answers(problem, 5.0, size)
+    assert _is_considerable(problem, told, whole, {1}) == enough
+    assert not _is_considerable(problem, told, whole, {2})
+    assert PARTS[problem.scoring[0]].stop == COUNT
