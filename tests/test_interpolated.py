@@ -55,9 +55,10 @@ def test_the_error_of_all_cycles_is_about_the_stored_one(both):
         assert np.all(run["interpolation_error"] > 0)
         assert np.all(run["interpolation_error"] < 0.1 * run["interpolation_noise"])
         assert np.all(np.sqrt(np.mean(error**2, axis=0)) < 2 * run["interpolation_error"])
-        assert np.all(error.max(axis=0) < 0.1 * run["interpolation_noise"])
+        assert np.all(np.sqrt(np.mean(error**2, axis=0)) < 0.1 * run["interpolation_noise"])
+        assert np.all(error.max(axis=0) < 0.5 * run["interpolation_noise"])
         friction = rms_error(stepped, run, "truth/friction_torque")
-        assert np.all(friction.max(axis=0) < 0.1 * run["interpolation_noise"])
+        assert np.all(friction.max(axis=0) < 0.5 * run["interpolation_noise"])
 
 
 def test_labels_surroundings_and_noise_are_those_of_the_stepped_run(both):

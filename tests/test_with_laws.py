@@ -8,7 +8,7 @@ from linear import COUNT, PARTS, written_down
 
 from faultgen.discovery.candidates import Term
 from faultgen.discovery.gap import gap
-from faultgen.discovery.with_laws import _if_smaller, _is_considerable
+from faultgen.discovery.with_laws import if_smaller, is_considerable
 
 
 @pytest.fixture
@@ -31,8 +31,8 @@ def answers(problem, *sizes):
 def test_laws_that_make_the_gap_larger_are_left_out(problem, size, kept):
     told, whole = answers(problem, 5.0, size)
     laws = [object()]
-    assert _if_smaller(problem, told, whole, laws) == ((whole, laws) if kept else (told, []))
-    assert _if_smaller(problem, told, whole, []) == (told, [])
+    assert if_smaller(problem, told, whole, laws) == ((whole, laws) if kept else (told, []))
+    assert if_smaller(problem, told, whole, []) == (told, [])
 
 
 @pytest.mark.parametrize(("closed", "enough"), [(0.09, False), (0.11, True)])
@@ -40,6 +40,6 @@ def test_a_law_must_close_a_tenth_of_what_is_open_on_its_axis(problem, closed, e
     """Without a twin; what is closed on another axis does not count."""
     size = np.sqrt(25 - closed * (25 - 9))
     told, whole = answers(problem, 5.0, size)
-    assert _is_considerable(problem, told, whole, {1}) == enough
-    assert not _is_considerable(problem, told, whole, {2})
+    assert is_considerable(problem, told, whole, {1}) == enough
+    assert not is_considerable(problem, told, whole, {2})
     assert PARTS[problem.scoring[0]].stop == COUNT

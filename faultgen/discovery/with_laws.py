@@ -58,15 +58,15 @@ def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, l
     """
     laws = learn(problem, told.strange_torque, told.changes)
     if told.verdict in (UNKNOWN, PARTLY):
-        return _if_smaller(problem, told, _with(problem, told, laws), laws)
+        return if_smaller(problem, told, _with(problem, told, laws), laws)
     certain = {one.axis for one in laws if one.confidence >= CERTAIN}
     if not certain:
         return told, []
     if told.verdict == NONE:
         whole = _with(problem, replace(told, verdict=UNKNOWN), laws)
-        if not problem.twin and not _is_considerable(problem, told, whole, certain):
+        if not problem.twin and not is_considerable(problem, told, whole, certain):
             return told, []
-        return _if_smaller(problem, told, whole, laws)
+        return if_smaller(problem, told, whole, laws)
     whole = _with(problem, told, laws)
     groups = choice.best.groups
     kept = [group for group in groups if problem.terms[group[0]].axis not in certain]
@@ -84,18 +84,31 @@ def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, l
     return told, []
 
 
-def _if_smaller(
+def if_smaller(
     problem: Problem, told: Answer, whole: Answer, laws: list[Learned]
 ) -> tuple[Answer, list[Learned]]:
-    """The answer with laws, or without them if they do not make the gap smaller."""
+    """Return the answer with laws, or without them if they do not make the gap smaller.
+
+    Args:
+        problem: The recording and the model.
+        told: The answer without the laws.
+        whole: The answer with them.
+        laws: The laws.
+    """
     before, _ = gap(problem, told.left_torque)
     return (whole, laws) if laws and whole.after < before else (told, [])
 
 
-def _is_considerable(problem: Problem, told: Answer, whole: Answer, axes: Collection[int]) -> bool:
-    """Whether laws close a tenth of what is open on one of their axes.
+def is_considerable(problem: Problem, told: Answer, whole: Answer, axes: Collection[int]) -> bool:
+    """Tell whether laws close a tenth of what is open on one of their axes.
 
     Without a twin, the errors of a model leave small patterns on every axis.
+
+    Args:
+        problem: The recording and the model.
+        told: The answer without the laws.
+        whole: The answer with them.
+        axes: Axes of the laws, from 1.
     """
     _, before = gap(problem, told.left_torque)
     return any(
