@@ -279,6 +279,32 @@ def found_effect(plan: Plan, oracle: Oracle) -> Effect:
     return effect
 
 
+def record_case(
+    setup: Setup, effects: Sequence[Effect], robot: str, folder: Path, rng: np.random.Generator
+) -> float:
+    """Record a case and its twin on two days, and write the files.
+
+    Args:
+        setup: The laboratory.
+        effects: What is in the robot.
+        robot: From `model_for`.
+        folder: Folder of the case.
+        rng: Source of randomness.
+
+    Returns:
+        The gap that noise alone would leave on the motions for the score.
+    """
+    inside = range(setup.n_measured)
+    beyond = range(setup.n_measured, len(setup.motions))
+    after, before = draw_session(setup, rng), draw_session(setup, rng)
+    measured, _ = record(setup, effects, after, inside, rng)
+    validate, floor = record(setup, effects, after, beyond, rng)
+    healthy, _ = record(setup, [], before, inside, rng)
+    files = {"measured": measured, "validate": validate, "healthy": healthy}
+    write_case(folder, robot, setup.period, files, "both")
+    return floor
+
+
 def make_laboratory(lab: Laboratory, folder: Path) -> list[dict[str, Any]]:
     """Simulate a laboratory and write its cases.
 
@@ -290,7 +316,6 @@ def make_laboratory(lab: Laboratory, folder: Path) -> list[dict[str, Any]]:
         The truth: two entries for each case, with and without a twin.
     """
     setup = set_up(lab)
-    inside = range(setup.n_measured)
     points = setup.points[: setup.n_measured]
     oracle = Oracle(setup.ideal, setup.robot, points, setup.noise, setup.period, lab)
     robot = model_for(lab, folder)
@@ -298,13 +323,7 @@ def make_laboratory(lab: Laboratory, folder: Path) -> list[dict[str, Any]]:
     for number, plan in enumerate(draw_cases(lab)):
         rng = np.random.default_rng([lab.seed, 6, number])
         effects = [] if plan.kind == "healthy" else [found_effect(plan, oracle)]
-        after, before = draw_session(setup, rng), draw_session(setup, rng)
-        measured, _ = record(setup, effects, after, inside, rng)
-        beyond = range(setup.n_measured, len(setup.motions))
-        validate, floor = record(setup, effects, after, beyond, rng)
-        healthy, _ = record(setup, [], before, inside, rng)
-        files = {"measured": measured, "validate": validate, "healthy": healthy}
-        write_case(folder / "cases" / plan.name, robot, setup.period, files, "both")
+        floor = record_case(setup, effects, robot, folder / "cases" / plan.name, rng)
         for mode in ("twin", "alone"):
             if mode == "alone" and lab.factors["model_friction"] == "missing":
                 continue  # friction of all axes is missing then, beside the effect

@@ -18,8 +18,8 @@ from joblib import Parallel, delayed
 
 from laboratories.draw import BASE, Laboratory
 from laboratories.effects import ORDERS, WAVES, Effect, axes_of
-from laboratories.files import write_case, write_truth
-from laboratories.make import draw_session, model_for, record, set_up
+from laboratories.files import write_truth
+from laboratories.make import model_for, record_case, set_up
 
 SETTINGS: tuple[dict[str, Any], ...] = (
     {"robot": "puma560"},
@@ -65,15 +65,8 @@ def make(folder: Path, number: int, first: int) -> list[dict[str, Any]]:
     for k, what in enumerate((None, *PLANT)):
         rng = np.random.default_rng([lab.seed, 6, k])
         effects = [] if what is None else [_effect(lab, *what, rng)]
-        after, before = draw_session(setup, rng), draw_session(setup, rng)
-        inside = range(setup.n_measured)
-        beyond = range(setup.n_measured, len(setup.motions))
-        measured, _ = record(setup, effects, after, inside, rng)
-        validate, floor = record(setup, effects, after, beyond, rng)
-        healthy, _ = record(setup, [], before, inside, rng)
-        files = {"measured": measured, "validate": validate, "healthy": healthy}
         name = f"lab{number}_{k}"
-        write_case(folder / "cases" / name, robot, setup.period, files, "both")
+        floor = record_case(setup, effects, robot, folder / "cases" / name, rng)
         entries += [
             {
                 "name": f"{name}_{mode}",

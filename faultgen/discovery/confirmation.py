@@ -39,8 +39,8 @@ error there does not decrease at all. It holds without a twin. Of 7 real effects
 cases one reaches 2.6; of 6 false ones whose error does not decrease all reach 5."""
 
 MOSTLY = 0.5
-"""Share of the decrease of the squared error that a large effect foretells on the scoring motions,
-of which at least this much is seen if the scoring motions bear it out. The law of a real effect
+"""Share of the decrease that an effect foretells of the squared error on the scoring motions, from
+which they bear it out although more is missing than chance explains. The law of a real effect
 differs from the catalogue's: assumed."""
 
 Gap = tuple[float, list[float]]

@@ -20,7 +20,7 @@ from faultgen.discovery.candidates import FORM, Term, names_by_use
 from faultgen.discovery.evidence import FREE, factored
 from faultgen.discovery.friction_discrepancy import shapes_of
 from faultgen.discovery.reaction import Reaction
-from faultgen.discovery.regression import Problem, pose
+from faultgen.discovery.regression import Problem, posed_again
 from faultgen.discovery.selection import groups_of, needed, needed_of
 from faultgen.discovery.sensitivities import sensitivities
 from faultgen.effects import get_effect
@@ -80,14 +80,7 @@ def with_places(problem: Problem, *, workers: int = 1, exclude: Collection[str] 
     if not simulated:
         return problem
     terms, columns = zip(*simulated, strict=True)
-    return pose(
-        problem.replay,
-        [*problem.terms, *terms],
-        problem.base,
-        np.concatenate([problem.raw, np.array(columns)]),
-        problem.residual,
-        twin=problem.twin,
-    )
+    return posed_again(problem, terms, np.array(columns))
 
 
 def _others(problem: Problem) -> tuple[list[int], float]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.samples import moving
+from faultgen.discovery.samples import moving, turning
 from faultgen.robot import Robot
 
 OWN = (0.0, 0.12, 0.15, 0.2, 0.3, 0.5)
@@ -65,16 +65,12 @@ def _times(recording: Recording, robot: Robot) -> tuple[np.ndarray, np.ndarray]:
     Returns:
         Two arrays of shape (samples, n_axes), in [s]; infinite before the first such event.
     """
-    moves = moving(recording, robot)
+    moves, turned = moving(recording, robot), turning(recording)
     own, others = np.full(moves.shape, np.inf), np.full(moves.shape, np.inf)
     for part in recording.parts:
-        direction = np.sign(np.gradient(recording.position[part], axis=0))
-        turned = np.zeros(direction.shape, bool)
-        turned[1:] = direction[1:] != direction[:-1]
-        changed = np.zeros(direction.shape, bool)
-        changed[1:] = moves[part][1:] != moves[part][:-1]
-        event = (turned & moves[part]) | changed
-        own[part] = _since(turned | ~moves[part], recording.sample_period)
+        event = turned[part] & moves[part]
+        event[1:] |= moves[part][1:] != moves[part][:-1]
+        own[part] = _since(turned[part] | ~moves[part], recording.sample_period)
         by_axis = _since(event, recording.sample_period)
         for axis in range(moves.shape[1]):
             rest = np.delete(by_axis, axis, axis=1)

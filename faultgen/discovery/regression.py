@@ -204,11 +204,12 @@ def pose(
     """Estimate the noise of a residual, and whiten the residual and all columns with it.
 
     The noise is estimated from what no combination of the terms explains. Its level may differ
-    between separate recordings, and grow with speed and load. If this is larger
-    in slow motion than at speed, samples in slow motion get less weight, because there the friction
-    of any real robot differs from a model's. Without a twin, samples at rest and shortly after it
-    are not used. On axes on which two recordings have the same noise, the noise of the recording is
-    used, as if the other recording had noise of its own.
+    between separate recordings, and grow with speed and load. With a twin, samples in slow motion
+    get less weight if this is larger there than at speed, because the friction of any real robot
+    differs from a model's there. Without a twin, samples at rest and shortly after it are not used,
+    and the others get weights by `regimes.trust_by_regime`. On axes on which two recordings have
+    the same noise, the noise of the recording is used, as if the other recording had noise of its
+    own.
 
     Args:
         replay: The recording and the model.
@@ -296,6 +297,32 @@ def pose(
         white=columns * weight,
         twin=twin,
         shared=shared,
+    )
+
+
+def posed_again(
+    problem: Problem,
+    terms: Sequence[Term] = (),
+    columns: np.ndarray | None = None,
+    *,
+    explained: np.ndarray | None = None,
+) -> Problem:
+    """Pose a problem again, with further terms or with effects that have become known.
+
+    Args:
+        problem: The residual and the terms.
+        terms: Further terms.
+        columns: Their columns, shape (further terms, samples, n_axes). None: there are none.
+        explained: As for `pose`.
+    """
+    return pose(
+        problem.replay,
+        [*problem.terms, *terms],
+        problem.base,
+        problem.raw if columns is None else np.concatenate([problem.raw, columns]),
+        problem.residual,
+        twin=problem.twin,
+        explained=explained,
     )
 
 

@@ -190,16 +190,28 @@ def rolling(recording: Recording, robot: Robot) -> np.ndarray:
     """
     moves = moving(recording, robot)
     count = max(1, round(_PRESLIDING / recording.sample_period))
+    disturbed = turning(recording) | ~moves
     for part in recording.parts:
-        turned = np.zeros(moves[part].shape, bool)
-        position = recording.position[part]
-        direction = np.sign(np.gradient(position, axis=0))
-        turned[1:] = direction[1:] != direction[:-1]
-        disturbed = turned | ~moves[part]
         for axis in range(robot.n_axes):
-            after = np.convolve(disturbed[:, axis].astype(int), np.ones(count, int))
-            moves[part, axis] = after[: len(position)] == 0
+            after = np.convolve(disturbed[part, axis].astype(int), np.ones(count, int))
+            moves[part, axis] = after[: part.stop - part.start] == 0
     return moves
+
+
+def turning(recording: Recording) -> np.ndarray:
+    """Find the first sample after each change of direction.
+
+    Args:
+        recording: The measured data.
+
+    Returns:
+        Mask of shape (samples, n_axes).
+    """
+    turned = np.zeros(recording.position.shape, bool)
+    for part in recording.parts:
+        direction = np.sign(np.gradient(recording.position[part], axis=0))
+        turned[part][1:] = direction[1:] != direction[:-1]
+    return turned
 
 
 def near_reversal(recording: Recording, robot: Robot) -> np.ndarray:

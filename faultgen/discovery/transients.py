@@ -41,7 +41,7 @@ def unsettled(
     Returns:
         Mask of shape (samples, n_axes), with no sample of an axis whose Coulomb friction is not
         among the terms. At most a fifth of the samples that would be compared, and those beside
-    them, are in it.
+        them, are in it.
     """
     inside = counted(replay.recording, replay.robot, twin=False)
     mask = np.zeros(base.shape, bool)

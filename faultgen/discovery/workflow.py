@@ -36,7 +36,7 @@ from faultgen.discovery.noise import is_same_noise
 from faultgen.discovery.order_analysis import find_orders
 from faultgen.discovery.placed import with_places
 from faultgen.discovery.recording import Recording, mean_of
-from faultgen.discovery.regression import Problem, plain, pose
+from faultgen.discovery.regression import Problem, plain, pose, posed_again
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.result import AMBIGUOUS, Answer
 from faultgen.discovery.run_to_run import between_axes, differences, widened
@@ -222,14 +222,7 @@ def _with_orders(problem: Problem, workers: int, exclude: Collection[str]) -> Pr
     _, raw = sensitivities(problem.replay, new, workers=workers)
     if problem.twin:
         new = between_runs(new)
-    return pose(
-        problem.replay,
-        [*problem.terms, *new],
-        problem.base,
-        np.concatenate([problem.raw, raw]),
-        problem.residual,
-        twin=problem.twin,
-    )
+    return posed_again(problem, new, raw)
 
 
 def _with_noise_beside(problem: Problem, choice: Choice) -> Problem:
@@ -240,15 +233,7 @@ def _with_noise_beside(problem: Problem, choice: Choice) -> Problem:
     """
     if problem.twin or not choice.best.groups:
         return problem
-    again = pose(
-        problem.replay,
-        problem.terms,
-        problem.base,
-        problem.raw,
-        problem.residual,
-        twin=problem.twin,
-        explained=choice.best.change,
-    )
+    again = posed_again(problem, explained=choice.best.change)
     before, after = problem.noise.deviation, again.noise.deviation
     return again if np.any(after < _LESS * before) else problem
 
