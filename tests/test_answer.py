@@ -63,17 +63,17 @@ def small(problem, *names):
     ("name", "gain", "is_named"),
     [
         ("gravity_spring", 28.0, {True: True, False: False}),
-        ("torque_offset", 28.0, {True: True, False: True}),
+        ("coulomb_friction", 28.0, {True: True, False: True}),
         ("gravity_spring", 70.0, {True: True, False: True}),
-        ("torque_offset", 5.0, {True: False, False: False}),
+        ("coulomb_friction", 5.0, {True: False, False: False}),
     ],
 )
 def test_what_other_things_look_like_has_to_be_surer_without_a_twin(
     posed, name, gain, is_named, twin
 ):
-    """A spring is looked like by wrong links, an offset by nothing: of equal gains one is named."""
+    """Wrong links look like a spring, and not like friction: of equal gains one is named."""
     assert get_effect("gravity_spring").prior.imitated
-    assert not get_effect("torque_offset").prior.imitated
+    assert not get_effect("coulomb_friction").prior.imitated
     problem = small(posed[twin], (name, 2))
     value = value_of(problem, 0, gain)
     # no noise is in the residual, so that the gain is what was asked for

@@ -1,14 +1,18 @@
 """What is installed claims only the name faultgen, and works beside a user's own files."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tarfile
+import tomllib
 import zipfile
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
 BUILD = "import sys; from setuptools import build_meta as b; print(getattr(b, sys.argv[1])('dist'))"
@@ -109,3 +113,19 @@ def test_the_sdist_builds_the_same_wheel(source, own_files, tmp_path):
     ]
     assert listed[0] == listed[1]
     assert use(own_files, again) == again / "faultgen"
+
+
+def test_lock_file_holds_every_dependency_within_its_bounds_and_with_checksums():
+    """What `make install` installs is what pyproject.toml asks for."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    asked = [Requirement(one) for one in project["dependencies"]]
+    asked += [Requirement(one) for one in project["optional-dependencies"]["dev"]]
+    entries = re.split(r"^(?=[a-z0-9])", (ROOT / "requirements.lock").read_text(), flags=re.M)
+    locked = {}
+    for entry in filter(str.strip, entries):
+        name, version = re.match(r"([a-z0-9.-]+)(?:\[.*?\])?==([^ ]+)", entry).groups()
+        assert "--hash=sha256:" in entry, name
+        locked.setdefault(name, []).append(version)
+    for one in asked:
+        versions = locked[canonicalize_name(one.name)]
+        assert all(one.specifier.contains(version) for version in versions), one

@@ -194,31 +194,35 @@ class _Axis:
         """
         effect, seen = get_effect(name), self._seen
         reaction = self._reactions.get(search.twists)
+        if reaction is None or seen.axis not in effect.axes_on(seen.robot):
+            return _Place(0.0, name, seen.axis, search, 0.0, np.empty(0))
 
-        def tried(at: float) -> _Place:
-            gain, column = 0.0, np.empty(0)
-            if reaction is not None and seen.axis in effect.axes_on(seen.robot):
-                parameters = {**effect.parameters, search.parameter: at, **search.others}
-                column = reaction.to(search.cause(seen, parameters))
-                gain = left.gain(column, seen.axis)
-            return _Place(gain, name, seen.axis, search, at, column)
+        def best_of(places: np.ndarray) -> _Place:
+            own = {**effect.parameters, **search.others}
+            causes = [search.cause(seen, own | {search.parameter: float(at)}) for at in places]
+            columns = reaction.to(np.array(causes))
+            gains = left.gains(columns, seen.axis)
+            k = int(np.argmax(gains))
+            return _Place(
+                float(gains[k]), name, seen.axis, search, float(places[k]), columns[k].copy()
+            )
 
         places, spacing = _places(search, seen)
-        best = max((tried(at) for at in places), key=lambda one: one.gain)
+        best = best_of(places)
         for distance in spacing * _CLOSER if best.gain > 0 else ():
-            sides = [tried(float(best.at + side * distance)) for side in (-1, 1)]
-            best = max([best, *sides], key=lambda one: one.gain)
+            sides = best_of(best.at + distance * np.array([-1.0, 1.0]))
+            best = max(best, sides, key=lambda one: one.gain)
         return best
 
 
-def _places(search: Search, seen: Seen) -> tuple[list[float], float]:
+def _places(search: Search, seen: Seen) -> tuple[np.ndarray, float]:
     """All places, and the distance between two of them."""
     low, high = -np.pi, np.pi
     if search.within_motion:
         low, high = float(seen.joint.min()), float(seen.joint.max())
     count = max(1, int(np.ceil((high - low) / search.spacing)))
     spacing = (high - low) / count
-    return (low + (np.arange(count) + 0.5) * spacing).tolist(), spacing
+    return low + (np.arange(count) + 0.5) * spacing, spacing
 
 
 class _Left:
@@ -253,13 +257,25 @@ class _Left:
         Returns:
             The decrease; 0 if the severity would be negative.
         """
-        own = self._problem.whiten_axis(column, axis)[self.rows]
-        others = self._columns(axis) @ own.astype(np.float32)
+        return float(self.gains(column[None], axis)[0])
+
+    def gains(self, columns: np.ndarray, axis: int) -> np.ndarray:
+        """Compute the decrease of the misfit by each of several terms that act on one axis.
+
+        Args:
+            columns: Change of the torque of the axis per unit of each term, shape (terms, samples).
+            axis: From 1.
+
+        Returns:
+            The decreases, shape (terms,); 0 where the severity would be negative.
+        """
+        own = self._problem.whiten_axis(columns, axis)[:, self.rows]
+        others = own.astype(np.float32) @ self._columns(axis).T
         pull = own @ self._target[self.rows, axis - 1] - others @ self._solution
-        size = own @ own - others @ self._inverse @ others
-        if pull <= 0 or size <= 1e-6 * (own @ own):
-            return 0.0
-        return float(pull**2 / size)
+        energy = np.einsum("ij,ij->i", own, own)
+        size = energy - np.einsum("ij,ij->i", others @ self._inverse, others)
+        useful = (pull > 0) & (size > 1e-6 * energy)
+        return np.where(useful, pull**2 / np.where(useful, size, 1.0), 0.0)
 
     def is_repeated(self, column: np.ndarray, axis: int, least: float) -> bool:
         """Whether an effect is seen at more than one pass of its place, and about equally large.

@@ -52,17 +52,19 @@ class Reaction:
         self._parts = parts
 
     def to(self, cause: np.ndarray) -> np.ndarray:
-        """Compute the reaction to a cause.
+        """Compute the reaction to a cause, or to several.
 
         Args:
-            cause: Shape (samples,).
+            cause: Shape (..., samples).
 
         Returns:
-            Change of the logged torque, shape (samples,).
+            Change of the logged torque, same shape.
         """
-        out = np.zeros(len(cause))
+        out = np.zeros(cause.shape)
+        taps = self._filter.reshape((1,) * (cause.ndim - 1) + (-1,))
         for part in self._parts:
-            out[part] = fftconvolve(cause[part], self._filter)[: part.stop - part.start]
+            length = part.stop - part.start
+            out[..., part] = fftconvolve(cause[..., part], taps, axes=-1)[..., :length]
         return out
 
 

@@ -109,7 +109,12 @@ EFFECTS = (
         signature="every torque of the axis is larger in the log, by the same factor",
         element="drive{i}, gains and limit; control and log",
         prior=Prior(
-            std=0.002, steps=(0.05,), in_every_model=True, own_axis_only=True, at_motor=True
+            std=0.002,
+            steps=(0.05,),
+            in_every_model=True,
+            imitated=True,
+            own_axis_only=True,
+            at_motor=True,
         ),
         source="torque = (1 - severity) of the logged one; magnets lose 0.1 to 0.2 % a kelvin",
         largest=0.9,
