@@ -132,6 +132,11 @@ def test_an_encoder_that_counts_more_coarsely_is_found(tiny_robot):
     assert new_faults(counting(0.02, 0), [counting(0.02, 1)], tiny_robot) == ()
     assert new_faults(counting(0.02, 0), [], tiny_robot) == ()
 
+    # digits so few that the steps of the healthy recording are not whole ones any more
+    before = counting(0.02, 1)
+    before = replace(before, position=before.position + 3e-4 * np.sin(1e3 * before.position))
+    assert new_faults(counting(0.02, 0), [before], tiny_robot) == ()
+
 
 def test_an_answer_holds_the_faults_of_the_log(tiny_robot_path, tiny_robot, measured, tmp_path):
     """They are named, the samples are not used, and nothing else is named for them."""

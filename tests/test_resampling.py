@@ -82,7 +82,7 @@ def test_missing_samples_are_interpolated_and_gaps_divide(tmp_path):
     right = np.concatenate([time[:300], time[320:], again])
     np.testing.assert_allclose(recording.position, motion(right)["joint_position"], atol=1e-7)
     (line,) = recording.notes
-    assert "1 gaps of up to 0.084 s begin new segments" in line and "left out" not in line
+    assert "new segments begin after gaps (1, of up to 0.084 s)" in line and "left out" not in line
 
 
 def test_what_cannot_be_interpolated_is_left_out(tmp_path):
@@ -93,7 +93,7 @@ def test_what_cannot_be_interpolated_is_left_out(tmp_path):
     time = np.insert(time, 50, time[49] + PERIOD / 100)
     recording = read_recording(write(tmp_path / "r.h5", time, motion(time)))
     assert recording.segments == (0, 100) and len(recording.position) == 297
-    assert "; 4 samples between gaps, or too close to others, were left out" in recording.notes[0]
+    assert "; samples between gaps, or too close to others, were left out (4)" in recording.notes[0]
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_csv_has_the_same_times(tmp_path):
     path = tmp_path / "r.csv"
     np.savetxt(path, columns, delimiter=",", header=header, comments="")
     recording = read_recording(path)
-    assert recording.segments == (0, 12) and "1 gaps of up to 0.06 s" in recording.notes[0]
+    assert recording.segments == (0, 12) and "after gaps (1, of up to 0.06 s)" in recording.notes[0]
     np.savetxt(path, columns[::-1], delimiter=",", header=header, comments="")
     with pytest.raises(InputError, match="times must ascend"):
         read_recording(path)

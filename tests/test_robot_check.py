@@ -29,7 +29,7 @@ def test_a_supplied_robot_is_fit():
     assert found.fit and found.complete
     assert set(found.tasks) == {"pick_and_place", "spot_weld", "arc_weld"}
     assert found.largest_timestep > found.timestep
-    assert 0 < found.trial["largest torque over its limit"] < 0.85
+    assert 0 < found.trial["largest torque, as a share of its limit"] < 0.85
 
 
 def test_a_robot_without_tasks_makes_a_small_move(tiny_robot_path):

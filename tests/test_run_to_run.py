@@ -15,6 +15,7 @@ from faultgen.discovery.recording import mean_of
 from faultgen.discovery.result import Named
 from faultgen.discovery.run_to_run import between_axes, differences, repetitions, variances
 from faultgen.discovery.selection import choose
+from faultgen.effects.temperature import friction_ratios
 from faultgen.errors import InputError
 from faultgen.report.discover import friction_warnings
 from faultgen.robot import COULOMB
@@ -66,6 +67,32 @@ def test_what_differs_between_healthy_runs_is_no_effect(measured, runs, asked, t
     # of a run minus the mean of four
     assert apart[1] == pytest.approx(coulomb * np.std(FRICTION, ddof=1) * np.sqrt(1.25), rel=0.3)
     assert apart[0] < 0.1 * apart[1]
+
+
+def test_friction_at_another_temperature_is_no_effect(measured, asked):
+    """A robot that is 4 K warmer has other friction, which is unknown without temperatures."""
+    height, velocity, viscous = friction_ratios(44.0, 40.0)
+    warmer = [
+        (name, axis, ratio - 1)
+        for axis in (1, 2)
+        for name, ratio in (
+            ("static_friction", height),
+            ("stribeck_velocity", velocity),
+            ("viscous_friction", viscous),
+        )
+    ]
+    before, now = measured([], 20), measured(warmer, 21)
+    assert asked(now, before).answer.verdict == "unknown effect"
+
+    def at(recording, temperature):
+        return replace(recording, temperature=np.full(len(recording.torque), temperature))
+
+    found = asked(at(now, 44.0), at(before, 40.0)).answer
+    assert (found.verdict, named(found)) == ("no missing effect", set())
+    worn = measured([*warmer, ("coulomb_friction", 2, 0.2)], 22)
+    found = asked(at(worn, 44.0), at(before, 40.0)).answer
+    assert found.effects[0].axis == 2
+    assert found.effects[0].effect in ("coulomb_friction", "friction_wear")
 
 
 def test_an_effect_beside_it_is_named(measured, runs, asked):

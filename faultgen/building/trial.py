@@ -51,7 +51,7 @@ def trial(robot: Robot, tasks: Sequence[str], figures: dict[str, float]) -> list
     units = np.where(robot.slides, "m", "rad")
     for unit in np.unique(units):
         figures[f"largest lag of a joint [{unit}]"] = float(lag[:, units == unit].max())
-    figures["largest torque over its limit"] = float(used.max())
+    figures["largest torque, as a share of its limit"] = float(used.max())
     return [
         Finding(
             robot.label("axis ", k + 1),

@@ -340,6 +340,8 @@ def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = F
 
 def _dry_run(experiment: Experiment, workers: int, as_json: bool) -> None:
     """Print what a dataset would take."""
+    from tqdm import tqdm
+
     from faultgen.dataset.estimate import estimate
     from faultgen.system.progress import clock
 
@@ -349,5 +351,5 @@ def _dry_run(experiment: Experiment, workers: int, as_json: bool) -> None:
         return
     print(
         f"{found.runs} runs, {found.cycles} cycles; about {clock(found.seconds)} with {workers} "
-        f"workers on this machine, if each has a processor core; about {found.bytes / 1e6:.3g} MB"
+        f"workers on this machine, if each has a processor core; about {tqdm.format_sizeof(found.bytes, 'B')}"
     )

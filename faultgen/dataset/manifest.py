@@ -76,6 +76,8 @@ class Manifest:
         try:
             return cls.parse(path.read_bytes(), path)
         except FileNotFoundError:
+            if (folder / FLEET).is_file():
+                raise InputError(f"{folder}: is a fleet, and not a dataset") from None
             raise InputError(
                 f"{folder}: is not a dataset (it has no {FILE}); make one with 'faultgen generate'"
             ) from None

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from faultgen.dataset.manifest import DATA_CARD, EXPERIMENT, Manifest
+from faultgen.dataset.manifest import DATA_CARD, EXPERIMENT, FILE, Manifest
 from faultgen.dataset.splits import SCHEMES, TEST, TRAIN, UNUSED
 from faultgen.errors import InputError, StorageFailed
 from faultgen.provenance import Provenance
@@ -321,7 +321,7 @@ class Dataset:
         if split not in (None, TRAIN, TEST):
             raise InputError(f"split: must be '{TRAIN}' or '{TEST}', not '{split}'")
         if by not in SCHEMES:
-            raise InputError(f"by: there is no division by '{by}': choose {', '.join(SCHEMES)}")
+            raise InputError(f"there is no division by '{by}': choose {', '.join(SCHEMES)}")
         if split is not None and by not in self.manifest.splits:
             known = ", ".join(self.manifest.splits) or "none"
             raise InputError(
@@ -403,6 +403,8 @@ def open_dataset(folder: str | Path) -> Dataset:
     path = Path(folder)
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; make a dataset with 'faultgen generate'")
+    if not (path / FILE).is_file() and (path / MERGED).is_file():
+        path /= MERGED
     dataset = Dataset(path.parent, path) if path.is_file() else Dataset(path)
     _ = dataset.manifest
     return dataset

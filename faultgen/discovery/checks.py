@@ -295,7 +295,10 @@ def _torque(
             guess = f", about the gear ratio: is it {side} side?" if 0.5 < scale / near < 2 else ""
             text = f"torque is {scale:.3g} times the model's{guess}"
             rubs = not guess and _has_other_friction(measured, model, qd[:, axis])
-            text += ": its friction differs; calibrate the model first" if rubs else ""
+            if rubs:
+                text += ": its friction differs; calibrate the model first"
+            elif not guess:
+                text += ": check its unit, the gear ratio and the torque constant of the motor"
             findings.append(Finding("warn" if rubs else "refuse", axis + 1, text))
         elif lag:
             milliseconds = 1000 * abs(lag) * recording.sample_period

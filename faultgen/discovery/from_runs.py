@@ -58,7 +58,10 @@ def recording_of(files: Sequence[str | Path], cycle: int | None = None) -> Recor
 def _of(run: StoredRun, what: str) -> str | float:
     """Attribute of a run; the period is that of the samples which are stored."""
     if "schema_version" not in run.attributes:
-        raise InputError(f"{run.path}: is not a run file; give files of the folder runs/")
+        raise InputError(
+            f"{run.path}: is not a run; give DATASET/runs/ID.h5, also if "
+            "only dataset.h5 holds the runs; 'faultgen info DATASET' lists their IDs"
+        )
     if what == "sample_period":
         return float(run["sample_period"]) * int(run["thin"])
     return str(run.attributes.get(what))

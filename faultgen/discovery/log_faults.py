@@ -205,6 +205,9 @@ def _coarse_encoders(
 ) -> list[LogFault]:
     """Find axes whose position has coarser steps than in the healthy recordings.
 
+    Positions are stored with few digits, so that fine steps are not always seen. A step is coarser
+    only if the healthy recording has a smaller one, or if its positions come nearer to each other.
+
     Args:
         recording: The recording.
         healthy: Recordings from before the change; none: nothing is found.
@@ -215,30 +218,37 @@ def _coarse_encoders(
     """
     if not healthy:
         return []
-    now, before = _steps(recording, robot), _steps(healthy[0], robot)
-    return [
-        LogFault(COARSE, axis + 1, float(step), (float(step), float(step)))
-        for axis, step in enumerate(now)
-        if step > _COARSER * before[axis]
-    ]
-
-
-def _steps(recording: Recording, robot: Robot) -> np.ndarray:
-    """Steps of each axis' position, motor side, shape (n_axes,); 0 if it has none."""
-    steps = np.zeros(recording.n_axes)
-    position = recording.motor_position(robot)
+    faults = []
     for axis in range(recording.n_axes):
-        values = np.unique(
-            position[:, axis]
-            if recording.lost is None
-            else position[~recording.lost[:, axis], axis]
-        )
-        apart = np.diff(values)
-        rounding = 1e-6 * max(float(np.abs(values).max()), 1e-12)
-        apart = apart[apart > rounding]
-        if len(apart) < _NEAR:
+        apart, rounding = _apart(recording, robot, axis)
+        usual, _ = _apart(healthy[0], robot, axis)
+        if min(len(apart), len(usual)) < _NEAR:
             continue
-        step = float(np.median(apart[apart < 1.5 * apart.min()]))
-        if np.all(np.abs(apart / step - np.round(apart / step)) < _WHOLE + rounding / step):
-            steps[axis] = step
-    return steps
+        step = _shortest(apart)
+        is_whole = np.abs(apart / step - np.round(apart / step)) < _WHOLE + rounding / step
+        if is_whole.all() and step > _COARSER * _shortest(usual):
+            faults.append(LogFault(COARSE, axis + 1, step, (step, step)))
+    return faults
+
+
+def _apart(recording: Recording, robot: Robot, axis: int) -> tuple[np.ndarray, float]:
+    """Distances between neighbouring positions of an axis, and how far rounding may change them.
+
+    Args:
+        recording: The recording.
+        robot: The model.
+        axis: From 0.
+
+    Returns:
+        Distances, motor side, shape (distances,); and the rounding.
+    """
+    position = recording.motor_position(robot)[:, axis]
+    values = np.unique(position if recording.lost is None else position[~recording.lost[:, axis]])
+    rounding = 1e-6 * max(float(np.abs(values).max()), 1e-12)
+    apart = np.diff(values)
+    return apart[apart > rounding], rounding
+
+
+def _shortest(apart: np.ndarray) -> float:
+    """The shortest of some distances, as the median of those that are about as short."""
+    return float(np.median(apart[apart < 1.5 * apart.min()]))

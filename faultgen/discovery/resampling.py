@@ -103,9 +103,9 @@ def evened(
         f"times {period:.6g} s apart; the largest jitter is {jitter:.3g} s"
     )
     if len(gaps):
-        told += f"; {len(gaps)} gaps of up to {gaps.max():.3g} s begin new segments"
+        told += f"; new segments begin after gaps ({len(gaps)}, of up to {gaps.max():.3g} s)"
     if lost:
-        told += f"; {lost} samples between gaps, or too close to others, were left out"
+        told += f"; samples between gaps, or too close to others, were left out ({lost})"
     return Even(found, period, tuple(np.cumsum([0, *lengths[:-1]]).tolist()), (told,))
 
 

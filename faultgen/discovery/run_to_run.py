@@ -11,6 +11,8 @@ with which these differences are most probable, one term after the other (Tippin
 
 A single healthy recording shows nothing of this, but the axes of the robot do: a fault changes the
 friction of one axis or two, a warmer day that of all of them. `between_axes` takes the median.
+If the temperature was measured, `between_temperatures` allows for what it changes by Bittencourt's
+law.
 """
 
 from __future__ import annotations
@@ -27,6 +29,8 @@ from faultgen.discovery.candidates import DAY_TO_DAY
 from faultgen.discovery.evidence import Evidence, factored
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regression import Problem, with_priors
+from faultgen.discovery.sensitivities import FOLLOWS
+from faultgen.effects.temperature import friction_ratios
 
 _EQUAL = 1e-6  # difference of equal reference positions, over their range
 _NEEDED = 4.0  # fall of minus two times the log-likelihood that a wider prior requires: assumed
@@ -153,9 +157,36 @@ def _with_usual(problem: Problem, spread: np.ndarray, allowed: np.ndarray) -> Pr
         for term, size in zip(problem.terms, np.hypot(prior, allowed), strict=True)
     ]
     apart = np.zeros_like(problem.residual)
+    if problem.run_to_run is not None:
+        apart += problem.run_to_run**2
     for k in np.flatnonzero(spread > 0):
         apart += (spread[k] * problem.raw[k].astype(float)) ** 2
     return replace(with_priors(problem, terms), run_to_run=np.sqrt(apart))
+
+
+def between_temperatures(problem: Problem, twin: Recording) -> Problem:
+    """Return the same problem with priors that allow for friction at another temperature.
+
+    Args:
+        problem: The difference of a recording and its twin, and the terms.
+        twin: The twin.
+
+    Returns:
+        The problem with wider priors of the friction that follows the temperature, and with
+        `run_to_run`; the given one if a temperature was not measured, or if both are the same.
+    """
+    now, before = problem.recording.axis_temperature, twin.axis_temperature
+    if now is None or before is None:
+        return problem
+    reference = problem.robot.friction_temperature
+    change: dict[tuple[str, int], float] = {}
+    for axis, both in enumerate(zip(now.mean(axis=0), before.mean(axis=0), strict=True), start=1):
+        warm, cold = (np.array(friction_ratios(float(one), reference)) for one in both)
+        other = np.abs(warm / cold - 1).tolist()
+        change |= {(name, axis): size for name, size in zip(FOLLOWS, other, strict=True)}
+    # several terms may stand for one effect, each with another probing severity
+    spread = np.array([change.get((term.name, term.axis), 0.0) for term in problem.terms])
+    return _with_usual(problem, spread, spread) if spread.any() else problem
 
 
 def between_axes(problem: Problem) -> Problem:

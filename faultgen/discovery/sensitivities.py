@@ -29,7 +29,10 @@ TEMPERATURE = "temperature_friction"
 """Effect whose column is computed from others, so that it does not depend on the time of
 recording."""
 
-_FOLLOWS = ("static_friction", "stribeck_velocity", "viscous_friction")
+FOLLOWS = ("static_friction", "stribeck_velocity", "viscous_friction")
+"""Effects that change what follows the temperature, in the order of `friction_ratios`."""
+
+_LEAST_RANGE = 2.0  # of a temperature in a recording, from which it can tell anything [K]: assumed
 
 
 def sensitivities(
@@ -159,16 +162,20 @@ def kept_runs(files: Sequence[Path | None], calls: Sequence[Any], workers: int) 
 
 
 def _by_temperature(replay: Replay, axis: int, known: dict[Term, np.ndarray]) -> np.ndarray:
-    """Friction that follows the temperature, to first order, from the columns of its three laws."""
+    """Friction that follows the temperature, to first order, from the columns of its three laws.
+
+    It is 0 if the temperature hardly changes: other friction and friction at another temperature
+    are then the same.
+    """
     change = np.zeros_like(replay.recording.torque)
     temperature = replay.recording.axis_temperature
-    if temperature is None:
+    if temperature is None or np.ptp(temperature[:, axis - 1]) < _LEAST_RANGE:
         return change
     told, inverse = np.unique(np.round(temperature[:, axis - 1], 1), return_inverse=True)
     reference = replay.robot.friction_temperature
     ratios = np.array([friction_ratios(float(t), reference) for t in told])
     of_sample = np.log(np.maximum(ratios, 1e-3))[inverse]
-    for name, logarithm in zip(_FOLLOWS, of_sample.T, strict=True):
+    for name, logarithm in zip(FOLLOWS, of_sample.T, strict=True):
         steps = [term for term in known if term.key == (name, axis)]
         if steps:
             change += logarithm[:, None] * known[min(steps, key=lambda term: term.step)]

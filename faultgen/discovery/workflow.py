@@ -39,7 +39,7 @@ from faultgen.discovery.recording import Recording, mean_of
 from faultgen.discovery.regression import Problem, plain, pose, posed_again
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.result import AMBIGUOUS, Answer
-from faultgen.discovery.run_to_run import between_axes, differences, widened
+from faultgen.discovery.run_to_run import between_axes, between_temperatures, differences, widened
 from faultgen.discovery.samples import counted
 from faultgen.discovery.selection import Choice, choose
 from faultgen.discovery.sensitivities import own_sensitivities, sensitivities
@@ -155,6 +155,8 @@ def investigate(
     if twin is None and prior_scale is None:
         scales = learned_scales(problem)
         problem = with_scales(problem, scales)
+    if twin is not None:
+        problem = between_temperatures(problem, twin)
     apart = differences(runs) if runs else []
     problem = widened(problem, apart) if apart else between_axes(problem)
     with Progress("choosing effects", None):

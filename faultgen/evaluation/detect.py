@@ -95,13 +95,13 @@ def detect(
     left_out: dict[str, str] = {}
     learned: dict[str, int] = {}
     seen_runs: list[StoredRun] = []
-    every = ((place, run) for place in places(dataset, sensors, split) for run in place.tested)
-    for place, run in follow(every, "detecting", len(dataset.runs), "run", progress):
+    every = [(place, run) for place in places(dataset, sensors, split) for run in place.tested]
+    for place, run in follow(every, "detecting", len(every), "run", progress):
         seen_runs.append(run)
         where = f"{place.robot}/{place.task}"
         detectors, lacking = place.fitted(of_cycles, run)
-        if lacking:
-            left_out[where] = lacking
+        if lacking and (len(run["axes"]) or where not in left_out):
+            left_out[where] = lacking if len(run["axes"]) else f"for healthy runs, {lacking}"
         names = needed(detectors.values())
         if detectors:
             learned[where] = place.healthy_cycles(run)

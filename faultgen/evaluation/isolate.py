@@ -76,8 +76,8 @@ def isolate(
     left_out: dict[str, str] = {}
     short: set[float] = set()
     seen_runs: list[StoredRun] = []
-    every = ((place, run) for place in places(dataset, sensors, split) for run in place.tested)
-    for place, run in follow(every, "isolating", len(dataset.runs), "run", progress):
+    every = [(place, run) for place in places(dataset, sensors, split) for run in place.tested]
+    for place, run in follow(every, "isolating", len(every), "run", progress):
         seen_runs.append(run)
         where = f"{place.robot}/{place.task}"
         worn = tuple(int(axis) for axis in run["axes"])
@@ -86,8 +86,8 @@ def isolate(
         asked = levels if in_fractions(run["effect"]) else ()
         short |= {a for a in asked if worn and severity.max() >= a} - {a for a, _ in ends}
         isolators, lacking = place.fitted(table, run)
-        if lacking:
-            left_out[where] = lacking
+        if lacking and (worn or where not in left_out):
+            left_out[where] = lacking if worn else f"for healthy runs, {lacking}"
         names = {"mean_abs_torque", *needed(isolators.values())}
         for seen in place.draws(run, names, seeds, seed):
             observed = np.isfinite(seen["mean_abs_torque"]).all(axis=0)

@@ -149,6 +149,8 @@ def _layout(path: Path, lines: Sequence[str], file: File) -> tuple[str, str, int
             if total > best:
                 first = next(k for k, score in enumerate(scores) if score)
                 best, found = total, (separator, decimal, first)
+    if not lines:
+        raise InputError(f"{path}: is empty")
     if found is None:
         raise InputError(
             f"{path}: no line with two or more numbers among the first {len(lines)}; state the "

@@ -89,12 +89,19 @@ def named_failures(path: Path) -> Iterator[None]:
     """Turn errors of the operating system into one line that names the file.
 
     Raises:
-        StorageFailed: The code in the context raised an OSError.
+        InputError: The path is a folder, or a file is in the place of one of its folders.
+        StorageFailed: The code in the context raised another OSError.
     """
     try:
         yield
     except StorageFailed:
         raise
+    except IsADirectoryError:
+        raise InputError(f"{path}: is a folder; give the name of a file") from None
+    except (FileExistsError, NotADirectoryError):
+        raise InputError(
+            f"{path}: a file is in the place of a folder; choose another name"
+        ) from None
     except OSError as error:
         reason = error.strerror or one_line(error)
         raise StorageFailed(f"{path}: cannot be written ({reason})") from None

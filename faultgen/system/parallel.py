@@ -10,6 +10,7 @@ at once, so that they never write to a folder that another process may already u
 from __future__ import annotations
 
 import os
+import signal
 import threading
 import time
 import warnings
@@ -26,6 +27,9 @@ Call = tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]
 
 MOST_WORKERS = 1024
 """Largest number of processes."""
+
+# A worker that is idle for long, or that has used much memory, is replaced. That is no problem.
+warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
 
 _LOOK_EVERY = 0.2  # s; how soon a worker notices that the program is gone
 
@@ -101,6 +105,8 @@ def _end_with(parent: int) -> None:
     if _watching or os.name == "nt":  # on Windows a process keeps the number of a dead parent
         return
     _watching.append(parent)
+    # Ctrl-C reaches all processes of a terminal; the parent alone answers it, and then ends this one
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:
         while os.getppid() == parent:

@@ -135,9 +135,8 @@ class Stage:
 
 
 def _dress(spec: mujoco.MjSpec) -> None:
-    """Add floor, light and sky to a robot, and shapes to links if it has none at all."""
-    shapes = [geom for geom in spec.geoms if geom.group < _SHOWN_GROUPS and geom.rgba[3] > 0]
-    if not shapes:
+    """Add floor, light and sky to a robot, and sticks if no link that carries another has shapes."""
+    if not any(_is_shown(geom) for body in spec.bodies if body.bodies for geom in body.geoms):
         _add_sticks(spec)
     spec.visual.global_.offwidth = spec.visual.global_.offheight = LARGEST_PICTURE
     spec.visual.global_.fovy = _ANGLE
@@ -168,6 +167,10 @@ def _dress(spec: mujoco.MjSpec) -> None:
         contype=0,
         conaffinity=0,
     )
+
+
+def _is_shown(geom: mujoco.MjsGeom) -> bool:
+    return bool(geom.group < _SHOWN_GROUPS and geom.rgba[3] > 0)
 
 
 def _add_sticks(spec: mujoco.MjSpec) -> None:
