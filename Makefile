@@ -24,7 +24,7 @@ demo: install
 	$(BIN)/faultgen demo --out demo-out
 
 docs: install
-	$(BIN)/mkdocs build --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 	@echo build/site/index.html
 
 test: install lint

@@ -29,7 +29,9 @@ from tqdm import tqdm
 from faultgen.effects import EFFECTS
 from faultgen.system.files import write_text
 
-Seeds = StrEnum("Seeds", ["development", "report", "report2", "report3", "report4", "report5"])
+Seeds = StrEnum(
+    "Seeds", ["development", "report", "report2", "report3", "report4", "report5", "report6"]
+)
 Mode = StrEnum("Mode", ["twin", "alone"])
 Kind = StrEnum("Kind", ["single", "clean", "unknown", "pair"])
 

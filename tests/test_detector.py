@@ -134,6 +134,9 @@ def test_what_was_judged_is_remembered(twin, tmp_path):
     one = Judge(folder / "detector", state)
     together = [one.judge(files[name]) for name in ("healthy", "worn")]
     assert Judge(folder / "detector", state).memory.count == 2
+    assert together[1]["based_on"] == "single" or "mean of 2 recordings" in line(together[1])
+    mean = {**together[1], "based_on": "running", "recordings": 2}
+    assert line(mean).endswith("(running mean of 2 recordings)")
     again = Judge(folder / "detector", state).judge(files["worn"])
     assert again["again"] and again["severity"] == together[1]["severity"]
     assert Judge(folder / "detector", state).memory.count == 2

@@ -69,6 +69,14 @@ def test_only_the_merged_file_is_left(kept, whole):
     assert "complete and intact" in faultgen("info", kept).stdout
 
 
+def test_the_file_alone_in_a_folder_is_a_dataset(kept, whole, tmp_path):
+    """Whoever copies only dataset.h5 and its checksum can name the folder or the file."""
+    for name in ("dataset.h5", "dataset.h5.sha256"):
+        shutil.copy(kept / name, tmp_path / name)
+    assert same_runs(tmp_path, whole)
+    assert same_runs(tmp_path / "dataset.h5", whole)
+
+
 def test_methods_and_exports_work_as_before(dataset, whole, tmp_path):
     """Isolation gives the same counts, and a run is found under the path of its former file."""
     whole = Path(shutil.copytree(whole, tmp_path / "whole"))

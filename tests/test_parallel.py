@@ -42,6 +42,17 @@ def test_results_have_the_order_of_the_calls(workers):
     assert {number for number, _ in unordered} == set(range(8))
 
 
+def handler():
+    return signal.getsignal(signal.SIGINT)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX systems")
+def test_workers_leave_ctrl_c_to_the_parent():
+    """A terminal sends it to all processes; a traceback of a worker would say nothing useful."""
+    assert list(in_parallel([delayed(handler)() for _ in range(3)], 2)) == [signal.SIG_IGN] * 3
+    assert handler() is not signal.SIG_IGN
+
+
 def die(number):
     os.kill(os.getpid(), signal.SIGKILL)
 

@@ -110,6 +110,22 @@ def test_the_camera_sees_all_of_the_robot_in_every_pose(in_software):
     assert max(np.ptp(rows), np.ptp(columns)) > 0.7 * 160
 
 
+@pytest.mark.parametrize("payload", [False, True], ids=["no shapes", "payload only"])
+def test_a_robot_without_shapes_is_drawn_as_sticks(tiny_robot, payload):
+    """Also if its last link has one: the payload is drawn where faultgen adds one."""
+    spec = tiny_robot.spec()
+    for geom in list(spec.geoms):
+        spec.delete(geom)
+    if payload:
+        spec.body("payload").add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.05, 0.05, 0.05], mass=0
+        )
+    spec.compile()
+    model = Stage(tiny_robot.edited(spec), np.zeros((2, 2))).model
+    sticks = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_CAPSULE)
+    assert {model.body(model.geom_bodyid[k]).name for k in sticks} == {"link1", "link2"}
+
+
 def test_opengl_and_software_draw_the_same_shape():
     """Silhouettes of the PUMA agree to within the width of a pixel at the edges."""
     stage = Stage(load_robot("puma560"), np.zeros((2, 6)))

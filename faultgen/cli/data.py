@@ -349,7 +349,8 @@ def _dry_run(experiment: Experiment, workers: int, as_json: bool) -> None:
     if as_json:
         print_json({**asdict(found), "workers": workers})
         return
+    size = tqdm.format_sizeof(found.bytes, "B")
     print(
         f"{found.runs} runs, {found.cycles} cycles; about {clock(found.seconds)} with {workers} "
-        f"workers on this machine, if each has a processor core; about {tqdm.format_sizeof(found.bytes, 'B')}"
+        f"workers on this machine, if each has a processor core; about {size}"
     )

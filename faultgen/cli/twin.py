@@ -113,11 +113,13 @@ def train(
     faults that the dataset has, with their severity, and anything else as an unknown change. It is
     a small folder of JSON and plain arrays.
     """
+    from faultgen.dataset.manifest import refuse_data
     from faultgen.dataset.reader import open_dataset
     from faultgen.twin.train import train as run_train
 
     if out.is_file():
         raise InputError(f"out: must be a folder, not the file {out}")
+    refuse_data(out)
     detector = run_train(open_dataset(folder), false_alarms=false_alarms, seed=seed)
     detector.save(out)
     told: dict[str, Any] = {

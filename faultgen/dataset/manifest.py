@@ -28,6 +28,20 @@ _RUN_ID = re.compile(r"[0-9a-f]{16}")
 _NEEDED = ("robot", "task", "seed", "effect", "axes", "severity", "cycles", "sensors")
 
 
+def refuse_data(folder: Path) -> None:
+    """Refuse a folder for results that holds a dataset or a fleet.
+
+    Args:
+        folder: The folder, which need not exist.
+
+    Raises:
+        InputError: It holds a dataset or a fleet.
+    """
+    for name, what in ((FILE, "a dataset"), (FLEET, "a fleet")):
+        if (folder / name).is_file():
+            raise InputError(f"{folder}: holds {what}; give another folder for the results")
+
+
 @dataclass(frozen=True)
 class Manifest:
     """What a dataset should hold."""

@@ -23,6 +23,7 @@ import numpy as np
 from sklearn.ensemble import RandomForestClassifier
 
 from faultgen.dataset.experiment import Experiment, make_experiment
+from faultgen.dataset.manifest import refuse_data
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
 from faultgen.effects import Applied, get_effect
@@ -127,6 +128,7 @@ def run_benchmark(
         SimulationFailed: A run failed.
     """
     out, size = Path(out), QUICK if quick else FULL
+    refuse_data(out)
     isolators: list[Any] = [RandomForest, *(one for one in methods if _is(one, Isolator))]
     detectors: list[Any] = [one for one in methods if _is(one, Detector)]
     for one in methods:

@@ -12,6 +12,7 @@ from typing import Any
 
 from faultgen import plugins
 from faultgen.dataset.experiment import check_seed
+from faultgen.dataset.manifest import refuse_data
 from faultgen.errors import InputError
 from faultgen.fleet import Fleet, generate_fleet, open_fleet
 from faultgen.monitoring.sensors import get_sensors, sensors_of
@@ -105,6 +106,7 @@ def run_study(
         chosen["sensors"] = get_sensors(sensors or sensors_of(robots) or "realistic")
     recorded = None if fleet is None else open_fleet(fleet)
     started = time.monotonic()
+    refuse_data(out)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

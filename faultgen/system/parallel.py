@@ -105,7 +105,7 @@ def _end_with(parent: int) -> None:
     if _watching or os.name == "nt":  # on Windows a process keeps the number of a dead parent
         return
     _watching.append(parent)
-    # Ctrl-C reaches all processes of a terminal; the parent alone answers it, and then ends this one
+    # Ctrl-C reaches all processes of a terminal; the parent alone answers it and ends this one
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:

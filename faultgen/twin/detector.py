@@ -182,7 +182,8 @@ class Detector:
         # a fault that is as large as what it leaves is a fault; otherwise something else changed
         excess = max(rest - float(self.classes.rest[0]), 0.0)
         explained = not strange or excess < _UNEXPLAINED * max(one.gain, belief.gain)
-        return self._answer(belief, alarm, strange, explained, over, source), after
+        answer = self._answer(belief, alarm, strange, explained, over, source, after.count)
+        return answer, after
 
     def _answer(
         self,
@@ -192,6 +193,7 @@ class Detector:
         explained: bool,
         over: Mapping[str, float],
         source: str,
+        count: int,
     ) -> dict[str, Any]:
         order = np.argsort(belief.faults)[::-1]
         named = [self._named(belief, int(k)) for k in order]
@@ -207,6 +209,7 @@ class Detector:
             "alternatives": [],
             "over_limit": {k: float(v) for k, v in over.items()},
             "based_on": source,
+            "recordings": count if source == "running" else 1,
         }
         if alarm and explained:
             likely = [one for one in named[1:] if one["probability"] > _LIKELY]

@@ -194,6 +194,8 @@ def line(answer: dict[str, Any]) -> str:
     """Return an answer as one line of text."""
     name = Path(answer["recording"]).name
     probability = f"probability {answer['probability']:.2f}"
+    count = answer.get("recordings", 1)  # answers of an older version do not tell
+    mean = f" (running mean of {count} recordings)" if count > 1 else ""
     again = " (judged before)" if answer.get("again") else ""
     if answer["verdict"] == "fault":
         axes = "+".join(map(str, answer["axes"]))
@@ -210,4 +212,4 @@ def line(answer: dict[str, Any]) -> str:
         for one in answer["alternatives"]
     )
     relation = "also possible" if answer["verdict"] == "fault" else "it resembles"
-    return f"{name}: {told}{f'; {relation}: {others}' if others else ''}{again}"
+    return f"{name}: {told}{f'; {relation}: {others}' if others else ''}{mean}{again}"

@@ -135,8 +135,12 @@ class Stage:
 
 
 def _dress(spec: mujoco.MjSpec) -> None:
-    """Add floor, light and sky to a robot, and sticks if no link that carries another has shapes."""
-    if not any(_is_shown(geom) for body in spec.bodies if body.bodies for geom in body.geoms):
+    """Add floor, light and sky to a robot, and sticks if none of its links has a shape.
+
+    The last body may be a payload that faultgen added.
+    """
+    links = [body for body in spec.bodies if body.bodies and body.name != "world"]
+    if not any(_is_shown(geom) for body in links for geom in body.geoms):
         _add_sticks(spec)
     spec.visual.global_.offwidth = spec.visual.global_.offheight = LARGEST_PICTURE
     spec.visual.global_.fovy = _ANGLE
