@@ -47,7 +47,7 @@ def write_fleet_report(folder: str | Path) -> Path:
         ]
         for one in fleet.robots
     ]
-    head = ["robot", "model", "", "damaged axis", "part", "samples", "production", "last damage"]
+    head = ["robot", "model", "end", "damaged axis", "part", "samples", "production", "last damage"]
     text = page(
         "fleet.html",
         name=Path(folder).resolve().name,

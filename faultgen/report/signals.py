@@ -248,7 +248,7 @@ def _paths(place: Place) -> Chart | None:
         title="Path of the tool",
         traces=traces,
         layout={
-            "scene": {**titles, "aspectmode": "data", "camera": {"eye": {k: 1.7 for k in "xyz"}}},
+            "scene": {**titles, "aspectmode": "data", "camera": {"eye": {k: 2.1 for k in "xyz"}}},
             "height": 360,
         },
         caption="The tool in the base frame of the robot: as commanded, and as it moved in the "
