@@ -125,7 +125,8 @@ def benchmark_page(result: dict[str, Any]) -> str:
             else ""
         )
         + "The data come from fixed experiments and seeds, and their divisions into training and "
-        "test runs are stored with them, so everybody measures on the same runs.",
+        "test runs are stored with them, so everybody with the same version of faultgen measures "
+        "on the same runs.",
         "To enter a method, write one class ([how](extending.md)) and run "
         f"`{command} --method ./my_file.py:MyClass`. It then appears in every table of `DIR/"
         "benchmark.md`.",
