@@ -663,9 +663,9 @@ def test_blank_cells_and_equal_times_are_left_out_and_told(tmp_path):
     log.write_text("\n".join(rows))
     made = imported(log, GENERIC)
     np.testing.assert_allclose(made.recording.position, RUN.position, atol=1e-6)
-    assert "2 rows with blank cells were left out, the first is line 12" in made.notes
+    assert "rows with blank cells were left out: 2, the first is line 12" in made.notes
     assert (
-        "1 rows with the time of the row before were left out, the first is line 32" in made.notes
+        "rows with the time of the row before were left out: 1, the first is line 32" in made.notes
     )
 
 
@@ -739,7 +739,7 @@ def replaced(row, old, new):
 @pytest.mark.parametrize(
     ("harm", "message"),
     [
-        (lambda text: "", "no line with two or more numbers"),
+        (lambda text: "", "log.csv: is empty"),
         (lambda text: "a,b\nc,d\n", "no line with two or more numbers"),
         (lambda text: text.replace("q2", "q1"), "column 'q1' appears more than once"),
         (

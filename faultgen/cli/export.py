@@ -71,7 +71,7 @@ def export(
     if as_json:
         print_json(told)
         return
-    print(f"{out}: {told['samples']} samples in {told['segments']} segments")
+    print(f"{out}: samples: {told['samples']}, segments: {told['segments']}")
 
 
 def _export_table(sources: list[Path], path: Path, as_json: bool) -> None:
@@ -87,7 +87,7 @@ def _export_table(sources: list[Path], path: Path, as_json: bool) -> None:
     write_parquet(frame, path)
     told = {"table": str(path), "rows": len(frame), "columns": len(frame.columns)}
     print_json(told) if as_json else print(
-        f"{path}: {len(frame)} rows, {len(frame.columns)} columns"
+        f"{path}: rows: {len(frame)}, columns: {len(frame.columns)}"
     )
 
 
@@ -107,8 +107,8 @@ def _export_layout(sources: list[Path], layout: str, out: Path, as_json: bool) -
         print_json(told)
         return
     print(
-        f"{out}: {units['dev']} training units, {units['test']} test units, "
-        f"{told['samples']} samples"
+        f"{out}: training units: {units['dev']}, test units: {units['test']}, "
+        f"samples: {told['samples']}"
     )
 
 

@@ -160,6 +160,6 @@ def check(
             print(f"one second of simulation: {what} {value:.3g}")
         for finding in checked.findings:
             print(f"finding: {finding}")
-        print(f"{checked.robot}: {'fit' if checked.fit else f'{len(checked.findings)} findings'}")
+        print(f"{checked.robot}: {'fit' if checked.fit else f'findings: {len(checked.findings)}'}")
     if not checked.fit:
         raise typer.Exit(1)

@@ -344,7 +344,7 @@ def _complete(
     if lost.any():
         row = int(np.argmax(lost))
         notes.append(
-            f"{lost.sum()} rows with blank cells were left out, the first is {table.place(row)}"
+            f"rows with blank cells were left out: {lost.sum()}, the first is {table.place(row)}"
         )
     return np.flatnonzero(~lost)
 
@@ -382,7 +382,7 @@ def _without_equal_times(
     if equal.any():
         row = int(kept[np.argmax(equal)])
         notes.append(
-            f"{equal.sum()} rows with the time of the row before were left out, the first is "
+            f"rows with the time of the row before were left out: {equal.sum()}, the first is "
             f"{table.place(row)}"
         )
     return kept[~equal], starts - np.cumsum(equal)[starts]

@@ -22,6 +22,7 @@ from faultgen.report.page import markdown, page
 from faultgen.report.signals import Place, in_words, signal_charts
 from faultgen.simulation.operation import Operation
 from faultgen.system.files import write_text
+from faultgen.system.progress import Progress
 
 _LINES = 4  # worn runs drawn for an axis
 _MOST_CYCLES = 1000  # points of a line over cycles
@@ -41,6 +42,8 @@ def write_report(folder: str | Path, result: Isolation | None = None) -> Path:
     dataset = open_dataset(folder)
     result = result or isolate(dataset)
     toml = dataset.path / "experiment.toml"
+    with Progress("drawing charts", None):
+        places = list(_shown(dataset, result))
     text = page(
         "dataset.html",
         name=dataset.path.resolve().name,
@@ -48,7 +51,7 @@ def write_report(folder: str | Path, result: Isolation | None = None) -> Path:
         planned=len(dataset.planned),
         cycles=sum(int(run["cycles"]) for run in dataset.runs),
         failed=list(dataset.failed.values()),
-        places=list(_shown(dataset, result)),
+        places=places,
         answers=markdown(table(result)),
         experiment=toml.read_text(encoding="utf-8") if toml.is_file() else None,
         library=library(),
