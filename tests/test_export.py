@@ -78,4 +78,4 @@ def test_files_that_are_no_runs_are_refused(runs):
     merged = runs[0].parents[1] / "dataset.h5"
     told = invoke("export", merged)
     assert isinstance(told.exception, InputError)
-    assert "is not a run file" in str(told.exception)
+    assert "dataset.h5: is not a run; give DATASET/runs/ID.h5" in str(told.exception)
