@@ -198,7 +198,7 @@ def test_bad_files_and_folders_get_one_line(tmp_path):
     for arguments, message in (
         (["generate", broken, "-o", out], "broken.toml: not valid TOML"),
         (["generate", tmp_path / "no.toml", "-o", out], "no.toml: cannot be read"),
-        (["generate", good, "-o", blocked], "blocked: cannot be written"),
+        (["generate", good, "-o", blocked], "blocked: is a file, not a folder"),
         (["generate", good, "--cycles", "3", "-o", out], "file or flags, not both: --cycles"),
         (["generate", "--robot", "puma560", "-o", out], "--task is missing"),
         (["generate", good, "--workers", "0", "-o", out], "workers: must be at least 1, not 0"),

@@ -403,7 +403,8 @@ def open_dataset(folder: str | Path) -> Dataset:
     path = Path(folder)
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; make a dataset with 'faultgen generate'")
-    if not (path / FILE).is_file() and (path / MERGED).is_file():
+    # a folder with nothing else; one with run files has lost its list
+    if not any((path / name).exists() for name in (FILE, "runs")) and (path / MERGED).is_file():
         path /= MERGED
     dataset = Dataset(path.parent, path) if path.is_file() else Dataset(path)
     _ = dataset.manifest

@@ -332,7 +332,12 @@ def _locked(folder: Path, part: tuple[int, int] | None = None) -> Iterator[None]
     except Timeout:
         raise InputError(f"{folder}: another process is writing there") from None
     except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
+        reason = (
+            "is a file, not a folder"
+            if folder.is_file()
+            else f"cannot be written ({error.strerror})"
+        )
+        raise InputError(f"{folder}: {reason}") from None
     try:
         yield
     finally:

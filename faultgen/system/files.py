@@ -100,7 +100,7 @@ def named_failures(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: is a folder; give the name of a file") from None
     except (FileExistsError, NotADirectoryError):
         raise InputError(
-            f"{path}: a file is in the place of a folder; choose another name"
+            f"{path}: a file is where a folder has to be; choose another name"
         ) from None
     except OSError as error:
         reason = error.strerror or one_line(error)
