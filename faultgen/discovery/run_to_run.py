@@ -29,7 +29,7 @@ from faultgen.discovery.candidates import DAY_TO_DAY
 from faultgen.discovery.evidence import Evidence, factored
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regression import Problem, with_priors
-from faultgen.discovery.sensitivities import FOLLOWS
+from faultgen.discovery.sensitivities import FOLLOWS, LEAST_RANGE
 from faultgen.effects.temperature import friction_ratios
 
 _EQUAL = 1e-6  # difference of equal reference positions, over their range
@@ -167,16 +167,22 @@ def _with_usual(problem: Problem, spread: np.ndarray, allowed: np.ndarray) -> Pr
 def between_temperatures(problem: Problem, twin: Recording) -> Problem:
     """Return the same problem with priors that allow for friction at another temperature.
 
+    This is for recordings at one temperature each. Where the temperature changes within a
+    recording, the data show whether friction follows it.
+
     Args:
         problem: The difference of a recording and its twin, and the terms.
         twin: The twin.
 
     Returns:
         The problem with wider priors of the friction that follows the temperature, and with
-        `run_to_run`; the given one if a temperature was not measured, or if both are the same.
+        `run_to_run`; the given one if a temperature was not measured, changes within a recording,
+        or is the same.
     """
     now, before = problem.recording.axis_temperature, twin.axis_temperature
     if now is None or before is None:
+        return problem
+    if max(np.ptp(now, axis=0).max(), np.ptp(before, axis=0).max()) >= LEAST_RANGE:
         return problem
     reference = problem.robot.friction_temperature
     change: dict[tuple[str, int], float] = {}

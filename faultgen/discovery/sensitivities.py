@@ -32,7 +32,9 @@ recording."""
 FOLLOWS = ("static_friction", "stribeck_velocity", "viscous_friction")
 """Effects that change what follows the temperature, in the order of `friction_ratios`."""
 
-_LEAST_RANGE = 2.0  # of a temperature in a recording, from which it can tell anything [K]: assumed
+LEAST_RANGE = 2.0
+"""Range of the temperature in a recording from which its effect on friction can be seen [K]:
+assumed."""
 
 
 def sensitivities(
@@ -169,7 +171,7 @@ def _by_temperature(replay: Replay, axis: int, known: dict[Term, np.ndarray]) ->
     """
     change = np.zeros_like(replay.recording.torque)
     temperature = replay.recording.axis_temperature
-    if temperature is None or np.ptp(temperature[:, axis - 1]) < _LEAST_RANGE:
+    if temperature is None or np.ptp(temperature[:, axis - 1]) < LEAST_RANGE:
         return change
     told, inverse = np.unique(np.round(temperature[:, axis - 1], 1), return_inverse=True)
     reference = replay.robot.friction_temperature
