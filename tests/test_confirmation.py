@@ -84,7 +84,7 @@ def test_facts_of_a_trial(trials, twin, period):
     noise[SCORED] *= 2
     residual = 0.8 * columns[0] + 0.5 * columns[1] + noise
     residual[SCORED] -= 0.2 * columns[1][SCORED]  # there, the second effect is weaker
-    terms = [offset(1), offset(2, "gravity_spring")]
+    terms = [offset(1, "coulomb_friction"), offset(2, "gravity_spring")]
     problem = written_down(terms, columns, residual, twin=twin, period=period)
     groups_left(problem, chosen(problem, (0,), (1,)))
     first, second = trials[:2]
@@ -134,7 +134,7 @@ def test_errors_smaller_than_noise_do_not_raise_what_is_seen(trials):
     groups_left(problem, chosen(problem, (0,)))
     ((_, _, trial),) = trials
     assert trial.seen == pytest.approx(100 * 0.25, rel=1e-3)
-    assert trial.share == pytest.approx(500 / SURE, rel=2e-3)
+    assert trial.share == pytest.approx(500 / SURE_IMITATED, rel=2e-3)
 
 
 LIMITS = {True: (LARGER_TWIN, LARGER_OWN_TWIN), False: (LARGER, LARGER_OWN)}
@@ -246,7 +246,7 @@ def test_what_an_effect_foretells_must_not_be_missing(size, twin):
 @pytest.mark.parametrize("more", [0.95, 1.05])
 def test_an_effect_must_explain_more_where_other_errors_are_large(twin, more):
     """By as many times as the squared error on the scoring motion is that of noise."""
-    over = more * 500 * 0.25 / (SURE_TWIN if twin else SURE)
+    over = more * 500 * 0.25 / (SURE_TWIN if twin else SURE_IMITATED)
     left = column(0.5 * FITTED[0]) + column(0, np.sqrt(2 * over) * TURNING, axis=2)
     problem = written_down([offset()], [column(FITTED[0])], left, twin=twin)
     assert len(groups_left(problem, chosen(problem, (0,)))) == (more < 1)

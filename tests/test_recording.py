@@ -87,8 +87,18 @@ def stuck(x):
     [
         ("torque", lambda x: -x, "refuse", "opposite sign of the model's"),
         ("torque", lambda x: 50 * x, "refuse", "about the gear ratio: is it joint side"),
-        ("torque", lambda x: 1000 * x, "refuse", "times the model's$"),
-        ("torque", lambda x: 7 * x, "refuse", "torque is 7.* times the model's$"),
+        (
+            "torque",
+            lambda x: 1000 * x,
+            "refuse",
+            "times the model's: check its unit, the gear ratio",
+        ),
+        (
+            "torque",
+            lambda x: 7 * x,
+            "refuse",
+            "torque is 7.* times the model's: check its unit, the gear ratio",
+        ),
         ("torque", lambda x: late(x, 9), "warn", r"torque is \d+ samples \(\d+ ms\) late"),
         ("torque", np.random.default_rng(1).permutation, "warn", "hardly that of the model"),
         ("velocity", lambda x: -x, "refuse", "velocity has the opposite sign"),

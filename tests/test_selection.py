@@ -74,7 +74,7 @@ def test_candidates_are_effects_of_which_some_have_several_terms():
 
 def test_more_is_needed_where_other_things_look_like_the_effect():
     """A wrong model imitates some effects; a twin excludes that."""
-    terms = [Term("torque_offset", 1, 0.1, 0.1), Term("gravity_spring", 1, 0.1, 0.1)]
+    terms = [Term("coulomb_friction", 1, 0.1, 0.1), Term("gravity_spring", 1, 0.1, 0.1)]
     for twin, least in ((True, [SURE_TWIN] * 2), (False, [SURE, SURE_IMITATED])):
         problem = written_down(
             terms, np.zeros((2, COUNT, 1)), np.zeros((COUNT, 1)), twin=twin, trust=None

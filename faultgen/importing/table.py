@@ -144,7 +144,6 @@ def parsed_rows(text: str, count: int, separator: str = ",", decimal: str = ".")
                 index_col=False,
                 skipinitialspace=True,
                 on_bad_lines="error",
-                float_precision="round_trip",  # older versions of pandas lose the last digit
                 low_memory=False,
             )
         except (pd.errors.EmptyDataError, pd.errors.ParserWarning) as error:
