@@ -133,3 +133,22 @@ def test_ctrl_c_is_not_lost(tiny_robot_path, tiny_task_path, tmp_path):
     assert done.stdout == "caught\n"
     assert done.returncode == 130
     assert done.stderr == "faultgen: interrupted; run the same command again to continue\n"
+
+
+def test_ctrl_c_after_the_work_is_done_prints_nothing():
+    """While Python ends, nothing is left that could be interrupted."""
+    program = (
+        "import atexit, os, signal, sys\n"
+        "from faultgen.cli import main\n"
+        "sys.argv = ['faultgen', 'robots']\n"
+        "atexit.register(lambda: os.kill(os.getpid(), signal.SIGINT))\n"
+        "main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "puma560" in done.stdout

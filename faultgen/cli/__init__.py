@@ -64,6 +64,8 @@ def main() -> None:
         status = app(standalone_mode=False)
         if status == _INTERRUPTED:  # the command-line library has caught Ctrl-C
             raise KeyboardInterrupt
+        # all is done, and a Ctrl-C while Python ends would only print a traceback
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
     except InputError as error:
         _fail(str(error), 2)
     except KeyboardInterrupt:
