@@ -332,12 +332,9 @@ def _locked(folder: Path, part: tuple[int, int] | None = None) -> Iterator[None]
     except Timeout:
         raise InputError(f"{folder}: another process is writing there") from None
     except OSError as error:
-        reason = (
-            "is a file, not a folder"
-            if folder.is_file()
-            else f"cannot be written ({error.strerror})"
-        )
-        raise InputError(f"{folder}: {reason}") from None
+        if folder.is_file():
+            raise InputError(f"{folder}: is a file, not a folder") from None
+        raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
     try:
         yield
     finally:

@@ -11,8 +11,8 @@ with which these differences are most probable, one term after the other (Tippin
 
 A single healthy recording shows nothing of this, but the axes of the robot do: a fault changes the
 friction of one axis or two, a warmer day that of all of them. `between_axes` takes the median.
-If the temperature was measured, `between_temperatures` allows for what it changes by Bittencourt's
-law.
+If both recordings have one temperature each, `between_temperatures` allows for what the difference
+changes by Bittencourt's law.
 """
 
 from __future__ import annotations

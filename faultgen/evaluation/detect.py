@@ -98,13 +98,11 @@ def detect(
     every = [(place, run) for place in places(dataset, sensors, split) for run in place.tested]
     for place, run in follow(every, "detecting", len(every), "run", progress):
         seen_runs.append(run)
-        where = f"{place.robot}/{place.task}"
         detectors, lacking = place.fitted(of_cycles, run)
-        if lacking and (len(run["axes"]) or where not in left_out):
-            left_out[where] = lacking if len(run["axes"]) else f"for healthy runs, {lacking}"
+        place.note_left_out(left_out, run, lacking)
         names = needed(detectors.values())
         if detectors:
-            learned[where] = place.healthy_cycles(run)
+            learned[place.name] = place.healthy_cycles(run)
         ends = list(cuts(run, levels))
         for seen in place.draws(run, names, seeds, seed) if detectors else ():
             for name, detector in detectors.items():

@@ -79,19 +79,17 @@ def isolate(
     every = [(place, run) for place in places(dataset, sensors, split) for run in place.tested]
     for place, run in follow(every, "isolating", len(every), "run", progress):
         seen_runs.append(run)
-        where = f"{place.robot}/{place.task}"
         worn = tuple(int(axis) for axis in run["axes"])
         severity = run.read("cycle/severity")
         ends = list(cuts(run, levels))
         asked = levels if in_fractions(run["effect"]) else ()
         short |= {a for a in asked if worn and severity.max() >= a} - {a for a, _ in ends}
         isolators, lacking = place.fitted(table, run)
-        if lacking and (worn or where not in left_out):
-            left_out[where] = lacking if worn else f"for healthy runs, {lacking}"
+        place.note_left_out(left_out, run, lacking)
         names = {"mean_abs_torque", *needed(isolators.values())}
         for seen in place.draws(run, names, seeds, seed):
             observed = np.isfinite(seen["mean_abs_torque"]).all(axis=0)
-            unobservable[where] = [int(axis) + 1 for axis in np.flatnonzero(~observed)]
+            unobservable[place.name] = [int(axis) + 1 for axis in np.flatnonzero(~observed)]
             for level, length in ends:
                 for method, isolator in isolators.items():
                     key = (run["robot"], run["task"], run["effect"], level, method)

@@ -97,6 +97,11 @@ class Place:
     )
     _reference: dict[tuple[str, ...], list[Features]] = field(default_factory=dict)
 
+    @property
+    def name(self) -> str:
+        """Robot and task as text."""
+        return f"{self.robot}/{self.task}"
+
     def draws(
         self, run: StoredRun, names: Collection[str], seeds: int, seed: int
     ) -> Iterator[Features]:
@@ -232,6 +237,19 @@ class Place:
             for reason, names in reasons.items()
         ]
         return found, "; ".join(said)
+
+    def note_left_out(self, reasons: dict[str, str], run: StoredRun, lacking: str) -> None:
+        """Keep the reason why methods are left out; one for worn runs comes first.
+
+        Args:
+            reasons: Reasons by `name`.
+            run: The run that is judged.
+            lacking: The reason, from `fitted`; empty if nothing is left out.
+        """
+        if lacking and len(run["axes"]):
+            reasons[self.name] = lacking
+        elif lacking:
+            reasons.setdefault(self.name, f"for healthy runs, {lacking}")
 
     def _fit(
         self, methods: Mapping[str, type[M]], run: StoredRun

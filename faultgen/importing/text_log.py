@@ -136,6 +136,8 @@ def _score(cells: Sequence[str], decimal: str) -> int:
 
 def _layout(path: Path, lines: Sequence[str], file: File) -> tuple[str, str, int]:
     """Separator, decimal sign and number of the first row of numbers."""
+    if not lines:
+        raise InputError(f"{path}: is empty")
     separators = list(_SEPARATORS) if file.separator == "auto" else [file.separator]
     decimals = [".", ","] if file.decimal == "auto" else [file.decimal]
     best, found = 0, None
@@ -149,8 +151,6 @@ def _layout(path: Path, lines: Sequence[str], file: File) -> tuple[str, str, int
             if total > best:
                 first = next(k for k, score in enumerate(scores) if score)
                 best, found = total, (separator, decimal, first)
-    if not lines:
-        raise InputError(f"{path}: is empty")
     if found is None:
         raise InputError(
             f"{path}: no line with two or more numbers among the first {len(lines)}; state the "

@@ -101,7 +101,7 @@ _watching: list[int] = []
 
 
 def _end_with(parent: int) -> None:
-    """End this process as soon as its parent is gone."""
+    """Let this worker end as soon as its parent is gone, and only then."""
     if _watching or os.name == "nt":  # on Windows a process keeps the number of a dead parent
         return
     _watching.append(parent)

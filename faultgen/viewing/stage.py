@@ -137,7 +137,7 @@ class Stage:
 def _dress(spec: mujoco.MjSpec) -> None:
     """Add floor, light and sky to a robot, and sticks if none of its links has a shape.
 
-    The last body may be a payload that faultgen added.
+    Only links that carry another body count: the last one may be a payload that faultgen added.
     """
     links = [body for body in spec.bodies if body.bodies and body.name != "world"]
     if not any(_is_shown(geom) for body in links for geom in body.geoms):
