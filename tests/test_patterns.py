@@ -1,5 +1,6 @@
 """Orders, regimes and patterns in a gap whose content is known."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from faultgen.discovery.order_analysis import find_orders
 from faultgen.discovery.patterns import patterns
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regression import Kinematics
+from faultgen.discovery.spikes import spikes
 from faultgen.discovery.verdict import significance
 
 PERIOD, COUNT = 0.004, 4000
@@ -129,3 +131,20 @@ def test_a_gap_with_less_noise_than_is_reckoned_with_has_no_pattern(problem, noi
     assert find_orders(problem, regular) == []
     assert min(one.p_value for one in patterns(problem, regular, [0, 1])) > 0.5
     assert significance(problem, regular) > 0.5
+
+
+@pytest.mark.parametrize(("before", "after", "is_found"), [(0, 40, True), (40, 40, False)])
+def test_sudden_errors_count_only_after_the_change(problem, noise, before, after, is_found):
+    """Outliers in both recordings are noise; outliers in one of them are not."""
+    rng = np.random.default_rng(5)
+    runs = [rng.normal(size=(COUNT, 2)) / np.sqrt(2) for _ in range(2)]
+    for run, count in zip(runs, (before, after), strict=True):
+        run[rng.choice(COUNT, count, replace=False), 0] += 12
+    difference = runs[1] - runs[0]
+    problem.twin, problem.residual = True, difference
+    problem.recording = replace(problem.recording, torque=problem.base + runs[1])
+    found = {one.axis: one for one in spikes(problem, difference)}
+    assert 2 not in found or found[2].p_value > 1e-3
+    assert (found[1].p_value < 1e-6) is is_found
+    if is_found:
+        assert found[1].strength == pytest.approx(after * 12**2, rel=0.2)

@@ -27,6 +27,7 @@ from faultgen.discovery.result import (
     Named,
 )
 from faultgen.discovery.selection import Choice
+from faultgen.discovery.spikes import spikes
 from faultgen.effects import get_effect
 
 BAND = {
@@ -61,7 +62,8 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     left, _ = unexplained(problem, best)
     white = problem.whiten(left)
     own = [(problem.terms[t].axis, problem.white[t]) for t in best.terms]
-    found = patterns(problem, white, problem.fitting, own)
+    found = patterns(problem, white, problem.fitting, own) + spikes(problem, white)
+    found.sort(key=lambda one: (one.p_value, -one.strength))
     shown = left + best.change  # the residual that is to be explained, less calibration
     white_shown = problem.whiten(shown)
     shares = where(problem, white_shown)
