@@ -56,6 +56,21 @@ def test_steady_motion_is_cut_into_equal_lengths(tiny_robot):
     assert len(lengths) == 6 and max(lengths) - min(lengths) <= 4
 
 
+@pytest.mark.parametrize(("usable", "is_last"), [(0.4, True), (0.02, False)])
+def test_a_last_motion_that_can_hardly_be_compared_is_not_all_that_scores(
+    tiny_robot, usable, is_last
+):
+    """As if it consisted of reversals, near which the torque is not compared without a twin."""
+    log = recording(*[(4, (1, 2))] * 4, segments=(0, 1000, 2000, 3000))
+    used = np.ones(log.position.shape, bool)
+    used[3000:] = False
+    used[3000 : 3000 + round(usable * 1000)] = True
+    parts, scoring = cut(log, tiny_robot, used)
+    assert (scoring == [3] and len(parts) == 4) is is_last
+    share = used[kept(parts, scoring, len(used))].sum(axis=0) / used.sum(axis=0)
+    assert np.all((share > 0.06) & (share < 0.5))
+
+
 @pytest.mark.parametrize("segments", [(0,), (0, 1500), (0, 750, 1500)])
 def test_where_axes_move_in_turn_each_is_kept_and_fitted(tiny_robot, segments):
     """Axis 1 for six seconds, then axis 2: the last fifth alone would show nothing of axis 1."""

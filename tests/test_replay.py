@@ -7,10 +7,11 @@ import pytest
 from scipy.signal import lfilter
 
 from faultgen.discovery import Recording, Replay, followed, replay, settled
+from faultgen.discovery.prescribed import prescribed_torque
 from faultgen.discovery.replay import relative_error
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
-from faultgen.robot import Robot
+from faultgen.robot import Robot, load_robot
 from faultgen.simulation.motion import plan
 from faultgen.simulation.servo import control_signal
 from faultgen.simulation.stepping import simulate
@@ -55,6 +56,24 @@ def gap(recording, robot, effects=()):
     error = np.where(inside, recording.torque - replay(recording, robot, effects), 0.0)
     torque = np.where(inside, recording.torque, 0.0)
     return np.sqrt(np.sum(error**2, axis=0) / np.sum(torque**2, axis=0))
+
+
+@pytest.mark.parametrize("name", ["puma560", "irb6700"])
+def test_positions_alone_tell_what_torque_another_servo_gave(name):
+    """A simulation with a servo of a tenth of the gains gives torque and positions of the rotors.
+
+    The torque is found again from the positions, although the gearboxes oscillate.
+    """
+    robot = load_robot(name)
+    other = soft(robot)
+    motion = plan(load_task(name, "pick_and_place"), robot)
+    timestep = robot.model.opt.timestep
+    control = control_signal(motion, timestep)
+    (run,) = simulate(other, control, [other.model], sample_period=timestep, lead_in=0.0)
+    found = prescribed_torque(robot, run.motor_position)
+    late = slice(round(0.3 / timestep), -2)
+    error = (found - run.motor_torque)[late]
+    assert np.all(np.std(error, axis=0) < 0.005 * np.std(run.motor_torque[late], axis=0))
 
 
 @pytest.mark.parametrize(

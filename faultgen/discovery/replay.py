@@ -7,15 +7,18 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
 from faultgen.discovery.candidates import INERTIA, Term, applied
 from faultgen.discovery.followed import followed
 from faultgen.discovery.inertia import apply_inertia
+from faultgen.discovery.prescribed import prescribed_torque
 from faultgen.discovery.recording import Recording
 from faultgen.effects import Applied, get_effect
 from faultgen.errors import InputError, SimulationFailed, one_line
+from faultgen.mjcf.dcmotor import POSITION_GAIN, VELOCITY_GAIN
 from faultgen.robot import Robot
 from faultgen.simulation.plant import Plant, assemble
 from faultgen.simulation.servo import control_signal
@@ -28,7 +31,6 @@ TURN = 0.2
 """Motor angle after which friction no longer depends on how the axis came to rest [rad]: assumed,
 about ten times the reach of the bristles."""
 
-_CORRECTIONS = 2  # times that the tracking error is added to the commands
 _BETTER = 0.98  # torque error, over that with commanded set points, from which a motion is followed
 
 Changes = Sequence[tuple[Term, float]]
@@ -56,14 +58,28 @@ def _following(robot: Robot) -> Robot:
     return follower
 
 
+def _stiffen(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """Give a model a servo that is as fast as its time step allows.
+
+    A rotor that is alone then has a critically damped pole pair at half a radian a step.
+    """
+    model = robot.model
+    fastest = 0.5 / model.opt.timestep
+    for axis, inertia in enumerate(model.dof_M0[list(robot.motors)].tolist(), start=1):
+        gains = spec.actuator(f"drive{axis}").gainprm
+        gains[POSITION_GAIN] = inertia * fastest**2
+        gains[VELOCITY_GAIN] = inertia * 2 * fastest
+
+
 class Replay:
     """The motion of a recording, which can be simulated with changes of the model.
 
     The model's own servo tracks either the commanded positions or the measured ones. Measured
-    positions are smoothed according to their own noise, and all set points are commanded then, even
-    those that the servo does not use, because the measured motion has to be followed. What the
-    model's servo still lacks in following is added to its commands (iterative learning control,
-    Arimoto 1984). The torque then hardly depends on the servo. The controller is always that of the
+    positions are smoothed according to their own noise. All set points are commanded then, even
+    those that the servo does not use, and the feed-forward is the torque that this motion of the
+    rotors needs (`prescribed_torque`). The servo that follows measured positions is much faster
+    than that of the model, so that the rotors move as they were measured also with changes of the
+    model, and the torque does not depend on the servo. The controller is always that of the
     unchanged model.
     """
 
@@ -88,14 +104,12 @@ class Replay:
         if not self.measured:
             self.controls = self._controls(self.wanted)
             return
-        reference = self.wanted = followed(recording, robot, settled(recording, robot))
-        self.controls = self._controls(reference)
-        for _ in range(_CORRECTIONS):
-            with suppress(SimulationFailed):
-                reached = robot.gearing.joints(self._logged("motor_position", ()))
-                lag, _, _ = recording.derivatives(self.wanted - reached)  # smoothed: no more noise
-                reference = reference + lag
-                self.controls = self._controls(reference)
+        self.wanted = followed(recording, robot, settled(recording, robot))
+        self.controls = self._controls(self.wanted)
+        at = robot.model.actuator_ctrladr[robot.ids("actuator", "drive")]
+        for control in self.controls:
+            with suppress(SimulationFailed):  # the torque of the rigid arm remains
+                control[:, at + 2] = prescribed_torque(robot, control[:, at])
 
     def _controls(self, reference: np.ndarray) -> list[np.ndarray]:
         """Control signal of each separate recording, for positions of shape (samples, n_axes)."""
@@ -267,6 +281,8 @@ class Replay:
     def _plant(self, changes: Changes, part: slice) -> Plant:
         recording, robot = self.recording, self.robot
         spec = robot.spec()
+        if self.measured:
+            _stiffen(spec, robot)
         apply_inertia(spec, robot, [change for change in changes if change[0].name == INERTIA])
         effects = applied(changes)
         temperature = None

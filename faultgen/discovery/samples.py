@@ -15,6 +15,7 @@ from faultgen.robot import Robot
 _JUMP = 0.05  # time around a change of direction in which the noise is not looked for [s]
 _PRESLIDING = 0.1  # time from rest or reversal until friction has settled [s]: assumed
 _BLOCKS = 6  # into which a single recording is cut, to fit on some and choose on others
+_LEAST_SHARE = 1 / 3  # samples of an axis that are compared, over those of an even spread: assumed
 _FIFTHS = 5  # blocks of which one is kept for scoring, where axes move in turn
 
 
@@ -23,9 +24,10 @@ def cut(recording: Recording, robot: Robot, used: np.ndarray) -> tuple[list[slic
 
     The parts are the separate recordings. One or two of them are cut into blocks of the same
     length. Where long rests would leave a block with little motion, something moves for equally
-    long in each block. The last fifth of the parts is kept for scoring. If an axis moves only in
-    this fifth, or nowhere in it, as where axes move in turn, all recordings are cut into shorter
-    blocks, and every fifth block is kept.
+    long in each block. The last fifth of the parts is kept for scoring. If the samples at which an
+    axis is compared are hardly in this fifth, or hardly elsewhere, all recordings are cut into
+    shorter blocks, and every fifth block is kept. This happens where axes move in turn, or where
+    the last motion consists of reversals.
 
     Args:
         recording: The measured data.
@@ -41,13 +43,14 @@ def cut(recording: Recording, robot: Robot, used: np.ndarray) -> tuple[list[slic
         return parts, scoring
     moves = _moves(recording, robot)
     each = -(-robot.n_axes // len(recording.parts))
-    shorter: list[slice] = []
-    for part in recording.parts:
-        most = max(1, int(moves[part].sum()) // (_FIFTHS * FEWEST))
-        shorter += _cut(part, _FIFTHS * min(each, most), moves)
-    every_fifth = list(range(_FIFTHS - 1, len(shorter), _FIFTHS))
-    if _shows_every_axis(shorter, every_fifth, used):
-        return shorter, every_fifth
+    for finer in range(1, each + 1):
+        shorter: list[slice] = []
+        for part in recording.parts:
+            most = max(1, int(moves[part].sum()) // (_FIFTHS * FEWEST))
+            shorter += _cut(part, _FIFTHS * min(finer, most), moves)
+        every_fifth = list(range(_FIFTHS - 1, len(shorter), _FIFTHS))
+        if _shows_every_axis(shorter, every_fifth, used):
+            return shorter, every_fifth
     return parts, scoring
 
 
@@ -105,10 +108,13 @@ def for_scoring(parts: Sequence[slice]) -> list[int]:
 
 
 def _shows_every_axis(parts: Sequence[slice], scoring: Sequence[int], used: np.ndarray) -> bool:
-    """Whether every axis that is compared somewhere is compared in both kinds of parts."""
+    """Whether both kinds of parts hold enough of the samples at which each axis is compared."""
     kept = samples_of([parts[p] for p in scoring], len(used))
-    both = used[kept].any(axis=0) & used[~kept].any(axis=0)
-    return bool(used.any() and (both | ~used.any(axis=0)).all())
+    total = used.sum(axis=0)
+    compared = total > 0
+    share = used[kept].sum(axis=0)[compared] / total[compared]
+    least, fair = _LEAST_SHARE, float(kept.mean())
+    return bool(len(share) and np.all((share >= least * fair) & (1 - share >= least * (1 - fair))))
 
 
 def for_noise(

@@ -208,7 +208,8 @@ def kept_in(folder: Path | None, replay: Replay, what: bytes) -> Path | None:
     made_by = provenance("faultgen.discovery.sensitivities").key
     content = hashlib.sha256(replay.robot.sha256.encode() + made_by.encode())
     content.update(np.ascontiguousarray(replay.wanted).tobytes())
-    content.update(repr((recording.segments, recording.sample_period, recording.side)).encode())
+    of = (recording.segments, recording.sample_period, recording.side, replay.measured)
+    content.update(repr(of).encode())
     if recording.link:
         content.update(b"link")
     if replay.by_temperature(()):
