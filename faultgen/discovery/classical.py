@@ -21,7 +21,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, filtfilt
 
-from faultgen.discovery.followed import followed
+from faultgen.discovery.followed import followed_by_rigid_arm
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regressor import link_parameters, link_regressor
 from faultgen.discovery.replay import settled
@@ -152,7 +152,7 @@ class Regression:
         joint = recording.position
         if recording.side == "motor":
             joint = np.linalg.solve(self.gearing, joint.T).T
-        joint = followed(recording, robot, settled(recording, robot), joint)
+        joint = followed_by_rigid_arm(recording, robot, settled(recording, robot), joint)
         self._motion = np.empty((3, *joint.shape))
         for part in recording.parts:
             smooth = _low_pass(joint[part], recording.sample_period, _MOTION * cut_off)
