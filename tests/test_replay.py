@@ -10,9 +10,11 @@ from faultgen.discovery import Recording, Replay, followed, replay, settled
 from faultgen.discovery.prescribed import prescribed_torque
 from faultgen.discovery.replay import relative_error
 from faultgen.effects import get_effect
+from faultgen.effects.coupling import add_coupling_friction
 from faultgen.errors import InputError
 from faultgen.robot import Robot, load_robot
 from faultgen.simulation.motion import plan
+from faultgen.simulation.plant import assemble
 from faultgen.simulation.servo import control_signal
 from faultgen.simulation.stepping import simulate
 from faultgen.tasks import load_task
@@ -58,18 +60,30 @@ def gap(recording, robot, effects=()):
     return np.sqrt(np.sum(error**2, axis=0) / np.sum(torque**2, axis=0))
 
 
-@pytest.mark.parametrize("name", ["puma560", "irb6700"])
-def test_positions_alone_tell_what_torque_another_servo_gave(name):
+def with_shared_wrist(robot):
+    """The same robot with friction and inertia that axes 4 and 5 share."""
+    spec = robot.spec()
+    add_coupling_friction(spec, 5, 0.5, ratio=1.0)
+    spec.tendon("wrist_coupling5").armature = 0.05
+    spec.actuator("wrist_coupling5").damping = [0.5, 0.0, 0.0]
+    return Robot(robot.name, spec.to_xml())
+
+
+@pytest.mark.parametrize(
+    ("name", "shared"), [("puma560", False), ("irb6700", False), ("puma560", True)]
+)
+def test_positions_alone_tell_what_torque_another_servo_gave(name, shared):
     """A simulation with a servo of a tenth of the gains gives torque and positions of the rotors.
 
     The torque is found again from the positions, although the gearboxes oscillate.
     """
     robot = load_robot(name)
+    robot = with_shared_wrist(robot) if shared else robot
     other = soft(robot)
     motion = plan(load_task(name, "pick_and_place"), robot)
     timestep = robot.model.opt.timestep
     control = control_signal(motion, timestep)
-    (run,) = simulate(other, control, [other.model], sample_period=timestep, lead_in=0.0)
+    (run,) = simulate(other, control, [assemble(other)], sample_period=timestep, lead_in=0.0)
     found = prescribed_torque(robot, run.motor_position)
     late = slice(round(0.3 / timestep), -2)
     error = (found - run.motor_torque)[late]

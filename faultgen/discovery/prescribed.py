@@ -6,7 +6,8 @@ the robot. No servo takes part. The torque that the real rotors need is
 
     tau = J a + gear torque / gear ratio + friction
 
-with the inertia J and the acceleration a of the rotor (Spong 1987).
+with the inertia J and the acceleration a of the rotor (Spong 1987), and with the inertia and the
+friction that two rotors of a wrist share.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ import mujoco
 import numpy as np
 
 from faultgen.mjcf.dcmotor import POSITION_GAIN, VELOCITY_GAIN
-from faultgen.robot import Robot
+from faultgen.mjcf.gearing import tendon_coefficients
+from faultgen.robot import COUPLING, Robot
 from faultgen.simulation.plant import Plant, assemble
 from faultgen.simulation.stepping import simulate
 
@@ -58,4 +60,21 @@ def prescribed_torque(robot: Robot, rotors: np.ndarray) -> np.ndarray:
     control[:, at + 2] = (1 + _HEAVIER) * inertia * acceleration
     (run,) = simulate(robot, control, [Plant(model)], sample_period=timestep, lead_in=0.0)
     load = run.gear_torque / robot.gear_ratio
-    return np.asarray(inertia * acceleration + load - run.friction_torque)
+    shared = _shared(robot, model, velocity, acceleration)
+    return np.asarray(inertia * acceleration + load - run.friction_torque + shared)
+
+
+def _shared(
+    robot: Robot, model: mujoco.MjModel, velocity: np.ndarray, acceleration: np.ndarray
+) -> np.ndarray:
+    """Torque of the inertia and viscous friction that rotors share, shape (steps, n_axes)."""
+    torque = np.zeros_like(velocity)
+    for actuator in range(model.nactuator):
+        if not model.actuator(actuator).name.startswith(COUPLING):
+            continue
+        tendon = model.actuator_trnid[actuator, 0]
+        lever = tendon_coefficients(model, tendon)[list(robot.motors)]
+        viscous = model.actuator_damping[actuator] * (velocity @ lever)
+        inertial = model.tendon_armature[tendon] * (acceleration @ lever)
+        torque += np.outer(viscous + inertial, lever)
+    return torque

@@ -33,6 +33,12 @@ about ten times the reach of the bristles."""
 
 _BETTER = 0.98  # torque error, over that with commanded set points, from which a motion is followed
 
+_RATES = (0.35, 0.18, 0.09)
+"""Poles of the servo that follows measured positions [rad a step], the fastest first. A servo is
+stable up to about 0.8. Light rotors with much damping need a slower one."""
+
+_OFF = 0.1  # torque of the model that follows, less the torque that it needs, over the latter
+
 Changes = Sequence[tuple[Term, float]]
 """Terms and their values."""
 
@@ -58,18 +64,20 @@ def _following(robot: Robot) -> Robot:
     return follower
 
 
-def _stiffen(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """Give a model a servo that is as fast as its time step allows with some reserve.
+def _stiffen(spec: mujoco.MjSpec, robot: Robot, rate: float) -> None:
+    """Give a model a fast servo.
 
-    A rotor that is alone then has a critically damped pole pair at 0.2 rad a step. At 0.5 rad, the
-    model of a real arm with light rotors was unstable.
+    Args:
+        spec: The model, which is changed.
+        robot: The robot.
+        rate: Where the poles of a rotor that is alone are, critically damped, in [rad] a step.
     """
     model = robot.model
-    fastest = 0.2 / model.opt.timestep
+    frequency = rate / model.opt.timestep
     for axis, inertia in enumerate(model.dof_M0[list(robot.motors)].tolist(), start=1):
         gains = spec.actuator(f"drive{axis}").gainprm
-        gains[POSITION_GAIN] = inertia * fastest**2
-        gains[VELOCITY_GAIN] = inertia * 2 * fastest
+        gains[POSITION_GAIN] = inertia * frequency**2
+        gains[VELOCITY_GAIN] = inertia * 2 * frequency
 
 
 class Replay:
@@ -105,12 +113,37 @@ class Replay:
         if not self.measured:
             self.controls = self._controls(self.wanted)
             return
-        self.wanted = followed(recording, robot, settled(recording, robot))
+        inside = settled(recording, robot)
+        self.wanted = followed(recording, robot, inside)
         self.controls = self._controls(self.wanted)
         at = robot.model.actuator_ctrladr[robot.ids("actuator", "drive")]
         for control in self.controls:
             with suppress(SimulationFailed):  # the torque of the rigid arm remains
                 control[:, at + 2] = prescribed_torque(robot, control[:, at])
+        for self._rate in _RATES:
+            if self._is_stable([control[:, at + 2] for control in self.controls], inside):
+                break
+
+    def _is_stable(self, needed: Sequence[np.ndarray], inside: np.ndarray) -> bool:
+        """Whether the unchanged model gives the torque that its motion needs.
+
+        Args:
+            needed: This torque at each step of each separate recording, shape (steps, n_axes).
+            inside: Samples that are compared, shape (samples, n_axes).
+        """
+        try:
+            torque = self._logged("motor_torque", ()) * self.robot.torque_gain
+        except SimulationFailed:
+            return False
+        timestep = self.robot.model.opt.timestep
+        for part, wanted in zip(self.recording.parts, needed, strict=True):
+            times = np.arange(part.stop - part.start) * self.recording.sample_period
+            steps = np.round(times / timestep).astype(int).clip(max=len(wanted) - 1)
+            rows, own = inside[part], wanted[steps]
+            off = np.sum(np.where(rows, torque[part] - own, 0) ** 2, axis=0)
+            if np.any(off > _OFF**2 * np.sum(np.where(rows, own, 0) ** 2, axis=0)):
+                return False
+        return True
 
     def _controls(self, reference: np.ndarray) -> list[np.ndarray]:
         """Control signal of each separate recording, for positions of shape (samples, n_axes)."""
@@ -283,7 +316,7 @@ class Replay:
         recording, robot = self.recording, self.robot
         spec = robot.spec()
         if self.measured:
-            _stiffen(spec, robot)
+            _stiffen(spec, robot, self._rate)
         apply_inertia(spec, robot, [change for change in changes if change[0].name == INERTIA])
         effects = applied(changes)
         temperature = None
