@@ -12,6 +12,7 @@ from faultgen.discovery.replay import relative_error
 from faultgen.effects import get_effect
 from faultgen.effects.coupling import add_coupling_friction
 from faultgen.errors import InputError
+from faultgen.mjcf.rotors import nest_rotor
 from faultgen.robot import Robot, load_robot
 from faultgen.simulation.motion import plan
 from faultgen.simulation.plant import assemble
@@ -66,6 +67,7 @@ def with_shared_wrist(robot):
     add_coupling_friction(spec, 5, 0.5, ratio=1.0)
     spec.tendon("wrist_coupling5").armature = 0.05
     spec.actuator("wrist_coupling5").damping = [0.5, 0.0, 0.0]
+    nest_rotor(spec, 5)
     return Robot(robot.name, spec.to_xml())
 
 

@@ -40,7 +40,9 @@ from faultgen.discovery.regressor import PER_LINK, link_parameters
 from faultgen.effects import get_effect
 from faultgen.effects.coupling import add_coupling_friction
 from faultgen.effects.friction import add_offset
+from faultgen.effects.motor import scale_rotor_inertia
 from faultgen.errors import SimulationFailed, one_line
+from faultgen.mjcf.rotors import nest_rotor
 from faultgen.robot import COULOMB, OFFSET, STICTION, Robot
 from faultgen.simulation.arm import Arm
 
@@ -167,7 +169,7 @@ class Physical:
         apply_inertia(spec, given, self.links)
         before = Drives.of(given)
         for k in range(given.n_axes):
-            spec.joint(f"motor{k + 1}").parent.inertia *= drives.inertia[k] / before.inertia[k]
+            scale_rotor_inertia(spec, k + 1, drives.inertia[k] / before.inertia[k] - 1)
             friction = spec.actuator(f"friction{k + 1}")
             friction.biasprm[COULOMB] += drives.coulomb[k] - before.coulomb[k]
             friction.biasprm[STICTION] += drives.coulomb[k] - before.coulomb[k]
@@ -182,6 +184,7 @@ class Physical:
             add_coupling_friction(spec, axis, coulomb, ratio=ratio)
             spec.actuators[-1].damping[0] = viscous
             spec.tendons[-1].armature = inertia
+            nest_rotor(spec, axis)
         return edited(given, spec, given.torque_gain * self.gain)
 
 

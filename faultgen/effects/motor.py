@@ -27,8 +27,9 @@ def scale_rotor_inertia(spec: mujoco.MjSpec, axis: int, severity: float) -> None
         axis: Axis, from 1.
         severity: Fraction of the nominal value.
     """
-    rotor = spec.joint(f"motor{axis}").parent
-    rotor.inertia *= 1 + severity
+    joint = spec.joint(f"motor{axis}")
+    joint.parent.inertia *= 1 + severity
+    joint.armature *= 1 + severity
 
 
 def lose_torque(spec: mujoco.MjSpec, axis: int, severity: float) -> None:

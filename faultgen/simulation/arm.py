@@ -30,7 +30,8 @@ def _rigid(
     for tendon in list(spec.tendons):
         if tendon.name.startswith(("gearbox", COUPLING)):
             spec.delete(tendon)
-    for rotor in rotors:
+    names = {rotor.name for rotor in rotors}
+    for rotor in [one for one in rotors if one.parent.name not in names]:  # with nested ones
         spec.delete(rotor)
     held = spec.body("payload")
     for play in list(held.joints) if held is not None else []:  # of a loose tool
