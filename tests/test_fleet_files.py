@@ -56,6 +56,21 @@ def test_a_fleet_is_what_was_recorded(made, tmp_path):
         np.testing.assert_array_equal(one.truth["damage"], want.truth["damage"])
 
 
+def test_an_estimate_makes_one_robot_and_keeps_nothing(made, tmp_path, monkeypatch):
+    """Two workers make three robots in two rounds."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(module.tempfile, "tempdir", None)
+    now = iter([100.0, 107.0])
+    monkeypatch.setattr(module.time, "perf_counter", lambda: next(now))
+    seconds, size = module.estimate_fleet(PLAN, workers=2)
+    assert made == [0] and seconds == 14.0
+    assert list(tmp_path.iterdir()) == []
+    fleet = tmp_path / "fleet"
+    generate_fleet(PLAN, fleet)
+    files = sum(path.stat().st_size for path in (fleet / "robots").iterdir())
+    assert size == pytest.approx(files, rel=0.1)
+
+
 def test_an_interrupted_fleet_is_finished(made, tmp_path):
     """Robots that are there and whole are kept, missing and damaged ones are made again."""
     generate_fleet(PLAN, tmp_path)

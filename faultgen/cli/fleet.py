@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
 
 from faultgen.cli.app import Json, Out, Workers, app, print_json, print_table, worker_count
+
+if TYPE_CHECKING:
+    from faultgen.fleet import FleetPlan
 
 
 @app.command()
@@ -19,6 +22,14 @@ def fleet(
     ] = None,
     out: Out = Path("fleet"),
     workers: Workers = None,
+    dry_run: Annotated[
+        bool,
+        typer.Option(
+            "--dry-run",
+            help="Simulate only the first robot, write nothing, and print the estimated time and "
+            "size of the fleet.",
+        ),
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Simulate robots that work for weeks, some of which fail.
@@ -32,6 +43,9 @@ def fleet(
     from faultgen.fleet import FleetPlan, generate_fleet, load_fleet
 
     chosen = FleetPlan() if plan is None else load_fleet(plan)
+    if dry_run:
+        _dry_run(chosen, worker_count(workers), as_json)
+        return
     made = generate_fleet(chosen, out, workers=worker_count(workers), progress=True)
     rows = [
         {
@@ -51,3 +65,20 @@ def fleet(
         return
     print_table(rows)
     print(f"{len(rows)} robots, {made.days} days: {out}")
+
+
+def _dry_run(plan: FleetPlan, workers: int, as_json: bool) -> None:
+    """Print what a fleet would take."""
+    from tqdm import tqdm
+
+    from faultgen.fleet.generate import estimate_fleet
+    from faultgen.system.progress import clock
+
+    seconds, size = estimate_fleet(plan, workers=workers)
+    if as_json:
+        print_json({"robots": plan.robots, "seconds": seconds, "bytes": size, "workers": workers})
+        return
+    print(
+        f"{plan.robots} robots, {plan.days} days; about {clock(seconds)} with {workers} workers on "
+        f"this machine, if each has a processor core; about {tqdm.format_sizeof(size, 'B')}"
+    )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tempfile
+import time
 from dataclasses import asdict
 from pathlib import Path
 
@@ -68,6 +70,32 @@ def generate_fleet(
     if failed:
         raise SimulationFailed(f"{len(failed)} of {plan.robots} robots failed: {failed[0]}")
     return open_fleet(out)
+
+
+def estimate_fleet(plan: FleetPlan, *, workers: int = 1) -> tuple[float, int]:
+    """Estimate what a fleet will take. The first robot is made in a temporary folder and measured.
+
+    Args:
+        plan: The plan of the fleet.
+        workers: Number of processes that would simulate.
+
+    Returns:
+        Time [s] on this machine, if each worker has a processor core of its own, and size [bytes].
+
+    Raises:
+        SimulationFailed: The robot could not be simulated.
+    """
+    check_workers(workers)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "robot.h5"
+        start = time.perf_counter()
+        reason = _make(plan, 0, path, "train")
+        seconds = time.perf_counter() - start
+        if reason:
+            raise SimulationFailed(reason)
+        size = path.stat().st_size
+    rounds = -(-plan.robots // min(workers, plan.robots))
+    return rounds * seconds, plan.robots * size
 
 
 def _path(out: Path, number: int) -> Path:
