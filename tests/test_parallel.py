@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import time
 
 import pytest
@@ -61,3 +63,41 @@ def die(number):
 def test_killed_workers_are_told_in_one_line():
     with pytest.raises(WorkerKilled, match="^a worker process was killed, .* again to continue$"):
         list(in_parallel([delayed(die)(k) for k in range(3)], 2))
+
+
+ENDS_WHILE_A_WORKER_IS_KILLED = """
+import os, signal, sys
+from joblib import delayed
+from joblib.externals.loky import process_executor
+from faultgen.system.parallel import end_workers, in_parallel
+
+list(in_parallel([delayed(os.getpid)() for _ in range(8)], workers=2))
+manager = process_executor._ExecutorManagerThread
+shut_down = manager.shutdown_workers
+
+def kill_one_first(self):
+    processes = sorted(self.processes)
+    if processes:
+        os.kill(processes[int(sys.argv[1])], signal.SIGKILL)
+    shut_down(self)
+
+manager.shutdown_workers = kill_one_first
+end_workers()
+print("done", flush=True)
+"""
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_worker_that_is_killed_at_the_end_does_not_keep_the_program_waiting(which):
+    """One of two idle workers waits for calls, and the other one for its turn to do so.
+
+    If the first one is killed, the turn never ends. Without `end_workers`, one of the two cases
+    waits forever.
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", ENDS_WHILE_A_WORKER_IS_KILLED, str(which)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert (done.returncode, done.stdout) == (0, "done\n"), done.stderr

@@ -66,6 +66,9 @@ def main() -> None:
             raise KeyboardInterrupt
         # all is done, and a Ctrl-C while Python ends would only print a traceback
         signal.signal(signal.SIGINT, signal.SIG_IGN)
+        parallel = sys.modules.get("faultgen.system.parallel")
+        if parallel is not None:
+            parallel.end_workers()
     except InputError as error:
         _fail(str(error), 2)
     except KeyboardInterrupt:

@@ -19,6 +19,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 import joblib
+from joblib.externals.loky import get_reusable_executor
 
 from faultgen.errors import InputError, WorkerKilled
 
@@ -68,6 +69,8 @@ def in_parallel(calls: Iterable[Call], workers: int, *, ordered: bool = True) ->
         WorkerKilled: A worker process was killed.
     """
     own = os.getpid()
+    if workers > 1:
+        _started.add(own)
     jobs = joblib.Parallel(
         n_jobs=workers,
         return_as="generator" if ordered else "generator_unordered",
@@ -89,6 +92,16 @@ def in_parallel(calls: Iterable[Call], workers: int, *, ordered: bool = True) ->
             results.close()
 
 
+def end_workers() -> None:
+    """End the worker processes at once, when no calls are left.
+
+    Workers take turns in waiting for calls. If the one whose turn it is were killed while the
+    program ends, the others would wait for it, and the program for them.
+    """
+    if os.getpid() in _started:
+        get_reusable_executor(reuse=True).shutdown(wait=True, kill_workers=True)
+
+
 def _make_call(
     parent: int, function: Callable[..., Any], given: tuple[Any, ...], named: dict[str, Any]
 ) -> Any:
@@ -97,6 +110,7 @@ def _make_call(
     return function(*given, **named)
 
 
+_started: set[int] = set()
 _watching: list[int] = []
 
 
