@@ -59,12 +59,17 @@ def test_two_effects(found):
     assert answer.before - answer.floor > 2 * (answer.after - answer.floor)
 
 
-def test_an_effect_that_nobody_coded(found):
-    """Friction over a small range of angle is no effect of the catalogue."""
-    answer = found(4, Effect("seizing_spot", 2, 0.2))
+def test_an_effect_that_is_not_considered(found):
+    """Friction over a small range of angle, whose place discovery would have to search."""
+    answer = found(4, Effect("seizing_spot", 2, 0.2), exclude=["seizing_spot"])
     assert answer.verdict == "unknown effect" and not answer.effects
     strange = answer.left[0]
     assert strange.axis == 2 and strange.along == "joint angle"
+
+
+def test_an_effect_at_one_place(found):
+    answer = found(4, Effect("seizing_spot", 2, 0.2))
+    assert [(one.effect, one.axis) for one in answer.effects] == [("seizing_spot", 2)]
 
 
 def test_severity_and_sign_follow_the_data(found):
