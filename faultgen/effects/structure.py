@@ -113,7 +113,7 @@ EFFECTS = (
         payload=MASSLESS,
         signature="gravity on the wrist by the tool's orientation",
         element="body payload, inertial pos",
-        prior=Prior(std=2e-3, steps=(0.02,)),
+        prior=Prior(std=2e-3, steps=(0.02,), imitated=True),
         source="definition",
         largest=2.0,
         smallest=-2.0,
