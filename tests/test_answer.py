@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from linear import linear
 
-from faultgen.discovery import confirmation, investigate
+from faultgen.discovery import confirmation, investigate, scoring_errors
 from faultgen.discovery import model_edit as model
 from faultgen.discovery import next_experiment as motions
 from faultgen.discovery import verdict as judgement
@@ -361,9 +361,9 @@ def test_an_effect_explains_a_part_of_what_differs(posed, explained, left, is_mi
 
     def error(beyond):
         white = np.sqrt(1 + beyond) * problem.inside
-        return confirmation.Error(white, white, white)
+        return scoring_errors.Error(white, white, white)
 
-    errors = confirmation.Errors(error(left + explained), error(left), problem.inside, 5)
+    errors = scoring_errors.Errors(error(left + explained), error(left), problem.inside, 5)
     assert errors.is_minor(problem, 1) is is_minor
     assert not errors.is_minor(problem, 0)  # of the payload
 

@@ -9,18 +9,16 @@ import pytest
 from linear import COUNT, PARTS, written_down
 
 from faultgen.discovery.candidates import Term
-from faultgen.discovery.confirmation import (
+from faultgen.discovery.confirmation import MISSED, Trial, confirmed
+from faultgen.discovery.fit import fit
+from faultgen.discovery.scoring_errors import (
     LARGER,
     LARGER_OWN,
     LARGER_OWN_SURE,
     LARGER_OWN_TWIN,
     LARGER_SURE,
     LARGER_TWIN,
-    MISSED,
-    Trial,
-    confirmed,
 )
-from faultgen.discovery.fit import fit
 from faultgen.discovery.selection import SURE, SURE_IMITATED, SURE_TWIN, Choice
 
 SCORED = PARTS[-1]

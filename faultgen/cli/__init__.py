@@ -66,7 +66,7 @@ def main() -> None:
             raise KeyboardInterrupt
         # all is done, and a Ctrl-C while Python ends would only print a traceback
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        parallel = sys.modules.get("faultgen.system.parallel")
+        parallel = sys.modules.get("faultgen.system.parallel")  # loaded only if it was needed
         if parallel is not None:
             parallel.end_workers()
     except InputError as error:

@@ -123,6 +123,25 @@ def print_table(rows: list[dict[str, Any]]) -> None:
     print(tabulate(rows, "keys", tablefmt="plain", disable_numparse=True))
 
 
+def print_estimate(what: str, seconds: float, size: float, workers: int) -> None:
+    """Print what a long command would take.
+
+    Args:
+        what: What it would make.
+        seconds: Estimated time [s].
+        size: Estimated size [bytes].
+        workers: Number of processes.
+    """
+    from tqdm import tqdm
+
+    from faultgen.system.progress import clock
+
+    print(
+        f"{what}; about {clock(seconds)} with {workers} workers on this machine, if each has a "
+        f"processor core; about {tqdm.format_sizeof(size, 'B')}"
+    )
+
+
 def worker_count(given: int | None) -> int:
     """The number of processes that the user asked for, or else the number of processor cores."""
     from joblib import cpu_count

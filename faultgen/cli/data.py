@@ -16,6 +16,7 @@ from faultgen.cli.app import (
     Workers,
     app,
     names,
+    print_estimate,
     print_json,
     worker_count,
 )
@@ -340,17 +341,11 @@ def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = F
 
 def _dry_run(experiment: Experiment, workers: int, as_json: bool) -> None:
     """Print what a dataset would take."""
-    from tqdm import tqdm
-
     from faultgen.dataset.estimate import estimate
-    from faultgen.system.progress import clock
 
     found = estimate(experiment, workers=workers)
     if as_json:
         print_json({**asdict(found), "workers": workers})
         return
-    size = tqdm.format_sizeof(found.bytes, "B")
-    print(
-        f"{found.runs} runs, {found.cycles} cycles; about {clock(found.seconds)} with {workers} "
-        f"workers on this machine, if each has a processor core; about {size}"
-    )
+    what = f"{found.runs} runs, {found.cycles} cycles"
+    print_estimate(what, found.seconds, found.bytes, workers)

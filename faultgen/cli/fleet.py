@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from faultgen.cli.app import Json, Out, Workers, app, print_json, print_table, worker_count
+from faultgen.cli.app import (
+    Json,
+    Out,
+    Workers,
+    app,
+    print_estimate,
+    print_json,
+    print_table,
+    worker_count,
+)
 
 if TYPE_CHECKING:
     from faultgen.fleet import FleetPlan
@@ -69,16 +78,10 @@ def fleet(
 
 def _dry_run(plan: FleetPlan, workers: int, as_json: bool) -> None:
     """Print what a fleet would take."""
-    from tqdm import tqdm
-
     from faultgen.fleet.generate import estimate_fleet
-    from faultgen.system.progress import clock
 
     seconds, size = estimate_fleet(plan, workers=workers)
     if as_json:
         print_json({"robots": plan.robots, "seconds": seconds, "bytes": size, "workers": workers})
         return
-    print(
-        f"{plan.robots} robots, {plan.days} days; about {clock(seconds)} with {workers} workers on "
-        f"this machine, if each has a processor core; about {tqdm.format_sizeof(size, 'B')}"
-    )
+    print_estimate(f"{plan.robots} robots, {plan.days} days", seconds, size, workers)

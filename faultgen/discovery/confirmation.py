@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -12,27 +12,18 @@ from faultgen.discovery.fit import Fit, Group, fit
 from faultgen.discovery.gap import gap, scored_in_motion, unexplained
 from faultgen.discovery.model_edit import build
 from faultgen.discovery.regression import Problem
-from faultgen.discovery.result import CONSIDERABLE, PART
+from faultgen.discovery.scoring_errors import (
+    LARGER_OWN_SURE,
+    LARGER_SURE,
+    Error,
+    Errors,
+    Gap,
+    is_larger,
+    is_worse,
+    limits_of,
+)
 from faultgen.discovery.selection import Choice, needed
 from faultgen.effects import get_effect
-
-LARGER_TWIN, LARGER_OWN_TWIN = 1.005, 1.03
-"""Gap with an effect, over that without it, from which the effect counts as refuted if there is a
-twin: gap of all axes, and of the axis on which the effect acts. Assumed."""
-
-LARGER, LARGER_OWN = 1.02, 1.06
-"""The same without a twin, where the model's own numbers imitate an effect that is left out:
-assumed."""
-
-LARGER_SURE, LARGER_OWN_SURE = 1.1, 1.2
-"""The same if the scoring motions bear out every effect by themselves. Other errors may be so much
-larger than an effect that the gap grows by chance: assumed."""
-
-REFUTED, WORSE = -1.0, 9.0
-"""An effect is refuted if the error on the scoring motions increases by more than one standard
-error, and the squared whitened error by more than 9, as in a test of three standard deviations:
-assumed. Where the effect is a number that calibration may change too, the two models foretell
-almost the same, and a small increase says nothing."""
 
 MISSED = 4.0
 """Standard errors by which what an effect foretells on the scoring motions may be missing, if the
@@ -49,9 +40,6 @@ WAVE = 0.15
 a place, must explain when it is simulated. Calibration does not change them, and what it leaves
 always contains some. Of development cases, two real waves explain 0.23 and 0.35, and six false ones
 at most 0.11."""
-
-Gap = tuple[float, list[float]]
-"""Relative error of all axes, and of each axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,23 +101,29 @@ def _without_small_waves(
         solution: The calibrated values that go with it.
         inside: Samples that are compared, shape (samples, n_axes).
     """
-    if problem.twin:
+    if problem.twin or not any(_is_wave(problem, group) for group in best.groups):
         return best
-    floor = gap(problem, problem.noise.of_samples(), inside)[1]
+    floor = np.square(gap(problem, problem.noise.of_samples(), inside)[1])
 
-    def open_gap(fitted: Fit, axis: int) -> float:
-        """Squared simulated gap of an axis beyond noise."""
+    def open_gaps(fitted: Fit) -> np.ndarray:
+        """Squared simulated gap of each axis beyond noise."""
         left = build(problem, fitted, solution).left
-        return float(gap(problem, left, inside)[1][axis - 1] ** 2 - floor[axis - 1] ** 2)
+        return np.asarray(np.square(gap(problem, left, inside)[1]) - floor)
 
+    after = open_gaps(best)
     for group, rest in _without_one(choice.problem, best):
-        term = problem.terms[group[0]]
-        if get_effect(term.name).prior.use not in ("periodic", "searched"):
+        axis = problem.terms[group[0]].axis - 1
+        if not _is_wave(problem, group):
             continue
-        before, after = open_gap(rest, term.axis), open_gap(best, term.axis)
-        if before - after < WAVE * before:
+        before = open_gaps(rest)
+        if before[axis] - after[axis] < WAVE * before[axis]:
             return _without_small_waves(problem, choice, rest, solution, inside)
     return best
+
+
+def _is_wave(problem: Problem, group: Group) -> bool:
+    """Whether an effect is periodic, or acts at a place that is searched."""
+    return get_effect(problem.terms[group[0]].name).prior.use in ("periodic", "searched")
 
 
 def _rivals(choice: Choice) -> Iterator[Fit]:
@@ -212,7 +206,7 @@ class Trial:
         """Whether the effect is to be removed."""
         is_absent = self.seen < 0 and self.missed > MISSED
         grows = self.grows and not self.is_supported
-        worse = grows or _is_worse(self.gain, self.seen)
+        worse = grows or is_worse(self.gain, self.seen)
         return worse or is_absent or self.is_minor or self.share < 1
 
     @classmethod
@@ -243,142 +237,6 @@ class Trial:
             is_supported=seen >= least and (abs(missed) <= MISSED or seen >= MOSTLY * foretold),
             is_minor=problem.twin and errors.is_minor(problem, problem.terms[group[0]].axis),
         )
-
-
-@dataclass(frozen=True, eq=False)
-class Error:
-    """Error of a set of effects on the scoring motions. Arrays have shape (samples, n_axes)."""
-
-    torque: np.ndarray
-    """In N m."""
-    whitened: np.ndarray
-    """Without unit; 0 outside the samples that are compared."""
-    of_all: np.ndarray
-    """The same of all recordings, also those for fitting; 0 outside the samples that are used."""
-
-    @classmethod
-    def of(cls, problem: Problem, fitted: Fit, inside: np.ndarray) -> Error:
-        """Compute the error of a set at the samples that are compared.
-
-        Args:
-            problem: The recording and the model.
-            fitted: The set of effects.
-            inside: Samples that are compared, shape (samples, n_axes).
-        """
-        torque, _ = unexplained(problem, fitted)
-        white = problem.whiten(torque)
-        return cls(torque, white * inside, white * problem.inside)
-
-
-@dataclass(frozen=True, eq=False)
-class Errors:
-    """Errors on the scoring motions without and with effects."""
-
-    without: Error
-    """Error without the effects."""
-    having: Error
-    """Error with them."""
-    inside: np.ndarray
-    """Samples that are compared, shape (samples, n_axes)."""
-    length: int
-    """Samples of the blocks from which standard errors come."""
-
-    @classmethod
-    def of(cls, problem: Problem, without: Fit, having: Error, inside: np.ndarray) -> Errors:
-        """Compare the error with effects with that of a set without them.
-
-        Args:
-            problem: The recording and the model.
-            without: The set without the effects.
-            having: The error with them.
-            inside: Samples that are compared, shape (samples, n_axes).
-        """
-        length = max(5, round(0.1 / problem.recording.sample_period))
-        return cls(Error.of(problem, without, inside), having, inside, length)
-
-    @property
-    def over(self) -> float:
-        """Overdispersion with the effects: mean squared whitened error, at least 1."""
-        return max(1.0, float(np.sum(self.having.whitened**2) / max(self.inside.sum(), 1)))
-
-    @property
-    def seen(self) -> float:
-        """Decrease of the squared whitened error by the effects."""
-        return float(np.sum(self.without.whitened**2 - self.having.whitened**2))
-
-    @property
-    def gain(self) -> float:
-        """The same over its standard error, which comes from blocks of 0.1 s."""
-        by_sample = (self.without.whitened**2 - self.having.whitened**2).sum(axis=1)
-        whole = len(by_sample) // self.length * self.length
-        blocks = by_sample[:whole].reshape(-1, self.length).sum(axis=1)
-        return self.seen / max(float(np.sqrt(np.sum(blocks**2))), 1e-300)
-
-    def grows(self, problem: Problem, axes: Iterable[int] = ()) -> bool:
-        """Whether the gap of all axes, or of one of some axes, becomes clearly larger.
-
-        Args:
-            problem: The recording and the model.
-            axes: Those axes, from 1.
-        """
-        errors = self.without, self.having
-        before, after = (gap(problem, error.torque, self.inside) for error in errors)
-        return _grows(before, after, _limits(problem), axes)
-
-    def is_minor(self, problem: Problem, axis: int) -> bool:
-        """Whether effects explain less than `PART` of what differs on an axis beyond noise.
-
-        It takes a considerable difference that they leave: the level of the noise is not known
-        better.
-
-        Args:
-            problem: The recording and the model.
-            axis: From 1; another one than those of the robot has no difference.
-        """
-        if not 1 <= axis <= problem.inside.shape[1]:
-            return False
-        before, after = (
-            float(np.sum(error.of_all[:, axis - 1] ** 2)) for error in (self.without, self.having)
-        )
-        count = float(problem.inside[:, axis - 1].sum())
-        return after > (1 + CONSIDERABLE) * count and before - after < PART * (before - count)
-
-    def are_worse(self, problem: Problem) -> bool:
-        """Whether the effects as a whole make the scoring motions clearly worse.
-
-        Args:
-            problem: The recording and the model.
-        """
-        return _is_worse(self.gain, self.seen / self.over) or self.grows(problem)
-
-
-def _is_worse(gain: float, seen: float) -> bool:
-    """Whether the squared whitened error becomes clearly larger.
-
-    Args:
-        gain: Its decrease, over its standard error.
-        seen: Its decrease, over the overdispersion.
-    """
-    return gain < REFUTED and seen < -WORSE
-
-
-def _limits(problem: Problem) -> tuple[float, float]:
-    """Ratio from which a gap is clearly larger: of all axes, and of one axis."""
-    return (LARGER_TWIN, LARGER_OWN_TWIN) if problem.twin else (LARGER, LARGER_OWN)
-
-
-def _grows(before: Gap, after: Gap, limits: tuple[float, float], axes: Iterable[int]) -> bool:
-    """Whether the gap of all axes, or of one of some axes, becomes clearly larger.
-
-    Args:
-        before: Gap without effects.
-        after: Gap with them.
-        limits: Ratio from which a gap is clearly larger: of all axes, and of one axis.
-        axes: Axes on which the effects act, from 1; others than those of the robot have no gap.
-    """
-    own = [k - 1 for k in axes if 1 <= k <= len(after[1])]
-    larger = any(after[1][k] > limits[1] * before[1][k] for k in own)
-    return larger or after[0] > limits[0] * before[0]
 
 
 def _buildable(
@@ -418,11 +276,11 @@ def _buildable(
             found.append((gap(problem, build(problem, fitted, own).left, inside), own))
         return min(found, key=lambda one: one[0][0])
 
-    limits = (LARGER_SURE, LARGER_OWN_SURE) if is_sure else _limits(problem)
+    limits = (LARGER_SURE, LARGER_OWN_SURE) if is_sure else limits_of(problem)
     after, solution = simulated(best) if best.groups else (before, base)
     while best.groups:
         axes = {problem.terms[group[0]].axis for group in best.groups}
-        if not _grows(before, after, limits, axes):
+        if not is_larger(before, after, limits, axes):
             return best, solution
         tried = [(*simulated(rest), rest) for _, rest in _without_one(choice.problem, best)]
         if not tried:

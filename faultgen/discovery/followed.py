@@ -48,7 +48,7 @@ def followed(recording: Recording, robot: Robot, inside: np.ndarray) -> np.ndarr
 
 
 def followed_by_rigid_arm(
-    recording: Recording, robot: Robot, inside: np.ndarray, position: np.ndarray | None = None
+    recording: Recording, robot: Robot, inside: np.ndarray, position: np.ndarray
 ) -> np.ndarray:
     """Smooth the measured positions for the dynamics of a rigid arm.
 
@@ -59,14 +59,11 @@ def followed_by_rigid_arm(
         recording: The measured data.
         robot: The model.
         inside: Samples whose torque is compared, shape (samples, n_axes).
-        position: Its position, joint side, shape (samples, n_axes); None if no gearbox turns with
-            another joint.
+        position: Its position, joint side, shape (samples, n_axes).
 
     Returns:
         Joint side, shape (samples, n_axes), in [rad], or [m] for slides.
     """
-    if position is None:
-        position = recording.joint_position(robot)
     trials, first = _for_rigid_arm(recording, robot, inside, position)
     return np.asarray(trials[first])
 
@@ -102,11 +99,13 @@ def _with_gearboxes(
 
     def error(k: int) -> float:
         try:
-            torque = elastic_torque(recording, robot, trials[k])
+            torque = _elastic_torque(recording, robot, trials[k])
         except SimulationFailed:
             return np.inf
         torque = torque if recording.side == "motor" else torque * robot.gear_ratio
-        return _error(recording, trials[k], torque, inside, scaled=False)
+        return _error(
+            recording, _derivatives(recording, trials[k])[0], torque, inside, scaled=False
+        )
 
     own, least = first, error(first)
     if first:
@@ -122,7 +121,7 @@ def _with_gearboxes(
     return best if lowest < _MORE * least else own
 
 
-def elastic_torque(recording: Recording, robot: Robot, position: np.ndarray) -> np.ndarray:
+def _elastic_torque(recording: Recording, robot: Robot, position: np.ndarray) -> np.ndarray:
     """Compute the motor torque of a motion with elastic gearboxes, see `prescribed_torque`.
 
     Args:
@@ -164,7 +163,7 @@ def _rigid_error(recording: Recording, arm: Arm, position: np.ndarray, inside: n
         torque = arm.inverse_dynamics(position, speed, acceleration)
     else:
         torque = motor_torque(arm, position, speed, acceleration)
-    return _error(recording, position, torque, inside, scaled=True)
+    return _error(recording, speed, torque, inside, scaled=True)
 
 
 def _derivatives(recording: Recording, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -178,7 +177,7 @@ def _derivatives(recording: Recording, position: np.ndarray) -> tuple[np.ndarray
 
 def _error(
     recording: Recording,
-    position: np.ndarray,
+    speeds: np.ndarray,
     torque: np.ndarray,
     inside: np.ndarray,
     *,
@@ -190,15 +189,14 @@ def _error(
 
     Args:
         recording: The measured data.
-        position: The motion, shape (samples, n_axes).
-        torque: Torque of the model on it, same shape.
+        speeds: Speed of the joints, shape (samples, n_axes).
+        torque: Torque of the model on this motion, same shape.
         inside: Samples whose torque is compared, same shape.
         scaled: Whether the torque of each axis may be multiplied by any number, as if masses were
             wrong. A resonance that is far too large could then be scaled down.
     """
-    speeds, _ = _derivatives(recording, position)
     left = []
-    for axis in range(position.shape[1]):
+    for axis in range(speeds.shape[1]):
         rows = inside[:, axis]
         measured, speed = recording.torque[rows, axis], speeds[rows, axis]
         if rows.sum() < _FEWEST or not measured.any():

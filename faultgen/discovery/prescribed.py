@@ -1,8 +1,8 @@
-"""The motor torque that a motion of the rotors needs, with elastic gearboxes and friction.
+"""The motor torque that a motion of the rotors needs, and the servo that keeps them on it.
 
 The rotors of the simulated robot are made so heavy that nothing but the prescribed torque moves
 them. They then follow any motion exactly, and the arm behind the gearboxes answers as it does in
-the robot. No servo takes part. The torque that the real rotors need is
+the robot. A slow servo only keeps them from drifting. The torque that the real rotors need is
 
     tau = J a + gear torque / gear ratio + friction
 
@@ -18,8 +18,8 @@ import mujoco
 import numpy as np
 
 from faultgen.mjcf.dcmotor import POSITION_GAIN, VELOCITY_GAIN
-from faultgen.mjcf.gearing import tendon_coefficients
-from faultgen.robot import COUPLING, Robot
+from faultgen.robot import Robot
+from faultgen.simulation.arm import shared_torque
 from faultgen.simulation.plant import Plant, assemble
 from faultgen.simulation.stepping import simulate
 
@@ -60,21 +60,22 @@ def prescribed_torque(robot: Robot, rotors: np.ndarray) -> np.ndarray:
     control[:, at + 2] = (1 + _HEAVIER) * inertia * acceleration
     (run,) = simulate(robot, control, [Plant(model)], sample_period=timestep, lead_in=0.0)
     load = run.gear_torque / robot.gear_ratio
-    shared = _shared(robot, model, velocity, acceleration)
+    # the friction torque holds the shared Coulomb friction already
+    shared = shared_torque(robot, velocity, acceleration, sliding=False)
     return np.asarray(inertia * acceleration + load - run.friction_torque + shared)
 
 
-def _shared(
-    robot: Robot, model: mujoco.MjModel, velocity: np.ndarray, acceleration: np.ndarray
-) -> np.ndarray:
-    """Torque of the inertia and viscous friction that rotors share, shape (steps, n_axes)."""
-    torque = np.zeros_like(velocity)
-    for actuator in range(model.nactuator):
-        if not model.actuator(actuator).name.startswith(COUPLING):
-            continue
-        tendon = model.actuator_trnid[actuator, 0]
-        lever = tendon_coefficients(model, tendon)[list(robot.motors)]
-        viscous = model.actuator_damping[actuator] * (velocity @ lever)
-        inertial = model.tendon_armature[tendon] * (acceleration @ lever)
-        torque += np.outer(viscous + inertial, lever)
-    return torque
+def stiffen(spec: mujoco.MjSpec, robot: Robot, rate: float) -> None:
+    """Give a model a fast servo.
+
+    Args:
+        spec: The model, which is changed.
+        robot: The robot.
+        rate: Where the poles of a rotor that is alone are, critically damped, in [rad] a step.
+    """
+    model = robot.model
+    frequency = rate / model.opt.timestep
+    for axis, inertia in enumerate(model.dof_M0[list(robot.motors)].tolist(), start=1):
+        gains = spec.actuator(f"drive{axis}").gainprm
+        gains[POSITION_GAIN] = inertia * frequency**2
+        gains[VELOCITY_GAIN] = inertia * 2 * frequency

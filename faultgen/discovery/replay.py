@@ -7,18 +7,16 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
 from faultgen.discovery.candidates import INERTIA, Term, applied
 from faultgen.discovery.followed import followed
 from faultgen.discovery.inertia import apply_inertia
-from faultgen.discovery.prescribed import prescribed_torque
+from faultgen.discovery.prescribed import prescribed_torque, stiffen
 from faultgen.discovery.recording import Recording
 from faultgen.effects import Applied, get_effect
 from faultgen.errors import InputError, SimulationFailed, one_line
-from faultgen.mjcf.dcmotor import POSITION_GAIN, VELOCITY_GAIN
 from faultgen.robot import Robot
 from faultgen.simulation.plant import Plant, assemble
 from faultgen.simulation.servo import control_signal
@@ -64,22 +62,6 @@ def _following(robot: Robot) -> Robot:
     return follower
 
 
-def _stiffen(spec: mujoco.MjSpec, robot: Robot, rate: float) -> None:
-    """Give a model a fast servo.
-
-    Args:
-        spec: The model, which is changed.
-        robot: The robot.
-        rate: Where the poles of a rotor that is alone are, critically damped, in [rad] a step.
-    """
-    model = robot.model
-    frequency = rate / model.opt.timestep
-    for axis, inertia in enumerate(model.dof_M0[list(robot.motors)].tolist(), start=1):
-        gains = spec.actuator(f"drive{axis}").gainprm
-        gains[POSITION_GAIN] = inertia * frequency**2
-        gains[VELOCITY_GAIN] = inertia * 2 * frequency
-
-
 class Replay:
     """The motion of a recording, which can be simulated with changes of the model.
 
@@ -121,25 +103,25 @@ class Replay:
             with suppress(SimulationFailed):  # the torque of the rigid arm remains
                 control[:, at + 2] = prescribed_torque(robot, control[:, at])
         for self._rate in _RATES:
-            if self._is_stable([control[:, at + 2] for control in self.controls], inside):
+            if self._is_stable(inside, at + 2):
                 break
 
-    def _is_stable(self, needed: Sequence[np.ndarray], inside: np.ndarray) -> bool:
+    def _is_stable(self, inside: np.ndarray, forward: np.ndarray) -> bool:
         """Whether the unchanged model gives the torque that its motion needs.
 
         Args:
-            needed: This torque at each step of each separate recording, shape (steps, n_axes).
             inside: Samples that are compared, shape (samples, n_axes).
+            forward: Columns of this torque, the feed-forward, in `controls`, shape (n_axes,).
         """
         try:
             torque = self._logged("motor_torque", ()) * self.robot.torque_gain
         except SimulationFailed:
             return False
         timestep = self.robot.model.opt.timestep
-        for part, wanted in zip(self.recording.parts, needed, strict=True):
+        for part, control in zip(self.recording.parts, self.controls, strict=True):
             times = np.arange(part.stop - part.start) * self.recording.sample_period
-            steps = np.round(times / timestep).astype(int).clip(max=len(wanted) - 1)
-            rows, own = inside[part], wanted[steps]
+            steps = np.round(times / timestep).astype(int).clip(max=len(control) - 1)
+            rows, own = inside[part], control[steps][:, forward]
             off = np.sum(np.where(rows, torque[part] - own, 0) ** 2, axis=0)
             if np.any(off > _OFF**2 * np.sum(np.where(rows, own, 0) ** 2, axis=0)):
                 return False
@@ -316,7 +298,7 @@ class Replay:
         recording, robot = self.recording, self.robot
         spec = robot.spec()
         if self.measured:
-            _stiffen(spec, robot, self._rate)
+            stiffen(spec, robot, self._rate)
         apply_inertia(spec, robot, [change for change in changes if change[0].name == INERTIA])
         effects = applied(changes)
         temperature = None

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -263,33 +262,33 @@ def motor_torque(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np
     return _loads(arm, q, qd, qdd)[1]
 
 
-def _couplings(robot: Robot) -> list[Callable[[np.ndarray, np.ndarray], np.ndarray]]:
-    """Motor torque of the friction and inertia that two axes share in the model.
+def shared_torque(
+    robot: Robot, speed: np.ndarray, acceleration: np.ndarray, *, sliding: bool = True
+) -> np.ndarray:
+    """Compute the motor torque of the friction and inertia that two axes share in the model.
+
+    Args:
+        robot: The robot.
+        speed: Speed of the motors, shape (samples, n_axes), in [rad/s].
+        acceleration: Acceleration of the motors, same shape, in [rad/s^2].
+        sliding: Whether shared Coulomb friction counts, as well as viscous friction and inertia.
 
     Returns:
-        For each coupling, a function of speed and acceleration of the motors, shape (samples,
-        n_axes) each, that returns the torque of the same shape.
+        Same shape, in [N m].
     """
-    model = robot.model
-    return [
-        partial(_shared_torque, robot, actuator)
-        for actuator in range(len(model.actuator_trntype))
-        if model.actuator_trntype[actuator] == int(mujoco.mjtTrn.mjTRN_TENDON)
-        and model.actuator(actuator).name.startswith(COUPLING)
-    ]
-
-
-def _shared_torque(
-    robot: Robot, actuator: int, speed: np.ndarray, acceleration: np.ndarray
-) -> np.ndarray:
-    model = robot.model
-    tendon = model.actuator_trnid[actuator, 0]
-    own = tendon_coefficients(model, tendon)[list(robot.motors)]
-    shared, bias = speed @ own, model.actuator_biasprm[actuator]
-    torque = bias[COULOMB] * np.tanh(shared / max(bias[STRIBECK_VELOCITY], _SLOWEST))
-    torque += model.actuator_damping[actuator] * shared
-    torque += model.tendon_armature[tendon] * (acceleration @ own)
-    return np.outer(torque, own)
+    model, torque = robot.model, np.zeros_like(speed)
+    for actuator in range(model.nactuator):
+        if not model.actuator(actuator).name.startswith(COUPLING):
+            continue
+        tendon = model.actuator_trnid[actuator, 0]
+        own = tendon_coefficients(model, tendon)[list(robot.motors)]
+        shared, bias = speed @ own, model.actuator_biasprm[actuator]
+        width = max(bias[STRIBECK_VELOCITY], _SLOWEST)
+        of_pair = bias[COULOMB] * np.tanh(shared / width) if sliding else np.zeros_like(shared)
+        of_pair += model.actuator_damping[actuator] * shared
+        of_pair += model.tendon_armature[tendon] * (acceleration @ own)
+        torque += np.outer(of_pair, own)
+    return torque
 
 
 def loads(
@@ -318,6 +317,5 @@ def _loads(
     qd, qdd = robot.gearing.outputs(qd), robot.gearing.outputs(qdd)
     rotor = robot.model.dof_M0[list(robot.motors)] * robot.gear_ratio * qdd
     torque = load + rotor + nominal_friction(robot, qd * robot.gear_ratio)
-    for shared in _couplings(robot):
-        torque += shared(qd * robot.gear_ratio, qdd * robot.gear_ratio)
+    torque += shared_torque(robot, qd * robot.gear_ratio, qdd * robot.gear_ratio)
     return load, torque
