@@ -106,18 +106,39 @@ def test_resuming_waits_for_writers_of_a_killed_program(
     assert not unfinished.exists()
 
 
-def test_ctrl_c_is_not_lost(tiny_robot_path, tiny_task_path, tmp_path):
-    """Nor where code that catches every exception gets it, as some modules do at their import."""
+SWALLOWED = """
+    try:
+        os.kill(os.getpid(), NUMBER)
+    except BaseException:
+        print("caught", flush=True)
+"""
+
+FINALISED = """
+    class Object:
+        def __del__(self):
+            print("caught", flush=True)
+            os.kill(os.getpid(), NUMBER)
+            time.sleep(1)
+    Object()
+"""
+
+INTERRUPTED = "faultgen: interrupted; run the same command again to continue\n"
+
+
+@pytest.mark.parametrize("where", [SWALLOWED, FINALISED])
+@pytest.mark.parametrize(
+    ("number", "status", "told"), [(signal.SIGINT, 130, INTERRUPTED), (signal.SIGTERM, 143, "")]
+)
+def test_signals_are_not_lost(
+    tiny_robot_path, tiny_task_path, tmp_path, where, number, status, told
+):
+    """Nor where every exception is caught, as by some modules at their import, or none can be."""
     code = (
-        "import os, signal, sys\n"
+        "import os, signal, sys, time\n"
         "import faultgen.cli\n"
         "import faultgen.dataset.sweep as sweep\n"
         "real = sweep.plan_runs\n"
-        "def swallowing(experiment):\n"
-        "    try:\n"
-        "        os.kill(os.getpid(), signal.SIGINT)\n"
-        "    except BaseException:\n"
-        "        print('caught', flush=True)\n"
+        f"def swallowing(experiment):{where.replace('NUMBER', str(int(number)))}"
         "    return real(experiment)\n"
         "sweep.plan_runs = swallowing\n"
         "faultgen.cli.main()"
@@ -131,17 +152,18 @@ def test_ctrl_c_is_not_lost(tiny_robot_path, tiny_task_path, tmp_path):
         timeout=HANG,
     )
     assert done.stdout == "caught\n"
-    assert done.returncode == 130
-    assert done.stderr == "faultgen: interrupted; run the same command again to continue\n"
+    assert done.returncode == status
+    assert done.stderr == told
 
 
-def test_ctrl_c_after_the_work_is_done_prints_nothing():
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 0), (signal.SIGTERM, -15)])
+def test_signals_after_the_work_is_done_print_nothing(number, status):
     """While Python ends, nothing is left that could be interrupted."""
     program = (
         "import atexit, os, signal, sys\n"
         "from faultgen.cli import main\n"
         "sys.argv = ['faultgen', 'robots']\n"
-        "atexit.register(lambda: os.kill(os.getpid(), signal.SIGINT))\n"
+        f"atexit.register(lambda: os.kill(os.getpid(), {int(number)}))\n"
         "main()\n"
     )
     done = subprocess.run(
@@ -150,5 +172,5 @@ def test_ctrl_c_after_the_work_is_done_prints_nothing():
         capture_output=True,
         text=True,
     )
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, done.stderr) == (status, "")
     assert "puma560" in done.stdout

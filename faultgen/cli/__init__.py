@@ -7,10 +7,7 @@ wrong (with one line that says why), 130 when it was interrupted and 143 when it
 from __future__ import annotations
 
 import os
-import signal
 import sys
-from types import FrameType
-from typing import NoReturn
 
 from faultgen.cli import (
     data,
@@ -28,7 +25,7 @@ from faultgen.cli import (
 )
 from faultgen.cli.app import app
 from faultgen.errors import InputError, MethodFailed, SimulationFailed, StorageFailed, one_line
-from faultgen.system.interrupts import interrupt
+from faultgen.system.interrupts import close, listen
 
 __all__ = [
     "data",
@@ -57,20 +54,20 @@ def main() -> None:
     """Run the command line and exit with its status."""
     # when interrupted, two processes of joblib may clear up the same folder, and one complains
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
-    signal.signal(signal.SIGTERM, _terminate)
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # it may be ignored instead
-        signal.signal(signal.SIGINT, interrupt)
+    listen()
     try:
         status = app(standalone_mode=False)
         if status == _INTERRUPTED:  # the command-line library has caught Ctrl-C
             raise KeyboardInterrupt
-        # all is done, and a Ctrl-C while Python ends would only print a traceback
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        close()
         parallel = sys.modules.get("faultgen.system.parallel")  # loaded only if it was needed
         if parallel is not None:
             parallel.end_workers()
     except InputError as error:
         _fail(str(error), 2)
+    except SystemExit:
+        close()
+        raise
     except KeyboardInterrupt:
         _fail("interrupted; run the same command again to continue", _INTERRUPTED)
     except BrokenPipeError:
@@ -96,11 +93,7 @@ def main() -> None:
     sys.exit(status if isinstance(status, int) else 0)
 
 
-def _terminate(number: int, frame: FrameType | None) -> NoReturn:
-    """End as after Ctrl-C: unfinished files are removed and worker processes stopped."""
-    raise SystemExit(128 + number)
-
-
 def _fail(message: str, status: int) -> None:
+    close()
     print(f"faultgen: {message}", file=sys.stderr)
     sys.exit(status)
