@@ -37,7 +37,8 @@ from faultgen.robot import Robot, load_robot  # noqa: E402
 from faultgen.simulation.arm import Arm  # noqa: E402
 from faultgen.simulation.motion import Motion, plan  # noqa: E402
 from faultgen.simulation.servo import control_signal  # noqa: E402
-from faultgen.simulation.stepping import Batch, start_on_reference  # noqa: E402
+from faultgen.simulation.starting import start_on_reference  # noqa: E402
+from faultgen.simulation.stepping import Batch  # noqa: E402
 from faultgen.tasks import load_task  # noqa: E402
 
 ROBOT, TASK = "puma560", "pick_and_place"

@@ -7,8 +7,8 @@ import pytest
 
 from faultgen.discovery import Recording, write_recording
 from faultgen.discovery.calibrate import calibrate
+from faultgen.discovery.following import suited_replay
 from faultgen.discovery.inputs import read_together, usable
-from faultgen.discovery.replay import Replay
 from faultgen.discovery.workflow import investigate
 from faultgen.effects import Applied
 from faultgen.errors import InputError
@@ -123,7 +123,7 @@ def test_a_hidden_effect_is_named(robot, record, twin, tmp_path):
 def test_the_measured_motion_is_followed(robot, record):
     """Without commanded positions, the replay reaches the torque that was measured."""
     recording = replace(record([], 4), reference_position=None)
-    replay, _ = Replay.suited(recording, robot)
+    replay, _ = suited_replay(recording, robot)
     error = (replay.torque() - recording.torque)[50:-50]
     assert np.sqrt(np.mean(error**2) / np.mean(recording.torque**2)) < 0.05
 

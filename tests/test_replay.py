@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from faultgen.discovery import Recording, Replay, followed, replay, settled
+from faultgen.discovery.following import suited_replay
 from faultgen.discovery.prescribed import prescribed_torque
 from faultgen.discovery.replay import relative_error
 from faultgen.effects import get_effect
@@ -164,10 +165,10 @@ def test_axes_that_are_not_there(tiny_robot, tiny_task_path):
 def test_a_robot_with_another_servo_is_followed_as_it_moved(tiny_robot, tiny_task_path):
     """Its motion differs from that of the model, so the measured positions explain the torque."""
     same = recorded(tiny_robot, tiny_task_path)
-    suited, why = Replay.suited(same, tiny_robot)
+    suited, why = suited_replay(same, tiny_robot)
     assert not suited.measured and "follows the commanded positions" in why
     other = recorded(soft(tiny_robot), tiny_task_path)
-    suited, why = Replay.suited(other, tiny_robot)
+    suited, why = suited_replay(other, tiny_robot)
     assert suited.measured and "servo differs" in why
     inside = settled(other, tiny_robot)
     error, plainly = (
@@ -186,7 +187,7 @@ def test_a_noisy_position_is_followed_without_its_noise(tiny_robot, tiny_task_pa
         position=np.round(recording.position / count) * count,
         reference_position=None,
     )
-    suited, why = Replay.suited(counted, tiny_robot)
+    suited, why = suited_replay(counted, tiny_robot)
     assert suited.measured and "no reference_position" in why
     inside = settled(recording, tiny_robot)
     assert relative_error((recording.torque - suited.torque()) ** 2, recording, inside) < 0.1

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 import faultgen.simulation.stepping as module
+from faultgen.discovery.prescribed import stiffen
 from faultgen.effects import Applied
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import load_robot, robot_names
 from faultgen.simulation.motion import plan
 from faultgen.simulation.plant import assemble
 from faultgen.simulation.servo import control_signal
+from faultgen.simulation.starting import start_on_reference
 from faultgen.simulation.stepping import simulate
 from faultgen.simulation.timers import stop_timers
 from faultgen.tasks import load_task
@@ -35,7 +37,7 @@ def test_samples_are_those_of_plain_stepping(tiny_robot, swing):
     (cycle,) = simulate(tiny_robot, control, [model], sample_period=0.004)
     batch = mujoco.batch.Batch(model, 1, 1)
     lead = min(len(control), round(module.LEAD_IN / step))
-    module.start_on_reference(tiny_robot, batch, control[len(control) - lead])
+    start_on_reference(tiny_robot, batch, control[len(control) - lead])
     data = batch.get_data(0)
     for row in control[len(control) - lead :]:
         data.ctrl[:] = row
@@ -152,3 +154,28 @@ def test_steps_do_not_read_the_clock(tiny_robot):
     data = mujoco.MjData(tiny_robot.model)
     mujoco.mj_step(tiny_robot.model, data, 10)
     assert all(timer.duration == 0 for timer in data.timer)
+
+
+@pytest.mark.parametrize(
+    ("effect", "severity"),
+    [
+        ("payload_mass", 1.0),
+        ("gear_stiffness", 0.4),
+        ("backlash", 1e-3),
+        ("gravity_spring", 500.0),
+        ("loose_tool", 1e-3),
+    ],
+)
+def test_a_changed_robot_starts_in_equilibrium(effect, severity):
+    """A heavy elastic arm that holds its pose does not ring when the simulation starts."""
+    robot = load_robot("irb6700")
+    pose = np.array([0.3, -0.4, 0.2, 0.5, 0.8, 0.1]) * robot.gear_ratio
+    control = np.zeros((2000, int(robot.model.actuator_ctrlnum.sum())))
+    control[:, robot.model.actuator_ctrladr[robot.ids("actuator", "drive")]] = pose
+    axis = 6 if effect in ("payload_mass", "loose_tool") else 2
+    spec = robot.spec()
+    stiffen(spec, robot, 0.35)  # so that no rotor gives way
+    plant = assemble(robot, [Applied(effect, axis, severity)], spec=spec)
+    (cycle,) = simulate(robot, control, [plant], sample_period=0.005, lead_in=0.0)
+    load = cycle.gear_torque[:, 1]
+    assert np.ptp(load) < 0.01 * abs(load.mean())

@@ -26,11 +26,13 @@ from faultgen.discovery.candidates import FORM, INERTIA
 from faultgen.discovery.evidence import factored
 from faultgen.discovery.regression import Problem, with_priors
 
+FRICTION, LOW_SPEED = "friction", "friction at low speed"
+
 KINDS = {
-    "coulomb_friction": "friction",
-    "viscous_friction": "friction",
-    "static_friction": "friction",
-    "stribeck_velocity": "friction",
+    "coulomb_friction": FRICTION,
+    "viscous_friction": FRICTION,
+    "static_friction": LOW_SPEED,
+    "stribeck_velocity": LOW_SPEED,
     FORM: "form of friction",
     "rotor_inertia": "inertia",
     INERTIA: "inertia",
@@ -38,7 +40,7 @@ KINDS = {
     "gear_stiffness": "stiffness",
 }
 """Kinds of numbers that are about equally well known. Each has its own scale: friction may have
-been calibrated, and stiffness not."""
+been calibrated, and stiffness not. The form of friction may be another one at low speed."""
 
 _TAILS = 4.0  # degrees of freedom of the t distribution: assumed
 _USUAL = 1.0  # numbers of usual size that count beside the robot's own, so that none is exact
@@ -54,12 +56,25 @@ def learned_scales(problem: Problem) -> dict[str, float]:
         problem: The residual and the terms, with the usual priors.
 
     Returns:
-        Factor of the prior standard deviations by kind, at most 10.
+        Factor of the prior standard deviations by kind, at most 10. All friction has one factor
+        if the numbers at low speed are as good as the others: small robots have few numbers.
     """
+    apart = _learned(problem, KINDS)
+    if LOW_SPEED not in apart or FRICTION not in apart:
+        return apart
+    pooled = {name: FRICTION if kind == LOW_SPEED else kind for name, kind in KINDS.items()}
+    together = _learned(problem, pooled)
+    if together[FRICTION] > apart[FRICTION]:
+        return apart
+    return together | {LOW_SPEED: together[FRICTION]}
+
+
+def _learned(problem: Problem, kind_of: Mapping[str, str]) -> dict[str, float]:
+    """The factors by kind, where each kind has its own."""
     evidence = problem.evidence()
     gram, right = evidence.gram.sum(axis=0), evidence.right.sum(axis=0)
-    kinds = [KINDS.get(term.name) for term in problem.terms]
-    members = {k: np.array([one == k for one in kinds]) for k in dict.fromkeys(KINDS.values())}
+    kinds = [kind_of.get(term.name) for term in problem.terms]
+    members = {k: np.array([one == k for one in kinds]) for k in dict.fromkeys(kind_of.values())}
     members = {kind: which for kind, which in members.items() if which.any()}
     variance = np.ones(len(right))
     scales = dict.fromkeys(members, 1.0)

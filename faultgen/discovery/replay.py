@@ -29,8 +29,6 @@ TURN = 0.2
 """Motor angle after which friction no longer depends on how the axis came to rest [rad]: assumed,
 about ten times the reach of the bristles."""
 
-_BETTER = 0.98  # torque error, over that with commanded set points, from which a motion is followed
-
 _RATES = (0.35, 0.18, 0.09)
 """Poles of the servo that follows measured positions [rad a step], the fastest first. A servo is
 stable up to about 0.8. Light rotors with much damping need a slower one."""
@@ -139,54 +137,6 @@ class Replay:
             motion = _Motion(robot, times[-1] + timestep, spline)
             controls.append(control_signal(motion, timestep))  # type: ignore[arg-type]
         return controls
-
-    @classmethod
-    def suited(
-        cls, recording: Recording, robot: Robot, inside: np.ndarray | None = None
-    ) -> tuple[Replay, str]:
-        """Choose the positions that the model follows, by one simulation of each kind.
-
-        The commanded positions are used if they were recorded, and if the model's servo makes of
-        them about the torque that was measured. The servo of a real robot may differ from that of
-        the model. The measured positions are then the better ones.
-
-        Args:
-            recording: The measured data.
-            robot: The model.
-            inside: Samples whose torque will be compared, shape (samples, n_axes). None: those of
-                `settled`.
-
-        Returns:
-            The replay, and a sentence that states the choice and the reason.
-
-        Raises:
-            SimulationFailed: The model diverges on the recorded motion.
-        """
-        measured = cls(recording, robot, measured=True)
-        if recording.reference_position is None:
-            return measured, (
-                "the model follows the measured positions, smoothed according to their noise, "
-                "because the recording has no reference_position"
-            )
-        commanded = cls(recording, robot, measured=False)
-        if inside is None or not inside.any():
-            inside = settled(recording, robot)
-        errors = []
-        for replay in (commanded, measured):
-            try:
-                square = (recording.torque - replay.torque()) ** 2
-                errors.append(relative_error(square, recording, inside))
-            except SimulationFailed:
-                errors.append(np.inf)
-        if not np.isfinite(min(errors)):
-            raise SimulationFailed("the model diverges on the recorded motion")
-        told = f"torque error {errors[0]:.3f} with the commanded, {errors[1]:.3f} with the measured"
-        if errors[1] < _BETTER * errors[0]:
-            return measured, (
-                "the model follows the measured positions, because its servo differs from that of "
-                f"the robot ({told} positions)"
-            )
-        return commanded, f"the model's servo follows the commanded positions ({told} positions)"
 
     def without(self, samples: np.ndarray) -> Replay:
         """Return the same replay, with further samples that are not compared.

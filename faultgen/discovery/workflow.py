@@ -27,6 +27,7 @@ from faultgen.discovery.candidates import (
     with_free_gains,
     with_model_scale,
 )
+from faultgen.discovery.following import suited_replay
 from faultgen.discovery.friction_discrepancy import discrepancy_sensitivities, discrepancy_terms
 from faultgen.discovery.healthy_spread import learned_scales, with_scales
 from faultgen.discovery.inertia import inertia_terms
@@ -37,7 +38,6 @@ from faultgen.discovery.order_analysis import find_orders
 from faultgen.discovery.placed import with_places
 from faultgen.discovery.recording import Recording, mean_of
 from faultgen.discovery.regression import Problem, plain, pose, posed_again
-from faultgen.discovery.replay import Replay
 from faultgen.discovery.result import AMBIGUOUS, Answer
 from faultgen.discovery.run_to_run import between_axes, between_temperatures, differences, widened
 from faultgen.discovery.samples import counted
@@ -119,7 +119,7 @@ def investigate(
     if recording.link:
         exclude = {*exclude, *HIDDEN_BEHIND_GEARS}
     compared = counted(recording, robot, twin=twin is not None)
-    replay, following = Replay.suited(recording, robot, compared)
+    replay, following = suited_replay(recording, robot, compared)
     terms = effect_terms(robot, exclude, include) + inertia_terms(robot)
     waves = _waves(robot, exclude)
     own = [term for term in waves if EFFECTS[term.name].prior.own_axis_only]

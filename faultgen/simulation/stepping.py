@@ -22,10 +22,10 @@ from faultgen.effects.base import Moment
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.mjcf.compiling import mujoco_warnings
 from faultgen.robot import Robot
-from faultgen.simulation.arm import Arm
 from faultgen.simulation.channels import RECORD, Channels
 from faultgen.simulation.cycle import Cycle
 from faultgen.simulation.plant import Plant
+from faultgen.simulation.starting import start_in_equilibrium, start_on_reference
 from faultgen.simulation.timers import stop_timers
 
 stop_timers()
@@ -109,7 +109,10 @@ def simulate(
             stepper.use(plant)
             command = np.ascontiguousarray(plant.command(control, lead > 0))
         if before is None:
-            start_on_reference(robot, stepper.batch, command[-lead])  # the first one without a lead
+            if lead == 0:
+                start_in_equilibrium(robot, stepper.batch, command)
+            else:
+                start_on_reference(robot, stepper.batch, command[-lead])
             for _ in stepper.run(command[len(command) - lead :], 0, -lead):
                 pass
         yield plant.log(stepper.cycle(command, index + 1))
@@ -318,25 +321,3 @@ def _carry(before: Batch, after: Batch) -> None:
 
 def _when(cycle: int) -> str:
     return f"cycle {cycle}" if cycle else "before cycle 1"
-
-
-def start_on_reference(robot: Robot, batch: Batch, control: np.ndarray) -> None:
-    """Put the robot on its reference, with the gearboxes twisted by the static load there.
-
-    Args:
-        robot: The robot.
-        batch: A batch of one simulation of the robot, whose positions and velocities are set.
-        control: Control signal at the start. Shape (n_controls,).
-    """
-    model = robot.model
-    at = model.actuator_ctrladr[robot.ids("actuator", "drive")]
-    motor, speed = control[at], control[at + 1]
-    joint = robot.gearing.joints(motor)
-    load = Arm(robot).inverse_dynamics(joint[None], 0 * joint[None], 0 * joint[None])[0]
-    stiffness = model.tendon_stiffness[robot.ids("tendon", "gearbox")]
-    position, velocity = batch.qpos, batch.qvel
-    motors, joints = robot.addresses(batch.model)
-    position[0, motors] = motor
-    position[0, joints] = robot.gearing.joints(motor, robot.gearing.torque(load) / stiffness)
-    velocity[0, motors] = speed
-    velocity[0, joints] = robot.gearing.joints(speed)

@@ -22,11 +22,11 @@ from threadpoolctl import threadpool_limits
 
 from faultgen.dataset.experiment import check_seed
 from faultgen.discovery.calibrate import calibrate
+from faultgen.discovery.following import suited_replay
 from faultgen.discovery.in_step import in_step
 from faultgen.discovery.inputs import read_all
 from faultgen.discovery.recorded_task import recorded_task
 from faultgen.discovery.recording import Recording, mean_of, write_recording
-from faultgen.discovery.replay import Replay
 from faultgen.discovery.several import check_own_noise, check_same_motion
 from faultgen.errors import InputError
 from faultgen.monitoring.autoregression import impulse_response
@@ -141,7 +141,7 @@ def furnish(
     say = say or (lambda line: None)
     say("learning noise and differences of the runs")
     mean = mean_of(recordings)
-    replay, following = Replay.suited(mean, robot)
+    replay, following = suited_replay(mean, robot)
     text = recorded_task(mean, robot, TASK)
     robot = replace(robot, tasks={**robot.tasks, TASK: text})
     robot.write(out)
