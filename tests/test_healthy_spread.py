@@ -1,5 +1,7 @@
 """How well the numbers of a model are known is learned from all numbers of a kind together."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from linear import COUNT, written_down
@@ -93,3 +95,24 @@ def test_a_change_of_a_well_known_robot_is_named_without_a_twin(
     assert learned["prior_scales"]["friction"] < 1
     fixed = faultgen.discover(tmp_path / "worn.h5", tiny_robot_path, cache=cache, prior_scale=1.0)
     assert fixed["effects"] == [] and fixed["prior_scales"] == {}
+
+
+def test_a_torque_from_a_current_is_off_on_all_axes(rng):
+    """One axis whose zero is off is a change of the robot; the zeros of all axes are not."""
+    values = np.zeros(AXES)
+    values[2] = 15 * 0.05
+    one = posed(rng, values, name="torque_offset")
+    assert learned_scales(one) == {"zero of the torque": 1.0}  # never better than usual
+    every = posed(rng, 6 * 0.05 * rng.choice([-1, 1], AXES), name="torque_offset")
+    assert learned_scales(every)["zero of the torque"] > 4
+
+
+def test_friction_of_another_form_says_nothing_about_other_friction(rng):
+    names = ["viscous_friction", "static_friction"] * (AXES // 2)
+    values = np.where(np.arange(AXES) % 2, 4.0, 0.3) * 0.05 * rng.choice([-1, 1], AXES)
+    problem = posed(rng, values)
+    terms = [replace(t, name=name) for t, name in zip(problem.terms, names, strict=True)]
+    scales = learned_scales(replace(problem, terms=terms))
+    assert scales["friction"] < 0.7 and scales["friction at low speed"] > 2.5
+    alike = replace(posed(rng, np.zeros(AXES)), terms=terms)
+    assert len(set(learned_scales(alike).values())) == 1

@@ -125,9 +125,9 @@ FINALISED = """
 INTERRUPTED = "faultgen: interrupted; run the same command again to continue\n"
 
 
-@pytest.mark.parametrize("where", [SWALLOWED, FINALISED])
 @pytest.mark.parametrize(
-    ("number", "status", "told"), [(signal.SIGINT, 130, INTERRUPTED), (signal.SIGTERM, 143, "")]
+    ("where", "number", "status", "told"),
+    [(SWALLOWED, signal.SIGINT, 130, INTERRUPTED), (FINALISED, signal.SIGTERM, 143, "")],
 )
 def test_signals_are_not_lost(
     tiny_robot_path, tiny_task_path, tmp_path, where, number, status, told

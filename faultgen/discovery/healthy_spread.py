@@ -27,6 +27,7 @@ from faultgen.discovery.evidence import factored
 from faultgen.discovery.regression import Problem, with_priors
 
 FRICTION, LOW_SPEED = "friction", "friction at low speed"
+ZERO, GAIN = "zero of the torque", "gain of the torque"
 
 KINDS = {
     "coulomb_friction": FRICTION,
@@ -38,9 +39,14 @@ KINDS = {
     INERTIA: "inertia",
     "payload_mass": "inertia",
     "gear_stiffness": "stiffness",
+    "torque_offset": ZERO,
+    "torque_constant": GAIN,
 }
 """Kinds of numbers that are about equally well known. Each has its own scale: friction may have
-been calibrated, and stiffness not. The form of friction may be another one at low speed."""
+been calibrated, and stiffness not. The form of friction may be another one at low speed. A torque
+that was computed from a current may be off on all axes."""
+
+_AT_LEAST_USUAL = (ZERO, GAIN)  # few motions show them well, so that small ones prove nothing
 
 _TAILS = 4.0  # degrees of freedom of the t distribution: assumed
 _USUAL = 1.0  # numbers of usual size that count beside the robot's own, so that none is exact
@@ -86,9 +92,10 @@ def _learned(problem: Problem, kind_of: Mapping[str, str]) -> dict[str, float]:
         for kind, which in members.items():
             weight = (_TAILS + 1) / (_TAILS + square[which] / scales[kind] ** 2)
             total = float(np.sum(weight * square[which])) + _USUAL
-            new = min(np.sqrt(total / (which.sum() + _USUAL)), _LARGEST)
+            least = 1.0 if kind in _AT_LEAST_USUAL else 0.0
+            new = float(np.clip(np.sqrt(total / (which.sum() + _USUAL)), least, _LARGEST))
             change = max(change, abs(np.log(new / scales[kind])))
-            scales[kind] = float(new)
+            scales[kind] = new
             variance[which] = new**2 / weight
         if change < _DONE:
             break
