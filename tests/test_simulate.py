@@ -10,6 +10,7 @@ from faultgen.discovery.prescribed import stiffen
 from faultgen.effects import Applied
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import load_robot, robot_names
+from faultgen.simulation.arm import Arm, motor_torque
 from faultgen.simulation.motion import plan
 from faultgen.simulation.plant import assemble
 from faultgen.simulation.servo import control_signal
@@ -171,7 +172,10 @@ def test_a_changed_robot_starts_in_equilibrium(effect, severity):
     robot = load_robot("irb6700")
     pose = np.array([0.3, -0.4, 0.2, 0.5, 0.8, 0.1]) * robot.gear_ratio
     control = np.zeros((2000, int(robot.model.actuator_ctrlnum.sum())))
-    control[:, robot.model.actuator_ctrladr[robot.ids("actuator", "drive")]] = pose
+    at = robot.model.actuator_ctrladr[robot.ids("actuator", "drive")]
+    still = np.zeros((1, robot.n_axes))
+    control[:, at] = pose
+    control[:, at + 2] = motor_torque(Arm(robot), pose / robot.gear_ratio + still, still, still)
     axis = 6 if effect in ("payload_mass", "loose_tool") else 2
     spec = robot.spec()
     stiffen(spec, robot, 0.35)  # so that no rotor gives way

@@ -12,7 +12,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from faultgen.mjcf.compiling import mujoco_warnings
-from faultgen.mjcf.dcmotor import POSITION_GAIN
+from faultgen.mjcf.dcmotor import BRISTLE_STIFFNESS, POSITION_GAIN, STICTION
 from faultgen.mjcf.gearing import tendon_coefficients
 from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm
@@ -47,9 +47,8 @@ def start_on_reference(robot: Robot, batch: Batch, control: np.ndarray) -> None:
 def start_in_equilibrium(robot: Robot, batch: Batch, control: np.ndarray) -> None:
     """Put a changed robot on its reference, with the gearboxes twisted by the load of the motion.
 
-    The twist is corrected by the torque that the joints lack, over the stiffness, until nothing
-    changes. Play of a gearbox is passed through in this way, too. Rotors at rest give way until
-    their servo carries what they lack.
+    Rotors at rest give way until their servo, and the bristles of their friction, carry the torque
+    that the changes have added.
 
     Args:
         robot: The unchanged robot.
@@ -58,37 +57,91 @@ def start_in_equilibrium(robot: Robot, batch: Batch, control: np.ndarray) -> Non
         control: Control signal, shape (steps, n_controls).
     """
     start_on_reference(robot, batch, control[0])
-    model = batch.model
-    motors, joints = robot.addresses(model)
-    stiffness = model.tendon_stiffness[robot.ids("tendon", "gearbox", model)]
-    gain = model.actuator_gainprm[robot.ids("actuator", "drive", model), POSITION_GAIN]
-    at = robot.model.actuator_ctrladr[robot.ids("actuator", "drive")] + 1
-    is_moving = np.abs(control[0, at]) > _MOVING * robot.motor_velocity_limit
-    change = (control[1:2, at] - control[0, at]).sum(axis=0) / robot.model.opt.timestep
-    acceleration = np.where(is_moving, change, 0.0)
-    springs = np.zeros(model.nv)  # of all joints; only those that are neither rotor nor arm count
-    for tendon in range(model.ntendon):
-        springs += model.tendon_stiffness[tendon] * tendon_coefficients(model, tendon) ** 2
-    springs[motors], springs[joints] = 0.0, 0.0
-    data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:] = batch.qpos[0], batch.qvel[0]
-    data.ctrl[:] = control[0]
-    with mujoco_warnings():
+    usual = _Start(robot, robot.model, control)
+    usual.settle()
+    changed = _Start(robot, batch.model, control)
+    # friction holds a rotor wherever it comes to: it must not turn before the twist is right
+    if changed.settle() and changed.settle(usual.lacking[usual.motors]):
+        batch.qpos[0], batch.act[0] = changed.data.qpos, changed.data.act
+
+
+class _Start:
+    """The first moment of a motion."""
+
+    lacking: np.ndarray
+    """Torque that each degree of freedom lacks for the acceleration of the motion, shape (nv,)."""
+
+    def __init__(self, robot: Robot, model: mujoco.MjModel, control: np.ndarray) -> None:
+        self.robot, self.model = robot, model
+        self.motors, self.joints = robot.addresses(model)
+        at = robot.model.actuator_ctrladr[robot.ids("actuator", "drive")]
+        motor, speed = control[0, at], control[0, at + 1]
+        self.is_moving = np.abs(speed) > _MOVING * robot.motor_velocity_limit
+        change = (control[1:2, at + 1] - speed).sum(axis=0) / robot.model.opt.timestep
+        self.acceleration = np.where(self.is_moving, change, 0.0)
+        self.data = mujoco.MjData(model)
+        self.data.ctrl[:] = control[0]
+        self.data.qpos[self.motors], self.data.qvel[self.motors] = motor, speed
+        self.data.qpos[self.joints] = robot.gearing.joints(motor)
+        self.data.qvel[self.joints] = robot.gearing.joints(speed)
+
+    def settle(self, usual: np.ndarray | None = None) -> bool:
+        """Twist the gearboxes by what the joints lack over the stiffness, until nothing changes.
+
+        Play of a gearbox is passed through in this way, too.
+
+        Args:
+            usual: Torque that the rotors of the unchanged robot lack, shape (n_axes,). Rotors at
+                rest turn by what they lack beyond it. None: they stay where they are.
+
+        Returns:
+            Whether all numbers are finite.
+        """
+        model, data, robot = self.model, self.data, self.robot
+        stiffness = model.tendon_stiffness[robot.ids("tendon", "gearbox", model)]
+        servo = model.actuator_gainprm[robot.ids("actuator", "drive", model), POSITION_GAIN]
+        friction = robot.ids("actuator", "friction", model)
+        bristles = model.actuator_dynprm[friction, BRISTLE_STIFFNESS]
+        has = (bristles > 0) & (model.actuator_actnum[friction] == 1)
+        bent = model.actuator_actadr[friction[has]]
+        most = model.actuator_biasprm[friction[has], STICTION] / bristles[has]
+        springs = self._springs()
         for _ in range(_ROUNDS):
-            mujoco.mj_forward(model, data)  # for springs and other actuators on the joints
-            data.qacc[:] = 0
-            data.qacc[motors] = acceleration
-            data.qacc[joints] = robot.gearing.joints(acceleration)
-            mujoco.mj_inverse(model, data)
-            lacking = data.qfrc_inverse - data.qfrc_actuator
-            twist = robot.gearing.torque(lacking[joints]) / stiffness
-            gives = (gain > 0) & ~is_moving  # friction of moving rotors is still to build up
-            turn = np.divide(-lacking[motors], gain, out=np.zeros_like(gain), where=gives)
+            self._measure()
+            twist = robot.gearing.torque(self.lacking[self.joints]) / stiffness
+            turn = np.zeros(robot.n_axes)
+            if usual is not None:
+                carry = servo.copy()
+                carry[has] += bristles[has] * (np.abs(data.act[bent]) < most)
+                carry[self.is_moving] = 0.0  # their friction is still to build up
+                beyond = self.lacking[self.motors] - usual
+                turn = np.divide(-beyond, carry, out=turn, where=carry > 0)
             if not np.isfinite([twist, turn]).all():
-                return
-            data.qpos -= np.divide(lacking, springs, out=np.zeros_like(springs), where=springs > 0)
-            data.qpos[motors] += turn
-            data.qpos[joints] += robot.gearing.joints(turn, twist)
+                return False
+            move = np.divide(self.lacking, springs, out=np.zeros_like(springs), where=springs > 0)
+            data.qpos -= move
+            data.qpos[self.motors] += turn
+            data.act[bent] = np.clip(data.act[bent] + turn[has], -most, most)
+            data.qpos[self.joints] += robot.gearing.joints(turn, twist)
             if max(np.abs(twist).max(), np.abs(turn / robot.gear_ratio).max()) < _DONE:
                 break
-    batch.qpos[0] = data.qpos
+        return True
+
+    def _measure(self) -> None:
+        """Compute what the degrees of freedom lack."""
+        with mujoco_warnings():
+            mujoco.mj_forward(self.model, self.data)  # for springs and other actuators
+            self.data.qacc[:] = 0
+            self.data.qacc[self.motors] = self.acceleration
+            self.data.qacc[self.joints] = self.robot.gearing.joints(self.acceleration)
+            mujoco.mj_inverse(self.model, self.data)
+        self.lacking = self.data.qfrc_inverse - self.data.qfrc_actuator
+
+    def _springs(self) -> np.ndarray:
+        """Stiffness on joints that are neither of a rotor nor of the arm, shape (nv,)."""
+        springs = np.zeros(self.model.nv)
+        for tendon in range(self.model.ntendon):
+            own = tendon_coefficients(self.model, tendon)
+            springs += self.model.tendon_stiffness[tendon] * own**2
+        springs[self.motors] = springs[self.joints] = 0.0
+        return springs
