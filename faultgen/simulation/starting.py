@@ -80,7 +80,7 @@ class _Start:
         change = (control[1:2, at + 1] - speed).sum(axis=0) / robot.model.opt.timestep
         self.acceleration = np.where(self.is_moving, change, 0.0)
         self.data = mujoco.MjData(model)
-        self.data.ctrl[:] = control[0]
+        self.data.ctrl[:] = control[0, : model.nu]  # learned laws have further columns
         self.data.qpos[self.motors], self.data.qvel[self.motors] = motor, speed
         self.data.qpos[self.joints] = robot.gearing.joints(motor)
         self.data.qvel[self.joints] = robot.gearing.joints(speed)
