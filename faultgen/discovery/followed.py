@@ -103,9 +103,7 @@ def _with_gearboxes(
         except SimulationFailed:
             return np.inf
         torque = torque if recording.side == "motor" else torque * robot.gear_ratio
-        return _error(
-            recording, _derivatives(recording, trials[k])[0], torque, inside, scaled=False
-        )
+        return _error(recording, differences(recording, trials[k])[0], torque, inside, scaled=False)
 
     own, least = first, error(first)
     if first:
@@ -158,7 +156,7 @@ def _smoothed(position: np.ndarray, recording: Recording) -> np.ndarray:
 
 def _rigid_error(recording: Recording, arm: Arm, position: np.ndarray, inside: np.ndarray) -> float:
     """The error of `_error` for a rigid arm."""
-    speed, acceleration = _derivatives(recording, position)
+    speed, acceleration = differences(recording, position)
     if recording.link:
         torque = arm.inverse_dynamics(position, speed, acceleration)
     else:
@@ -166,8 +164,16 @@ def _rigid_error(recording: Recording, arm: Arm, position: np.ndarray, inside: n
     return _error(recording, speed, torque, inside, scaled=True)
 
 
-def _derivatives(recording: Recording, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Velocity and acceleration by differences, of the shape of the position."""
+def differences(recording: Recording, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Compute velocity and acceleration by differences, which stay within each separate recording.
+
+    Args:
+        recording: The measured data.
+        position: Smooth position, shape (samples, n_axes).
+
+    Returns:
+        Velocity and acceleration, of the same shape.
+    """
     speed, acceleration = np.empty_like(position), np.empty_like(position)
     for part in recording.parts:
         speed[part] = np.gradient(position[part], recording.sample_period, axis=0)

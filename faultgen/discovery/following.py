@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from faultgen.discovery.followed import differences
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.regressor import link_regressor
 from faultgen.discovery.replay import Replay, relative_error, settled
@@ -102,14 +103,9 @@ def _columns(replay: Replay, rows: np.ndarray) -> np.ndarray:
     Returns:
         Shape (rows, n_axes, parameters), without common unit.
     """
-    recording, robot = replay.recording, replay.robot
-    period = recording.sample_period
-    speed, acceleration = (np.empty_like(replay.wanted) for _ in range(2))
-    for part in recording.parts:
-        speed[part] = np.gradient(replay.wanted[part], period, axis=0)
-        acceleration[part] = np.gradient(speed[part], period, axis=0)
-    q, speed, acceleration = replay.wanted[rows], speed[rows], acceleration[rows]
-    links = link_regressor(Arm(robot), q, speed, acceleration)
+    robot = replay.robot
+    speed, acceleration = (x[rows] for x in differences(replay.recording, replay.wanted))
+    links = link_regressor(Arm(robot), replay.wanted[rows], speed, acceleration)
     width = robot.model.actuator_biasprm[robot.ids("actuator", "friction"), STRIBECK_VELOCITY]
     slow = speed * robot.gear_ratio / np.where(width > 0, width, 1.0)
     drive = [acceleration, np.sign(speed), speed, np.ones_like(speed)]
