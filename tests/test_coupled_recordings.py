@@ -7,8 +7,11 @@ import pytest
 
 from faultgen.discovery import Recording, write_recording
 from faultgen.discovery.calibrate import calibrate
-from faultgen.discovery.following import suited_replay
+from faultgen.discovery.followed import differences
+from faultgen.discovery.following import rigid_columns, suited_replay
 from faultgen.discovery.inputs import read_together, usable
+from faultgen.discovery.regressor import link_parameters
+from faultgen.discovery.replay import Replay
 from faultgen.discovery.workflow import investigate
 from faultgen.effects import Applied
 from faultgen.errors import InputError
@@ -159,3 +162,15 @@ def test_what_cannot_be_converted_is_refused(robot, record, tmp_path):
     robot.write(tmp_path / "model")
     with pytest.raises(InputError, match="gearbox2 also turns with another joint"):
         make_twin([tmp_path / "one.h5"], tmp_path / "model", tmp_path / "out")
+
+
+def test_what_a_rigid_arm_explains_is_the_torque_of_the_gearboxes(robot, record):
+    """Each gearbox that turns with another joint carries a part of the load of both."""
+    replay = Replay(record([], 4), robot, measured=True)
+    rows = np.arange(100, 400, 10)
+    arm = Arm(robot)
+    speed, acceleration = differences(replay.recording, replay.wanted)
+    load = arm.inverse_dynamics(replay.wanted, speed, acceleration)[rows]
+    parameters = link_parameters(arm)
+    found = rigid_columns(replay, rows)[..., : len(parameters)] @ parameters
+    np.testing.assert_allclose(found, robot.gearing.torque(load), atol=1e-9)

@@ -77,7 +77,7 @@ def _errors(replays: tuple[Replay, Replay], inside: np.ndarray) -> list[float]:
     recording, robot = replays[0].recording, replays[0].robot
     rows = np.flatnonzero(inside.any(axis=1))
     rows = rows[:: max(1, len(rows) // _SAMPLES)]
-    columns = _columns(replays[1], rows)
+    columns = rigid_columns(replays[1], rows)
     errors = []
     for replay in replays:
         try:
@@ -97,15 +97,23 @@ def _errors(replays: tuple[Replay, Replay], inside: np.ndarray) -> list[float]:
     return errors
 
 
-def _columns(replay: Replay, rows: np.ndarray) -> np.ndarray:
-    """Torque of each axis for each parameter that a rigid arm has, on the measured motion.
+def rigid_columns(replay: Replay, rows: np.ndarray) -> np.ndarray:
+    """Compute the torque of each gearbox for each parameter of a rigid arm, on the measured motion.
+
+    Args:
+        replay: The model on the measured positions.
+        rows: Indices of the samples.
 
     Returns:
-        Shape (rows, n_axes, parameters), without common unit.
+        Shape (rows, n_axes, parameters): the parameters of `link_parameters`, per unit, in [N m],
+        and then shapes of the drive's torque, without unit.
     """
     robot = replay.robot
     speed, acceleration = (x[rows] for x in differences(replay.recording, replay.wanted))
     links = link_regressor(Arm(robot), replay.wanted[rows], speed, acceleration)
+    to_gears = robot.gearing.torque(np.eye(robot.n_axes))  # of coupled gearboxes
+    links = np.einsum("sjp,ji->sip", links, to_gears)
+    speed, acceleration = robot.gearing.outputs(speed), robot.gearing.outputs(acceleration)
     width = robot.model.actuator_biasprm[robot.ids("actuator", "friction"), STRIBECK_VELOCITY]
     slow = speed * robot.gear_ratio / np.where(width > 0, width, 1.0)
     drive = [acceleration, np.sign(speed), speed, np.ones_like(speed)]
