@@ -14,8 +14,8 @@ from faultgen.discovery import verdict as judgement
 from faultgen.discovery.certainty import LEVEL, certainty
 from faultgen.discovery.confirmation import confirmed
 from faultgen.discovery.fit import fit
-from faultgen.discovery.gap import scored, scored_in_motion, unexplained
-from faultgen.discovery.model_edit import build
+from faultgen.discovery.gap import scored, scored_in_motion
+from faultgen.discovery.model_edit import build, simulated_numbers
 from faultgen.discovery.replay import Replay, settled
 from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE, PARTLY
 from faultgen.discovery.samples import rolling
@@ -319,8 +319,9 @@ def test_an_effect_that_other_motions_refute_is_not_named(posed, in_scoring, kep
     choice = choose(case)
     assert len(choice.best.groups) == 1
     empty = choice.fits[0]
-    calibrated = build(case, empty, unexplained(case, empty)[1]).left
-    assert len(confirmed(case, choice, calibrated).choice.best.groups) == kept
+    numbers = simulated_numbers(case, empty)
+    calibrated = build(case, empty, numbers).left
+    assert len(confirmed(case, choice, calibrated, numbers).choice.best.groups) == kept
 
 
 @pytest.mark.parametrize(
@@ -333,6 +334,8 @@ def test_an_effect_that_other_motions_refute_is_not_named(posed, in_scoring, kep
         ({"missed": 4.1}, False),  # less than foretold, but the error decreases
         ({"missed": 4.1, "seen": -0.1}, True),
         ({"missed": 3.9, "seen": -0.1}, False),
+        ({"missed": 4.1, "gain": -1.6, "seen": -12.0, "is_strong": True}, False),
+        ({"grows": True, "is_strong": True}, True),
         ({"grows": True}, True),
         ({"grows": True, "is_supported": True}, False),
         ({"share": 0.9, "is_supported": True}, True),
@@ -342,6 +345,7 @@ def test_an_effect_that_other_motions_refute_is_not_named(posed, in_scoring, kep
 def test_reasons_to_refute_an_effect(facts, is_refuted):
     plain = {"gain": 1.0, "grows": False, "missed": 0.0, "seen": 5.0, "share": 2.0}
     plain |= {"rest": None, "is_supported": False, "is_minor": False}
+    plain |= {"group": (0,), "is_strong": False}
     trial = confirmation.Trial(**{**plain, **facts})
     assert trial.is_refuted is is_refuted
 

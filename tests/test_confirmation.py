@@ -9,8 +9,9 @@ import pytest
 from linear import COUNT, PARTS, written_down
 
 from faultgen.discovery.candidates import Term
-from faultgen.discovery.confirmation import MISSED, Trial, confirmed
+from faultgen.discovery.confirmation import MISSED, STRONG, Trial, confirmed
 from faultgen.discovery.fit import fit
+from faultgen.discovery.model_edit import simulated_numbers
 from faultgen.discovery.scoring_errors import (
     LARGER,
     LARGER_OWN,
@@ -22,6 +23,8 @@ from faultgen.discovery.scoring_errors import (
 from faultgen.discovery.selection import SURE, SURE_IMITATED, SURE_TWIN, Choice
 
 SCORED = PARTS[-1]
+WEAK = np.sqrt(0.95 * STRONG * SURE_IMITATED / 500)
+"""Torque of an effect whose evidence on the motions for fitting is not strong."""
 STEADY = np.ones(100)
 TURNING = np.tile([1.0, -1.0], 50)
 FITTED = [np.tile(pattern, 125) for pattern in ([1.0, 1, -1, -1], [1.0, -1, 1, -1], [1.0, 1, 1, 1])]
@@ -66,10 +69,15 @@ def lenient(problem):
     return 100.0 + 0 * problem.residual
 
 
+def judged(problem, choice, calibrated=None):
+    """What is borne out, with the calibrated numbers of the model without effects."""
+    calibrated = lenient(problem) if calibrated is None else calibrated
+    return confirmed(problem, choice, calibrated, simulated_numbers(problem, choice.fits[0]))
+
+
 def groups_left(problem, choice, calibrated=None):
     """The effects that are kept."""
-    calibrated = lenient(problem) if calibrated is None else calibrated
-    return confirmed(problem, choice, calibrated).choice.best.groups
+    return judged(problem, choice, calibrated).choice.best.groups
 
 
 @pytest.mark.parametrize("twin", [True, False])
@@ -192,7 +200,7 @@ def test_the_weakest_of_refuted_effects_is_removed_first(trials, weaker):
     left = column(sum(v * FITTED[k] for k, v in enumerate(values)), scored)
     problem = written_down([offset(1), offset(1, "viscous_friction")], shapes, left)
     choice = chosen(problem, (0,), (1,))
-    found = confirmed(problem, choice, lenient(problem)).choice
+    found = judged(problem, choice).choice
     assert [one.is_refuted for _, _, one in trials] == [True, True, False]
     assert found.best.groups == ((1 - weaker,),)
     assert found.best.values == pytest.approx([values[1 - weaker]], rel=1e-3)
@@ -213,9 +221,9 @@ def test_effects_that_only_compensate_for_each_other_are_removed(trials, twin, s
     trust = np.ones((COUNT, 2))
     if of_gap:  # on another axis, without weight
         trust[:, 1] = 0
-    other = column(FITTED[1], -u if of_gap else w - u) + of_gap * column(0, w, axis=2)
-    shapes = [column(FITTED[0], u), other]
-    left = column(FITTED[0] + FITTED[1])
+    other = column(WEAK * FITTED[1], -u if of_gap else w - u) + of_gap * column(0, w, axis=2)
+    shapes = [column(WEAK * FITTED[0], u), other]
+    left = column(WEAK * (FITTED[0] + FITTED[1]))
     terms = [offset(1), offset(1, "viscous_friction")]
     problem = written_down(terms, shapes, left, twin=twin, trust=trust)
     assert len(groups_left(problem, chosen(problem, (0,), (1,)))) == kept
@@ -224,20 +232,23 @@ def test_effects_that_only_compensate_for_each_other_are_removed(trials, twin, s
         assert [groups for groups, _, _ in trials[:3]] == [((0,), (1,))] * 2 + [((0,),)]
 
 
+@pytest.mark.parametrize("strong", [True, False])
 @pytest.mark.parametrize("size", [0.98, 1.02])
 @pytest.mark.parametrize("twin", [True, False])
-def test_what_an_effect_foretells_must_not_be_missing(size, twin):
-    """It foretells as much again as there is, by 2 % more than a half, so that the error grows.
+def test_what_an_effect_foretells_must_not_be_missing(size, twin, strong):
+    """Unless the motions for fitting show it clearly; laws differ most at other speeds.
+
+    It foretells as much again as there is, by 2 % more than a half, so that the error grows.
 
     What is missed, in standard errors of chance, is about the root of half the squared effect.
     """
-    amplitude = size * MISSED / 0.505 / 10
-    shape = column(FITTED[0], amplitude * TURNING)
-    left = column(FITTED[0], 0.495 * amplitude * TURNING) + column(0, 5 * STEADY, axis=2)
+    amplitude, fitted = size * MISSED / 0.505 / 10, (1.1 if strong else 1.0) * WEAK * FITTED[0]
+    shape = column(fitted, amplitude * TURNING)
+    left = column(fitted, 0.495 * amplitude * TURNING) + column(0, 5 * STEADY, axis=2)
     trust = np.ones((COUNT, 2))
     trust[:, 1] = 0
     problem = written_down([offset()], [shape], left, twin=twin, trust=trust)
-    assert len(groups_left(problem, chosen(problem, (0,)))) == (twin or size < 1)
+    assert len(groups_left(problem, chosen(problem, (0,)))) == (twin or strong or size < 1)
 
 
 @pytest.mark.parametrize("twin", [True, False])
@@ -269,7 +280,7 @@ def test_the_simulated_model_must_not_be_clearly_worse(twin, is_sure, of_own, li
     if of_own:
         calibrated[:, 1] = 2 * rest[:, 1]
     choice = chosen(problem, (0,))
-    found = confirmed(problem, choice, calibrated).choice
+    found = judged(problem, choice, calibrated).choice
     assert (found is choice) == (more < 1)
     assert len(found.best.groups) == len(found.rivals) == (more < 1)
 
@@ -309,7 +320,7 @@ def test_the_calibrated_values_that_foretell_best(twin, true):
     left[SCORED] = value * shapes[0][SCORED] + values[true] * shapes[1][SCORED]
     terms = [offset(), offset(1, "viscous_friction", prior_std)]
     problem = written_down(terms, shapes, left, twin=twin)
-    found = confirmed(problem, chosen(problem, (0,)), lenient(problem))
+    found = judged(problem, chosen(problem, (0,)))
     assert found.choice.best.groups == ((0,),)
     expected = values["with" if twin else true]
     assert found.solution == pytest.approx([0.0, expected / prior_std], rel=0.01)
@@ -319,7 +330,7 @@ def test_without_effects_the_calibration_is_that_without_effects():
     """Of the term that is not borne out, too."""
     prior_std, left = 0.05, column(FITTED[0], -STEADY)
     problem = written_down([offset(1, prior_std=prior_std)], [column(FITTED[0], STEADY)], left)
-    found = confirmed(problem, chosen(problem, (0,)), lenient(problem))
+    found = judged(problem, chosen(problem, (0,)))
     assert found.choice.best.groups == ()
     shrunk = 500 / (500 + 1 / prior_std**2)
     assert found.solution * prior_std == pytest.approx([shrunk], rel=1e-6)
@@ -332,6 +343,19 @@ def test_a_set_that_is_not_excluded_takes_the_place_of_a_refuted_one():
     problem = written_down([offset(1), offset(1, "viscous_friction")], shapes, shapes[1])
     best = fit(problem, [(0,)])
     choice = Choice(problem, (fit(problem, []), best), best, ((0, (1,), 2.0),))
-    found = confirmed(problem, choice, lenient(problem)).choice
+    found = judged(problem, choice).choice
     assert found.best.groups == ((1,),)
     assert found.rivals == ()
+
+
+@pytest.mark.parametrize("alike", [1.0, 0.5])
+def test_a_set_that_lost_an_effect_still_has_its_rivals(alike):
+    """The third effect looks like the first, or has little in common with it."""
+    other = alike * FITTED[0] + np.sqrt(1 - alike**2) * FITTED[2]
+    shapes = [column(FITTED[0], STEADY), column(FITTED[1], 2 * TURNING), column(other, STEADY)]
+    left = column(FITTED[0] + FITTED[1], STEADY)
+    terms = [offset(1), offset(1, "viscous_friction"), offset(1, "gravity_spring")]
+    problem = written_down(terms, shapes, left)
+    found = judged(problem, chosen(problem, (0,), (1,))).choice
+    assert found.best.groups == ((0,),)
+    assert [(place, group) for place, group, _ in found.rivals] == [(0, (2,))] * (alike == 1)

@@ -10,7 +10,7 @@ from faultgen.discovery import model_edit
 from faultgen.discovery.candidates import FORM, INERTIA, Term
 from faultgen.discovery.fit import fit
 from faultgen.discovery.gap import unexplained
-from faultgen.discovery.model_edit import build, build_stable
+from faultgen.discovery.model_edit import build, build_stable, simulated_numbers
 from faultgen.errors import SimulationFailed
 
 FITTED = slice(0, PARTS[-1].start)
@@ -83,28 +83,76 @@ def test_calibrated_numbers_are_reduced_until_the_model_is_simulated(columns, li
     np.testing.assert_allclose(built.left, left, atol=1e-3)
 
 
+WAVE = Term("torque_ripple", 1, 0.1, 0.1, (("order", 1.0), ("phase", 0.0)))
+
+
 @pytest.mark.parametrize(
-    ("term", "value", "is_allowed"),
+    ("term", "value", "found"),
     [
-        (FRICTION, 0.1, True),
-        (FRICTION, -0.899, True),
-        (FRICTION, -0.901, False),  # less than the smallest severity
-        (FRICTION, 9.99, True),
-        (FRICTION, 10.01, False),
-        (Term("backlash", 1, 1e-4, 1e-4), 1e-3, True),
-        (Term("backlash", 1, 1e-4, 1e-4), -1e-3, False),
-        (Term("torque_ripple", 1, 0.1, 0.1), 0.3, False),  # periodic
-        (Term("load_friction", 1, 0.1, 0.1), 0.3, False),  # acts between steps
-        (Term(INERTIA, 1, 0.1, 0.1), -3.0, True),
-        (Term(FORM, 1, 0.1, 0.1), 0.3, False),
-        (FRICTION, 4e-5, False),  # less than a thousandth of its standard deviation
+        (FRICTION, 0.1, 0.1),
+        (FRICTION, -0.85, -0.81),  # the smallest severity is -0.9
+        (Term("backlash", 1, 1e-4, 1e-2), 1e-3, 0.0),  # a play is there or not
+        (WAVE, 0.3, 0.0),
+        (Term("load_friction", 1, 0.1, 0.1), 0.3, 0.0),  # acts between steps
+        (Term(INERTIA, 1, 0.1, 0.1), -3.0, -3.0),
+        (Term(FORM, 1, 0.1, 0.1), 0.3, 0.0),
+        (replace(EFFECT, step=0.2), 0.3, 0.0),  # the effect of the set, probed differently
     ],
 )
-def test_what_calibration_may_change(columns, term, value, is_allowed):
-    """Numbers that every model has, within the bounds of their effect."""
-    problem = posed(columns, (EFFECT, term), (0.5, value))
-    built = build(problem, fit(problem, [(0,)]), np.array([0.0, value / term.prior_std]))
-    assert [one for one, _ in built.changes] == [EFFECT, term][: 1 + is_allowed]
+def test_what_calibration_may_change(columns, term, value, found):
+    """Numbers that every model has, within nine tenths of the bounds of their effects."""
+    problem = posed(columns, (EFFECT, replace(term, prior_std=1.0)), (0.5, value))
+    solution = simulated_numbers(problem, fit(problem, [(0,)]))
+    assert solution == pytest.approx([0.0, found], abs=0.005)
+
+
+def test_a_number_that_is_probed_twice_is_calibrated_once(columns):
+    """Both columns would go into one number of the model."""
+    twice = [replace(FRICTION, step=step, prior_std=1.0) for step in (0.1, 0.2)]
+    problem = posed(columns[[0, 0]], twice, (0.1, 0.0))
+    assert simulated_numbers(problem, fit(problem, [])) == pytest.approx([0.1, 0.0], abs=0.005)
+
+
+def test_numbers_are_calibrated_by_simulation(columns):
+    """The torque bends with the number: the slope at 0 says 0.2, the simulation 0.1."""
+    problem = posed(columns, (EFFECT, replace(FRICTION, prior_std=1.0)))
+
+    def torque(values):
+        friction = values.get("viscous_friction", 0.0)
+        return residual_of(columns, [values.get("torque_offset", 0.0), friction / (1 + friction)])
+
+    bent = changed(posed(columns, problem.terms, (0.5, 0.1 / 1.1)), torque)
+    solution = simulated_numbers(bent, fit(bent, [(0,)]))
+    assert solution == pytest.approx([0.0, 0.1], abs=0.003)
+
+
+def test_numbers_that_cannot_be_simulated_are_approached_by_shorter_steps(columns):
+    """Beyond 0.06 the simulation diverges, so that a part of the way is gone."""
+
+    def torque(values):
+        friction = values.get("viscous_friction", 0.0)
+        if friction > 0.06:
+            raise SimulationFailed("it diverges")
+        return residual_of(columns, [values.get("torque_offset", 0.0), friction])
+
+    terms = (EFFECT, replace(FRICTION, prior_std=1.0))
+    problem = changed(posed(columns, terms), torque)
+    _, friction = simulated_numbers(problem, fit(problem, [(0,)]))
+    assert 0.02 < friction <= 0.06
+
+
+def test_with_a_twin_numbers_are_those_of_the_regression(columns):
+    """Both recordings have the same ones, and nothing is simulated."""
+    problem = posed(columns, twin=True)
+    found = fit(problem, [(0,)])
+    np.testing.assert_array_equal(simulated_numbers(problem, found), unexplained(problem, found)[1])
+
+
+def test_numbers_too_small_to_be_seen_are_left_out(columns):
+    """Less than a thousandth of the standard deviation."""
+    problem = posed(columns)
+    built = build(problem, fit(problem, [(0,)]), np.array([0.0, 9e-4]))
+    assert [term for term, _ in built.changes] == [EFFECT]
 
 
 def test_what_differs_between_any_two_runs_is_no_part_of_the_gap(columns):

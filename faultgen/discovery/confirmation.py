@@ -9,8 +9,8 @@ from itertools import chain
 import numpy as np
 
 from faultgen.discovery.fit import Fit, Group, fit
-from faultgen.discovery.gap import gap, scored_in_motion, unexplained
-from faultgen.discovery.model_edit import build
+from faultgen.discovery.gap import gap, scored_in_motion
+from faultgen.discovery.model_edit import build, simulated_numbers
 from faultgen.discovery.regression import Problem
 from faultgen.discovery.scoring_errors import (
     LARGER_OWN_SURE,
@@ -22,24 +22,27 @@ from faultgen.discovery.scoring_errors import (
     is_worse,
     limits_of,
 )
-from faultgen.discovery.selection import Choice, needed
-from faultgen.effects import get_effect
+from faultgen.discovery.selection import Choice, needed, rivals_of
+from faultgen.discovery.small_waves import without_small_waves
 
 MISSED = 4.0
 """Standard errors by which what an effect foretells on the scoring motions may be missing, if the
 error there does not decrease at all. It holds without a twin. Of 7 real effects of development
 cases one reaches 2.6; of 6 false ones whose error does not decrease all reach 5."""
 
+STRONG = 2.5
+"""Decrease of the misfit, less any increase on the scoring motions, over the needed one, from which
+an effect is not refuted by a larger squared error there. Real laws of friction differ from those of
+the catalogue, most of all at other speeds. It holds without a twin: assumed."""
+
+EVIDENT = 8.0
+"""The same from which a wave is evident, although it is small beside other errors. Of development
+cases, real waves have 13 to 209, and false ones at most 4."""
+
 MOSTLY = 0.5
 """Share of the decrease that an effect foretells of the squared error on the scoring motions, from
 which they bear it out although more is missing than chance explains. The law of a real effect
 differs from the catalogue's: assumed."""
-
-WAVE = 0.15
-"""Without a twin, share of what differs on its axis beyond noise that a periodic effect, or one at
-a place, must explain when it is simulated. Calibration does not change them, and what it leaves
-always contains some. Of development cases, two real waves explain 0.23 and 0.35, and six false ones
-at most 0.11."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,13 +50,15 @@ class Confirmed:
     """A set of effects that is borne out, and the model that goes with it."""
 
     choice: Choice
-    """The chosen set, and its rivals if no effect was removed."""
+    """The set that is borne out, and its rivals; a rival that took its place has none."""
     solution: np.ndarray
     """Calibrated value of every term in its prior standard deviations, shape (terms,); 0 for the
     effects of the set."""
 
 
-def confirmed(problem: Problem, choice: Choice, calibrated: np.ndarray) -> Confirmed:
+def confirmed(
+    problem: Problem, choice: Choice, calibrated: np.ndarray, numbers: np.ndarray
+) -> Confirmed:
     """Keep only the effects that are borne out by the scoring motions.
 
     Samples in motion are compared. An effect is removed for one of five reasons, where the set
@@ -73,57 +78,29 @@ def confirmed(problem: Problem, choice: Choice, calibrated: np.ndarray) -> Confi
         choice: The chosen set and its rivals.
         calibrated: Torque error of the calibrated model without effects, simulated, in N m; shape
             (samples, n_axes).
+        numbers: Its calibrated values in prior standard deviations, shape (terms,).
 
     Returns:
-        The same choice, or one with fewer effects and without rivals; and the calibrated values
-        with which the scoring motions are foretold best.
+        The same choice, or one with fewer effects and their rivals, or with a rival; and the
+        calibrated values with which the scoring motions are foretold best.
     """
     inside = scored_in_motion(problem)
     for best in chain([choice.best], _rivals(choice)):
-        kept, is_sure = _borne_out(problem, choice, best, inside)
-        kept, solution = _buildable(problem, choice, kept, calibrated, inside, is_sure)
-        kept = _without_small_waves(problem, choice, kept, solution, inside)
+        kept, trials = _borne_out(problem, choice, best, inside)
+        is_sure = bool(trials) and all(one.is_supported for one in trials)
+        kept, solution = _buildable(problem, choice, kept, calibrated, numbers, inside, is_sure)
+        if not problem.twin:
+            evident = {one.group for one in trials if one.is_evident}
+            kept = without_small_waves(problem, choice.problem, kept, solution, inside, evident)
         if kept.groups:
             break
-    new = choice if kept is choice.best else replace(choice, best=kept, rivals=())
-    return Confirmed(new, solution)
-
-
-def _without_small_waves(
-    problem: Problem, choice: Choice, best: Fit, solution: np.ndarray, inside: np.ndarray
-) -> Fit:
-    """The set without waves and effects at a place that explain hardly anything, without a twin.
-
-    Args:
-        problem: The residual and the terms.
-        choice: The chosen set and its rivals.
-        best: The set, as far as it is borne out.
-        solution: The calibrated values that go with it.
-        inside: Samples that are compared, shape (samples, n_axes).
-    """
-    if problem.twin or not any(_is_wave(problem, group) for group in best.groups):
-        return best
-    floor = np.square(gap(problem, problem.noise.of_samples(), inside)[1])
-
-    def open_gaps(fitted: Fit) -> np.ndarray:
-        """Squared simulated gap of each axis beyond noise."""
-        left = build(problem, fitted, solution).left
-        return np.asarray(np.square(gap(problem, left, inside)[1]) - floor)
-
-    after = open_gaps(best)
-    for group, rest in _without_one(choice.problem, best):
-        axis = problem.terms[group[0]].axis - 1
-        if not _is_wave(problem, group):
-            continue
-        before = open_gaps(rest)
-        if before[axis] - after[axis] < WAVE * before[axis]:
-            return _without_small_waves(problem, choice, rest, solution, inside)
-    return best
-
-
-def _is_wave(problem: Problem, group: Group) -> bool:
-    """Whether an effect is periodic, or acts at a place that is searched."""
-    return get_effect(problem.terms[group[0]].name).prior.use in ("periodic", "searched")
+    if kept is choice.best:
+        return Confirmed(choice, solution)
+    rivals: tuple[tuple[int, Group, float], ...] = ()
+    if kept.groups and set(kept.groups) <= set(choice.best.groups):  # no rival of the chosen set
+        found = rivals_of(choice.problem, kept)
+        rivals = tuple(one for one in found if one[1] not in choice.best.groups)
+    return Confirmed(replace(choice, best=kept, rivals=rivals), solution)
 
 
 def _rivals(choice: Choice) -> Iterator[Fit]:
@@ -135,7 +112,9 @@ def _rivals(choice: Choice) -> Iterator[Fit]:
             yield rival
 
 
-def _borne_out(problem: Problem, choice: Choice, best: Fit, inside: np.ndarray) -> tuple[Fit, bool]:
+def _borne_out(
+    problem: Problem, choice: Choice, best: Fit, inside: np.ndarray
+) -> tuple[Fit, list[Trial]]:
     """The part of a set that the scoring motions bear out.
 
     Args:
@@ -145,9 +124,9 @@ def _borne_out(problem: Problem, choice: Choice, best: Fit, inside: np.ndarray) 
         inside: Samples that are compared, shape (samples, n_axes).
 
     Returns:
-        The part, and whether the scoring motions bear out every effect of it by themselves.
+        The part, and what the scoring motions say about each effect of it.
     """
-    is_sure = False
+    trials: list[Trial] = []
     while best.groups:
         having = Error.of(problem, best, inside)
         trials = [
@@ -156,16 +135,17 @@ def _borne_out(problem: Problem, choice: Choice, best: Fit, inside: np.ndarray) 
         ]
         if not trials:
             break
-        is_sure = all(one.is_supported for one in trials)
         refuted = [one for one in trials if one.is_refuted]
         if refuted:  # the weakest first: a false effect distorts what the others seem to do
             best = min(refuted, key=lambda one: one.share).rest
         # each effect may compensate for another one, while none of them is right
-        elif not is_sure and Errors.of(problem, choice.fits[0], having, inside).are_worse(problem):
+        elif not all(one.is_supported or one.is_strong for one in trials) and Errors.of(
+            problem, choice.fits[0], having, inside
+        ).are_worse(problem):
             best = min(trials, key=lambda one: one.gain).rest
         else:
-            break
-    return best, is_sure
+            return best, trials
+    return best, []
 
 
 def _without_one(problem: Problem, best: Fit) -> list[tuple[Group, Fit]]:
@@ -182,6 +162,8 @@ def _without_one(problem: Problem, best: Fit) -> list[tuple[Group, Fit]]:
 class Trial:
     """What the scoring motions say about one effect of a set."""
 
+    group: Group
+    """The terms of the effect."""
     rest: Fit
     """The set without it."""
     gain: float
@@ -200,14 +182,21 @@ class Trial:
     """Whether the scoring motions bear out the effect by themselves."""
     is_minor: bool
     """Whether, with a twin, it explains only a small part of what differs on its axis."""
+    is_strong: bool
+    """Whether, without a twin, the evidence of all motions together is `STRONG`."""
 
     @property
     def is_refuted(self) -> bool:
         """Whether the effect is to be removed."""
         is_absent = self.seen < 0 and self.missed > MISSED
+        worse = is_absent or is_worse(self.gain, self.seen)
         grows = self.grows and not self.is_supported
-        worse = grows or is_worse(self.gain, self.seen)
-        return worse or is_absent or self.is_minor or self.share < 1
+        return grows or (worse and not self.is_strong) or self.is_minor or self.share < 1
+
+    @property
+    def is_evident(self) -> bool:
+        """Whether all motions show it so clearly that its torque may be a small part of the gap."""
+        return self.is_supported and self.share >= EVIDENT
 
     @classmethod
     def of(cls, problem: Problem, group: Group, fits: tuple[Fit, Fit], errors: Errors) -> Trial:
@@ -227,15 +216,18 @@ class Trial:
         # twin, the law of the effect decides how much, and real laws differ from the catalogue's
         missed = (foretold - seen) / (2 * np.sqrt(max(foretold, 1e-300)))
         missed = 0.0 if problem.twin else missed
+        share = (rest.misfit - best.misfit + min(errors.seen, 0.0)) / (errors.over * least)
         return cls(
+            group=group,
             rest=rest,
             gain=errors.gain,
             grows=errors.grows(problem, [problem.terms[group[0]].axis]),
             missed=missed,
             seen=seen,
-            share=(rest.misfit - best.misfit + min(errors.seen, 0.0)) / (errors.over * least),
+            share=share,
             is_supported=seen >= least and (abs(missed) <= MISSED or seen >= MOSTLY * foretold),
             is_minor=problem.twin and errors.is_minor(problem, problem.terms[group[0]].axis),
+            is_strong=not problem.twin and share >= STRONG,
         )
 
 
@@ -244,6 +236,7 @@ def _buildable(
     choice: Choice,
     best: Fit,
     calibrated: np.ndarray,
+    numbers: np.ndarray,
     inside: np.ndarray,
     is_sure: bool,
 ) -> tuple[Fit, np.ndarray]:
@@ -257,27 +250,26 @@ def _buildable(
         choice: The chosen set and its rivals.
         best: The set, as far as it is borne out.
         calibrated: Torque error of the calibrated model without effects, shape (samples, n_axes).
+        numbers: Its calibrated values, shape (terms,).
         inside: Samples that are compared, shape (samples, n_axes).
         is_sure: Whether the scoring motions bear out every effect by themselves.
 
     Returns:
         The part of the set, and the calibrated values that go with it.
     """
-    empty = choice.fits[0]
-    base = unexplained(problem, empty)[1]
     before = gap(problem, calibrated, inside)
 
     def simulated(fitted: Fit) -> tuple[Gap, np.ndarray]:
         """Smallest gap, with calibrated values that were found with the set or without effects."""
         found = []
-        for solution in (unexplained(problem, fitted)[1], base)[: 1 if problem.twin else 2]:
+        for solution in (simulated_numbers(problem, fitted), numbers)[: 1 if problem.twin else 2]:
             own = solution.copy()
             own[fitted.terms] = 0.0
             found.append((gap(problem, build(problem, fitted, own).left, inside), own))
         return min(found, key=lambda one: one[0][0])
 
     limits = (LARGER_SURE, LARGER_OWN_SURE) if is_sure else limits_of(problem)
-    after, solution = simulated(best) if best.groups else (before, base)
+    after, solution = simulated(best) if best.groups else (before, numbers)
     while best.groups:
         axes = {problem.terms[group[0]].axis for group in best.groups}
         if not is_larger(before, after, limits, axes):
@@ -286,4 +278,4 @@ def _buildable(
         if not tried:
             break
         after, solution, best = min(tried, key=lambda one: one[0][0])
-    return empty, base
+    return choice.fits[0], numbers

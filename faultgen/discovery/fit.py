@@ -141,9 +141,6 @@ def _fit(
         pairs = zip(terms, value.tolist(), strict=True)
         return problem.change([(problem.terms[t], v) for t, v in pairs])
 
-    def beside(evidence: Evidence, value: np.ndarray) -> Evidence:
-        return evidence.weighted(weights(problem, terms, value))
-
     value = start
     if value is None:
         solution, _, _ = evidence.solve(free=terms)
@@ -154,8 +151,14 @@ def _fit(
     for k, t in enumerate(terms):
         if t in plays:
             value = _scanned(problem, terms, value, k, simulate)
+    # fixed, because freedom that grows with the severity would make it grow further
+    weight = weights(problem, terms, value)
+
+    def beside(evidence: Evidence) -> Evidence:
+        return evidence.weighted(weight)
+
     told = np.tensordot(value.astype(np.float32), problem.raw[terms], axes=1)
-    _, _, expected = beside(problem.evidence(problem.residual - told), value).solve(held=terms)
+    _, _, expected = beside(problem.evidence(problem.residual - told)).solve(held=terms)
     _, _, nothing = evidence.solve(held=terms)
     straight = all(len(get_effect(problem.terms[t].name).prior.steps) < 2 for t in terms)
     best: tuple[float, np.ndarray, np.ndarray, Evidence] | None = None
@@ -163,7 +166,7 @@ def _fit(
         change = simulate(value)
         here = np.inf
         if change is not None:
-            evidence = beside(problem.evidence(problem.residual - change), value)
+            evidence = beside(problem.evidence(problem.residual - change))
             _, _, here = evidence.solve(held=terms)
         if best is None:
             if not here < nothing:  # the first step was too long
@@ -177,7 +180,7 @@ def _fit(
                 steps = {k: -0.02 * v or problem.terms[terms[k]].step for k, v in enumerate(value)}
                 slopes = differences(simulate, value, change, steps)
                 by_term = {terms[k]: slope for k, slope in slopes.items()}
-                evidence = beside(problem.evidence(problem.residual - change, by_term), value)
+                evidence = beside(problem.evidence(problem.residual - change, by_term))
             best = here, value, change, evidence
             solution, _, _ = evidence.solve(free=terms)
             delta = solution[terms] * scale

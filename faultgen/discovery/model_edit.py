@@ -13,11 +13,18 @@ import numpy as np
 
 from faultgen.discovery.candidates import INERTIA, Term
 from faultgen.discovery.fit import Fit, changes_of
+from faultgen.discovery.gap import unexplained
 from faultgen.discovery.regression import Problem
 from faultgen.discovery.replay import relative_error
-from faultgen.discovery.simulated_fit import SHARES, replaying
+from faultgen.discovery.simulated_fit import SHARES, replaying, step_of
 from faultgen.effects import get_effect
 from faultgen.robot import Robot
+
+_STEPS = 6  # simulations in which numbers are calibrated
+_SETTLED = 0.01  # share of the misfit that a step has to take off
+_WITHIN = 0.9  # share of the bounds of an effect that a number may reach
+_HELD = 1e12  # weight of the square of a term that stays zero
+_BENT = ("stiffness_hardening",)  # the torque is so far from straight in it that no step finds it
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +37,83 @@ class Built:
     """Torque of the residual that remains, simulated, shape (samples, n_axes)."""
     share: float
     """Share of the calibrated changes that the model contains."""
+
+
+def simulated_numbers(problem: Problem, fitted: Fit) -> np.ndarray:
+    """Calibrate the numbers that a model can contain, by simulation beside a set of effects.
+
+    The regression also has terms that no model can contain, such as other forms of friction, and
+    its sensitivities hold for small changes. Its numbers would therefore make a poor model. Here
+    only the numbers of the model vary, within the bounds of their effects, and the model is
+    simulated at each step (Levenberg and Marquardt, with the slopes of the unchanged model).
+
+    Args:
+        problem: The residual and the terms.
+        fitted: The set of effects. Their severities stay as they are.
+
+    Returns:
+        Value of every term in prior standard deviations, shape (terms,); 0 for the effects of the
+        set. With a twin, which has the same numbers, they are those of the regression.
+    """
+    if problem.twin:
+        return unexplained(problem, fitted)[1]
+    scale = np.array([term.prior_std for term in problem.terms])
+    bounds = np.array([_bounds(term) for term in problem.terms]) / scale[:, None]
+    weight = np.where(_usable(problem, fitted), 1.0, _HELD)
+    effects = changes_of(problem, fitted)
+    best, damping = np.zeros(len(scale)), 0.0
+    left = problem.evidence(problem.residual - fitted.change)
+    least = float(left.energy.sum())
+    for _ in range(_STEPS):
+        value = best + step_of(left, weight, best, damping)
+        value = np.clip(np.where(weight < _HELD, value, 0.0), *bounds.T)
+        change = problem.change(effects + _changes(problem, value))
+        here = np.inf
+        if change is not None:
+            now = problem.evidence(problem.residual - change)
+            here = float(now.energy.sum() + value @ value)
+        if not here < least:
+            damping = max(10 * damping, 0.1)
+            continue
+        done = here > (1 - _SETTLED) * least
+        best, left, least, damping = value, now, here, damping / 10
+        if done:
+            break
+    return best
+
+
+def _usable(problem: Problem, fitted: Fit) -> np.ndarray:
+    """Terms that are numbers of the model and may vary beside a set of effects, shape (terms,).
+
+    Not among them are effects that differ from their absence by more than a number: waves, plays,
+    effects at one place, and effects that act between steps. An effect that is probed with several
+    severities counts once.
+    """
+    named = {problem.terms[t].key for t in fitted.terms}
+    seen = set()
+    usable = []
+    for term in problem.terms:
+        number = term.name == INERTIA
+        which = (term.key, term.parameters)
+        if term.is_effect and term.key not in named and which not in seen:
+            effect = get_effect(term.name)
+            number = (
+                effect.prior.use in ("always", "on request")
+                and term.name not in _BENT
+                and not effect.prior.play
+                and effect.between is None
+            )
+            seen.add(which)
+        usable.append(number)
+    return np.array(usable)
+
+
+def _bounds(term: Term) -> tuple[float, float]:
+    """Smallest and largest value of a number."""
+    if not term.is_effect or term.parameters:
+        return -np.inf, np.inf
+    effect = get_effect(term.name)
+    return _WITHIN * effect.smallest, _WITHIN * effect.largest
 
 
 def build(problem: Problem, fitted: Fit, solution: np.ndarray) -> Built:
@@ -83,7 +167,7 @@ def _candidates(problem: Problem, fitted: Fit, solution: np.ndarray) -> Iterator
         size = solution * np.array([term.prior_std for term in problem.terms])
         left = left - np.tensordot(size.astype(np.float32), problem.raw, axes=1)
     alone = Built(effects, left, 0.0)
-    numbers = _numbers(problem, solution)
+    numbers = [] if problem.twin else _changes(problem, solution)
     limit = _fitting_error(problem, alone.left)
     for share in SHARES if numbers else ():
         changes = effects + [(term, share * value) for term, value in numbers]
@@ -93,27 +177,10 @@ def _candidates(problem: Problem, fitted: Fit, solution: np.ndarray) -> Iterator
     yield alone
 
 
-def _numbers(problem: Problem, solution: np.ndarray) -> list[tuple[Term, float]]:
-    """Calibrated values. With a twin there are none: both recordings have the same numbers."""
-    if problem.twin:
-        return []
+def _changes(problem: Problem, solution: np.ndarray) -> list[tuple[Term, float]]:
+    """Calibrated values as changes of the model."""
     pairs = zip(problem.terms, solution.tolist(), strict=True)
-    values = [(term, value * term.prior_std) for term, value in pairs if abs(value) > 1e-3]
-    return [(term, value) for term, value in values if _possible(term, value)]
-
-
-def _possible(term: Term, value: float) -> bool:
-    """Whether calibration may put a change into the model.
-
-    Periodic effects and values beyond the bounds of an effect are not allowed. Effects that act
-    between steps are not allowed either: they slow every simulation down, and their calibrated
-    values are far too small to be seen.
-    """
-    if not term.is_effect:
-        return term.name == INERTIA
-    effect = get_effect(term.name)
-    allowed = effect.prior.use != "periodic" and effect.between is None
-    return allowed and effect.smallest < value < effect.largest
+    return [(term, value * term.prior_std) for term, value in pairs if abs(value) > 1e-3]
 
 
 def _fitting_error(problem: Problem, left: np.ndarray) -> float:
@@ -124,7 +191,7 @@ def _fitting_error(problem: Problem, left: np.ndarray) -> float:
 
 def _lacks(problem: Problem, built: Built, solution: np.ndarray) -> list[str]:
     """One line for each found change that a stable model does not contain."""
-    if built.share == 1 or not _numbers(problem, solution):
+    if built.share == 1 or problem.twin or not _changes(problem, solution):
         return []
     has = f"{built.share:.0%}" if built.share else "none"
     return [

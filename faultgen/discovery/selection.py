@@ -141,6 +141,19 @@ def choose(problem: Problem) -> Choice:
     return Choice(problem, tuple(fits), current, tuple(search.rivals(current)), is_complete)
 
 
+def rivals_of(problem: Problem, fitted: Fit) -> tuple[tuple[int, Group, float], ...]:
+    """Find the exchanges of a set that the residual does not exclude.
+
+    Args:
+        problem: The residual on which sets are compared.
+        fitted: The set.
+
+    Returns:
+        As `Choice.rivals`.
+    """
+    return tuple(_Search(problem).rivals(fitted))
+
+
 class _Search:
     """Search among sets of effects of one problem. Each set is fitted only once."""
 

@@ -175,12 +175,24 @@ def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[
             damping = max(10 * damping, 0.1)
         if local is None:
             break
-        value = best[1] + _step(local, weight, best[1], damping)
+        value = best[1] + step_of(local, weight, best[1], damping)
     return _possible(problem, best[1] * scale, form)
 
 
-def _step(evidence: Evidence, weight: np.ndarray, value: np.ndarray, damping: float) -> np.ndarray:
-    """One step of Levenberg and Marquardt for values whose prior has mean zero."""
+def step_of(
+    evidence: Evidence, weight: np.ndarray, value: np.ndarray, damping: float
+) -> np.ndarray:
+    """Compute a step of Levenberg and Marquardt for values whose prior has mean zero.
+
+    Args:
+        evidence: Inner products with the residual that the values leave.
+        weight: Weight of the square of each value, shape (terms,).
+        value: The values, in prior standard deviations, shape (terms,).
+        damping: Share by which the diagonal is raised.
+
+    Returns:
+        The step, shape (terms,).
+    """
     precision = evidence.gram.sum(axis=0) + np.diag(weight)
     precision[np.diag_indices_from(precision)] *= 1 + damping
     return np.linalg.solve(precision, evidence.right.sum(axis=0) - weight * value)

@@ -10,7 +10,7 @@ from faultgen.discovery.confirmation import confirmed
 from faultgen.discovery.diagnostics import where
 from faultgen.discovery.fit import Fit, first_of
 from faultgen.discovery.gap import gap, scored, unexplained
-from faultgen.discovery.model_edit import build, build_stable
+from faultgen.discovery.model_edit import build, build_stable, simulated_numbers
 from faultgen.discovery.patterns import Pattern, patterns
 from faultgen.discovery.regression import Problem
 from faultgen.discovery.result import (
@@ -54,10 +54,11 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         The answer.
     """
     empty = choice.fits[0]
-    without, base_values = unexplained(problem, empty)
+    without, _ = unexplained(problem, empty)
+    base_values = simulated_numbers(problem, empty)
     basic = build(problem, empty, base_values)
     calibrated = gap(problem, basic.left)
-    kept = confirmed(problem, choice, basic.left)
+    kept = confirmed(problem, choice, basic.left, base_values)
     choice, best = kept.choice, kept.choice.best
     left, _ = unexplained(problem, best)
     white = problem.whiten(left)
