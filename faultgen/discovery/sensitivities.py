@@ -18,6 +18,8 @@ from joblib import delayed
 
 from faultgen.discovery.candidates import Term
 from faultgen.discovery.replay import Replay
+from faultgen.effects import get_effect
+from faultgen.effects.prior import Prior
 from faultgen.effects.temperature import friction_ratios
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.provenance import provenance
@@ -68,14 +70,41 @@ def sensitivities(
     for (term,), run in zip(simulated, moved, strict=True):
         if np.isfinite(run).all():
             by_term[term] = (run - base) / term.step
-    nothing = np.zeros_like(base)
-    changes = [
-        _by_temperature(replay, term.axis, by_term)
-        if term.name == TEMPERATURE
-        else by_term.get(term, nothing)
-        for term in terms
-    ]
-    return base, np.array(changes, np.float32)
+    return base, _in_order(replay, terms, by_term)
+
+
+def are_alone(replay: Replay, terms: Sequence[Term]) -> list[bool]:
+    """Tell which terms change the torque of their own axis only, so that axes share a simulation.
+
+    If the rotors follow measured positions, whatever acts on a rotor is answered by its own servo,
+    and no other axis notices. Periodic effects hardly move other axes in any case.
+
+    Args:
+        replay: The recording and the model.
+        terms: Terms to probe.
+
+    Returns:
+        Whether each term may go to `own_sensitivities`.
+    """
+    alone = []
+    for term in terms:
+        prior = get_effect(term.name).prior if term.is_effect else Prior()
+        of_rotor = prior.at_motor and prior.own_axis_only or term.name == TEMPERATURE
+        of_turn = prior.use == "periodic" and prior.own_axis_only
+        alone.append(replay.measured and of_rotor or of_turn)
+    return alone
+
+
+def _in_order(replay: Replay, terms: Sequence[Term], known: dict[Term, np.ndarray]) -> np.ndarray:
+    """Column of each term; 0 if it could not be simulated. Shape (terms, samples, n_axes)."""
+    shape = replay.recording.torque.shape
+    out = np.zeros((len(terms), *shape), np.float32)
+    for k, term in enumerate(terms):
+        if term.name == TEMPERATURE:
+            out[k] = _by_temperature(replay, term.axis, known)
+        elif term in known:
+            out[k] = known[term]
+    return out
 
 
 def own_sensitivities(
@@ -86,7 +115,7 @@ def own_sensitivities(
     workers: int = 1,
     cache: Path | None = None,
 ) -> np.ndarray:
-    """Simulate the change of the torque with terms that hardly move any axis but their own.
+    """Simulate the change of the torque with terms that hardly change any axis but their own.
 
     Terms that differ only in the axis are simulated together: the first of each axis, the second,
     and so on, if an axis has several with the same parameters.
@@ -103,21 +132,24 @@ def own_sensitivities(
     """
     of_axis: dict[tuple, list[Term]] = {}
     for term in terms:
-        of_axis.setdefault((term.key, term.parameters), []).append(term)
+        if term.name != TEMPERATURE:
+            of_axis.setdefault((term.key, term.parameters), []).append(term)
     together: dict[tuple, list[Term]] = {}
     for alike in of_axis.values():
         for place, term in enumerate(alike):
             together.setdefault((term.name, term.parameters, place), []).append(term)
     groups = [tuple(group) for group in together.values()]
-    out = {}
+    known: dict[Term, np.ndarray] = {}
     for group, run in zip(groups, _runs(replay, groups, workers, cache), strict=True):
-        for term in group:
-            column = np.zeros(base.shape, np.float32)
-            if np.isfinite(run).all():
-                axis = term.axis - 1
-                column[:, axis] = (run - base)[:, axis] / term.step
-            out[term] = column
-    return np.array([out[term] for term in terms], np.float32).reshape(-1, *base.shape)
+        runs = [run] * len(group)
+        if not np.isfinite(run).all():  # perhaps because of one axis
+            runs = _runs(replay, [(term,) for term in group], workers, cache)
+        for term, own in zip(group, runs, strict=True):
+            axis = term.axis - 1
+            if np.isfinite(own).all():
+                known[term] = np.zeros(base.shape, np.float32)
+                known[term][:, axis] = (own - base)[:, axis] / term.step
+    return _in_order(replay, terms, known)
 
 
 def _runs(

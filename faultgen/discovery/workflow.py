@@ -42,10 +42,9 @@ from faultgen.discovery.result import AMBIGUOUS, Answer
 from faultgen.discovery.run_to_run import between_axes, between_temperatures, differences, widened
 from faultgen.discovery.samples import counted
 from faultgen.discovery.selection import Choice, choose
-from faultgen.discovery.sensitivities import own_sensitivities, sensitivities
+from faultgen.discovery.sensitivities import are_alone, own_sensitivities, sensitivities
 from faultgen.discovery.transients import unsettled
 from faultgen.discovery.verdict import answer
-from faultgen.effects import EFFECTS
 from faultgen.errors import InputError
 from faultgen.robot import Robot
 from faultgen.system.progress import Progress
@@ -120,11 +119,11 @@ def investigate(
         exclude = {*exclude, *HIDDEN_BEHIND_GEARS}
     compared = counted(recording, robot, twin=twin is not None)
     replay, following = suited_replay(recording, robot, compared)
-    terms = effect_terms(robot, exclude, include) + inertia_terms(robot)
-    waves = _waves(robot, exclude)
-    own = [term for term in waves if EFFECTS[term.name].prior.own_axis_only]
+    terms = effect_terms(robot, exclude, include) + inertia_terms(robot) + _waves(robot, exclude)
+    alone = are_alone(replay, terms)
+    own = [term for term, is_alone in zip(terms, alone, strict=True) if is_alone]
     scanned = scanned_terms(robot, exclude)
-    terms += [term for term in waves if term not in own]
+    terms = [term for term, is_alone in zip(terms, alone, strict=True) if not is_alone]
     base, raw = sensitivities(replay, terms, workers=workers, cache=cache)
     discrepancy = discrepancy_terms(robot)
     raw = np.concatenate(

@@ -1,0 +1,81 @@
+"""Sensitivities of several axes from one simulation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from faultgen.discovery import sensitivities as module
+from faultgen.discovery.candidates import ORDERS, effect_terms, periodic_terms
+from faultgen.discovery.inertia import inertia_terms
+from faultgen.discovery.replay import Replay
+from faultgen.discovery.samples import counted
+from faultgen.discovery.sensitivities import are_alone, own_sensitivities, sensitivities
+from faultgen.errors import SimulationFailed
+
+
+@pytest.fixture(scope="module")
+def recording(measured):
+    """Motion of the small robot, which also becomes warm."""
+    found = measured([], 1)
+    return replace(found, temperature=np.linspace(30.0, 60.0, len(found.torque)))
+
+
+def shared(replay):
+    """Terms that share simulations."""
+    terms = effect_terms(replay.robot)
+    return [term for term, alone in zip(terms, are_alone(replay, terms), strict=True) if alone]
+
+
+def test_which_terms_share_a_simulation(recording, tiny_robot):
+    """What acts on rotors that follow measured positions; ripple in any case."""
+    ripple = list(periodic_terms(tiny_robot, "torque_ripple", 1, ORDERS[0]))
+    error = list(periodic_terms(tiny_robot, "transmission_error", 1, ORDERS[0]))
+    others = inertia_terms(tiny_robot) + error
+    commanded, measured = (Replay(recording, tiny_robot, measured=how) for how in (False, True))
+    assert are_alone(measured, ripple + others) == [True] * 2 + [False] * len(others)
+    assert are_alone(commanded, ripple + others) == [True] * 2 + [False] * len(others)
+    assert shared(commanded) == []
+    names = {term.name for term in shared(measured)}
+    assert {"coulomb_friction", "rotor_inertia", "temperature_friction"} <= names
+    assert not names & {"gear_stiffness", "gravity_spring", "wrist_coupling_friction", "backlash"}
+
+
+def test_they_agree_with_simulations_of_their_own(recording, tiny_robot):
+    """On their own axis; and what is left out on the other one is small beside it.
+
+    The stick and slip of slow motion is not compared, as in discovery.
+    """
+    replay = Replay(recording, tiny_robot, measured=True)
+    terms = shared(replay)
+    base, each = sensitivities(replay, terms)
+    together = own_sensitivities(replay, terms, base)
+    inside = counted(recording, tiny_robot, twin=False)
+    for term, alone, own in zip(terms, each, together, strict=True):
+        axis, other = term.axis - 1, 2 - term.axis
+        size = np.sqrt(np.mean(alone[inside[:, axis], axis] ** 2))
+        assert size > 0, term
+        assert not own[:, other].any()
+        apart = np.sqrt(np.mean((own - alone)[inside[:, axis], axis] ** 2))
+        left_out = np.sqrt(np.mean(alone[inside[:, other], other] ** 2))
+        assert apart < 0.03 * size, (term, apart / size)
+        assert left_out < 0.1 * size, (term, left_out / size)
+
+
+def test_an_axis_that_diverges_does_not_spoil_the_others(recording, tiny_robot, monkeypatch):
+    """Each axis is then simulated for itself."""
+    replay = Replay(recording, tiny_robot, measured=True)
+    terms = [term for term in shared(replay) if term.name == "viscous_friction"]
+    base = replay.torque()
+    whole = own_sensitivities(replay, terms, base)
+    simulate = Replay.torque
+
+    def torque(self, changes=(), disturbance=None):
+        if any(term.axis == 2 for term, _ in changes):
+            raise SimulationFailed("it diverges")
+        return simulate(self, changes, disturbance)
+
+    monkeypatch.setattr(module.Replay, "torque", torque)
+    found = own_sensitivities(replay, terms, base)
+    assert np.abs(found[0]).max() > 0 and not found[1].any()
+    np.testing.assert_allclose(found[0], whole[0], atol=0.03 * np.abs(whole[0]).max())
