@@ -268,7 +268,7 @@ def _buildable(
             found.append((gap(problem, build(problem, fitted, own).left, inside), own))
         return min(found, key=lambda one: one[0][0])
 
-    limits = (LARGER_SURE, LARGER_OWN_SURE) if is_sure else limits_of(problem)
+    limits = (LARGER_SURE, LARGER_OWN_SURE) if is_sure else limits_of(problem, built=True)
     after, solution = simulated(best) if best.groups else (before, numbers)
     while best.groups:
         axes = {problem.terms[group[0]].axis for group in best.groups}

@@ -16,9 +16,13 @@ LARGER_TWIN, LARGER_OWN_TWIN = 1.005, 1.03
 """Gap with an effect, over that without it, from which the effect counts as refuted if there is a
 twin: gap of all axes, and of the axis on which the effect acts. Assumed."""
 
-LARGER, LARGER_OWN = 1.02, 1.06
-"""The same without a twin, where the model's own numbers imitate an effect that is left out:
-assumed."""
+LARGER, LARGER_OWN = 1.02, 1.015
+"""The same without a twin, where the model's own numbers imitate an effect that is left out. On
+development cases, seven real effects leave the gap of their axis as it is or make it smaller, and
+five false ones make it larger by 1.8 % to 5.8 %."""
+
+LARGER_BUILT, LARGER_OWN_BUILT = 1.02, 1.06
+"""The same without a twin if the model is simulated with the effects: assumed."""
 
 LARGER_SURE, LARGER_OWN_SURE = 1.1, 1.2
 """The same if the scoring motions bear out every effect by themselves. Other errors may be so much
@@ -151,9 +155,16 @@ def is_worse(gain: float, seen: float) -> bool:
     return gain < REFUTED and seen < -WORSE
 
 
-def limits_of(problem: Problem) -> tuple[float, float]:
-    """Ratio from which a gap is clearly larger: of all axes, and of one axis."""
-    return (LARGER_TWIN, LARGER_OWN_TWIN) if problem.twin else (LARGER, LARGER_OWN)
+def limits_of(problem: Problem, *, built: bool = False) -> tuple[float, float]:
+    """Ratio from which a gap is clearly larger: of all axes, and of one axis.
+
+    Args:
+        problem: The recording and the model.
+        built: Whether the models are simulated.
+    """
+    if problem.twin:
+        return LARGER_TWIN, LARGER_OWN_TWIN
+    return (LARGER_BUILT, LARGER_OWN_BUILT) if built else (LARGER, LARGER_OWN)
 
 
 def is_larger(before: Gap, after: Gap, limits: tuple[float, float], axes: Iterable[int]) -> bool:
