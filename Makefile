@@ -25,7 +25,7 @@ demo: install
 
 docs: install
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
-	@echo build/site/index.html
+	@echo 'build/site/index.html; with search: $(BIN)/python -m http.server -d build/site'
 
 test: install lint
 	$(BIN)/python -m pytest -n auto -m 'not slow'

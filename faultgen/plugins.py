@@ -54,8 +54,10 @@ def load(name: str) -> object:
     except InputError:
         raise
     except Exception as error:  # whatever the code of another package raises
+        file = Path(f"{place}.py")
+        hint = f"; give ./{file}:{wanted} for the file in this folder" if file.is_file() else ""
         raise InputError(
-            f"method '{name}': {place} cannot be loaded ({what_it_says(error)})"
+            f"method '{name}': {place} cannot be loaded ({what_it_says(error)}){hint}"
         ) from None
     if not hasattr(module, wanted):
         raise InputError(f"method '{name}': {place} has no '{wanted}'")

@@ -178,6 +178,7 @@ def test_a_division_that_does_not_exist_is_refused(made):
     [
         ("mine", "method 'mine': give my_package:MyClass or ./my_file.py:MyClass"),
         ("no_such_package:Mine", "no_such_package cannot be loaded .ModuleNotFoundError"),
+        ("good_method:Mine", "; give ./good_method.py:Mine for the file in this folder"),
         ("./missing.py:Mine", "there is no file .*missing.py"),
         ("broken_method.py:Mine", "broken_method.py cannot be loaded .ZeroDivisionError"),
         ("good_method.py:Mine", "good_method.py has no 'Mine'"),

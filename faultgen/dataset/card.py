@@ -24,7 +24,8 @@ _LIMITATIONS = (
     "Everything is simulated. Real robots differ from their models, in friction above all, so "
     "methods usually do worse on them than on these data.",
     "The parameters of the robots are partly measured, partly derived and partly assumed. The "
-    "README of each robot states the source of every number.",
+    "README of puma560 and irb6700 states the source of every number. Most drive data of a robot "
+    "that `faultgen robot build` made are assumed; its drives.toml marks them.",
     "All runs of a robot have the same parameters, unless the experiment names several robots that "
     "differ. Scores on these data do not show how well a method transfers to other robots.",
     "A fault grows along a schedule that was chosen. How fast real faults grow is not modelled.",
