@@ -9,6 +9,7 @@ import pytest
 from faultgen.dataset.experiment import make_experiment, to_toml
 from faultgen.dataset.planning import plan_runs
 from faultgen.dataset.reader import open_dataset
+from faultgen.dataset.run_file import units_with_slides
 from faultgen.dataset.sweep import generate
 from faultgen.effects import EFFECTS, get_effect
 from faultgen.errors import InputError
@@ -64,6 +65,17 @@ def test_units_follow_the_joint(slider_path):
     backlash, offset = get_effect("backlash"), get_effect("torque_offset")
     assert [backlash.units_on(robot, axis) for axis in (1, 2)] == ["rad", "m"]
     assert [offset.units_on(robot, axis) for axis in (1, 2)] == ["N m", "N m"]
+
+
+def test_arrays_of_the_arm_side_state_both_units(slider_path, tiny_robot):
+    """The same array holds angles of axis 1 and ways of axis 2."""
+    robot = load_robot(slider_path)
+    names = ("signals/motor_position", "truth/joint_position", "truth/gear_torque")
+    told = [None, "rad; axis 2: m", "N m; axis 2: N"]
+    assert [units_with_slides(name, robot) for name in names] == told
+    assert not any(units_with_slides(name, tiny_robot) for name in names)
+    lift = load_robot("benchmarks/laboratories/robots/lift1.xml")
+    assert units_with_slides("command/reference_position", lift) == "m"
 
 
 def test_one_run_has_one_unit(slider_path, tiny_task_path):

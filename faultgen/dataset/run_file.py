@@ -23,6 +23,14 @@ from faultgen.provenance import Provenance, provenance
 from faultgen.robot import Robot
 from faultgen.simulation.nominal import Nominal
 
+_ARM_SIDE = {
+    "joint_position": ("rad", "m"),
+    "reference_position": ("rad", "m"),
+    "joint_velocity": ("rad/s", "m/s"),
+    "gear_torque": ("N m", "N"),
+}
+"""Units of arrays of the arm side by their name, for joints that turn and joints that slide."""
+
 
 def run_provenance() -> Provenance:
     """The versions and the hash of the code that the bytes of a run file depend on."""
@@ -197,3 +205,27 @@ def create_arrays(writer: RunWriter, run: Run, nominal: Nominal, around: Surroun
         writer.create(f"monitoring/{name}", shape, "f8", ("cycle_number", "axis", "bin"))
     for name in run.signals:
         writer.create(name, (run.cycles, kept, n_axes), "f4", ("cycle_number", "time", "axis"))
+    for name in ("command/reference_position", *run.signals):
+        with_slides = units_with_slides(name, robot)
+        if with_slides is not None:
+            writer.describe(name, units=with_slides)
+
+
+def units_with_slides(name: str, robot: Robot) -> str | None:
+    """Units of an array of the arm side if joints of the robot slide, such as ``rad; axis 1: m``.
+
+    Args:
+        name: Path of the array.
+        robot: The robot.
+
+    Returns:
+        The units, or None if those of turning joints are right.
+    """
+    pair = _ARM_SIDE.get(name.split("/")[-1])
+    if pair is None or not robot.slides.any():
+        return None
+    turning, sliding = pair
+    if robot.slides.all():
+        return sliding
+    axes = ", ".join(str(axis + 1) for axis in np.flatnonzero(robot.slides))
+    return f"{turning}; axis {axes}: {sliding}"
