@@ -133,7 +133,7 @@ def test_laws_complete_an_answer_that_explains_too_little(problem, given):
 def test_effects_that_imitate_a_law_are_left_out(problem, monkeypatch, axis, kept):
     """On the axis of the law, the named effect only imitates it; on another axis it is right."""
 
-    def kept_as_it_is(problem, choice, calibrated):
+    def kept_as_it_is(problem, choice, *_):
         return Confirmed(choice, unexplained(problem, choice.best)[1])
 
     monkeypatch.setattr(verdict, "confirmed", kept_as_it_is)
