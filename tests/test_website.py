@@ -31,10 +31,10 @@ def test_the_website_is_built_without_warnings(tmp_path):
     assert "no such anchor" not in done.stderr and "does not contain an anchor" not in done.stderr
     for page, says in (
         ("index.html", "Generate a labelled dataset"),
-        ("reference/python/index.html", "faultgen.robot.load_robot"),
-        ("reference/analysis/index.html", "PCAMonitor"),
-        ("reference/commands/index.html", "faultgen discover"),
-        ("robots/puma560/index.html", "Corke"),
+        ("reference/python.html", "faultgen.robot.load_robot"),
+        ("reference/analysis.html", "PCAMonitor"),
+        ("reference/commands.html", "faultgen discover"),
+        ("robots/puma560.html", "Corke"),
     ):
         assert says in (tmp_path / "site" / page).read_text(), page
 
