@@ -156,13 +156,20 @@ def without_weight():
     return trust
 
 
-@pytest.mark.parametrize("twin", [True, False])
-@pytest.mark.parametrize("more", [0.99, 1.01])
-def test_the_gap_of_the_own_axis_grows_beyond_a_limit(trials, twin, more):
+@pytest.mark.parametrize(
+    ("twin", "strong", "limit"),
+    [
+        (True, True, LARGER_OWN_TWIN),
+        (False, True, LARGER_OWN_BUILT),
+        (False, False, LARGER_OWN),
+    ],
+)
+@pytest.mark.parametrize("more", [0.996, 1.004])
+def test_the_gap_of_the_own_axis_grows_beyond_a_limit(trials, twin, strong, limit, more):
     """From 1 N m without the effect to some N m; the gap of all axes hardly changes."""
-    ratio = more * LIMITS[twin][1]
-    shape = column(FITTED[0], (1 - ratio) * STEADY)
-    left = column(FITTED[0], STEADY) + column(0, 10 * STEADY, axis=2)
+    fitted = (1.0 if strong else WEAK) * FITTED[0]
+    shape = column(fitted, (1 - more * limit) * STEADY)
+    left = column(fitted, STEADY) + column(0, 10 * STEADY, axis=2)
     problem = written_down([offset(1)], [shape], left, twin=twin, trust=without_weight())
     kept = groups_left(problem, chosen(problem, (0,)))
     _, _, trial = trials[0]

@@ -217,17 +217,19 @@ class Trial:
         missed = (foretold - seen) / (2 * np.sqrt(max(foretold, 1e-300)))
         missed = 0.0 if problem.twin else missed
         share = (rest.misfit - best.misfit + min(errors.seen, 0.0)) / (errors.over * least)
+        is_strong = not problem.twin and share >= STRONG
+        limits = limits_of(problem, built=is_strong)
         return cls(
             group=group,
             rest=rest,
             gain=errors.gain,
-            grows=errors.grows(problem, [problem.terms[group[0]].axis]),
+            grows=errors.grows(problem, [problem.terms[group[0]].axis], limits),
             missed=missed,
             seen=seen,
             share=share,
             is_supported=seen >= least and (abs(missed) <= MISSED or seen >= MOSTLY * foretold),
             is_minor=problem.twin and errors.is_minor(problem, problem.terms[group[0]].axis),
-            is_strong=not problem.twin and share >= STRONG,
+            is_strong=is_strong,
         )
 
 
