@@ -44,6 +44,17 @@ def test_weights_follow_the_size_of_the_effect():
     assert weights(problem, [], np.array([])) is None
 
 
+@pytest.mark.parametrize(("unlike", "is_free"), [(0.1, False), (0.5, True)])
+def test_a_law_does_not_miss_what_is_the_same_law(unlike, is_free):
+    """Otherwise a part of an effect would count as another effect, such as Coulomb as wear."""
+    terms = [Term(name, 1, 0.1, 0.03) for name in ("friction_wear", "coulomb_friction")]
+    columns = np.zeros((2, COUNT, 2))
+    columns[0, :, 0] = np.sign(SPEED)
+    columns[1, :, 0] = np.sign(SPEED) + unlike * np.cos(20 * SPEED)
+    problem = written_down(terms, columns, columns[0])
+    assert (weights(problem, [0], np.array([0.4]))[1] < 1) == is_free
+
+
 @pytest.mark.parametrize("bend", [0.0, 0.15])
 def test_an_effect_whose_law_bends_is_named_alone(bend, monkeypatch):
     """Without what laws may miss, a second effect that is not there would be named."""

@@ -22,6 +22,8 @@ LAW_ERROR = 0.1
 """RMS of what the law of an effect of speed-dependent friction misses, over that of the effect:
 assumed."""
 
+_SAME = 0.98  # correlation from which two laws are one, so that neither misses the other: assumed
+
 
 def weights(problem: Problem, terms: Sequence[int], values: np.ndarray) -> np.ndarray | None:
     """Compute the weight of the square of each term in the misfit, beside a set of effects.
@@ -47,6 +49,8 @@ def weights(problem: Problem, terms: Sequence[int], values: np.ndarray) -> np.nd
         for other, one in enumerate(problem.terms):
             alike = one.is_effect and get_effect(one.name).prior.group == group
             if alike and one.axis == axis and other not in terms:
+                if _likeness(problem, term, other) > _SAME:
+                    continue
                 share = LAW_ERROR * size / max(_size(problem, other) * one.prior_std, 1e-300)
                 weight[other] = 1 / (1 / weight[other] + share**2)
     return weight
@@ -101,3 +105,12 @@ def _size(problem: Problem, term: int) -> float:
     axis = problem.terms[term].axis - 1
     rows = problem.inside[:, axis]
     return float(np.sqrt(np.mean(problem.raw[term, rows, axis] ** 2))) if rows.any() else 0.0
+
+
+def _likeness(problem: Problem, term: int, other: int) -> float:
+    """Correlation of the torques of two terms on the axis of the first."""
+    axis = problem.terms[term].axis - 1
+    rows = problem.inside[:, axis]
+    one, two = (problem.raw[k, rows, axis].astype(float) for k in (term, other))
+    size = float(np.sqrt((one @ one) * (two @ two)))
+    return abs(float(one @ two)) / size if size > 0 else 0.0
