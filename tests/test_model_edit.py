@@ -83,6 +83,7 @@ def test_calibrated_numbers_are_reduced_until_the_model_is_simulated(columns, li
     np.testing.assert_allclose(built.left, left, atol=1e-3)
 
 
+COUPLING = Term("wrist_coupling_friction", 1, 0.1, 0.1, (("ratio", 1.0),))
 WAVE = Term("torque_ripple", 1, 0.1, 0.1, (("order", 1.0), ("phase", 0.0)))
 
 
@@ -91,6 +92,7 @@ WAVE = Term("torque_ripple", 1, 0.1, 0.1, (("order", 1.0), ("phase", 0.0)))
     [
         (FRICTION, 0.1, 0.1),
         (FRICTION, -0.85, -0.81),  # the smallest severity is -0.9
+        (COUPLING, -0.5, 0.0),  # friction of a coupling is not negative
         (Term("backlash", 1, 1e-4, 1e-2), 1e-3, 0.0),  # a play is there or not
         (WAVE, 0.3, 0.0),
         (Term("load_friction", 1, 0.1, 0.1), 0.3, 0.0),  # acts between steps

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultgen.discovery.candidates import INERTIA, Term
-from faultgen.discovery.fit import Fit, changes_of
+from faultgen.discovery.fit import Fit, bounds_of, changes_of
 from faultgen.discovery.gap import unexplained
 from faultgen.discovery.regression import Problem
 from faultgen.discovery.replay import relative_error
@@ -58,15 +58,18 @@ def simulated_numbers(problem: Problem, fitted: Fit) -> np.ndarray:
     if problem.twin:
         return unexplained(problem, fitted)[1]
     scale = np.array([term.prior_std for term in problem.terms])
-    bounds = np.array([_bounds(term) for term in problem.terms]) / scale[:, None]
-    weight = np.where(_usable(problem, fitted), 1.0, _HELD)
+    usable = _usable(problem, fitted)
+    bounded = [k for k in np.flatnonzero(usable).tolist() if problem.terms[k].is_effect]
+    bounds = np.array([[-np.inf], [np.inf]]) * np.ones(len(scale))
+    bounds[:, bounded] = _WITHIN * np.array(bounds_of(problem, bounded)) / scale[bounded]
+    weight = np.where(usable, 1.0, _HELD)
     effects = changes_of(problem, fitted)
     best, damping = np.zeros(len(scale)), 0.0
     left = problem.evidence(problem.residual - fitted.change)
     least = float(left.energy.sum())
     for _ in range(_STEPS):
         value = best + step_of(left, weight, best, damping)
-        value = np.clip(np.where(weight < _HELD, value, 0.0), *bounds.T)
+        value = np.clip(np.where(usable, value, 0.0), *bounds)
         change = problem.change(effects + _changes(problem, value))
         here = np.inf
         if change is not None:
@@ -106,14 +109,6 @@ def _usable(problem: Problem, fitted: Fit) -> np.ndarray:
             seen.add(which)
         usable.append(number)
     return np.array(usable)
-
-
-def _bounds(term: Term) -> tuple[float, float]:
-    """Smallest and largest value of a number."""
-    if not term.is_effect or term.parameters:
-        return -np.inf, np.inf
-    effect = get_effect(term.name)
-    return _WITHIN * effect.smallest, _WITHIN * effect.largest
 
 
 def build(problem: Problem, fitted: Fit, solution: np.ndarray) -> Built:
