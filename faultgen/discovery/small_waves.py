@@ -7,6 +7,7 @@ considerable part of what differs on its axis.
 from __future__ import annotations
 
 from collections.abc import Collection
+from functools import cache
 
 import numpy as np
 
@@ -48,29 +49,31 @@ def without_small_waves(
     """
     floor = np.square(gap(problem, problem.noise.of_samples(), inside)[1])
 
-    def open_gap(groups: Collection[Group], axis: int) -> float:
-        """Squared simulated gap of an axis beyond noise; infinite if there is no such set."""
-        fitted = best if tuple(groups) == best.groups else fit(refitted, list(groups))
-        if fitted is None:
-            return np.inf
-        left = build(problem, fitted, solution).left
-        return float(np.square(gap(problem, left, inside)[1])[axis] - floor[axis])
+    @cache
+    def set_of(groups: tuple[Group, ...]) -> Fit | None:
+        return best if groups == best.groups else fit(refitted, groups)
 
-    for group in best.groups:
-        axis = problem.terms[group[0]].axis - 1
-        if not _is_wave(problem, group):
-            continue
-        alike = [
-            g for g in best.groups if _is_wave(problem, g) and problem.terms[g[0]].axis == axis + 1
-        ]
+    @cache
+    def open_gaps(groups: tuple[Group, ...]) -> np.ndarray:
+        """Squared simulated gap of each axis beyond noise; infinite if there is no such set."""
+        fitted = set_of(groups)
+        if fitted is None:
+            return np.full(len(floor), np.inf)
+        left = build(problem, fitted, solution).left
+        return np.asarray(np.square(gap(problem, left, inside)[1]) - floor)
+
+    waves = [group for group in best.groups if _is_wave(problem, group)]
+    for group in waves:
+        axis = problem.terms[group[0]].axis
+        alike = [g for g in waves if problem.terms[g[0]].axis == axis]
         if len(alike) == 1 and group in evident:
             continue
-        nothing = open_gap([g for g in best.groups if g not in alike], axis)
-        rest = [g for g in best.groups if g != group]
-        if open_gap(rest, axis) - open_gap(best.groups, axis) < WAVE * nothing:
-            smaller = fit(refitted, rest)
-            if smaller is not None:
-                return without_small_waves(problem, refitted, smaller, solution, inside, evident)
+        nothing = open_gaps(tuple(g for g in best.groups if g not in alike))
+        rest = tuple(g for g in best.groups if g != group)
+        explained = open_gaps(rest) - open_gaps(best.groups)
+        smaller = set_of(rest)
+        if smaller is not None and explained[axis - 1] < WAVE * nothing[axis - 1]:
+            return without_small_waves(problem, refitted, smaller, solution, inside, evident)
     return best
 
 
