@@ -55,6 +55,14 @@ def test_a_law_does_not_miss_what_is_the_same_law(unlike, is_free):
     assert (weights(problem, [0], np.array([0.4]))[1] < 1) == is_free
 
 
+def test_a_law_without_torque_on_the_motion_is_not_missed():
+    """As friction that grows with a load, on a machine without any."""
+    terms = [Term(name, 1, 0.1, 0.03) for name in ("friction_wear", "load_friction")]
+    columns = np.zeros((2, COUNT, 2))
+    columns[0, :, 0] = np.sign(SPEED)
+    assert weights(written_down(terms, columns, columns[0]), [0], np.array([0.4]))[1] == 1
+
+
 @pytest.mark.parametrize("bend", [0.0, 0.15])
 def test_an_effect_whose_law_bends_is_named_alone(bend, monkeypatch):
     """Without what laws may miss, a second effect that is not there would be named."""

@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from faultgen import discover
 from faultgen.discovery import check_recording, replay, settled
 from faultgen.discovery.classical import DRIVE, Coupling, Regression, identify
 from faultgen.discovery.friction_law import with_friction_law
+from faultgen.discovery.recording import write_recording
 from faultgen.robot import load_robot
 
 ROOT = Path(__file__).parents[1]
@@ -107,3 +109,16 @@ def test_classical_identification_of_a_coupled_wrist_is_as_good_as_published(dat
         total.append(np.sqrt(np.mean(arms.errors(case.judged, predicted) ** 2)))
     assert total[0] > 90
     assert total[1] == pytest.approx(16.6, rel=0.1)
+
+
+@pytest.mark.slow
+def test_discovery_on_the_emps_does_not_make_the_model_worse(measured, data, tmp_path):
+    """One axis without gravity: several effects of the catalogue have no torque at all."""
+    robot = ROOT / "docs" / "examples" / "emps" / "emps.xml"
+    train, other = (measured.read_emps(data / "emps", n) for n in ("identification", "validation"))
+    paths = [tmp_path / f"{name}.h5" for name in ("train", "other")]
+    for recording, path in zip((train, other), paths, strict=True):
+        write_recording(recording, path)
+    told = discover(paths[0], robot, validate=paths[1])
+    gap = told["gap"]["validation"]
+    assert gap["after"] < 1.02 * gap["before"]

@@ -49,10 +49,10 @@ def weights(problem: Problem, terms: Sequence[int], values: np.ndarray) -> np.nd
         for other, one in enumerate(problem.terms):
             alike = one.is_effect and get_effect(one.name).prior.group == group
             if alike and one.axis == axis and other not in terms:
-                if _likeness(problem, term, other) > _SAME:
-                    continue
-                share = LAW_ERROR * size / max(_size(problem, other) * one.prior_std, 1e-300)
-                weight[other] = 1 / (1 / weight[other] + share**2)
+                own = _size(problem, other) * one.prior_std
+                if own == 0 or _likeness(problem, term, other) > _SAME:
+                    continue  # it has no torque on this motion, or is the same law
+                weight[other] = 1 / (1 / weight[other] + (LAW_ERROR * size / own) ** 2)
     return weight
 
 
