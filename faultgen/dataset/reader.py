@@ -63,9 +63,11 @@ class StoredRun:
         Args:
             path: Path that the run file has, or had before only the file of all runs was kept.
         """
-        merged = path.parent.parent / MERGED
-        if not path.is_file() and path.parent.name == "runs" and path.stem in only_in(merged):
-            return cls(path.stem, merged, f"runs/{path.stem}")
+        folder, merged = path.parent.parent, path.parent.parent / MERGED
+        if not path.is_file() and path.parent.name == "runs":
+            is_alone = not (folder / FILE).exists()  # dataset.h5 was copied without its folder
+            if path.stem in only_in(merged, whatever_it_says=is_alone):
+                return cls(path.stem, merged, f"runs/{path.stem}")
         return cls(path.stem, path)
 
     @property
@@ -172,6 +174,20 @@ class Dataset:
     def planned(self) -> dict[str, dict[str, Any]]:
         """Parameters of every run that belongs to the dataset, by id."""
         return self.manifest.runs
+
+    def inputs_of(self, run: StoredRun) -> dict[str, Any]:
+        """Find the files from which a run was made.
+
+        Args:
+            run: The run.
+
+        Returns:
+            Its parameters; the paths of its robot, task and sensors are those of the copies in the
+            folder, if the files are no longer where they were.
+        """
+        from faultgen.dataset.inputs import found_inputs
+
+        return found_inputs(self.path, self.planned[run.id])
 
     @cached_property
     def runs(self) -> list[StoredRun]:
@@ -360,11 +376,12 @@ class Dataset:
         write_parquet(self.to_dataframe(), Path(path))
 
 
-def only_in(merged: Path) -> set[str]:
+def only_in(merged: Path, *, whatever_it_says: bool = False) -> set[str]:
     """Find the runs that a file of all runs holds in place of run files.
 
     Args:
         merged: Path of the file.
+        whatever_it_says: Whether it counts as the only copy even if it does not say so.
 
     Returns:
         Their ids; none if the file is missing or damaged, or if the runs have files of their own.
@@ -373,7 +390,8 @@ def only_in(merged: Path) -> set[str]:
         return set()
     with suppress(InputError, StorageFailed):  # a damaged file is reported by `damaged`
         with open_verified(merged) as file:
-            return set(file["runs"]) if file.attrs.get(ONLY_COPY, False) else set()
+            holds = whatever_it_says or file.attrs.get(ONLY_COPY, False)
+            return set(file["runs"]) if holds else set()
     return set()
 
 

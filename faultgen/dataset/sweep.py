@@ -20,6 +20,7 @@ from filelock import FileLock, Timeout
 from joblib import delayed
 
 from faultgen.dataset.experiment import Experiment, load_experiment, to_toml
+from faultgen.dataset.inputs import INPUTS, keep_inputs
 from faultgen.dataset.manifest import EXPERIMENT, FLEET, Manifest
 from faultgen.dataset.planning import Run, check_runs, plan_runs
 from faultgen.dataset.reader import MERGED, Dataset, only_in, open_dataset
@@ -274,8 +275,10 @@ def _prepare(
     if _differs(written, text) or not written.is_file():
         write_text(written, text)
     (folder / "runs").mkdir(exist_ok=True)
+    keep_inputs(folder, runs)
     if part is None:
         left = [*folder.glob(".*.tmp"), *(folder / "runs").glob(".*.tmp")]
+        left += (folder / INPUTS).glob("**/.*.tmp")
     else:
         left = unfinished(folder / "runs", {run.id for run in part})
     _clear_temporary(left)

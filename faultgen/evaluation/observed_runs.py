@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from faultgen.dataset.inputs import INPUTS
 from faultgen.dataset.reader import Dataset, StoredRun
 from faultgen.dataset.splits import TEST, TRAIN
 from faultgen.errors import InputError
@@ -22,6 +24,7 @@ from faultgen.robot import load_robot
 from faultgen.simulation.nominal import nominal
 from faultgen.simulation.operation import Operation
 from faultgen.simulation.surrogate import simulate_at
+from faultgen.tasks import load_task
 
 WEAR = "friction_wear"
 """The effect that our isolators can find."""
@@ -47,12 +50,12 @@ def noise_of(dataset: Dataset, sensors: str | None) -> tuple[str, bool]:
     """
     if not dataset.runs:
         raise InputError(f"{dataset.path}: no runs in it; finish it with faultgen generate")
-    stored = {run["sensors"] for run in dataset.runs}
-    redraw = sensors is not None or stored == {"none"}
-    chosen = "thesis" if stored == {"none"} else "/".join(sorted(stored))
+    stored = _sensors_of(dataset, dataset.runs)
+    redraw = sensors is not None or set(stored) == {"none"}
+    chosen = "thesis" if set(stored) == {"none"} else "/".join(sorted(stored))
     if sensors is not None:
         chosen = sensors
-    moving = [name for name in stored if get_sensors(name).changes_motion]
+    moving = [name for name, one in stored.items() if one.changes_motion]
     if sensors is not None and moving:
         raise InputError(
             f"sensors '{sensors}': the dataset's '{moving[0]}' runs differ in their motion, which "
@@ -64,6 +67,29 @@ def noise_of(dataset: Dataset, sensors: str | None) -> tuple[str, bool]:
             "with several repetitions"
         )
     return chosen, redraw
+
+
+def _sensors_of(dataset: Dataset, runs: Iterable[StoredRun]) -> dict[str, Sensors]:
+    """Sensors of some runs, by name or path."""
+    first = {run["sensors"]: run for run in reversed(list(runs))}
+    return {name: get_sensors(_inputs(dataset, run)["sensors"]) for name, run in first.items()}
+
+
+def _inputs(dataset: Dataset, run: StoredRun) -> dict[str, Any]:
+    """Parameters of a run, whose robot, task and sensors exist.
+
+    Raises:
+        InputError: One of them is gone, and the dataset has no copy of it.
+    """
+    found = dataset.inputs_of(run)
+    for what in ("robot", "task", "sensors"):
+        path = str(found[what])
+        if os.path.isabs(path) and not os.path.exists(path):
+            raise InputError(
+                f"{path}: the {what} from which the dataset was made is no longer there, and "
+                f"there is no copy of it in {INPUTS}/ beside the dataset"
+            )
+    return found
 
 
 _Fitted = tuple[dict[str, Any], dict[str, list[str]]]
@@ -417,7 +443,7 @@ def places(dataset: Dataset, sensors: str | None = None, split: str | None = Non
         groups.setdefault((run["robot"], run["task"], operation), []).append(run)
     found = []
     for (robot, task, operation), runs in groups.items():
-        planned = dataset.planned[runs[0].id]
+        planned = _inputs(dataset, runs[0])
         model = _model(planned["robot"], planned["task"], operation, runs)
         first = runs[0]
         preset = get_sensors(chosen) if redraw else None
@@ -427,7 +453,7 @@ def places(dataset: Dataset, sensors: str | None = None, split: str | None = Non
             n_axes=len(model.turning),
             samples=len(first.read("time")) * int(first["thin"]),
             temperature_varies=preset is None
-            and any(get_sensors(run["sensors"]).changes_motion for run in runs),
+            and any(one.changes_motion for one in _sensors_of(dataset, runs).values()),
             reference_temperature=operation.temperature
             or load_robot(planned["robot"]).friction_temperature,
             directions=model.directions,
@@ -444,7 +470,12 @@ def _model(
 ) -> WearModel:
     robot = load_robot(robot_path)
     if robot.sha256 != runs[0]["model_sha256"]:
-        raise InputError(f"{robot_path}: the robot has changed since the dataset was made")
+        raise InputError(
+            f"{robot_path}: the robot has changed since the dataset was made, and there is no copy "
+            f"of it in {INPUTS}/ beside the dataset"
+        )
+    if load_task(robot.name, task_path, robot.tasks).sha256 != runs[0]["task_sha256"]:
+        raise InputError(f"{task_path}: the task has changed since the dataset was made")
     period = runs[0]["sample_period"]
     conditions = wear_points(robot, WEAR, operation.temperature)
     cycles = [

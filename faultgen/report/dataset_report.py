@@ -65,7 +65,7 @@ def _shown(dataset: Dataset, result: Isolation) -> Iterator[dict[str, Any]]:
     """What the page shows of each robot and task."""
     room = _ROOM
     for robot, task, operation, runs in _places(dataset):
-        place = Place.of(runs, dataset.planned[runs[0].id]["robot"])
+        place = Place.of(runs, dataset.inputs_of(runs[0])["robot"])
         charts, notes = signal_charts(place)
         room -= sum(len(chart.json) for chart in charts)
         if room < 0:

@@ -226,7 +226,7 @@ def _checked_runs(dataset: Dataset) -> list[StoredRun]:
 
 
 def _place(dataset: Dataset, run: StoredRun, what: str) -> str:
-    return str(dataset.planned[run.id][what])
+    return str(dataset.inputs_of(run)[what])
 
 
 def _motion(dataset: Dataset, runs: list[StoredRun], robot: Any) -> KnownMotion:
