@@ -10,6 +10,7 @@ from faultgen.discovery import read_recording, write_recording
 from faultgen.discovery.in_step import in_step
 from faultgen.discovery.inputs import usable
 from faultgen.discovery.recording import Recording
+from faultgen.discovery.resampling import irregular
 from faultgen.errors import InputError
 
 PERIOD = 0.004
@@ -70,6 +71,13 @@ def test_jitter_is_interpolated(tmp_path):
     assert f"the largest jitter is {largest:.3g} s" in line and "gap" not in line
 
 
+def test_missing_samples_are_no_jitter(tmp_path):
+    time = np.delete(np.arange(600) * PERIOD, [100, 101, 300])
+    (line,) = read_recording(write(tmp_path / "r.h5", time, motion(time))).notes
+    assert "the largest jitter is 0 s; 3 that are missing between others" in line
+    assert irregular(time, [0], PERIOD) == (0.0, pytest.approx(np.zeros(0)), 3)
+
+
 def test_missing_samples_are_interpolated_and_gaps_divide(tmp_path):
     """Two samples are missing, then twenty; segments of the file stay, however their clock runs."""
     time = np.arange(600) * PERIOD
@@ -103,7 +111,7 @@ def test_what_cannot_be_interpolated_is_left_out(tmp_path):
         (lambda t: np.where(t == t[7], t[6], t), "times must ascend within a segment; sample 7"),
         (lambda t: np.where(t == t[7], np.nan, t), "time is not finite in sample 7"),
         (lambda t: t[:-1], r"time has shape \(99,\), expected \(100,\)"),
-        (lambda t: 1000 * t, "sample_period must be a positive time in s, .* not 4.0"),
+        (lambda t: 1000 * t, "its times are 4 s apart, .* check the unit of time"),
         (lambda t: t + (np.arange(100) // 4) * 0.1, "no 5 samples without a gap of more than"),
     ],
 )

@@ -192,8 +192,8 @@ def test_what_does_not_belong_to_an_arm_is_taken_out_and_told(cell, tmp_path):
     told = "\n".join(made.notes)
     for words in (
         "2 actuators dropped: m1, p2",
-        "1 sensors dropped: s1",
-        "equality constraints dropped",
+        "1 sensor dropped: s1",
+        "1 equality constraint dropped",
         "free joint 'floating' dropped: the base stands still",
         "body 'box' dropped: it is a loose object",
         "1 joints locked at zero: grip",

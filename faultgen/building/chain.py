@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import mujoco
 
@@ -97,6 +98,12 @@ def axes_of(spec: mujoco.MjSpec, chosen: Sequence[str] | None) -> list[mujoco.Mj
     return [joint for joint in spec.joints if joint.type in (HINGE, SLIDE)]
 
 
+def _of(element: Any) -> str:
+    """What an element without a name acts on; empty if it acts on nothing that has a name."""
+    target = getattr(element, "target", "")
+    return f"of {target}" if target else ""
+
+
 def strip(spec: mujoco.MjSpec, axes: Sequence[str]) -> list[str]:
     """Take everything out of a model that a robot of faultgen gets new or does not have, in place.
 
@@ -122,11 +129,12 @@ def strip(spec: mujoco.MjSpec, axes: Sequence[str]) -> list[str]:
     )
     for what, kind in kinds:
         elements = list(getattr(spec, kind))
-        names = ", ".join(one.name for one in elements if one.name)
+        names = ", ".join(filter(None, (one.name or _of(one) for one in elements)))
         for one in elements:
             spec.delete(one)
         if elements:
-            notes.append(f"{len(elements)} {what} dropped" + (f": {names}" if names else ""))
+            told = what if len(elements) > 1 else what.removesuffix("s")
+            notes.append(f"{len(elements)} {told} dropped" + (f": {names}" if names else ""))
         if elements and kind == "equalities":
             notes[-1] += "; a joint that moves with another one is a [[coupling]] in drives.toml"
     moving = {body for name in axes for body in _above(spec.joint(name).parent)}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -31,6 +31,8 @@ class Flange:
     """Orientation in the frame of the body, w x y z."""
     why: str
     """How it was found."""
+    passed_over: tuple[str, ...] = ()
+    """Names of other sites on the last link, if the user named no flange."""
 
 
 def find_flange(spec: mujoco.MjSpec, last: str, wanted: str | None) -> Flange:
@@ -61,8 +63,11 @@ def find_flange(spec: mujoco.MjSpec, last: str, wanted: str | None) -> Flange:
         return _frame(named[0], "given")
     named = [one for one in (*sites, *bodies[1:]) if _USUAL.fullmatch(one.name)]
     if named:
-        return _frame(named[-1], f"assumed: '{named[-1].name}' has the name of a flange")
-    return _frame(bodies[-1], "assumed: the outermost body of the last link")
+        found = _frame(named[-1], f"assumed: '{named[-1].name}' has the name of a flange")
+    else:
+        found = _frame(bodies[-1], "assumed: the outermost body of the last link")
+    others = tuple(site.name for site in sites if site.name and site.name != found.name)
+    return replace(found, passed_over=others)
 
 
 def _frame(one: mujoco.MjsBody | mujoco.MjsSite, why: str) -> Flange:

@@ -93,6 +93,11 @@ def plain_arm(path: Path, joints: Sequence[str] | None = None, flange: str | Non
     home = _home(spec, names)
     notes = [*source.notes, *strip(spec, names), *repair_inertias(spec)]
     place = find_flange(spec, names[-1], flange)
+    if place.passed_over:
+        notes.append(
+            f"the payload is attached at '{place.name}'; for another site of the last link "
+            f'({", ".join(place.passed_over)}), write tool = "NAME" in drives.toml'
+        )
     slides = tuple(spec.joint(name).type == SLIDE for name in names)
     _rename(spec, names)
     spec.modelname = path.stem

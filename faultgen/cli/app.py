@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+import sys
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from faultgen.dataset.reader import Dataset
 
 app = typer.Typer(
     name="faultgen",
@@ -134,12 +138,34 @@ def print_estimate(what: str, seconds: float, size: float, workers: int) -> None
     """
     from tqdm import tqdm
 
-    from faultgen.system.progress import clock
+    from faultgen.system.progress import clock, plural
 
     print(
-        f"{what}; about {clock(seconds)} with {workers} workers on this machine, if each has a "
-        f"processor core; about {tqdm.format_sizeof(size, 'B')}"
+        f"{what}; about {clock(seconds)} with {workers} {plural('worker', workers)} on this "
+        f"machine, if each has a processor core; about {tqdm.format_sizeof(size, 'B')}"
     )
+
+
+def finished_dataset(folder: Path) -> Dataset:
+    """Open a dataset that is to be judged, and say on stderr if it lacks runs.
+
+    Args:
+        folder: Its folder or file.
+
+    Returns:
+        The dataset.
+    """
+    from faultgen.dataset.reader import open_dataset
+
+    dataset = open_dataset(folder)
+    lacking = len(dataset.missing)
+    if lacking:
+        print(
+            f"faultgen: {folder}: {lacking} of {len(dataset.planned)} runs are missing, and the "
+            "result is about the others; to complete the dataset, run the generate command again",
+            file=sys.stderr,
+        )
+    return dataset
 
 
 def worker_count(given: int | None) -> int:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from faultgen.cli.app import Folder, Json, Methods, app, out_option, print_json
+from faultgen.cli.app import Folder, Json, Methods, app, finished_dataset, out_option, print_json
 from faultgen.errors import InputError
 
 
@@ -119,7 +119,6 @@ def report(folder: Folder, method: Methods = None, as_json: Json = False) -> Non
     The page contains figures and, for a dataset, the isolators' results. It is written to
     report.html in the folder, and needs no other files.
     """
-    from faultgen.dataset.reader import open_dataset
     from faultgen.evaluation.isolate import isolate as run_isolate
     from faultgen.fleet.data import is_fleet
     from faultgen.plugins import load
@@ -131,7 +130,7 @@ def report(folder: Folder, method: Methods = None, as_json: Json = False) -> Non
             raise InputError("--method: the report of a fleet compares no methods")
         path = write_fleet_report(folder)
     else:
-        dataset = open_dataset(folder)
+        dataset = finished_dataset(folder)
         methods: list[Any] = [load(name) for name in method or ()]
         path = write_report(folder, run_isolate(dataset, methods=methods, progress=False))
     print_json({"report": str(path)}) if as_json else print(path)

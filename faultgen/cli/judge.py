@@ -17,6 +17,7 @@ from faultgen.cli.app import (
     Split,
     Workers,
     app,
+    finished_dataset,
     names,
     print_json,
     worker_count,
@@ -41,12 +42,11 @@ def detect(
     a dataset with --repetitions. The table gives shares with 95 % Wilson intervals. The result is
     also written to detection.json in the folder.
     """
-    from faultgen.dataset.reader import open_dataset
     from faultgen.evaluation.detect import detect as run_detect
     from faultgen.evaluation.detect import detection_table, save_detection
     from faultgen.plugins import load
 
-    dataset = open_dataset(folder)
+    dataset = finished_dataset(folder)
     methods: list[Any] = [load(name) for name in method or ()]
     result = run_detect(dataset, sensors=sensors, seeds=seeds, methods=methods, split=split)
     save_detection(result, dataset.path)
@@ -71,12 +71,11 @@ def isolate(
     % Wilson intervals. Its rows 'healthy' give the share of healthy runs in which an isolator
     wrongly names an axis. The result is also written to isolation.json in the folder.
     """
-    from faultgen.dataset.reader import open_dataset
     from faultgen.evaluation.isolate import isolate as run_isolate
     from faultgen.evaluation.outcomes import save, table, to_dict
     from faultgen.plugins import load
 
-    dataset = open_dataset(folder)
+    dataset = finished_dataset(folder)
     methods: list[Any] = [load(name) for name in method or ()]
     result = run_isolate(dataset, sensors=sensors, seeds=seeds, methods=methods, split=split)
     save(result, dataset.path)

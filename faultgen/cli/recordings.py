@@ -58,6 +58,7 @@ def import_(
     from faultgen.importing import load_map, preset_text
     from faultgen.report.recording_figure import recording_png
     from faultgen.system.files import write_bytes
+    from faultgen.system.progress import plural
 
     if show_preset is not None:
         print(preset_text(show_preset), end="")
@@ -83,6 +84,7 @@ def import_(
         "sample_period": recording.sample_period,
         "jitter": made.jitter,
         "gaps": list(made.gaps),
+        "missing": made.missing,
         "segments": list(recording.segments),
         "columns": [asdict(row) for row in made.rows],
         "notes": list(made.notes),
@@ -110,6 +112,8 @@ def import_(
     if made.gaps:
         count = "a gap of" if len(made.gaps) == 1 else f"{len(made.gaps)} gaps of up to"
         gaps = f"{count} {max(made.gaps):.3g} s"
+    if made.missing:
+        gaps += f"; {made.missing} missing {plural('sample', made.missing)} interpolated"
     axes, segments = recording.n_axes, len(recording.segments)
     print(
         f"{len(recording.position)} samples of {axes} {'axis' if axes == 1 else 'axes'}, "

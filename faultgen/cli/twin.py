@@ -8,7 +8,17 @@ from typing import Annotated, Any
 
 import typer
 
-from faultgen.cli.app import Folder, Json, Robot, Workers, app, out_option, print_json, worker_count
+from faultgen.cli.app import (
+    Folder,
+    Json,
+    Robot,
+    Workers,
+    app,
+    finished_dataset,
+    out_option,
+    print_json,
+    worker_count,
+)
 from faultgen.errors import InputError
 
 
@@ -114,13 +124,12 @@ def train(
     a small folder of JSON and plain arrays.
     """
     from faultgen.dataset.manifest import refuse_data
-    from faultgen.dataset.reader import open_dataset
     from faultgen.twin.train import train as run_train
 
     if out.is_file():
         raise InputError(f"out: must be a folder, not the file {out}")
     refuse_data(out)
-    detector = run_train(open_dataset(folder), false_alarms=false_alarms, seed=seed)
+    detector = run_train(finished_dataset(folder), false_alarms=false_alarms, seed=seed)
     detector.save(out)
     told: dict[str, Any] = {
         "detector": str(out),

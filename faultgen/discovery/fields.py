@@ -65,6 +65,12 @@ def fields_of(
         _check_time(source, named["time"], len(named[f"{side}_position"]))
         even = evened(source, named["time"], arrays, segments)
         arrays, period, segments, notes = even.arrays, even.period, even.segments, even.notes
+        if not FASTEST <= period <= SLOWEST:
+            raise InputError(
+                f"{source}: its times are {period:g} s apart, but a recording needs {FASTEST:g} to "
+                f"{SLOWEST:g} s; check the unit of time, which must be s in a recording, and is "
+                "time.unit in the map of an import"
+            )
     return {
         "source": source,
         "robot": _robot(source, attributes.get("robot", "")),

@@ -30,9 +30,11 @@ class Imported:
     rows: tuple[Row, ...]
     """How each column was read."""
     jitter: float
-    """Largest difference between the sample period and a step of the log's times [s]."""
+    """Largest difference between a step of the log's times and a whole number of periods [s]."""
     gaps: tuple[float, ...]
     """Times without a sample that begin a new segment [s]."""
+    missing: int
+    """Number of samples that the log lacks elsewhere, and that were interpolated."""
     notes: tuple[str, ...]
     """One line for each decision that the map did not state."""
 
@@ -55,12 +57,13 @@ def import_log(path: str | Path, column_map: ColumnMap) -> Imported:
     """
     made = arranged(read_log(path, column_map.file), column_map)
     recording = Recording(**fields_of(str(path), made.named, made.attributes))
-    jitter, gaps = 0.0, np.zeros(0)
+    jitter, gaps, missing = 0.0, np.zeros(0), 0
     if "time" in made.named:
         starts = np.atleast_1d(made.attributes.get("segments", 0))
-        jitter, gaps = irregular(made.named["time"], starts.tolist(), recording.sample_period)
+        period = recording.sample_period
+        jitter, gaps, missing = irregular(made.named["time"], starts.tolist(), period)
     notes = (*made.notes, *recording.notes, *_doubts(recording))
-    return Imported(recording, made.rows, jitter, tuple(gaps.tolist()), notes)
+    return Imported(recording, made.rows, jitter, tuple(gaps.tolist()), missing, notes)
 
 
 def _doubts(recording: Recording) -> Iterator[str]:
@@ -70,10 +73,12 @@ def _doubts(recording: Recording) -> Iterator[str]:
         yield f"warning: {1 / period:.4g} Hz is an unusual sample rate; check time.unit in the map"
     largest = np.abs(recording.position).max(axis=0)
     if recording.side == "joint" and largest.max() > _FAR:
-        axis = int(np.argmax(largest))
+        far = np.flatnonzero(largest > _FAR).tolist()
+        reach = ", ".join(f"{largest[k]:.4g}" for k in far)
+        axes = ", ".join(str(k + 1) for k in far)
         yield (
-            f"warning: the joint of axis {axis + 1} reaches {largest[axis]:.4g} rad or m; check "
-            "position.unit in the map, and whether this is the position of the motor"
+            f"warning: the joint of axis {axes} reaches {reach} rad or m; check position.unit in "
+            "the map, and whether this is the position of the motor"
         )
     still = [str(k + 1) for k in np.flatnonzero(np.ptp(recording.torque, axis=0) == 0)]
     if still:

@@ -96,12 +96,14 @@ def evened(
         name: None if values is None else _interpolated(name, values, time, kept, grids)
         for name, values in arrays.items()
     }
-    jitter, gaps = irregular(time, segments, period)
+    jitter, gaps, missing = irregular(time, segments, period)
     lost = len(time) - sum(len(piece) for piece in kept)
     told = (
         f"its {len(time)} samples are not evenly spaced: they were interpolated at {sum(lengths)} "
         f"times {period:.6g} s apart; the largest jitter is {jitter:.3g} s"
     )
+    if missing:
+        told += f"; {missing} that are missing between others were interpolated, too"
     if len(gaps):
         told += f"; new segments begin after gaps ({len(gaps)}, of up to {gaps.max():.3g} s)"
     if lost:
@@ -109,7 +111,9 @@ def evened(
     return Even(found, period, tuple(np.cumsum([0, *lengths[:-1]]).tolist()), (told,))
 
 
-def irregular(time: np.ndarray, segments: Sequence[int], period: float) -> tuple[float, np.ndarray]:
+def irregular(
+    time: np.ndarray, segments: Sequence[int], period: float
+) -> tuple[float, np.ndarray, int]:
     """Measure how far times are from even ones.
 
     Args:
@@ -118,13 +122,23 @@ def irregular(time: np.ndarray, segments: Sequence[int], period: float) -> tuple
         period: Time between two samples [s].
 
     Returns:
-        The largest difference between a step and the period [s], and the steps that are gaps [s],
-        shape (gaps,).
+        The largest difference between a step and a whole number of periods [s]; the steps that are
+        gaps [s], shape (gaps,); and the number of samples that are missing in the other steps.
     """
     steps = np.delete(np.diff(time), np.array(segments[1:], int) - 1)
     is_gap = steps > GAP * period
-    jitter = float(np.abs(steps[~is_gap] - period).max(initial=0.0))
-    return 0.0 if jitter < _ROUNDING * period else jitter, steps[is_gap]
+    short = steps[~is_gap]
+    # one step may be twice as long by jitter alone; the sum of all steps tells how many are missing
+    missing = left = max(int(np.round(short.sum() / period)) - len(short), 0)
+    periods = np.ones(len(short))
+    for longest in np.argsort(-short, kind="stable").tolist():
+        further = min(int(np.round(short[longest] / period)) - 1, left)
+        if further <= 0:
+            break
+        periods[longest] += further
+        left -= further
+    jitter = float(np.abs(short - periods * period).max(initial=0.0))
+    return 0.0 if jitter < _ROUNDING * period else jitter, steps[is_gap], missing
 
 
 def _over_longer(time: np.ndarray, parts: Sequence[slice], period: float) -> float:
