@@ -9,7 +9,7 @@ import pytest
 from faultgen.applied import Applied
 from faultgen.errors import InputError
 from faultgen.evaluation import benchmark
-from faultgen.evaluation.benchmark import deviating, run_benchmark
+from faultgen.evaluation.benchmark import deviating, estimate_benchmark, run_benchmark
 from faultgen.evaluation.leader_board import benchmark_page, leaders
 from faultgen.robot import load_robot
 
@@ -103,7 +103,12 @@ def test_a_small_benchmark_runs_from_end_to_end(tmp_path, monkeypatch):
     monkeypatch.setattr(benchmark, "QUICK", size)
     monkeypatch.setattr(benchmark, "ROBOTS", ("puma560",))
     monkeypatch.setattr(benchmark, "TASKS", ("spot_weld",))
+    told = estimate_benchmark(quick=True, workers=2, progress=False)
+    assert not list(tmp_path.iterdir())
     found = run_benchmark(tmp_path, quick=True, workers=2, progress=False)
+    assert (told.runs, told.cycles) == tuple(
+        sum(one[what] for one in found["sets"]) for what in ("runs", "cycles")
+    )
     assert found == json.loads((tmp_path / "benchmark.json").read_text())
     names = [row["method"] for row in found["leaders"]["isolation"]]
     assert "random forest" in names and "friction residual" in names

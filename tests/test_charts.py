@@ -158,3 +158,14 @@ def test_the_library_is_the_same_every_time():
     first = library()
     library.cache_clear()
     assert library() == first
+
+
+def test_runs_that_are_too_short_for_isolators_are_shown(tiny_robot_path, tiny_task_path, tmp_path):
+    experiment = make_experiment(
+        {"robot": tiny_robot_path, "task": tiny_task_path, "axis": [1], "cycles": 2}
+    )
+    generate(experiment, tmp_path, progress=False)
+    text = write_report(tmp_path).read_text()
+    assert "There are no results of isolators." in text
+    assert "an answer needs at least 5 cycles" in text
+    assert "Motor torque over a cycle" in text

@@ -119,7 +119,6 @@ def report(folder: Folder, method: Methods = None, as_json: Json = False) -> Non
     The page contains figures and, for a dataset, the isolators' results. It is written to
     report.html in the folder, and needs no other files.
     """
-    from faultgen.evaluation.isolate import isolate as run_isolate
     from faultgen.fleet.data import is_fleet
     from faultgen.plugins import load
     from faultgen.report import write_report
@@ -132,5 +131,5 @@ def report(folder: Folder, method: Methods = None, as_json: Json = False) -> Non
     else:
         dataset = finished_dataset(folder)
         methods: list[Any] = [load(name) for name in method or ()]
-        path = write_report(folder, run_isolate(dataset, methods=methods, progress=False))
+        path = write_report(dataset.path, methods=methods)
     print_json({"report": str(path)}) if as_json else print(path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,6 +20,7 @@ from faultgen.cli.app import (
     app,
     finished_dataset,
     names,
+    print_estimate,
     print_json,
     worker_count,
 )
@@ -90,6 +92,14 @@ def benchmark(
     ] = False,
     method: Methods = None,
     workers: Workers = None,
+    dry_run: Annotated[
+        bool,
+        typer.Option(
+            "--dry-run",
+            help="Simulate only a few cycles, write nothing, and print the number of runs, and the "
+            "estimated time and size of the data.",
+        ),
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Compare all isolators and detectors on the standard data, and write a leader board.
@@ -99,11 +109,19 @@ def benchmark(
     on the test runs of fixed divisions. The leader board is written to benchmark.md, the counts to
     benchmark.json. Data that exist are used again, so that a further --method takes less time.
     """
-    from faultgen.evaluation.benchmark import run_benchmark
+    from faultgen.evaluation.benchmark import estimate_benchmark, run_benchmark
     from faultgen.evaluation.leader_board import benchmark_board
     from faultgen.plugins import load
 
     methods: list[Any] = [load(name) for name in method or ()]
+    if dry_run:
+        found = estimate_benchmark(quick=quick, workers=worker_count(workers))
+        if as_json:
+            print_json({**asdict(found), "workers": worker_count(workers)})
+        else:
+            what = f"{found.runs} runs, {found.cycles} cycles, to which the methods add their time"
+            print_estimate(what, found.seconds, found.bytes, worker_count(workers))
+        return
     result = run_benchmark(out, quick=quick, methods=methods, workers=worker_count(workers))
     if as_json:
         print_json(result)

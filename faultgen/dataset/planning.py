@@ -237,7 +237,12 @@ def check_runs(runs: Sequence[Run]) -> list[str]:
     notes = []
     kinds = {(r.robot, r.task, r.sample_period, r.speed, r.payload): r for r in runs}
     for run in kinds.values():
-        shared = nominal(run.robot, run.task, run.sample_period, run.operation)
+        try:
+            shared = nominal(run.robot, run.task, run.sample_period, run.operation)
+        except InputError as error:
+            if not run.operation.given:
+                raise
+            raise InputError(f"at {run.operation}: {error}") from None
         assemble(shared.robot)  # refuses effects of its folder that do not exist
         if run.thin > 1 and run.thin >= shared.samples:
             raise InputError(

@@ -12,8 +12,9 @@ labels are tested on other robots than those from which they have learned.
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field, replace
 from hashlib import sha256
 from importlib import resources
 from pathlib import Path
@@ -22,6 +23,7 @@ from typing import Any
 import numpy as np
 from sklearn.ensemble import RandomForestClassifier
 
+from faultgen.dataset.estimate import Estimate, estimate
 from faultgen.dataset.experiment import Experiment, make_experiment
 from faultgen.dataset.manifest import refuse_data
 from faultgen.dataset.reader import open_dataset
@@ -187,6 +189,28 @@ def run_benchmark(
     write_text(out / "benchmark.json", json.dumps(result, indent=1) + "\n")
     write_text(out / "benchmark.md", benchmark_page(result))
     return result
+
+
+def estimate_benchmark(*, quick: bool = False, workers: int = 1, progress: bool = True) -> Estimate:
+    """Estimate what the data of the benchmark take. Nothing is left on the disk.
+
+    Args:
+        quick: As for `run_benchmark`.
+        workers: Number of processes that would simulate.
+        progress: Whether to show on stderr how far the measurement is.
+
+    Returns:
+        The estimate. The isolators and detectors take further time.
+    """
+    size = QUICK if quick else FULL
+    parts = []
+    with tempfile.TemporaryDirectory() as folder:
+        # robots of one model take the same time, so that one of them is measured
+        for kind, _, _, experiment in _experiments(Path(folder), replace(size, instances=1)):
+            one = estimate(experiment, workers=workers, progress=progress)
+            count = size.instances if kind == "harder" else 1
+            parts.append([count * value for value in astuple(one)])
+    return Estimate(*map(sum, zip(*parts, strict=True)))
 
 
 def _is(method: object, kind: type) -> bool:

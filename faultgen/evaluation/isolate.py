@@ -110,6 +110,10 @@ def in_fractions(effect: str) -> bool:
     return effect == HEALTHY or get_effect(effect).in_fractions
 
 
+class TooFewCycles(InputError):
+    """No run of a dataset is long enough for an answer."""
+
+
 def require_cycles(dataset: Dataset, levels: tuple[float, ...]) -> None:
     """Refuse a dataset in which no run is long enough for an answer.
 
@@ -118,18 +122,18 @@ def require_cycles(dataset: Dataset, levels: tuple[float, ...]) -> None:
         levels: Severities at which isolators answer.
 
     Raises:
-        InputError: No run reaches a level after enough cycles, see `cuts`.
+        TooFewCycles: No run reaches a level after enough cycles, see `cuts`.
     """
     if any(True for run in dataset.runs for _ in cuts(run, levels)):
         return
     longest = max(int(run["cycles"]) for run in dataset.runs)
     if longest < FEWEST:
-        raise InputError(
+        raise TooFewCycles(
             f"{dataset.path}: every run is too short: an answer needs at least {FEWEST} cycles, "
             f"the longest run has {longest}; generate with more --cycles, in a new folder"
         )
     asked = ", ".join(f"{100 * level:g} %" for level in levels)
-    raise InputError(
+    raise TooFewCycles(
         f"{dataset.path}: no run gives an answer: none is healthy, and none reaches a severity of "
         f"{asked} in cycle {FEWEST} or later; generate with more --cycles or a higher --severity, "
         "in a new folder"

@@ -14,7 +14,8 @@ import numpy as np
 from faultgen.analysis.plots import marker
 from faultgen.analysis.transfer_entropy import net_transfer_entropy
 from faultgen.dataset.reader import Dataset, StoredRun, open_dataset
-from faultgen.evaluation.isolate import isolate
+from faultgen.evaluation.isolate import TooFewCycles, isolate
+from faultgen.evaluation.methods import Isolator
 from faultgen.evaluation.observed_runs import one_series
 from faultgen.evaluation.outcomes import Isolation, table
 from faultgen.report.chart import SYMBOLS, Chart, axes, library, line, square_map
@@ -29,18 +30,34 @@ _MOST_CYCLES = 1000  # points of a line over cycles
 _ROOM = 2_500_000  # characters of charts of signals; the page then has less than 5 MB
 
 
-def write_report(folder: str | Path, result: Isolation | None = None) -> Path:
+def write_report(
+    folder: str | Path,
+    result: Isolation | None = None,
+    *,
+    methods: Sequence[type[Isolator]] = (),
+) -> Path:
     """Write ``report.html`` into a dataset's folder.
 
     Args:
         folder: Folder of the dataset.
-        result: Results of the isolators. By default the isolators are run.
+        result: Results of the isolators. By default the isolators are run. If the runs are too
+            short for them, the page says so and has all other charts.
+        methods: Further isolators, if they are run.
 
     Returns:
         Path of the page.
+
+    Raises:
+        InputError: The dataset has no runs, or a file is damaged.
+        StorageFailed: The page cannot be written.
     """
     dataset = open_dataset(folder)
-    result = result or isolate(dataset)
+    why_none = ""
+    if result is None:
+        try:
+            result = isolate(dataset, methods=methods)
+        except TooFewCycles as error:
+            why_none = f"There are no results of isolators. {error}."
     toml = dataset.path / "experiment.toml"
     with Progress("drawing charts", None):
         places = list(_shown(dataset, result))
@@ -52,7 +69,7 @@ def write_report(folder: str | Path, result: Isolation | None = None) -> Path:
         cycles=sum(int(run["cycles"]) for run in dataset.runs),
         failed=list(dataset.failed.values()),
         places=places,
-        answers=markdown(table(result)),
+        answers=why_none if result is None else markdown(table(result)),
         experiment=toml.read_text(encoding="utf-8") if toml.is_file() else None,
         library=library(),
     )
@@ -61,7 +78,7 @@ def write_report(folder: str | Path, result: Isolation | None = None) -> Path:
     return path
 
 
-def _shown(dataset: Dataset, result: Isolation) -> Iterator[dict[str, Any]]:
+def _shown(dataset: Dataset, result: Isolation | None) -> Iterator[dict[str, Any]]:
     """What the page shows of each robot and task."""
     room = _ROOM
     for robot, task, operation, runs in _places(dataset):
@@ -125,10 +142,11 @@ def _wear(place: Place) -> Chart:
 
 
 def _isolation(
-    runs: Sequence[StoredRun], result: Isolation, robot: str, task: str
+    runs: Sequence[StoredRun], result: Isolation | None, robot: str, task: str
 ) -> Iterator[Chart]:
     """Accuracy by severity, and net transfer entropy of a healthy and of a worn run."""
-    here = [t for t in result.outcomes if (t.robot, t.task) == (robot, task) and t.level > 0]
+    outcomes = [] if result is None else result.outcomes
+    here = [t for t in outcomes if (t.robot, t.task) == (robot, task) and t.level > 0]
     first = min((t.effect for t in here), default="")
     traces, told = [], []
     for number, method in enumerate(dict.fromkeys(t.method for t in here)):
