@@ -17,7 +17,7 @@ from faultgen.discovery.fit import fit
 from faultgen.discovery.gap import scored, scored_in_motion
 from faultgen.discovery.model_edit import build, simulated_numbers
 from faultgen.discovery.replay import Replay, settled
-from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE, PARTLY
+from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE, PARTLY, UNKNOWN
 from faultgen.discovery.samples import rolling
 from faultgen.discovery.selection import SIMILAR, Choice, choose
 from faultgen.discovery.verdict import answer, is_part
@@ -324,6 +324,24 @@ def test_an_effect_that_other_motions_refute_is_not_named(posed, in_scoring, kep
     assert len(confirmed(case, choice, calibrated, numbers).choice.best.groups) == kept
 
 
+@pytest.mark.parametrize(("decrease", "resembled"), [(400.0, False), (4000.0, True)])
+def test_a_refuted_effect_may_resemble_what_has_changed(posed, decrease, resembled):
+    """If it explains most of a difference that is large beside the noise, also of its level."""
+    problem = small(posed[True], ("torque_offset", 2))
+    effect = value_of(problem, 0, decrease) * problem.raw[0].astype(float)
+    scored = problem.samples(problem.scoring)
+    residual = problem.residual + np.where(scored[:, None], -1.0, 1.0) * effect
+    case = replace(problem, residual=residual)
+    choice = choose(case)
+    numbers = simulated_numbers(case, choice.fits[0])
+    found = confirmed(case, choice, build(case, choice.fits[0], numbers).left, numbers)
+    assert found.choice.best.groups == ()
+    assert [term.key for term in found.resembled] == [("torque_offset", 2)] * resembled
+    told = answer(case, choice)
+    assert told.verdict == UNKNOWN  # also because of its pattern
+    assert any("which resembles it" in line for line in told.lacks) == resembled
+
+
 @pytest.mark.parametrize(
     ("facts", "is_refuted"),
     [
@@ -345,7 +363,7 @@ def test_an_effect_that_other_motions_refute_is_not_named(posed, in_scoring, kep
 def test_reasons_to_refute_an_effect(facts, is_refuted):
     plain = {"gain": 1.0, "grows": False, "missed": 0.0, "seen": 5.0, "share": 2.0}
     plain |= {"rest": None, "is_supported": False, "is_minor": False}
-    plain |= {"group": (0,), "is_strong": False}
+    plain |= {"group": (0,), "is_strong": False, "is_major": False}
     trial = confirmation.Trial(**{**plain, **facts})
     assert trial.is_refuted is is_refuted
 
@@ -369,6 +387,7 @@ def test_an_effect_explains_a_part_of_what_differs(posed, explained, left, is_mi
 
     errors = scoring_errors.Errors(error(left + explained), error(left), problem.inside, 5)
     assert errors.is_minor(problem, 1) is is_minor
+    assert errors.is_major(problem, 1) is False  # less than half
     assert not errors.is_minor(problem, 0)  # of the payload
 
 

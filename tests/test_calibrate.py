@@ -182,6 +182,14 @@ def test_the_command_writes_a_calibrated_model(measured, tiny_robot_path, tmp_pa
     assert coulomb[1] / coulomb[0] / after.torque_gain[0] == pytest.approx(1.3, rel=0.1)
 
 
+def test_torque_constants_differ_where_the_links_are_known(measured, tiny_robot):
+    """Links that are 3 % uncertain could take a part of the difference otherwise."""
+    recording = measured([], 3)
+    recording = replace(recording, torque=1.06 * recording.torque)
+    found = calibrate(recording, tiny_robot, known=["inertia"])
+    assert found.robot.torque_gain == pytest.approx([1 / 1.06] * 2, abs=0.015)
+
+
 def test_a_file_as_output_of_the_command_is_refused(measured, tiny_robot_path, tmp_path):
     """An older version wrote one file."""
     write_recording(measured([], 3), tmp_path / "some.h5")

@@ -116,6 +116,14 @@ def test_faults_that_a_healthy_log_has_too_are_not_new(tiny_robot):
     assert both.lost.sum() == alike.lost.sum() + worse.lost.sum()
 
 
+def test_a_few_lost_samples_are_usual(tiny_robot):
+    """Real logs lose some; three after the change and none before it are no change."""
+    few = repaired(losing(moved(), 0, 0.003)[0])
+    assert few.faults and few.faults[0].severity < 0.003
+    assert new_faults(few, [moved(1)], tiny_robot) == ()
+    assert new_faults(few, [], tiny_robot) == ()
+
+
 def test_an_encoder_that_counts_more_coarsely_is_found(tiny_robot):
     """Steps are compared with those of the healthy recording, or with none."""
 

@@ -25,10 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from faultgen.discovery.candidates import (
-    NUMBERS,
-    check_names,
-)
+from faultgen.discovery.candidates import INERTIA, NUMBERS, check_names
 from faultgen.discovery.classical import Coupling, Regression, held_out_error, identify
 from faultgen.discovery.friction_law import with_friction_law
 from faultgen.discovery.physical import GAIN, NAMES, Drives, Spread, fit
@@ -231,7 +228,9 @@ def spreads(
     """Choose how far the physical model may be from the given one, by blocks that were not fitted.
 
     The first is the least change that predicts as well as any, to within a standard error (Breiman
-    et al. 1984): torque constants stay if they can, and the prior scale is the smallest.
+    et al. 1984): torque constants stay if they can, and the prior scale is the smallest. Where the
+    links are known and the torque constants are not, the links stay if they can: otherwise links
+    that are a little wrong would take the place of wrong torque constants.
 
     Args:
         regression: The regression.
@@ -247,6 +246,9 @@ def spreads(
     told = [Spread(scale, known, {*exclude, GAIN}) for scale in sorted(prior_scales)]
     if GAIN not in exclude:
         told += [Spread(scale, known, exclude) for scale in sorted(prior_scales)]
+        if INERTIA in known and GAIN not in known:
+            kept = {*exclude, INERTIA}
+            told = [Spread(scale, known, kept) for scale in sorted(prior_scales)] + told
     if len(fitting) < 2:
         return told
 

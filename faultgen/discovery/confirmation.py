@@ -8,6 +8,7 @@ from itertools import chain
 
 import numpy as np
 
+from faultgen.discovery.candidates import Term
 from faultgen.discovery.fit import Fit, Group, fit
 from faultgen.discovery.gap import gap, scored_in_motion
 from faultgen.discovery.model_edit import build, simulated_numbers
@@ -54,6 +55,9 @@ class Confirmed:
     solution: np.ndarray
     """Calibrated value of every term in its prior standard deviations, shape (terms,); 0 for the
     effects of the set."""
+    resembled: tuple[Term, ...] = ()
+    """Effects that are refuted although, with a twin, they explain most of what differs on their
+    axis. Nothing is left of the set then: something has changed that only resembles them."""
 
 
 def confirmed(
@@ -85,14 +89,17 @@ def confirmed(
         calibrated values with which the scoring motions are foretold best.
     """
     inside = scored_in_motion(problem)
+    resembled: list[Term] = []
     for best in chain([choice.best], _rivals(choice)):
-        kept, trials = _borne_out(problem, choice, best, inside)
+        kept, trials, refuted = _borne_out(problem, choice, best, inside)
+        resembled += [problem.terms[one.group[0]] for one in refuted if one.is_major]
         is_sure = bool(trials) and all(one.is_supported for one in trials)
         kept, solution = _buildable(problem, choice, kept, calibrated, numbers, inside, is_sure)
         if not problem.twin:
             evident = {one.group for one in trials if one.is_evident}
             kept = without_small_waves(problem, choice.problem, kept, solution, inside, evident)
         if kept.groups:
+            resembled = []
             break
     if kept is choice.best:
         return Confirmed(choice, solution)
@@ -100,7 +107,7 @@ def confirmed(
     if kept.groups and set(kept.groups) <= set(choice.best.groups):  # no rival of the chosen set
         found = rivals_of(choice.problem, kept)
         rivals = tuple(one for one in found if one[1] not in choice.best.groups)
-    return Confirmed(replace(choice, best=kept, rivals=rivals), solution)
+    return Confirmed(replace(choice, best=kept, rivals=rivals), solution, tuple(resembled))
 
 
 def _rivals(choice: Choice) -> Iterator[Fit]:
@@ -114,7 +121,7 @@ def _rivals(choice: Choice) -> Iterator[Fit]:
 
 def _borne_out(
     problem: Problem, choice: Choice, best: Fit, inside: np.ndarray
-) -> tuple[Fit, list[Trial]]:
+) -> tuple[Fit, list[Trial], list[Trial]]:
     """The part of a set that the scoring motions bear out.
 
     Args:
@@ -124,9 +131,11 @@ def _borne_out(
         inside: Samples that are compared, shape (samples, n_axes).
 
     Returns:
-        The part, and what the scoring motions say about each effect of it.
+        The part; what the scoring motions say about each effect of it; and the same of each effect
+        that was refuted.
     """
     trials: list[Trial] = []
+    gone: list[Trial] = []
     while best.groups:
         having = Error.of(problem, best, inside)
         trials = [
@@ -137,15 +146,16 @@ def _borne_out(
             break
         refuted = [one for one in trials if one.is_refuted]
         if refuted:  # the weakest first: a false effect distorts what the others seem to do
-            best = min(refuted, key=lambda one: one.share).rest
+            gone.append(min(refuted, key=lambda one: one.share))
+            best = gone[-1].rest
         # each effect may compensate for another one, while none of them is right
         elif not all(one.is_supported or one.is_strong for one in trials) and Errors.of(
             problem, choice.fits[0], having, inside
         ).are_worse(problem):
             best = min(trials, key=lambda one: one.gain).rest
         else:
-            return best, trials
-    return best, []
+            return best, trials, gone
+    return best, [], gone
 
 
 def _without_one(problem: Problem, best: Fit) -> list[tuple[Group, Fit]]:
@@ -182,6 +192,8 @@ class Trial:
     """Whether the scoring motions bear out the effect by themselves."""
     is_minor: bool
     """Whether, with a twin, it explains only a small part of what differs on its axis."""
+    is_major: bool
+    """Whether, with a twin, it explains most of what differs on its axis."""
     is_strong: bool
     """Whether, without a twin, the evidence of all motions together is `STRONG`."""
 
@@ -229,6 +241,7 @@ class Trial:
             share=share,
             is_supported=seen >= least and (abs(missed) <= MISSED or seen >= MOSTLY * foretold),
             is_minor=problem.twin and errors.is_minor(problem, problem.terms[group[0]].axis),
+            is_major=problem.twin and errors.is_major(problem, problem.terms[group[0]].axis),
             is_strong=is_strong,
         )
 

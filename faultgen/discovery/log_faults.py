@@ -29,6 +29,7 @@ _NEAR = 10  # samples on either side from which the usual step of the position c
 _JUMP = 1.5  # jump after one repeated sample, over the usual step; it would be 2 if it was lost
 _LONG = 3  # repeated samples from which a jump has to be this many usual steps
 _FEWEST = 3  # lost samples from which a log is said to lose some
+_USUAL = 1e-3  # share of lost samples up to which a log is in order: assumed
 _OFTEN = 0.4  # median share of repeated samples in motion from which a log is written too often
 _SLOW = 0.2  # of the largest speed, from which an axis counts as moving
 _CHANCE = 1e-6  # that losses one by one make a stretch as long as one that is called stuck
@@ -138,15 +139,12 @@ def _told(
     """
     if not found:
         return []
-    speed = np.concatenate(
-        [np.abs(np.gradient(whole.position[part, axis])) for part in whole.parts]
-    )
-    moving = speed > _SLOW * speed.max()  # elsewhere, a lost sample cannot be told from rest
+    moving = _moving(whole, axis)
     lengths = np.array([length for _, _, length in found])
     is_short = lengths <= _LONG
     rate = max(lengths[is_short].sum(), 1) / max(moving.sum(), 1)
     stuck = ~is_short & (moving.sum() * rate ** lengths.astype(float) < _CHANCE)
-    single = np.zeros(len(speed), bool)
+    single = np.zeros(len(moving), bool)
     shares = []
     for (number, first, length), is_stuck in zip(found, stuck.tolist(), strict=True):
         if is_stuck:  # with the sample that it repeats
@@ -164,6 +162,13 @@ def _told(
         share, one = float(np.mean(shares)), 1 / min(p.stop - p.start for p in whole.parts)
         faults.append(LogFault(STUCK, axis + 1, share, (share - one, share + one)))
     return faults
+
+
+def _moving(recording: Recording, axis: int) -> np.ndarray:
+    """Samples in which an axis moves; elsewhere, a lost sample cannot be told from rest."""
+    parts = [recording.position[part, axis] for part in recording.parts]
+    speed = np.concatenate([np.abs(np.gradient(position)) for position in parts])
+    return np.asarray(speed > _SLOW * speed.max())
 
 
 def _interpolated(recording: Recording, values: np.ndarray, lost: np.ndarray) -> np.ndarray:
@@ -191,13 +196,22 @@ def new_faults(
     Returns:
         The faults, and those of encoders that were finer in the healthy recordings.
     """
-    before = [fault for run in healthy for fault in run.faults]
     largest: dict[tuple[str, int], LogFault] = {}
     for fault in sorted(recording.faults, key=lambda one: one.severity):
-        same = [one for one in before if (one.effect, one.axis) == (fault.effect, fault.axis)]
-        if all(fault.interval[0] > one.interval[1] for one in same):
+        usual = max((_up_to(run, fault) for run in healthy), default=0.0)
+        if fault.interval[0] > max(usual, _USUAL if fault.effect == DROPOUT else 0.0):
             largest[fault.effect, fault.axis] = fault
     return (*largest.values(), *_coarse_encoders(recording, healthy, robot))
+
+
+def _up_to(healthy: Recording, fault: LogFault) -> float:
+    """Largest severity that the fault may have in a healthy recording."""
+    same = [one for one in healthy.faults if (one.effect, one.axis) == (fault.effect, fault.axis)]
+    if same or fault.effect != DROPOUT:
+        return max((one.interval[1] for one in same), default=0.0)
+    count = int(_moving(healthy, fault.axis - 1).sum())  # it may have lost a few samples
+    few = binomtest(min(_FEWEST - 1, count), max(count, 1))
+    return float(few.proportion_ci(0.95, "wilson").high)
 
 
 def _coarse_encoders(

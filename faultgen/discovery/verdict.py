@@ -75,12 +75,17 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     effects, alternatives = _named(problem, choice, kept.solution)
     chosen = (best, kept.solution) if known else (empty, base_values)
     built, robot, lacks = build_stable(problem, *chosen)
+    lacks += [
+        f"axis {one.axis}: {one.name} explains most of what differs on the motions for fitting, "
+        "but not on the others: something else has changed, which resembles it"
+        for one in dict.fromkeys(kept.resembled)
+    ]
     before, after = gap(problem, problem.residual), gap(problem, built.left)
     # an error holds the noise, so that the noise of an axis is no larger than any of its errors
     floor = np.min([gap(problem, noise)[1], before[1], calibrated[1], after[1]], axis=0)
     of_noise = float(np.sqrt(np.mean(floor[scored(problem).any(axis=0)] ** 2)))
     if not known:
-        verdict = UNKNOWN if strange else NONE
+        verdict = UNKNOWN if strange or kept.resembled else NONE
     elif choice.rivals:  # what is listed in part must be certain
         verdict = AMBIGUOUS
     else:
