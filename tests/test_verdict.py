@@ -182,3 +182,43 @@ def test_patterns_of_a_small_part_of_a_difference_are_usual(square, share, count
     used = problem.samples(problem.fitting).sum()
     one = Pattern(1, "speed", share * (square - 1) * used, 1e-9, 0.0)  # 1 of it is noise
     assert strange_patterns(problem, [one], white) == ([one] if counts else [])
+
+
+def waves(kinds):
+    """Terms of waves on axis 1, sine and cosine of each, and torques that go with them."""
+    rng = np.random.default_rng(4)
+    terms = [
+        Term(name, 1, 0.1, 1e-4, (("order", order), ("phase", phase)))
+        for name, order in kinds
+        for phase in (0.0, np.pi / 2)
+    ]
+    columns = np.zeros((len(terms), COUNT, 2))
+    size = 1000.0  # so that severities are within their bounds
+    columns[:, :, 0] = size * rng.normal(size=(len(terms), COUNT))
+    residual = columns[::2].sum(axis=0) / size + 0.3 * rng.normal(size=(COUNT, 2))
+    return written_down(terms, columns, residual, twin=True)
+
+
+@pytest.mark.parametrize(
+    ("second", "verdict"), [("torque_ripple", NAMED), ("transmission_error", UNKNOWN)]
+)
+def test_a_ripple_may_have_several_orders(monkeypatch, second, verdict):
+    """Waves of two kinds on one axis stand for one that the catalogue does not have."""
+    found = told(waves([("torque_ripple", 1.0), (second, 2.0)]), monkeypatch)
+    assert found.verdict in (verdict, NONE)
+    orders = [one.parameters["order"] for one in found.effects]
+    assert sorted(orders) == ([1.0, 2.0] if verdict == NAMED else [])
+
+
+def test_a_calibration_that_other_motions_refute_is_not_used(columns, rng, monkeypatch):
+    """An offset that the scoring motion does not have stays out of the model."""
+    terms = [Term("torque_offset", 1, 0.1, 0.5)]
+    one = np.zeros((1, COUNT, 2))
+    one[0, :, 0] = 1.0
+    noise = rng.normal(size=(COUNT, 2))
+    for sign, is_used in ((1.0, True), (-1.0, False)):
+        residual = noise + 0.5 * np.where(SCORED, sign, 1.0)[:, None] * one[0]
+        found = told(written_down(terms, one, residual, twin=False), monkeypatch)
+        assert found.verdict == NONE
+        assert bool(found.changes) == is_used
+        assert found.after <= found.before
