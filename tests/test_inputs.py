@@ -44,21 +44,28 @@ def test_a_dataset_is_judged_where_its_files_are_not(files, folder, tmp_path):
         judged(moved)
 
 
-def test_the_copy_is_used_if_the_robot_was_changed(files, folder):
-    with open(files["robot"], "a", encoding="utf-8") as robot:
-        robot.write("<!-- changed -->")
+@pytest.mark.parametrize(
+    ("what", "more"), [("robot", "<!-- new -->"), ("task", "# new"), ("sensors", "# new")]
+)
+def test_the_copy_is_used_if_a_file_was_changed(files, folder, what, more):
+    with open(files[what], "a", encoding="utf-8") as file:
+        file.write(more)
     (run, *_) = open_dataset(folder).runs
-    assert open_dataset(folder).inputs_of(run)["robot"].startswith(str(folder))
+    assert open_dataset(folder).inputs_of(run)[what].startswith(str(folder))
     assert judged(folder)
 
 
-def test_a_changed_copy_is_refused(files, folder):
+@pytest.mark.parametrize(
+    ("what", "old", "new"),
+    [("swing", "dwell = 0.1", "dwell = 0.2"), ("log", "torque_noise = 0.01", "torque_noise = 0.1")],
+)
+def test_a_changed_copy_is_refused(files, folder, what, old, new):
     shutil.rmtree(folder.parent / "mine")
-    (task,) = folder.glob("inputs/*/swing.toml")
-    changed = task.read_text().replace("dwell = 0.1", "dwell = 0.2", 1)
-    assert changed != task.read_text()
-    task.write_text(changed)
-    with pytest.raises(InputError, match="the task has changed since"):
+    (copy,) = folder.glob(f"inputs/*/{what}.toml")
+    changed = copy.read_text().replace(old, new, 1)
+    assert changed != copy.read_text()
+    copy.write_text(changed)
+    with pytest.raises(InputError, match="changed since the dataset was made"):
         judged(folder)
 
 

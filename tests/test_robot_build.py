@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 import faultgen
 from faultgen.building.build import build
 from faultgen.building.drives import Drives, read_drives
+from faultgen.building.plain import plain_arm
 from faultgen.building.quantities import QUANTITIES, Value
 from faultgen.building.resonance import largest_step, resonances, zero_pose
 from faultgen.cli.app import app
@@ -453,3 +454,22 @@ def test_no_link_and_no_tool_is_below_the_base_during_the_tasks(tmp_path):
             data.qpos[:] = pose
             mujoco.mj_kinematics(model, data)
             assert min(data.xpos[1:, 2].min(), data.site("tool").xpos[2]) > -1e-3, name
+
+
+@pytest.mark.parametrize(
+    ("unit", "limits", "told"),
+    [
+        ("radian", "-170 170", "range of 340 rad is unusual; if the file states degrees, write"),
+        ("degree", "-2 2", "range of 0.0698 rad is unusual; if the file states radians, write"),
+        ("degree", "-170 170", None),
+        ("radian", "-3 3", None),
+    ],
+)
+def test_angles_in_the_wrong_unit_are_told(cell, unit, limits, told):
+    text = MJCF.replace('angle="radian"', f'angle="{unit}"')
+    cell.write_text(text.replace('range="-2 2" armature', f'range="{limits}" armature'))
+    assert limits in cell.read_text()
+    notes = plain_arm(cell, ["shoulder", "elbow"]).notes
+    of_shoulder = [note for note in notes if note.startswith("joint 'shoulder'")]
+    assert len(of_shoulder) == (told is not None)
+    assert told is None or told in of_shoulder[0]

@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 
 from faultgen.building.chain import (
+    HINGE,
     SLIDE,
     axes_of,
     chain_findings,
@@ -34,6 +35,8 @@ from faultgen.mjcf.edit import mjcf_text
 
 HOME = "home"
 """Name of the keyframe that is the pose from which tasks start."""
+
+_WIDEST, _NARROWEST = 30.0, 0.12  # usual ranges of a hinge [rad]: 5 turns, and 7 degrees
 
 STATED_UNITS = {
     "armature": ("kg m^2", "kg"),
@@ -102,7 +105,7 @@ def plain_arm(path: Path, joints: Sequence[str] | None = None, flange: str | Non
     _rename(spec, names)
     spec.modelname = path.stem
     try:
-        spec.compile()
+        notes += _angle_notes(spec.compile(), names)
         text = mjcf_text(spec)
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         line = one_line(error)
@@ -118,6 +121,31 @@ def plain_arm(path: Path, joints: Sequence[str] | None = None, flange: str | Non
         home=home,
         notes=tuple(notes),
     )
+
+
+def _angle_notes(model: mujoco.MjModel, names: Sequence[str]) -> list[str]:
+    """What looks as if degrees were read as radians, or radians as degrees.
+
+    Args:
+        model: The arm, whose axes are ``joint1``, ``joint2``, ...
+        names: Names of the axes in the file.
+    """
+    notes = []
+    for k, name in enumerate(names):
+        joint = model.joint(f"joint{k + 1}")
+        if joint.type[0] != HINGE or not joint.limited[0]:
+            continue
+        width = float(np.ptp(joint.range))
+        for wrong, given, unit in (
+            (width > _WIDEST, "degrees", "degree"),
+            (width < _NARROWEST, "radians", "radian"),
+        ):
+            if wrong:
+                notes.append(
+                    f"joint '{name}': its range of {width:.3g} rad is unusual; if the file states "
+                    f'{given}, write <compiler angle="{unit}"/> into it'
+                )
+    return notes
 
 
 def survey(source: Source, joints: Sequence[str] | None) -> tuple[list[Finding], list[str]]:

@@ -60,7 +60,7 @@ def found_inputs(folder: Path, planned: Mapping[str, Any]) -> dict[str, Any]:
         planned: Parameters of the run, from the list of runs.
 
     Returns:
-        The same parameters. A path at which there is nothing any more, or another robot, is
+        The same parameters. A path at which there is nothing any more, or something else, is
         replaced by that of the copy, if there is one.
     """
     found = dict(planned)
@@ -70,8 +70,11 @@ def found_inputs(folder: Path, planned: Mapping[str, Any]) -> dict[str, Any]:
         copy = _copy(folder, told, name)
         if not told or not copy.exists():
             continue
-        changed = what == "robot" and not _is_robot(Path(given), told)
-        if changed or not os.path.exists(given):
+        if what == "robot":
+            same = _is_robot(Path(given), told)
+        else:
+            same = os.path.isfile(given) and Path(given).read_bytes() == copy.read_bytes()
+        if not same:
             found[what] = str(copy)
     return found
 

@@ -162,7 +162,7 @@ def plan_runs(experiment: Experiment) -> list[Run]:
     schedule = experiment.schedule
     sensors, noise = get_sensors(experiment.sensors), ""
     if experiment.sensors not in SENSORS:
-        noise = hashlib.sha256(sensors.to_toml().encode()).hexdigest()
+        noise = sensors.sha256
     for robot_name in experiment.robot:
         robot = load_robot(robot_name)
         decimation(robot.model.opt.timestep, experiment.sample_period)

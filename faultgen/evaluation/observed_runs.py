@@ -71,8 +71,15 @@ def noise_of(dataset: Dataset, sensors: str | None) -> tuple[str, bool]:
 
 def _sensors_of(dataset: Dataset, runs: Iterable[StoredRun]) -> dict[str, Sensors]:
     """Sensors of some runs, by name or path."""
-    first = {run["sensors"]: run for run in reversed(list(runs))}
-    return {name: get_sensors(_inputs(dataset, run)["sensors"]) for name, run in first.items()}
+    found = {}
+    for name, run in {run["sensors"]: run for run in reversed(list(runs))}.items():
+        planned = _inputs(dataset, run)
+        found[name] = get_sensors(planned["sensors"])
+        if planned.get("sensors_sha256", "") not in ("", found[name].sha256):
+            raise InputError(
+                f"{planned['sensors']}: the sensors have changed since the dataset was made"
+            )
+    return found
 
 
 def _inputs(dataset: Dataset, run: StoredRun) -> dict[str, Any]:

@@ -10,6 +10,7 @@ such a file with what it has learned from recordings of a robot.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -143,6 +144,11 @@ class Sensors:
         """Return the content of a sensors file."""
         entries = {k: v for k, v in asdict(self).items() if v not in (None, [], {}, 0.0, False)}
         return tomli_w.dumps(entries)
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the content."""
+        return hashlib.sha256(self.to_toml().encode()).hexdigest()
 
 
 _FORM = TypeAdapter(Sensors)
