@@ -73,6 +73,7 @@ def test_generating_again_restores_a_copy(files, folder):
     copies = sorted(folder.glob("inputs/*/*"))
     assert len(copies) == 3
     shutil.rmtree(folder / "inputs")
+    assert open_dataset(folder).damaged() == {}  # as of an older version
     experiment = make_experiment({**files, "axis": [1], "cycles": 6})
     assert generate(experiment, folder, progress=False).kept == 2
     assert sorted(folder.glob("inputs/*/*")) == copies
@@ -95,3 +96,14 @@ def test_a_run_of_a_file_of_all_runs_by_itself_is_found(folder, tmp_path):
     found = StoredRun.at(lone / "runs" / f"{run.id}.h5")
     assert found.path == lone / "dataset.h5"
     assert found["run_id"] == run.id
+
+
+def test_damaged_and_lost_copies_are_named(folder):
+    (task,), (model,) = folder.glob("inputs/*/swing.toml"), folder.glob("inputs/*/tiny/model.xml")
+    task.unlink()
+    model.write_text(model.read_text() + "\n")
+    found = open_dataset(folder).damaged()
+    assert found == {
+        str(model.relative_to(folder)): "differs from its checksum",
+        str(task.relative_to(folder)): "is missing",
+    }

@@ -2,7 +2,8 @@
 
 Isolators and reports need the healthy robot, its task and its sensors. Those that do not come with
 faultgen are files, which may change, or may not exist on the machine of another user. A dataset
-therefore keeps a copy of each: ``inputs/<checksum>/<name>``.
+therefore keeps a copy of each: ``inputs/<checksum>/<name>``. The checksums of all these files are in
+``inputs/sha256sums``.
 """
 
 from __future__ import annotations
@@ -16,11 +17,14 @@ from faultgen.dataset.planning import Run
 from faultgen.errors import InputError
 from faultgen.monitoring.sensors import SENSORS
 from faultgen.robot import load_robot, robot_names
-from faultgen.system.files import write_text
+from faultgen.system.files import file_sha256, write_text
 from faultgen.system.reading import read_text
 
 INPUTS = "inputs"
 """Name of the folder with the copies."""
+
+SUMS = "sha256sums"
+"""Name of the file in it with a checksum of every other file, as `sha256sum` writes it."""
 
 _DIGITS = 16  # of a checksum in the name of a folder
 _CHECKSUMS = {"robot": "model_sha256", "task": "task_sha256", "sensors": "sensors_sha256"}
@@ -34,22 +38,69 @@ def keep_inputs(folder: Path, runs: Iterable[Run]) -> None:
         runs: The runs.
 
     Raises:
-        InputError: A robot's file can no longer be read.
+        InputError: A file can no longer be read.
         StorageFailed: A copy cannot be written.
     """
-    robots = {(run.robot, run.model_sha256) for run in runs if run.robot not in robot_names()}
-    for given, checksum in robots:
-        copy = _copy(folder, checksum, Path(given).stem)
-        if not _is_robot(copy, checksum):
-            load_robot(given).write(copy)
-    files = {(run.task, run.task_sha256) for run in runs if os.path.isfile(run.task)}
-    files |= {(run.sensors, run.sensors_sha256) for run in runs if run.sensors not in SENSORS}
-    for given, checksum in files:
-        copy = _copy(folder, checksum, Path(given).name)
-        text = read_text(given, "file")
-        if not copy.is_file() or copy.read_text(encoding="utf-8") != text:
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            write_text(copy, text)
+    robots, files = {}, {}
+    for run in runs:
+        if run.robot not in robot_names():
+            robots[_copy(folder, run.model_sha256, Path(run.robot).stem)] = run.robot
+        if os.path.isfile(run.task):
+            files[_copy(folder, run.task_sha256, Path(run.task).name)] = run.task
+        if run.sensors not in SENSORS:
+            files[_copy(folder, run.sensors_sha256, Path(run.sensors).name)] = run.sensors
+    copies = [*robots, *files]
+    if not copies or all(copy.exists() for copy in copies) and not damaged_inputs(folder):
+        return
+    for copy, robot in robots.items():
+        load_robot(robot).write(copy)
+    for copy, file in files.items():
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        write_text(copy, read_text(file, "file"))
+    write_text(folder / INPUTS / SUMS, _as_text(_sums(folder / INPUTS)))
+
+
+def damaged_inputs(folder: Path) -> dict[str, str]:
+    """Find copies that are damaged or missing. All of them are read.
+
+    Args:
+        folder: Folder of the dataset.
+
+    Returns:
+        Reasons by file name, relative to the folder; empty if nothing is damaged, or if the dataset
+        has no copies.
+    """
+    home = folder / INPUTS
+    if not home.is_dir():
+        return {}
+    there = _sums(home)
+    try:
+        text = (home / SUMS).read_bytes().decode(errors="replace")
+    except OSError as error:
+        return {f"{INPUTS}/{SUMS}": f"cannot be read ({error.strerror})"}
+    if text == _as_text(there):
+        return {}
+    lines = [line.partition("  ") for line in text.splitlines()]
+    told = {name: checksum for checksum, _, name in lines}
+    reasons = {
+        f"{INPUTS}/{name}": "is missing" if name not in there else "differs from its checksum"
+        for name in told.keys() | there.keys()
+        if told.get(name) != there.get(name)
+    }
+    return dict(sorted(reasons.items())) or {f"{INPUTS}/{SUMS}": "is not as it was written"}
+
+
+def _sums(home: Path) -> dict[str, str]:
+    """Checksums of all finished files in a folder, by their path in it."""
+    return {
+        path.relative_to(home).as_posix(): file_sha256(path)
+        for path in sorted(home.rglob("*"))
+        if path.is_file() and path.name != SUMS and not path.name.endswith(".tmp")
+    }
+
+
+def _as_text(sums: Mapping[str, str]) -> str:
+    return "".join(f"{checksum}  {name}\n" for name, checksum in sums.items())
 
 
 def found_inputs(folder: Path, planned: Mapping[str, Any]) -> dict[str, Any]:

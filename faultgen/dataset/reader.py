@@ -244,8 +244,15 @@ class Dataset:
         reasons = {str(path.relative_to(self.path)): damage(path) for path in files}
         if self.file is None:
             reasons[EXPERIMENT] = self._experiment_damage()
+            reasons |= self._input_damage()
             reasons[DATA_CARD] = self._card_damage() if reasons.get(MERGED, "") is None else None
         return {name: reason for name, reason in reasons.items() if reason is not None}
+
+    def _input_damage(self) -> dict[str, str]:
+        """Damaged copies of the user's own files."""
+        from faultgen.dataset.inputs import damaged_inputs
+
+        return damaged_inputs(self.path)
 
     def _card_damage(self) -> str | None:
         """Compare the data card with its copy in the file of all runs."""
