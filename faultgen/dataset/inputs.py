@@ -2,8 +2,8 @@
 
 Isolators and reports need the healthy robot, its task and its sensors. Those that do not come with
 faultgen are files, which may change, or may not exist on the machine of another user. A dataset
-therefore keeps a copy of each: ``inputs/<checksum>/<name>``. The checksums of all these files are in
-``inputs/sha256sums``.
+therefore keeps a copy of each: ``inputs/<checksum>/<name>``. The checksums of all these files are
+in ``inputs/sha256sums``.
 """
 
 from __future__ import annotations
