@@ -182,7 +182,7 @@ def test_effects_of_sensors_have_no_place():
 
 def test_the_study_on_a_robot_of_ones_own(tiny_robot_path, tiny_task_path, tmp_path):
     """Map, table and figures are made; a further call goes on where it was, with equal numbers."""
-    small = Size(healthy_days=30, days=20, quick=True)
+    small = Size(healthy_days=15, days=12, quick=True)
     told = {"size": small, "robots": [tiny_robot_path], "tasks": [tiny_task_path]}
     result = run_detectability(tmp_path, **told)
     rows = {(row["effect"], row["axis"]): row for row in result["rows"]}
