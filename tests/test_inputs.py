@@ -51,7 +51,7 @@ def test_the_copy_is_used_if_a_file_was_changed(files, folder, what, more):
     with open(files[what], "a", encoding="utf-8") as file:
         file.write(more)
     (run, *_) = open_dataset(folder).runs
-    assert open_dataset(folder).inputs_of(run)[what].startswith(str(folder))
+    assert open_dataset(folder).input_of(run, what).startswith(str(folder))
     assert judged(folder)
 
 

@@ -136,15 +136,13 @@ def _angle_notes(model: mujoco.MjModel, names: Sequence[str]) -> list[str]:
         if joint.type[0] != HINGE or not joint.limited[0]:
             continue
         width = float(np.ptp(joint.range))
-        for wrong, given, unit in (
-            (width > _WIDEST, "degrees", "degree"),
-            (width < _NARROWEST, "radians", "radian"),
-        ):
-            if wrong:
-                notes.append(
-                    f"joint '{name}': its range of {width:.3g} rad is unusual; if the file states "
-                    f'{given}, write <compiler angle="{unit}"/> into it'
-                )
+        if _NARROWEST <= width <= _WIDEST:
+            continue
+        unit = "degree" if width > _WIDEST else "radian"
+        notes.append(
+            f"joint '{name}': its range of {width:.3g} rad is unusual; if the file states {unit}s, "
+            f'write <compiler angle="{unit}"/> into it'
+        )
     return notes
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
+    from faultgen.dataset.estimate import Estimate
     from faultgen.dataset.reader import Dataset
 
 app = typer.Typer(
@@ -146,7 +148,23 @@ def print_estimate(what: str, seconds: float, size: float, workers: int) -> None
     )
 
 
-def finished_dataset(folder: Path) -> Dataset:
+def show_estimate(found: Estimate, workers: int, as_json: bool, also: str = "") -> None:
+    """Print what datasets would take, as text or as JSON.
+
+    Args:
+        found: The estimate.
+        workers: Number of processes.
+        as_json: Whether to print JSON.
+        also: What the text says after the number of cycles.
+    """
+    if as_json:
+        print_json({**asdict(found), "workers": workers})
+        return
+    what = f"{found.runs} runs, {found.cycles} cycles{also}"
+    print_estimate(what, found.seconds, found.bytes, workers)
+
+
+def dataset_to_judge(folder: Path) -> Dataset:
     """Open a dataset that is to be judged, and say on stderr if it lacks runs.
 
     Args:

@@ -16,8 +16,8 @@ from faultgen.cli.app import (
     Workers,
     app,
     names,
-    print_estimate,
     print_json,
+    show_estimate,
     worker_count,
 )
 from faultgen.cli.values import TRAINING, axes_of, numbers_of, part_of, severities_of, task_of
@@ -343,9 +343,4 @@ def _dry_run(experiment: Experiment, workers: int, as_json: bool) -> None:
     """Print what a dataset would take."""
     from faultgen.dataset.estimate import estimate
 
-    found = estimate(experiment, workers=workers)
-    if as_json:
-        print_json({**asdict(found), "workers": workers})
-        return
-    what = f"{found.runs} runs, {found.cycles} cycles"
-    print_estimate(what, found.seconds, found.bytes, workers)
+    show_estimate(estimate(experiment, workers=workers), workers, as_json)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from faultgen.cli.app import Folder, Json, Methods, app, finished_dataset, out_option, print_json
+from faultgen.cli.app import Folder, Json, Methods, app, dataset_to_judge, out_option, print_json
 from faultgen.errors import InputError
 
 
@@ -129,7 +129,7 @@ def report(folder: Folder, method: Methods = None, as_json: Json = False) -> Non
             raise InputError("--method: the report of a fleet compares no methods")
         path = write_fleet_report(folder)
     else:
-        dataset = finished_dataset(folder)
+        dataset_to_judge(folder)
         methods: list[Any] = [load(name) for name in method or ()]
-        path = write_report(dataset.path, methods=methods)
+        path = write_report(folder, methods=methods)
     print_json({"report": str(path)}) if as_json else print(path)

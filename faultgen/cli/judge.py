@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,10 +17,10 @@ from faultgen.cli.app import (
     Split,
     Workers,
     app,
-    finished_dataset,
+    dataset_to_judge,
     names,
-    print_estimate,
     print_json,
+    show_estimate,
     worker_count,
 )
 from faultgen.errors import InputError
@@ -48,7 +47,7 @@ def detect(
     from faultgen.evaluation.detect import detection_table, save_detection
     from faultgen.plugins import load
 
-    dataset = finished_dataset(folder)
+    dataset = dataset_to_judge(folder)
     methods: list[Any] = [load(name) for name in method or ()]
     result = run_detect(dataset, sensors=sensors, seeds=seeds, methods=methods, split=split)
     save_detection(result, dataset.path)
@@ -77,7 +76,7 @@ def isolate(
     from faultgen.evaluation.outcomes import save, table, to_dict
     from faultgen.plugins import load
 
-    dataset = finished_dataset(folder)
+    dataset = dataset_to_judge(folder)
     methods: list[Any] = [load(name) for name in method or ()]
     result = run_isolate(dataset, sensors=sensors, seeds=seeds, methods=methods, split=split)
     save(result, dataset.path)
@@ -115,12 +114,9 @@ def benchmark(
 
     methods: list[Any] = [load(name) for name in method or ()]
     if dry_run:
-        found = estimate_benchmark(quick=quick, workers=worker_count(workers))
-        if as_json:
-            print_json({**asdict(found), "workers": worker_count(workers)})
-        else:
-            what = f"{found.runs} runs, {found.cycles} cycles, to which the methods add their time"
-            print_estimate(what, found.seconds, found.bytes, worker_count(workers))
+        count = worker_count(workers)
+        found = estimate_benchmark(quick=quick, workers=count)
+        show_estimate(found, count, as_json, ", to which the methods add their time")
         return
     result = run_benchmark(out, quick=quick, methods=methods, workers=worker_count(workers))
     if as_json:

@@ -14,7 +14,7 @@ from faultgen.cli.app import (
     Robot,
     Workers,
     app,
-    finished_dataset,
+    dataset_to_judge,
     out_option,
     print_json,
     worker_count,
@@ -129,7 +129,7 @@ def train(
     if out.is_file():
         raise InputError(f"out: must be a folder, not the file {out}")
     refuse_data(out)
-    detector = run_train(finished_dataset(folder), false_alarms=false_alarms, seed=seed)
+    detector = run_train(dataset_to_judge(folder), false_alarms=false_alarms, seed=seed)
     detector.save(out)
     told: dict[str, Any] = {
         "detector": str(out),

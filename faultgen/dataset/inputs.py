@@ -103,31 +103,27 @@ def _as_text(sums: Mapping[str, str]) -> str:
     return "".join(f"{checksum}  {name}\n" for name, checksum in sums.items())
 
 
-def found_inputs(folder: Path, planned: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters of a run with the paths at which its files are now.
+def input_path(folder: Path, planned: Mapping[str, Any], what: str) -> str:
+    """Return where a file from which a run was made is now.
 
     Args:
         folder: Folder of the dataset.
         planned: Parameters of the run, from the list of runs.
+        what: "robot", "task" or "sensors".
 
     Returns:
-        The same parameters. A path at which there is nothing any more, or something else, is
-        replaced by that of the copy, if there is one.
+        The path or name that the run was given. If there is nothing any more, or something else, it
+        is the path of the copy, if there is one.
     """
-    found = dict(planned)
-    for what, checksum in _CHECKSUMS.items():
-        given, told = str(planned[what]), str(planned.get(checksum, ""))
-        name = Path(given).stem if what == "robot" else Path(given).name
-        copy = _copy(folder, told, name)
-        if not told or not copy.exists():
-            continue
-        if what == "robot":
-            same = _is_robot(Path(given), told)
-        else:
-            same = os.path.isfile(given) and Path(given).read_bytes() == copy.read_bytes()
-        if not same:
-            found[what] = str(copy)
-    return found
+    given, checksum = str(planned[what]), str(planned.get(_CHECKSUMS[what], ""))
+    copy = _copy(folder, checksum, Path(given).stem if what == "robot" else Path(given).name)
+    if not checksum or not copy.exists():
+        return given
+    if what == "robot":
+        same = _is_robot(Path(given), checksum)
+    else:
+        same = os.path.isfile(given) and Path(given).read_bytes() == copy.read_bytes()
+    return given if same else str(copy)
 
 
 def _copy(folder: Path, checksum: str, name: str) -> Path:

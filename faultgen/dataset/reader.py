@@ -175,19 +175,19 @@ class Dataset:
         """Parameters of every run that belongs to the dataset, by id."""
         return self.manifest.runs
 
-    def inputs_of(self, run: StoredRun) -> dict[str, Any]:
-        """Find the files from which a run was made.
+    def input_of(self, run: StoredRun, what: str) -> str:
+        """Find a file from which a run was made.
 
         Args:
             run: The run.
+            what: "robot", "task" or "sensors".
 
         Returns:
-            Its parameters; the paths of its robot, task and sensors are those of the copies in the
-            folder, if the files are no longer where they were.
+            Its name or path; that of the copy in the folder, if the file is no longer where it was.
         """
-        from faultgen.dataset.inputs import found_inputs
+        from faultgen.dataset.inputs import input_path
 
-        return found_inputs(self.path, self.planned[run.id])
+        return input_path(self.path, self.planned[run.id], what)
 
     @cached_property
     def runs(self) -> list[StoredRun]:

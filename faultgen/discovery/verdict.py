@@ -182,11 +182,10 @@ def _contrived(problem: Problem, best: Fit) -> bool:
     several orders is one kind: motors have it at the orders of their poles and of their slots.
     """
     terms = [problem.terms[group[0]] for group in best.groups]
-    friction = [(get_effect(t.name).prior.group, t.axis) for t in terms]
-    friction = [kind for kind in friction if kind[0]]
     waves = {(t.name, t.axis) for t in terms if get_effect(t.name).prior.use == "periodic"}
-    waved = [axis for _, axis in waves]
-    return len(set(friction)) < len(friction) or len(set(waved)) < len(waved)
+    kinds = [("periodic", axis) for _, axis in waves]
+    kinds += [(group, t.axis) for t in terms if (group := get_effect(t.name).prior.group)]
+    return len(set(kinds)) < len(kinds)
 
 
 def strange_patterns(problem: Problem, found: list[Pattern], white: np.ndarray) -> list[Pattern]:

@@ -73,30 +73,26 @@ def _sensors_of(dataset: Dataset, runs: Iterable[StoredRun]) -> dict[str, Sensor
     """Sensors of some runs, by name or path."""
     found = {}
     for name, run in {run["sensors"]: run for run in reversed(list(runs))}.items():
-        planned = _inputs(dataset, run)
-        found[name] = get_sensors(planned["sensors"])
-        if planned.get("sensors_sha256", "") not in ("", found[name].sha256):
-            raise InputError(
-                f"{planned['sensors']}: the sensors have changed since the dataset was made"
-            )
+        path = _input(dataset, run, "sensors")
+        found[name] = get_sensors(path)
+        if dataset.planned[run.id].get("sensors_sha256", "") not in ("", found[name].sha256):
+            raise InputError(f"{path}: the sensors have changed since the dataset was made")
     return found
 
 
-def _inputs(dataset: Dataset, run: StoredRun) -> dict[str, Any]:
-    """Parameters of a run, whose robot, task and sensors exist.
+def _input(dataset: Dataset, run: StoredRun, what: str) -> str:
+    """Name or path of the robot, task or sensors of a run.
 
     Raises:
-        InputError: One of them is gone, and the dataset has no copy of it.
+        InputError: It is gone, and the dataset has no copy of it.
     """
-    found = dataset.inputs_of(run)
-    for what in ("robot", "task", "sensors"):
-        path = str(found[what])
-        if os.path.isabs(path) and not os.path.exists(path):
-            raise InputError(
-                f"{path}: the {what} from which the dataset was made is no longer there, and "
-                f"there is no copy of it in {INPUTS}/ beside the dataset"
-            )
-    return found
+    path = dataset.input_of(run, what)
+    if os.path.isabs(path) and not os.path.exists(path):
+        raise InputError(
+            f"{path}: the {what} from which the dataset was made is no longer there, and there is "
+            f"no copy of it in {INPUTS}/ beside the dataset"
+        )
+    return path
 
 
 _Fitted = tuple[dict[str, Any], dict[str, list[str]]]
@@ -450,19 +446,19 @@ def places(dataset: Dataset, sensors: str | None = None, split: str | None = Non
         groups.setdefault((run["robot"], run["task"], operation), []).append(run)
     found = []
     for (robot, task, operation), runs in groups.items():
-        planned = _inputs(dataset, runs[0])
-        model = _model(planned["robot"], planned["task"], operation, runs)
+        robot_path, task_path = (_input(dataset, runs[0], what) for what in ("robot", "task"))
+        model = _model(robot_path, task_path, operation, runs)
         first = runs[0]
         preset = get_sensors(chosen) if redraw else None
         period = first["sample_period"]
-        limits = nominal(planned["robot"], planned["task"], period, operation).limits
+        limits = nominal(robot_path, task_path, period, operation).limits
         setting = Setting(
             n_axes=len(model.turning),
             samples=len(first.read("time")) * int(first["thin"]),
             temperature_varies=preset is None
             and any(one.changes_motion for one in _sensors_of(dataset, runs).values()),
             reference_temperature=operation.temperature
-            or load_robot(planned["robot"]).friction_temperature,
+            or load_robot(robot_path).friction_temperature,
             directions=model.directions,
             turning=model.turning,
         )

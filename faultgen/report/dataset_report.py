@@ -82,7 +82,7 @@ def _shown(dataset: Dataset, result: Isolation | None) -> Iterator[dict[str, Any
     """What the page shows of each robot and task."""
     room = _ROOM
     for robot, task, operation, runs in _places(dataset):
-        place = Place.of(runs, dataset.inputs_of(runs[0])["robot"])
+        place = Place.of(runs, dataset.input_of(runs[0], "robot"))
         charts, notes = signal_charts(place)
         room -= sum(len(chart.json) for chart in charts)
         if room < 0:

@@ -85,7 +85,7 @@ def train(dataset: Dataset, *, false_alarms: float = FALSE_ALARMS, seed: int = 0
         raise InputError(f"false-alarms: must be from 1e-6 to 0.5, not {false_alarms:g}")
     check_seed(seed)
     runs = _checked_runs(dataset)
-    robot = load_robot(_place(dataset, runs[0], "robot"))
+    robot = load_robot(dataset.input_of(runs[0], "robot"))
     motion = _motion(dataset, runs, robot)
     faults, examples = _examples(runs)
     told = _twin_of(dataset, runs[0])
@@ -225,14 +225,10 @@ def _checked_runs(dataset: Dataset) -> list[StoredRun]:
     return runs
 
 
-def _place(dataset: Dataset, run: StoredRun, what: str) -> str:
-    return str(dataset.inputs_of(run)[what])
-
-
 def _motion(dataset: Dataset, runs: list[StoredRun], robot: Any) -> KnownMotion:
     """The motion of the healthy cycles."""
     first = runs[0]
-    planned = plan(load_task(robot.name, _place(dataset, first, "task"), robot.tasks), robot)
+    planned = plan(load_task(robot.name, dataset.input_of(first, "task"), robot.tasks), robot)
     healthy = [run for run in runs if not len(run["axes"])]
     if not healthy:
         raise InputError(f"{dataset.path}: has no healthy run; generate with healthy = true")
@@ -321,7 +317,7 @@ def _score(
 def _measured(dataset: Dataset, run: StoredRun, motion: KnownMotion) -> np.ndarray:
     """Cycles of the healthy recordings from which the twin was made; none of another robot."""
     shape = motion.path.shape
-    own = Path(_place(dataset, run, "sensors")).parent / HEALTHY
+    own = Path(dataset.input_of(run, "sensors")).parent / HEALTHY
     if not own.is_file():
         return np.zeros((0, *shape))
     arrays, _ = read_arrays(own)
@@ -334,7 +330,7 @@ def _measured(dataset: Dataset, run: StoredRun, motion: KnownMotion) -> np.ndarr
 
 def _twin_of(dataset: Dataset, run: StoredRun) -> dict[str, Any] | None:
     """What is known of the robot's twin, if the sensors of the data are its own."""
-    own = Path(_place(dataset, run, "sensors")).parent / RESULT
+    own = Path(dataset.input_of(run, "sensors")).parent / RESULT
     if not own.is_file():
         return None
     try:
