@@ -126,6 +126,18 @@ def test_a_robot_without_shapes_is_drawn_as_sticks(tiny_robot, payload):
     assert {model.body(model.geom_bodyid[k]).name for k in sticks} == {"link1", "link2"}
 
 
+def test_a_floor_of_the_file_itself_is_hidden(tiny_robot):
+    spec = tiny_robot.spec()
+    spec.worldbody.add_geom(
+        name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], rgba=[0, 1, 0, 1]
+    )
+    spec.compile()
+    model = Stage(tiny_robot.edited(spec), np.zeros((2, 2))).model
+    planes = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)
+    seen = [model.geom(k).name for k in planes if model.geom_rgba[k, 3] > 0]
+    assert seen == ["faultgen_floor"]
+
+
 def test_opengl_and_software_draw_the_same_shape():
     """Silhouettes of the PUMA agree to within the width of a pixel at the edges."""
     stage = Stage(load_robot("puma560"), np.zeros((2, 6)))

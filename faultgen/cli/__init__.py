@@ -48,6 +48,10 @@ _INTERRUPTED = 130
 
 RENAMED = {"--width": "--prior-scale", "--steady": "--white-noise"}
 """New names of options that once had another name."""
+_PLAINER = {
+    "Input should be a valid integer, unable to parse string as an integer": "must be a whole number",
+    "Input should be a valid number, unable to parse string as a number": "must be a number",
+}
 
 
 def main() -> None:
@@ -87,6 +91,8 @@ def main() -> None:
             sys.exit(2)
         renamed = RENAMED.get(getattr(error, "option_name", ""))
         message = " ".join(message.split())
+        for said, plainer in _PLAINER.items():
+            message = message.replace(f": {said}", f": it {plainer}")
         if renamed:
             message = f"{message.removesuffix('.')}; it is now called {renamed}"
         _fail(message, 2)

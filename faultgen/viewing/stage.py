@@ -163,6 +163,9 @@ def _dress(spec: mujoco.MjSpec) -> None:
         diffuse=[0.5] * 3,
         castshadow=False,
     )
+    for geom in spec.worldbody.geoms:
+        if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:  # two floors at one height would flicker
+            geom.material, geom.rgba = "", [0.0] * 4
     spec.worldbody.add_geom(
         name="faultgen_floor",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
