@@ -311,6 +311,7 @@ class Unusable:
         return np.zeros_like(products.energy)
 
 
+@pytest.mark.slow
 def test_a_link_of_full_inertia_is_calibrated(measured, tiny_robot):
     """The same recording gives the same link, however the file states its inertia."""
     plain = 'mass="1" diaginertia="0.02 0.02 0.02"'

@@ -91,7 +91,11 @@ def test_a_killed_worker_loses_nothing(start, scheduler, experiment, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("threads", "message"), [(0, "no Dask scheduler"), (2, "has 2 threads; start workers with")]
+    ("threads", "message"),
+    [
+        pytest.param(0, "no Dask scheduler", marks=pytest.mark.slow),  # waits for an answer
+        (2, "has 2 threads; start workers with"),
+    ],
 )
 def test_clusters_that_cannot_be_used(request, start, experiment, tmp_path, threads, message):
     """One line says why, and nothing is made."""

@@ -180,6 +180,7 @@ def test_effects_of_sensors_have_no_place():
     assert not names & {"sensor_dropout", "brake_drag", "learned_law"}
 
 
+@pytest.mark.slow
 def test_the_study_on_a_robot_of_ones_own(tiny_robot_path, tiny_task_path, tmp_path):
     """Map, table and figures are made; a further call goes on where it was, with equal numbers."""
     small = Size(healthy_days=15, days=12, quick=True)

@@ -69,7 +69,7 @@ def test_a_clean_robot_has_no_missing_effect(files, tiny_robot_path, tmp_path):
     assert (tmp_path / "model.xml").read_text() == load_robot(tiny_robot_path).xml
 
 
-@pytest.mark.parametrize("twin", [True, False])
+@pytest.mark.parametrize("twin", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_play_is_looked_for_at_every_size(measured, tiny_robot, twin):
     """A play of 1 mrad. From the next smaller or larger probe but these, slopes lead nowhere."""
     healthy = measured([], 3) if twin else None
@@ -85,6 +85,7 @@ def test_two_effects(files, tiny_robot_path):
     assert {("viscous_friction", 2), ("torque_offset", 1)} <= named
 
 
+@pytest.mark.slow
 @pytest.mark.xfail(strict=True, reason="two effects that imitate the unknown one are named")
 def test_what_is_not_in_the_catalogue_is_not_named(measured, files, tiny_robot_path):
     """With its effect taken out of the catalogue, the gap stays unexplained.
@@ -156,6 +157,7 @@ def test_separate_recordings_may_be_short(tiny_robot, measured):
         low_passed(recording, 10.0)
 
 
+@pytest.mark.slow
 def test_the_order_of_the_catalogue_does_not_matter(files, tiny_robot_path, monkeypatch):
     """Candidates in reverse order give the same answer."""
     from faultgen.discovery import workflow
@@ -206,6 +208,7 @@ def test_sensitivities_are_kept(files, tiny_robot_path, tmp_path, monkeypatch):
     assert discovered(files, tiny_robot_path, "worn", cache=tmp_path)["effects"] == first["effects"]
 
 
+@pytest.mark.slow
 def test_names_of_files_and_robots_do_not_matter(files, tiny_robot_path, tmp_path):
     """What a file, its robot or the model is called says nothing of the effect."""
     plain = discovered(files, tiny_robot_path, "worn")
@@ -252,6 +255,7 @@ def against_healthy(shared, robot, name):
     return result, [(one["effect"], one["axis"]) for one in result["effects"]]
 
 
+@pytest.mark.slow
 def test_noise_that_two_recordings_share_is_reckoned_with(shared, tiny_robot_path):
     """Their difference has none of it; the answer is that of recordings with their own noise.
 
@@ -315,6 +319,7 @@ def test_a_recording_is_its_own_healthy_twin(shared, tiny_robot_path):
     assert (result["verdict"], result["effects"]) == ("no missing effect", [])
 
 
+@pytest.mark.slow
 def test_gap_and_validation_are_the_same_on_the_same_motions(measured, tiny_robot_path, tmp_path):
     """The motion that is kept for scoring, and a file of that motion alone, without a twin."""
     cycles = [measured([("torque_offset", 1, 0.05)], seed) for seed in (3, 4, 5)]

@@ -70,16 +70,21 @@ def run(folder, command, *more):
     )
 
 
-@pytest.fixture(scope="module")
-def results(folder):
-    """What each command except the study prints as JSON, by its name and dataset."""
+def results_of(folder, datasets):
+    """What the commands on some datasets print as JSON, by name and dataset."""
     found = {}
     for command in commands():
-        if command[1] != "study":
+        if command[-1] in datasets:
             done = run(folder, command, "--json")
             assert done.returncode == 0, done.stderr
             found[command[1], command[-1]] = json.loads(done.stdout)
     return found
+
+
+@pytest.fixture(scope="module")
+def results(folder):
+    """What the commands on the two small datasets print."""
+    return results_of(folder, ["grease", "worn"])
 
 
 def test_the_effect_of_the_page_is_simulated(folder, results):
@@ -108,11 +113,12 @@ def test_the_detector_of_the_page_raises_alarms(results):
     assert worn > 0.5 > healthy
 
 
-def test_the_classifier_of_the_page_is_compared(results):
+@pytest.mark.slow
+def test_the_classifier_of_the_page_is_compared(folder):
     """In ten lines, beside the others, on test runs only; it is better than chance."""
     code = blocks()["my_classifier.py"].strip().splitlines()[1:]
     assert sum(bool(line.strip()) for line in code) <= 10
-    found = results["isolate", "noisy"]
+    found = results_of(folder, ["noisy"])["isolate", "noisy"]
     rows = {(r["method"], r["level"]): r for r in found["results"]}
     assert len({method for method, _ in rows}) == 9 and found["split"] == "run"
     # of each kind of run 2 of 8 are tested, and the others learned from
@@ -121,7 +127,7 @@ def test_the_classifier_of_the_page_is_compared(results):
 
 
 @pytest.mark.slow
-def test_the_study_of_the_page_compares_the_isolator(folder, results):
+def test_the_study_of_the_page_compares_the_isolator(folder):
     """The whole quick study of the robot of the page has it in its table and in its figure."""
     (command,) = [one for one in commands() if one[1] == "study"]
     done = run(folder, command)

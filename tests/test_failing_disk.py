@@ -76,7 +76,13 @@ def check(cases):
 FAST = {"write": 311, "sync": 9, "rename": 5, "close": 23, "open": 23, "truncate": 5}
 
 
-@pytest.mark.parametrize("kind", FAST)
+@pytest.mark.parametrize(
+    "kind",
+    [
+        kind if kind in ("write", "rename") else pytest.param(kind, marks=pytest.mark.slow)
+        for kind in FAST
+    ],
+)
 def test_no_failing_call_loses_data(inject, kind):
     """A sample of the calls of each kind fails: what has a name is whole, the rest is resumed."""
     check(inject(kind, ENOSPC if kind in ("write", "truncate") else EIO, 1, FAST[kind]))
@@ -98,6 +104,7 @@ def test_no_failing_call_of_all_loses_data(inject, kind):
     check(inject(kind, ENOSPC if kind in ("write", "truncate") else EIO, 1, 1))
 
 
+@pytest.mark.slow
 def test_full_disks_are_reported_and_resumed(arguments, tmp_path):
     """On disks that are too small, or that another process fills and frees, nothing is lost."""
     disk = tmp_path / "disk"

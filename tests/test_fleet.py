@@ -382,6 +382,7 @@ def test_cycles_serve_plans_that_differ_in_what_befalls_robots(failing):
     assert not np.array_equal(given.torque_indicator, steady.torque_indicator)
 
 
+@pytest.mark.slow
 def test_one_seed_is_one_fleet(fleet, tmp_path):
     again = generate_fleet(FleetPlan(**SMALL), tmp_path, workers=1)
     files = sorted((tmp_path / "robots").iterdir())

@@ -80,6 +80,7 @@ def test_columns_are_scaled_as_the_priors_are(rng):
     assert np.allclose(scaled.white, 0.5 * problem.white)
 
 
+@pytest.mark.slow
 def test_a_change_of_a_well_known_robot_is_named_without_a_twin(
     measured, tiny_robot_path, tmp_path
 ):

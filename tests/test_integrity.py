@@ -234,6 +234,7 @@ def test_no_flipped_byte_of_arrays_is_read(tmp_path):
     assert noticed > 20
 
 
+@pytest.mark.slow
 def test_paths_are_not_part_of_a_run(tiny_robot_path, tiny_task_path, tmp_path, monkeypatch):
     """However a robot or task file is addressed, the runs are the same, and resume."""
     shutil.copy(tiny_robot_path, tmp_path / "tiny.xml")

@@ -77,6 +77,7 @@ def test_the_file_alone_in_a_folder_is_a_dataset(kept, whole, tmp_path):
     assert same_runs(tmp_path / "dataset.h5", whole)
 
 
+@pytest.mark.slow
 def test_methods_and_exports_work_as_before(dataset, whole, tmp_path):
     """Isolation gives the same counts, and a run is found under the path of its former file."""
     whole = Path(shutil.copytree(whole, tmp_path / "whole"))

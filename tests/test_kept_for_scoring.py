@@ -92,6 +92,7 @@ def test_separate_recordings_stay_whole_if_every_axis_moves_in_each(tiny_robot):
     assert parts == log.parts and scoring == [4]
 
 
+@pytest.mark.slow
 def test_an_effect_is_named_in_a_log_that_ends_at_rest(measured, tiny_robot):
     """As long as the motion itself, and as if the robot had been left on after it."""
 

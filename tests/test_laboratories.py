@@ -150,6 +150,7 @@ def test_friction_holds_up_to_its_static_level() -> None:
     assert above[-1, 0] > 0.1
 
 
+@pytest.mark.slow
 def test_agrees_with_the_sealed_simulator() -> None:
     """The same healthy PUMA on the same motion: motor torques differ by less than 0.1 %."""
     physics = nominal_physics(load_robot("puma560"))

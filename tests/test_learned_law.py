@@ -78,6 +78,7 @@ def test_a_law_is_learned(problem, name):
     np.testing.assert_allclose(again - problem.base, law.change, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_noise_is_no_law(problem):
     """Of healthy robots nothing is learned, whatever the draw of the noise."""
     rng = np.random.default_rng(4)
@@ -129,7 +130,10 @@ def test_laws_complete_an_answer_that_explains_too_little(problem, given):
     assert all(one["floor"] <= one["after"] for one in new.per_axis)
 
 
-@pytest.mark.parametrize(("axis", "kept"), [(2, []), (1, [("viscous_friction", 1)])])
+@pytest.mark.parametrize(
+    ("axis", "kept"),
+    [pytest.param(2, [], marks=pytest.mark.slow), (1, [("viscous_friction", 1)])],
+)
 def test_effects_that_imitate_a_law_are_left_out(problem, monkeypatch, axis, kept):
     """On the axis of the law, the named effect only imitates it; on another axis it is right."""
 

@@ -149,6 +149,7 @@ def test_isolators_are_asked_at_each_operation(swept):
     assert {place.setting.reference_temperature for place in found} == set(TEMPERATURES)
 
 
+@pytest.mark.slow
 def test_the_report_names_the_operation(swept, tmp_path):
     page = write_report(swept.path).read_text()
     assert "speed 0.5, payload 0.2 kg, temperature 60 °C" in page

@@ -67,6 +67,7 @@ def test_a_motion_in_one_direction_does_not_show_friction(measured, tiny_robot, 
     assert with_own_friction(one_way, robot, healthy=True) == (robot, [])
 
 
+@pytest.mark.slow
 def test_severities_are_relative_to_the_healthy_recording(measured, tiny_robot, tmp_path):
     """20 % wear is 20 %, although the model has a twentieth of the friction."""
     with_friction(tiny_robot, tmp_path / "other.xml", 0.05)

@@ -100,6 +100,7 @@ def test_the_wheel_works_beside_own_files(source, own_files, tmp_path):
     assert (folder / "faultgen" / "robots" / "puma560" / "README.md").is_file()
 
 
+@pytest.mark.slow
 def test_the_sdist_builds_the_same_wheel(source, own_files, tmp_path):
     """From the source distribution, a wheel with the same files can be built."""
     with tarfile.open(build(source, "build_sdist")) as archive:

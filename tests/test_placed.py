@@ -30,7 +30,13 @@ def with_effect(recording, robot, name):
     return replace(recording, torque=recording.torque + change, source="worn")
 
 
-@pytest.mark.parametrize("name", HIDDEN)
+@pytest.mark.parametrize(
+    "name",
+    [
+        name if name == "loose_tool" else pytest.param(name, marks=pytest.mark.slow)
+        for name in HIDDEN
+    ],
+)
 def test_a_hidden_effect_is_named_with_its_place(name, tiny_robot, measured):
     axis, severity, parameters = HIDDEN[name]
     worn = with_effect(measured([], 0), tiny_robot, name)
@@ -52,6 +58,7 @@ def test_a_healthy_robot_has_no_promising_place(tiny_robot, measured):
     assert found.answer.effects == ()
 
 
+@pytest.mark.slow
 def test_what_happens_once_has_no_place(tiny_robot, measured):
     """A bump of the torque that comes once is at some angle too, but is not an effect there."""
     worn = measured([], 0)
@@ -62,6 +69,7 @@ def test_what_happens_once_has_no_place(tiny_robot, measured):
     assert {t.name for t in found.problem.terms}.isdisjoint(names_by_use("searched"))
 
 
+@pytest.mark.slow
 def test_excluded_effects_are_not_searched_for(tiny_robot, measured):
     worn = with_effect(measured([], 0), tiny_robot, "seizing_spot")
     found = investigate(worn, tiny_robot, measured([], 1), exclude=["seizing_spot"])

@@ -63,6 +63,7 @@ def with_package(site, *arguments):
     return faultgen(*arguments, variables={"PYTHONPATH": str(site)})
 
 
+@pytest.mark.slow
 def test_an_effect_of_another_package_works_with_several_workers(
     package, tiny_robot_path, tiny_task_path, tmp_path
 ):

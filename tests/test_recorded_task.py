@@ -119,6 +119,7 @@ def test_hashes_of_other_tasks_are_what_they_were():
     assert load_task("irb6700", "spot_weld").sha256.startswith("71026ec88bb3")
 
 
+@pytest.mark.slow
 def test_generate_takes_the_motion_of_a_recording(
     recording, tiny_robot_path, tmp_path, monkeypatch
 ):

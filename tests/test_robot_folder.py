@@ -166,6 +166,7 @@ def test_calibrate_does_not_lose_effects(tiny_robot, measured, tmp_path):
     assert LATE in made.effects and made.xml != tiny_robot.xml
 
 
+@pytest.mark.slow
 def test_discovery_finds_nothing_more_in_its_own_result(tiny_robot, measured, tmp_path):
     """The model that a discovery writes explains the recording, also where MJCF cannot."""
     clean = measured([("viscous_friction", 2, 0.5)], 5)

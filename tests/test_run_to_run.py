@@ -69,6 +69,7 @@ def test_what_differs_between_healthy_runs_is_no_effect(measured, runs, asked, t
     assert apart[0] < 0.1 * apart[1]
 
 
+@pytest.mark.slow
 def test_friction_at_another_temperature_is_no_effect(measured, asked):
     """A robot that is 4 K warmer has other friction, which is unknown without temperatures."""
     height, velocity, viscous = friction_ratios(44.0, 40.0)
@@ -104,6 +105,7 @@ def test_an_effect_beside_it_is_named(measured, runs, asked):
     assert found.after < 1.1 * found.floor < found.calibrated < found.before
 
 
+@pytest.mark.slow
 def test_much_more_of_what_differs_is_named(measured, runs, asked):
     """The friction of axis 2 beyond that of any run."""
     more = asked(measured([("coulomb_friction", 2, 0.7)], 5), runs).answer

@@ -101,6 +101,7 @@ def files(measured, tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_two_files_say_what_one_with_both_says(files, tiny_robot_path, tmp_path):
     """The command gives the same result, with the healthy files in the other order."""
     healthy = ["--healthy", files / "healthy2.h5", "--healthy", files / "healthy1.h5"]

@@ -297,7 +297,7 @@ def test_files_of_a_study(cycles, small, monkeypatch, tmp_path):
     assert len(list((tmp_path / "figures").glob("*.png"))) == 4
 
 
-@pytest.mark.parametrize("name", ["isolation", "detection"])
+@pytest.mark.parametrize("name", ["isolation", pytest.param("detection", marks=pytest.mark.slow)])
 def test_studies_take_any_robot_and_task(
     name, cycles, tiny_robot_path, tiny_task_path, monkeypatch, capsys, tmp_path
 ):

@@ -305,6 +305,7 @@ def test_failed_runs_are_recorded_and_do_not_stop_the_sweep(small, tmp_path, mon
     assert open_dataset(tmp_path).failed == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("call", ["fsync", "replace"])
 def test_no_failing_system_call_leaves_a_half_written_file(small, tmp_path, monkeypatch, call):
     """Whichever sync or rename fails, what is there is whole, and a second try completes it."""
