@@ -160,7 +160,7 @@ BAD = {
     "severity -5": ({"severity": -5}, r"severity: .*greater than or equal to 0, not -5"),
     "severity x": ({"severity": "x"}, r"severity 'x': give numbers"),
     "cycles 0": ({"cycles": 0}, r"cycles: .*greater than or equal to 1, not 0"),
-    "cycles x": ({"cycles": "many"}, r".*'--cycles'.* valid integer"),
+    "cycles x": ({"cycles": "many"}, r".*'--cycles': it must be a whole number"),
     "an unknown schedule": ({"schedule": "sudden"}, r"unknown schedule 'sudden'"),
     "two units": (
         {"effect": "backlash,friction_wear", "severity": 0.01},

@@ -48,9 +48,10 @@ _INTERRUPTED = 130
 
 RENAMED = {"--width": "--prior-scale", "--steady": "--white-noise"}
 """New names of options that once had another name."""
+_NUMBER = "Input should be a valid {0}, unable to parse string as {1} {0}"
 _PLAINER = {
-    "Input should be a valid integer, unable to parse string as an integer": "must be a whole number",
-    "Input should be a valid number, unable to parse string as a number": "must be a number",
+    _NUMBER.format("integer", "an"): "must be a whole number",
+    _NUMBER.format("number", "a"): "must be a number",
 }
 
 

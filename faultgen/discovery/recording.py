@@ -73,7 +73,7 @@ class TorqueConstants:
 
 @dataclass(frozen=True)
 class LogFault:
-    """An effect of the catalogue that acts on the log of one axis."""
+    """An effect of the catalogue that is seen in the log of one axis, whatever the arm does."""
 
     effect: str
     """Name."""
@@ -88,7 +88,7 @@ class LogFault:
         """Return the fault as an effect of ``discovery.json``.
 
         Args:
-            gap: Relative torque error of the model, which the fault does not change.
+            gap: Relative torque error of the model with all that was found.
         """
         return {
             "effect": self.effect,

@@ -16,6 +16,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from faultgen.discovery.candidates import FREE_GAINS, Term, check_names, names_by_use
+from faultgen.discovery.gap import gap
 from faultgen.discovery.inputs import check_positive, read_together, usable
 from faultgen.discovery.own_friction import with_own_friction
 from faultgen.discovery.physical import GAIN
@@ -24,12 +25,13 @@ from faultgen.discovery.regression import Problem
 from faultgen.discovery.replay import Replay, relative_error
 from faultgen.discovery.result import NAMED, NONE, PARTLY, UNKNOWN
 from faultgen.discovery.samples import counted
+from faultgen.discovery.servo_delay import DELAY, find_delays
 from faultgen.discovery.with_laws import contract, outside, with_laws
 from faultgen.discovery.workflow import Discovery, investigate
 from faultgen.effects import EFFECTS, get_effect
 from faultgen.effects.friction import SPEED_FRICTION
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.robot import load_robot
+from faultgen.robot import Robot, load_robot
 from faultgen.system.progress import Progress
 
 _USUAL = 0.02  # change of friction between two recordings of a real arm (see `DAY_TO_DAY`)
@@ -107,6 +109,12 @@ def discover(
         other, more = usable(validate, model, low_pass, given.constants)
         warnings += more
     with threadpool_limits(limits=1):
+        late = find_delays(recording, model, runs) if DELAY not in exclude else None
+        delays = late.faults if late else ()
+        given_model = model
+        if late and delays:
+            model = model.with_effects(late.applied())
+            runs = [replace(run, torque=run.torque + late.change) for run in runs]
         found = investigate(
             recording,
             model,
@@ -120,12 +128,14 @@ def discover(
         )
         found = _completed(found)
         result = _result(found)
+        if late and delays and (runs or not found.problem.replay.measured):
+            _put_before(result, found.problem, late.change)
         warnings += _add_log_faults(
-            result, [one for one in given.faults if one.effect not in exclude]
+            result, [*delays, *(one for one in given.faults if one.effect not in exclude)]
         )
         if other is not None:
             try:
-                result["gap"]["validation"] = _validation(found, other)
+                result["gap"]["validation"] = _validation(found, other, given_model)
                 warnings += outside(found.laws, Replay(other, model))
             except (InputError, SimulationFailed) as error:  # what was found is not lost
                 result["gap"]["validation"] = None
@@ -177,10 +187,20 @@ def _add_log_faults(result: dict[str, Any], faults: Sequence[LogFault]) -> list[
     if faults:
         result["verdict"] = {NONE: NAMED, UNKNOWN: PARTLY}.get(result["verdict"], result["verdict"])
     return [
-        f"axis {one.axis}: {one.effect} is seen in the log itself; samples that it spoils are not "
-        "used, and it is not put into the model"
+        f"axis {one.axis}: the servo makes the logged torque of the logged positions if its set "
+        f"points are {1e3 * one.severity:.3g} ms late; the model has this delay"
+        if one.effect == DELAY
+        else f"axis {one.axis}: {one.effect} is seen in the log itself; samples that it spoils are "
+        "not used, and it is not put into the model"
         for one in faults
     ]
+
+
+def _put_before(result: dict[str, Any], problem: Problem, change: np.ndarray) -> None:
+    """State the gap of the given model, whose torque the delays change, as that before."""
+    result["gap"]["before"], by_axis = gap(problem, problem.residual + change)
+    for row, one in zip(result["gap"]["per_axis"], by_axis, strict=True):
+        row["before"] = one
 
 
 def _on_search(found: Discovery) -> list[str]:
@@ -296,8 +316,13 @@ def _result(found: Discovery) -> dict[str, Any]:
     return result
 
 
-def _validation(found: Discovery, validate: Recording) -> dict[str, float]:
+def _validation(found: Discovery, validate: Recording, given: Robot) -> dict[str, float]:
     """Errors of the model, never of a twin, on motions that were not used before.
+
+    Args:
+        found: The results of a discovery.
+        validate: The other motions.
+        given: The model as it was given.
 
     Raises:
         InputError: No sample of the recording can be used.
@@ -311,8 +336,9 @@ def _validation(found: Discovery, validate: Recording) -> dict[str, float]:
         full = replay.with_effects([one.applied for one in found.laws])
     inside = counted(validate, problem.robot, twin=False)
 
-    def gap(model: Replay, changes: list[tuple[Term, float]]) -> float:
+    def error_of(model: Replay, changes: list[tuple[Term, float]]) -> float:
         error = validate.torque - model.torque(changes)
         return relative_error(error**2, validate, inside)
 
-    return {"before": gap(replay, []), "after": gap(full, found.answer.changes)}
+    before = Replay(validate, given, measured=measured)
+    return {"before": error_of(before, []), "after": error_of(full, found.answer.changes)}

@@ -1,0 +1,84 @@
+"""Delays of single axes, from what the servo makes of the tracking error."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from faultgen.applied import Applied
+from faultgen.discovery import Recording
+from faultgen.discovery.replay import Replay
+from faultgen.discovery.servo_delay import find_delays
+from faultgen.robot import load_robot
+from faultgen.simulation.motion import plan
+from faultgen.tasks import load_task
+
+PERIOD = 0.004
+
+
+@pytest.fixture(scope="module")
+def puma():
+    return load_robot("puma560")
+
+
+@pytest.fixture(scope="module")
+def record(puma):
+    """Function that records one cycle of a robot, with noise of torque and position."""
+    motion = plan(load_task("puma560", "pick_and_place"), puma)
+    way = motion(np.arange(round(motion.period / PERIOD)) * PERIOD)[0]
+    planned = Recording.planned(puma, [way], PERIOD)
+
+    def run(*effects, seed=1, robot=puma):
+        worn = Replay(planned, robot.with_effects(effects), measured=False)
+        rng = np.random.default_rng(seed)
+        torque, position = worn.torque(), worn.position()
+        return replace(
+            planned,
+            torque=torque + 0.01 * np.abs(torque).mean(axis=0) * rng.standard_normal(torque.shape),
+            position=position + 1e-3 * rng.standard_normal(position.shape),
+            reference_position=way,
+        )
+
+    return run
+
+
+HEAVIER = (Applied("coulomb_friction", 2, 0.4), Applied("payload_mass", 6, 0.5))
+"""Changes that a comparison of torques would take for much more than a delay."""
+
+
+@pytest.mark.parametrize("twin", [True, False])
+def test_a_delay_is_found_whatever_else_has_changed(puma, record, twin):
+    """0.5 ms of axis 3, with 40 % more friction of axis 2 and 50 % more payload."""
+    late = Applied("delay", 3, 5e-4)
+    measured = record(late, *HEAVIER)
+    found = find_delays(measured, puma, [record(seed=2)] if twin else [])
+    (fault,) = found.faults
+    assert (fault.effect, fault.axis) == ("delay", 3)
+    assert fault.severity == pytest.approx(5e-4, rel=0.1)
+    assert fault.interval[0] < fault.severity < fault.interval[1]
+    change = Replay(measured, puma.with_effects([late]), measured=False).torque()
+    change -= Replay(measured, puma, measured=False).torque()
+    assert np.abs(found.change - change).max() < 0.1 * np.abs(change).max()
+
+
+@pytest.mark.parametrize("twin", [True, False])
+def test_what_is_no_delay_of_one_axis_is_not_named(puma, record, twin):
+    """Other faults, and all axes late together without a twin: this is the clock of the log."""
+    runs = [record(seed=2)] if twin else []
+    assert not find_delays(record(*HEAVIER), puma, runs).faults
+    together = [Applied("delay", axis, 2e-3) for axis in range(1, 7)]
+    assert len(find_delays(record(*together), puma, runs).faults) == (6 if twin else 0)
+
+
+def test_a_delay_that_the_model_has_is_not_found_again(puma, record):
+    late = Applied("delay", 3, 5e-4)
+    assert not find_delays(record(late), puma.with_effects([late])).faults
+
+
+def test_another_servo_is_not_judged(puma, record):
+    """Without feed-forward, its torque is not what the model's servo would make of the motion."""
+    spec = puma.spec()
+    spec.add_numeric(name="servo_set_points", data=[1, 0, 0], size=3)
+    spec.compile()
+    found = find_delays(record(Applied("delay", 3, 2e-3), robot=puma.edited(spec)), puma)
+    assert not found.faults and not found.change.any()
