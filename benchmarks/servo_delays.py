@@ -74,10 +74,12 @@ def ask(lab: Laboratory, folder: Path) -> list[tuple[str, str, bool]]:
 def main() -> None:
     """Ask all laboratories and print a table."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--laboratories", type=int, default=40, help="the first of these numbers")
+    parser.add_argument("--first", type=int, default=0, help="number of the first laboratory")
+    parser.add_argument("--laboratories", type=int, default=40, help="how many are drawn")
+    given = parser.parse_args()
     right: Counter[tuple[str, str]] = Counter()
     asked: Counter[tuple[str, str]] = Counter()
-    for number in range(parser.parse_args().laboratories):
+    for number in range(given.first, given.first + given.laboratories):
         lab = draw_laboratory("development", number, {}, True)
         if is_asked(lab):
             with TemporaryDirectory() as folder:

@@ -10,7 +10,15 @@ from typing import Any
 from faultgen.dataset.reader import open_dataset
 from faultgen.errors import InputError, SimulationFailed
 
-__all__ = ["InputError", "SimulationFailed", "discover", "generate", "load_robot", "open_dataset"]
+__all__ = [
+    "InputError",
+    "SimulationFailed",
+    "discover",
+    "generate",
+    "load_robot",
+    "open_dataset",
+    "open_fleet",
+]
 
 
 def __getattr__(name: str) -> Any:
@@ -27,4 +35,8 @@ def __getattr__(name: str) -> Any:
         from faultgen.robot import load_robot
 
         return load_robot
+    if name == "open_fleet":
+        from faultgen.fleet import open_fleet
+
+        return open_fleet
     raise AttributeError(f"module 'faultgen' has no attribute '{name}'")

@@ -29,6 +29,19 @@ def one_line(error: object) -> str:
     return " ".join(str(error).split())
 
 
+def objection(kind: str, message: str) -> str:
+    """Write what pydantic says of an entry of a file in plain words.
+
+    Args:
+        kind: Its type of the error, such as "extra_forbidden".
+        message: Its message.
+    """
+    if kind == "extra_forbidden":
+        return "there is no such entry"
+    message = message.removeprefix("Value error, ")
+    return message[:1].lower() + message[1:]
+
+
 def what_it_says(error: BaseException) -> str:
     """Write an error of other code in one line: its type and its message."""
     return one_line(f"{type(error).__name__}: {error}")

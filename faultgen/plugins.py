@@ -38,7 +38,8 @@ def load(name: str) -> object:
     """Load the object that a user names.
 
     Args:
-        name: "module:object", or "path/of/file.py:object".
+        name: "module:object" of an installed package or of one in the current folder, or
+            "path/of/file.py:object".
 
     Returns:
         The object.
@@ -49,15 +50,15 @@ def load(name: str) -> object:
     place, colon, wanted = name.rpartition(":")
     if not colon or not place or not wanted:
         raise InputError(f"method '{name}': give my_package:MyClass or ./my_file.py:MyClass")
+    if str(Path.cwd()) not in sys.path:
+        sys.path.append(str(Path.cwd()))  # a package in this folder need not be installed
     try:
         module = _module_of_file(Path(place)) if place.endswith(".py") else import_module(place)
     except InputError:
         raise
     except Exception as error:  # whatever the code of another package raises
-        file = Path(f"{place}.py")
-        hint = f"; give ./{file}:{wanted} for the file in this folder" if file.is_file() else ""
         raise InputError(
-            f"method '{name}': {place} cannot be loaded ({what_it_says(error)}){hint}"
+            f"method '{name}': {place} cannot be loaded ({what_it_says(error)})"
         ) from None
     if not hasattr(module, wanted):
         raise InputError(f"method '{name}': {place} has no '{wanted}'")

@@ -19,7 +19,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from faultgen.errors import InputError
+from faultgen.errors import InputError, objection
 from faultgen.system.reading import read_text
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
@@ -154,4 +154,6 @@ def load_task(
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
-        raise InputError(f"task file {name}: {where}: {first['msg']}") from None
+        raise InputError(
+            f"task file {name}: {where}: {objection(first['type'], first['msg'])}"
+        ) from None

@@ -573,7 +573,7 @@ def test_doubtful_numbers_are_warned_of(tmp_path):
     told = [note for note in notes if note.startswith("warning")]
     assert len(told) == 3
     assert "2.5 Hz is an unusual sample rate; check time.unit" in told[0]
-    assert "the joint of axis 1 reaches" in told[1] and "check position.unit" in told[1]
+    assert "axis 1 reaches" in told[1] and "check position.unit" in told[1]
     assert "the torque of axis 2 never changes" in told[2]
     log = write_csv(log, generic())
     assert not [note for note in imported(log, GENERIC).notes if note.startswith("warning")]

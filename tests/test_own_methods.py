@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -178,7 +179,7 @@ def test_a_division_that_does_not_exist_is_refused(made):
     [
         ("mine", "method 'mine': give my_package:MyClass or ./my_file.py:MyClass"),
         ("no_such_package:Mine", "no_such_package cannot be loaded .ModuleNotFoundError"),
-        ("good_method:Mine", "; give ./good_method.py:Mine for the file in this folder"),
+        ("other_method:Mine", "other_method has no 'Mine'"),
         ("./missing.py:Mine", "there is no file .*missing.py"),
         ("broken_method.py:Mine", "broken_method.py cannot be loaded .ZeroDivisionError"),
         ("good_method.py:Mine", "good_method.py has no 'Mine'"),
@@ -187,8 +188,10 @@ def test_a_division_that_does_not_exist_is_refused(made):
 )
 def test_what_cannot_be_loaded_is_told_in_one_line(tmp_path, monkeypatch, name, message):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
     Path("broken_method.py").write_text("1 / 0")
     Path("good_method.py").write_text("")
+    Path("other_method.py").write_text("")
     Path("json.py").write_text("")
     with pytest.raises(InputError, match=message) as error:
         plugins.load(name)

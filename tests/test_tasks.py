@@ -121,9 +121,9 @@ MOVE_BACK = "[start]\njoints = [0, 0]\n[[move]]\njoints = [9, 9]\n[[move]]\njoin
     ("text", "message"),
     [
         ("[start", "task file mine: not valid TOML"),
-        ("[start]\njoints = [0, 0]", "task file mine: move: Field required"),
-        (MOVE_BACK + "speed = 2.0\n", r"move.1.speed: Input should be less than or equal to 1"),
-        (MOVE_BACK + "sped = 1.0\n", "move.1.sped: Extra inputs are not permitted"),
+        ("[start]\njoints = [0, 0]", "task file mine: move: field required"),
+        (MOVE_BACK + "speed = 2.0\n", r"move.1.speed: input should be less than or equal to 1"),
+        (MOVE_BACK + "sped = 1.0\n", "move.1.sped: there is no such entry"),
         (MOVE_BACK.replace("[9, 9]", "[9]"), "move 1: 'joints' needs 2 angles"),
         (MOVE_BACK.replace("[9, 9]", "[9, 300]"), "move 1: axis 2 at 300 is outside"),
         (MOVE_BACK.replace("joints = [9, 9]", "dwell = 1"), "move 1: give 'position' and 'rpy'"),

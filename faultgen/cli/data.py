@@ -101,7 +101,7 @@ def generate(
     payload: Annotated[
         str | None,
         typer.Option(
-            help="Mass of the payload in kg, which the controller knows. For several, write 0,50. "
+            help="Mass of the payload in kg, which the controller knows. For several, write 10,50. "
             "Default: that of the model."
         ),
     ] = None,
@@ -193,7 +193,7 @@ def generate(
     """Generate a labelled dataset. If it was interrupted, run the same command again to resume.
 
     The dataset has one run for every combination of robot, task, speed, payload, temperature,
-    effect, axis and severity, and one more run of the healthy robot for each of the first five.
+    effect, axis and severity, and one healthy run for every combination of the first five.
     Defaults: the effect is friction_wear, it acts on every axis that it can act on, the final
     severity is 0.2 (effects with a unit have a default of their own, see 'faultgen effects'), the
     schedule is exponential, and a run has 100 cycles without noise.

@@ -123,5 +123,5 @@ def import_(
         f"{segments} {'segment' if segments == 1 else 'segments'}"
     )
     for note in made.notes:
-        print(f"note: {note}")
+        print(note if note.startswith("warning: ") else f"note: {note}")
     print(f"{out} and {picture} are written")

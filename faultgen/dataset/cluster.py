@@ -4,7 +4,7 @@ Dask gives each run to a worker process. If a worker is killed, Dask gives its r
 The workers write the run files themselves. Before a worker makes a run, it compares its version of
 faultgen with that of the command, and looks for the folder of the dataset.
 
-Dask is installed by ``pip install 'faultgen[dask]'``.
+Dask is installed by ``pip install distributed``.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def make_on_cluster(
         from distributed import CancelledError, KilledWorker, as_completed
         from distributed.comm import CommClosedError
     except ImportError:
-        raise InputError("Dask is not installed; pip install 'faultgen[dask]'") from None
+        raise InputError("Dask is not installed; pip install distributed") from None
     make = partial(
         _make_there,
         folder=folder.resolve(),

@@ -1,8 +1,8 @@
 """What a dataset will take, before it is generated: runs, time and bytes.
 
-Short runs of each robot and task are made in a temporary folder: one without a fault, one with a
-fault, and one with a fault that acts between steps, if there are such runs. Their time and the size
-of their files are measured, and extended to all cycles.
+Short runs of each robot, task and speed are made in a temporary folder: one without a fault, one
+with a fault, and one with a fault that acts between steps, if there are such runs. Their time and
+the size of their files are measured, and extended to all cycles.
 
     estimate(load_experiment("experiment.toml"), workers=2).seconds
 """
@@ -20,7 +20,6 @@ from faultgen.dataset.planning import Run, check_runs, plan_runs
 from faultgen.dataset.run import make_run
 from faultgen.effects import get_effect
 from faultgen.errors import SimulationFailed
-from faultgen.simulation.operation import Operation
 from faultgen.system.progress import follow
 
 _SHORT, _LONG = 1, 3  # cycles of the runs that are measured
@@ -59,10 +58,10 @@ def estimate(experiment: Experiment, *, workers: int = 1, progress: bool = True)
     """
     runs = plan_runs(experiment)
     check_runs(runs)
-    kinds: dict[tuple[str, str, Operation, bool, bool], list[Run]] = {}
+    kinds: dict[tuple[str, str, float | None, bool, bool], list[Run]] = {}
     for run in runs:
         stepped = any(get_effect(one.effect).between is not None for one in run.faults)
-        kind = (run.robot, run.task, run.operation, bool(run.axes), stepped)
+        kind = (run.robot, run.task, run.operation.speed, bool(run.axes), stepped)
         kinds.setdefault(kind, []).append(run)
     seconds, size = 0.0, 0.0
     for of in follow(list(kinds.values()), "measuring", len(kinds), "run", progress):

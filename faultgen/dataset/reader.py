@@ -153,6 +153,14 @@ class Dataset:
     file: Path | None = None
     """The file of all runs, if nothing else of the folder is to be read."""
 
+    def __repr__(self) -> str:
+        """One line: where it is, and how many of its runs exist."""
+        where = self.file or self.path
+        try:
+            return f"<Dataset {where}: {len(self.runs)} of {len(self.planned)} runs>"
+        except (InputError, OSError):
+            return f"<Dataset {where}: cannot be read>"
+
     @cached_property
     def manifest(self) -> Manifest:
         """The list of runs that the dataset should hold.

@@ -5,6 +5,7 @@ These functions need nothing but open run files, so that reading does not need t
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -15,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from faultgen.dataset.run_file import interpolation_error
-from faultgen.dataset.splits import RunParts
+from faultgen.dataset.splits import TEST, TRAIN, RunParts
 from faultgen.errors import InputError
 from faultgen.system.tables import optional
 
@@ -229,7 +230,16 @@ def features_and_labels(
     y = told[label] if label in told else frame[label].to_numpy()
     rows = np.ones(len(frame), bool)
     if part is not None:
-        rows = frame[f"split_{part[0]}"].to_numpy() == part[1]
+        parts = frame[f"split_{part[0]}"].to_numpy()
+        rows = parts == part[1]
+        if part[0] == "run" and label in ("axis", "effect"):
+            unseen = sorted(set(y[parts == TEST].tolist()) - set(y[parts == TRAIN].tolist()))
+            if unseen:
+                warnings.warn(
+                    f"{label} {', '.join(map(str, unseen))}: only in the test part, because there "
+                    "is one run of each fault; generate the dataset with --repetitions 3",
+                    stacklevel=3,
+                )
     x = frame.loc[rows, features].reset_index(drop=True)
     x.attrs = {"units": {name: frame.attrs["units"][name] for name in features}}
     return x, y[rows], frame["seed"].to_numpy()[rows]

@@ -77,7 +77,7 @@ def _doubts(recording: Recording) -> Iterator[str]:
         reach = ", ".join(f"{largest[k]:.4g}" for k in far)
         axes = ", ".join(str(k + 1) for k in far)
         yield (
-            f"warning: the joint of axis {axes} reaches {reach} rad or m; check position.unit in "
+            f"warning: axis {axes} reaches {reach} (rad, or m for a slide); check position.unit in "
             "the map, and whether this is the position of the motor"
         )
     still = [str(k + 1) for k in np.flatnonzero(np.ptp(recording.torque, axis=0) == 0)]

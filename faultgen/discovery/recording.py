@@ -141,6 +141,13 @@ class Recording:
     faults: tuple[LogFault, ...] = ()
     """Faults of the log that were found when it was read."""
 
+    def __repr__(self) -> str:
+        """One line; the arrays would fill the screen."""
+        return (
+            f"<Recording {self.source}: {self.side} side, {len(self.position)} samples of "
+            f"{self.n_axes} axes, every {self.sample_period:g} s, {len(self.segments)} segments>"
+        )
+
     @classmethod
     def planned(cls, robot: Robot, ways: Sequence[np.ndarray], sample_period: float) -> Recording:
         """Make a recording of motions whose torque is not yet known.

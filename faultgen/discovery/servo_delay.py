@@ -39,7 +39,7 @@ _EXPLAINED = 0.3  # torque error of the servo's equation, over the torque, up to
 _SURE = 8.0  # delay over its standard error from which it counts: assumed
 _SHORTEST = 1e-4  # delay [s] below which the clocks of drives may differ: assumed
 _WIDTH = 2.36  # of intervals in standard errors: 95 % of Student's t with 7 degrees of freedom
-_BETTER = 0.97  # torque error of the equation with the delay, over that without it: assumed
+_BETTER = 0.9  # torque error of the equation with the delay, over that without it: assumed
 _AXES = 3  # from which a delay of all axes, which is that of the log, can be told from one axis'
 
 

@@ -266,10 +266,17 @@ class Effect:
                 f"motor's torque limit of {limit:g} N m, not {severity:g}"
             )
 
-    def shown(self, severity: float) -> str:
-        """Return a severity with its unit as text."""
+    def shown(self, severity: float, units: str = "") -> str:
+        """Return a severity with its unit as text.
+
+        Args:
+            severity: The severity.
+            units: SI unit on the axis, if it is known; slides have other units than hinges.
+        """
         if self.in_fractions:
             return f"{100 * severity:g} %"
+        if units and units == self.slide_units:
+            return f"{severity:g} {units}"
         return f"{severity:g} {self.unit.split(',')[0].split(' of ')[0]}"
 
     def complete(self, parameters: Mapping[str, Any]) -> dict[str, Any]:

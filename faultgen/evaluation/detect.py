@@ -20,10 +20,9 @@ from faultgen.errors import InputError
 from faultgen.evaluation.calls import alarms
 from faultgen.evaluation.detectors import DETECTORS, RUN_LENGTH
 from faultgen.evaluation.isolate import LEVELS, cuts, require_cycles
-from faultgen.evaluation.markdown import percent, table
 from faultgen.evaluation.methods import CYCLES, Detector, needed, with_methods
 from faultgen.evaluation.observed_runs import division_of, noise_of, places
-from faultgen.evaluation.outcomes import other_effects, shown_level, tested_on
+from faultgen.evaluation.outcomes import method_tables, other_effects, tested_on
 from faultgen.evaluation.shares import share
 from faultgen.provenance import provenance
 from faultgen.system.files import write_text
@@ -124,29 +123,17 @@ def detect(
     return Detection(chosen, draws, redraw, rows, learned, left_out, made_by, split or "")
 
 
-def _cell(row: dict[str, Any] | None) -> str:
-    """A share, or a dash where the detector could not learn."""
-    return "-" if row is None else percent(row)
-
-
 def detection_table(result: Detection) -> str:
-    """Return alarms by robot, task, effect and wear as a Markdown table."""
-    keys = ("robot", "task", "effect", "level", "method")
-    cells = {tuple(row[key] for key in keys): row for row in result.results}
-    lines = sorted({key[:4] for key in cells}, key=lambda k: (k[0], k[1], k[3] == 0, k[2], k[3]))
+    """Return Markdown tables of the alarms: methods by wear."""
+    cells, count = {}, {}
+    for row in result.results:
+        key = (row["robot"], row["task"], row["effect"], row["level"])
+        share, low, high = (100 * row[name] for name in ("share", "low", "high"))
+        cells[key, row["method"]] = f"{share:.0f} [{low:.0f}, {high:.0f}]"
+        count[key] = row["total"]
     names = list(dict.fromkeys(row["method"] for row in result.results))
-    shown = [
-        [
-            robot,
-            task,
-            effect,
-            shown_level(effect, level),
-            *(_cell(cells.get((robot, task, effect, level, name))) for name in names),
-        ]
-        for robot, task, effect, level in lines
-    ]
     said = [
-        "Runs with an alarm up to that severity, percent [95 % Wilson interval]; "
+        "Runs with an alarm up to that severity, percent of n runs [95 % Wilson interval]; "
         f"'{result.sensors}' noise. Healthy: over all cycles. Limits are those of one false alarm "
         f"in {RUN_LENGTH:g} cycles if the healthy spread were known; learned from few cycles they "
         "alarm more often. Learned from: "
@@ -154,8 +141,7 @@ def detection_table(result: Detection) -> str:
         + "."
         + tested_on(result.split),
     ]
-    if shown:
-        said.append(table(["robot", "task", "effect", "severity", *names], shown))
+    said += method_tables(cells, names, count)
     said += [f"{place}: {reason}" for place, reason in result.left_out.items()]
     said += other_effects(row["effect"] for row in result.results)
     return "\n\n".join(said)

@@ -131,11 +131,11 @@ def benchmark_page(result: dict[str, Any]) -> str:
         f"`{command} --method ./my_file.py:MyClass`. It then appears in every table of `DIR/"
         "benchmark.md`.",
         "## Leader board: which axis is worn?",
-        "Right answers in percent, with 95 % Wilson intervals. An answer about a worn robot is "
-        f"right if it names the worn axis, at a severity of {levels} for effects that are "
-        "fractions of nominal, otherwise in the last cycle. Severities that a run reaches in "
-        "fewer than 5 cycles do not count. An answer about a healthy "
-        "robot is right if it names no axis. The score is the mean of the columns. "
+        "Right answers in percent, with 95 % Wilson intervals. A worn robot is judged at a "
+        f"severity of {levels}, or in the last cycle if the effect has a unit. The answer is right "
+        "if it names the worn axis. Severities that a run reaches in fewer than 5 cycles do not "
+        "count. An answer about a healthy robot is right if it names no axis. The score is the "
+        "mean of the columns. "
         "What a method could not answer counts as wrong.",
         benchmark_board(result, "isolation"),
         "## Leader board: is anything worn?",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -150,41 +150,63 @@ def other_effects(effects: Iterable[str]) -> list[str]:
     ]
 
 
-def table(result: Isolation) -> str:
-    """Return a Markdown table like table 6.2, by robot, task, wear and method."""
-    cells = {(t.robot, t.task, t.effect, t.level, t.method): t for t in result.outcomes}
-    rows = sorted({key[:4] for key in cells}, key=lambda r: (r[0], r[1], r[3] == 0, r[2], r[3]))
-    beside = any(robot == "irb6700" for robot, *_ in rows)
-    methods = list(dict.fromkeys(t.method for t in result.outcomes))
-    drawn = f"{result.seeds} draws of" if result.redrawn else "the stored"
-    lines = [
-        f"Axis isolated, percent [95 % Wilson interval]; {drawn} '{result.sensors}' noise"
-        + ("; thesis' figure after the slash." if beside else ".")
-        + tested_on(result.split),
-        "",
-    ]
-    body = []
-    for robot, task, effect, level in rows:
-        first = cells[robot, task, effect, level, methods[0]]
-        here = [(m, cells.get((robot, task, effect, level, m))) for m in methods]
-        shown = [_cell(one) if one else "-" for _, one in here]
-        if level > 0 and robot == "irb6700" and (task, level) in THESIS:
-            shown = [
-                f"{cell} / {thesis_value(task, level, method):g}" if method in THEIRS else cell
-                for cell, method in zip(shown, methods, strict=True)
+Key = tuple[str, str, str, float]
+"""Robot, task, effect and severity."""
+
+
+def method_tables(
+    cells: Mapping[tuple[Key, str], str], methods: Sequence[str], count: Mapping[Key, int]
+) -> list[str]:
+    """Return a Markdown table for each robot, task and effect: methods by severity.
+
+    Args:
+        cells: What a method has reached, by what was done and the name of the method.
+        methods: Names of the methods, in the order of the rows.
+        count: Number of answers of which each cell consists.
+
+    Returns:
+        For each table a line that says what it is about, and the table.
+    """
+    keys = sorted({key for key, _ in cells})
+    texts = []
+    for robot, task in dict.fromkeys(key[:2] for key in keys):
+        here = [key for key in keys if key[:2] == (robot, task)]
+        healthy = [key for key in here if key[2] == HEALTHY]
+        for effect in dict.fromkeys(key[2] for key in here if key[2] != HEALTHY) or [HEALTHY]:
+            columns = [key for key in here if key[2] == effect != HEALTHY] + healthy
+            head = [
+                f"{shown_level(effect, key[3]) if key[3] else HEALTHY} (n = {count[key]})"
+                for key in columns
             ]
-        by_axis = " ".join(
-            f"{axis}:{100 * first.right_by_axis[axis] / count:.0f}"
-            for axis, count in sorted(first.total_by_axis.items())
-        )
-        wear = shown_level(effect, level)
-        body.append([robot, task, effect, wear, first.total, by_axis, *shown])
-    head = ["robot", "task", "effect", "severity", "answers", "right by axis, TE 10 bins"]
-    lines.append(markdown.table([*head, *methods], body))
+            body = [[name, *(cells.get((key, name), "-") for key in columns)] for name in methods]
+            texts += [
+                f"**{robot}, {task}, {effect}**",
+                markdown.table(["method \\ severity", *head], body),
+            ]
+    return texts
+
+
+def table(result: Isolation) -> str:
+    """Return Markdown tables with the content of table 6.2: methods by wear."""
+    by_method = {((t.robot, t.task, t.effect, t.level), t.method): t for t in result.outcomes}
+    methods = list(dict.fromkeys(t.method for t in result.outcomes))
+    beside = any(robot == "irb6700" for (robot, *_), _ in by_method)
+    drawn = f"{result.seeds} draws of" if result.redrawn else "the stored"
+    cells = {}
+    for (key, method), one in by_method.items():
+        cells[key, method] = _cell(one)
+        if key[0] == "irb6700" and (key[1], key[3]) in THESIS and method in THEIRS:
+            cells[key, method] += f" / {thesis_value(key[1], key[3], method):g}"
+    lines = [
+        f"Axis isolated, percent of n answers [95 % Wilson interval]; {drawn} '{result.sensors}' "
+        "noise" + ("; thesis' figure after the slash." if beside else ".") + tested_on(result.split)
+    ]
+    tables = method_tables(cells, methods, {key: one.total for (key, _), one in by_method.items()})
+    lines = "\n\n".join([*lines, *tables]).split("\n")
     if result.too_short:
         lines += ["", "Not asked, since wear gets there within 4 cycles: " + result.too_short]
-    if any(level == 0 for *_, level in rows):
-        lines += ["", f"In rows '{HEALTHY}': how often an axis was named though none is worn."]
+    if any(key[3] == 0 for key, _ in cells):
+        lines += ["", f"In columns '{HEALTHY}': how often an axis was named though none is worn."]
     for place, axes in result.unobservable.items():
         if axes:
             lines += ["", f"{place}: axes {axes} never turn within the speed window; left out."]

@@ -85,6 +85,11 @@ class Fleet:
     attributes: Mapping[str, Any] = field(default_factory=dict)
     """Further attributes of the files, such as the versions and the hash of the plan."""
 
+    def __repr__(self) -> str:
+        """One line; the arrays would fill the screen."""
+        failed = sum(robot.failed for robot in self.robots)
+        return f"<Fleet of {len(self.robots)} robots, {failed} of which fail, {self.days} days>"
+
     def to_dataframe(self) -> pd.DataFrame:
         """Return a table with one row for each sample of every robot.
 

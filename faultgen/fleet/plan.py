@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from faultgen.errors import InputError
+from faultgen.errors import InputError, objection
 from faultgen.robot import robot_names
 from faultgen.tasks import task_names
 
@@ -224,5 +224,5 @@ def make_fleet_plan(values: Mapping[str, Any]) -> FleetPlan:
     except ValidationError as error:
         first = error.errors()[0]
         where = "".join(f"{part}." for part in first["loc"]).rstrip(".")
-        said = first["msg"].removeprefix("Value error, ")
+        said = objection(first["type"], first["msg"])
         raise InputError(f"{where}: {said}" if where else said) from None

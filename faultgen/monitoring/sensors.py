@@ -23,7 +23,7 @@ import tomli_w
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked
 
-from faultgen.errors import InputError
+from faultgen.errors import InputError, objection
 from faultgen.monitoring.autoregression import amplification
 from faultgen.system.reading import read_text
 
@@ -233,7 +233,8 @@ def parse_sensors(text: str, where: str) -> Sensors:
     except ValidationError as error:
         first = error.errors()[0]
         entry = ".".join(str(part) for part in first["loc"][:2])
-        raise InputError(f"sensors file {where}: {entry}: {first['msg']}") from None
+        said = objection(first["type"], first["msg"])
+        raise InputError(f"sensors file {where}: {entry}: {said}") from None
     if not content:
         entries = ", ".join(name for name in asdict(found) if name != "description")
         raise InputError(f"sensors file {where}: has no entry; it may have {entries}")

@@ -191,6 +191,8 @@ def _isolation(
         if run is None or x is None or len(x) < 3:
             continue
         net = net_transfer_entropy(x)
+        if not net.any():  # too few cycles to tell anything
+            continue
         largest = int(np.argmax(net.sum(axis=1))) + 1
         yield Chart(
             title=f"Net transfer entropy, {which} robot",

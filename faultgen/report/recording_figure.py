@@ -28,7 +28,10 @@ def recording_png(recording: Recording) -> bytes:
     """
     count = len(recording.position)
     time = recording.sample_period * np.arange(count)
-    shown = slice(None, None, max(1, count // _MOST_POINTS))
+    every = max(1, count // _MOST_POINTS)
+    shown = slice(None, None, every)
+    for start in recording.segments[1:]:  # no line from the end of one recording to the next
+        time[start // every * every] = np.nan
     what = "current [A]" if recording.current else "torque [N m or N]"
     with style():
         figure, places = plt.subplots(
@@ -48,7 +51,7 @@ def recording_png(recording: Recording) -> bytes:
                 left.set_ylabel(f"axis {axis + 1}")
                 for place in (left, right):
                     for start in recording.segments[1:]:
-                        place.axvline(time[start], color="0.4", lw=0.6, ls=":")
+                        place.axvline(recording.sample_period * start, color="0.4", lw=0.6, ls=":")
             places[0, 0].set_title(f"{recording.side} position [rad or m]")
             places[0, 1].set_title(f"{recording.side} {what}".replace("joint current", "current"))
             for place in places[-1]:

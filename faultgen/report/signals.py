@@ -89,7 +89,7 @@ def in_words(run: StoredRun) -> str:
     """Name a run by its fault."""
     if run["axis"] == 0:
         return "healthy"
-    shown = get_effect(run["effect"]).shown(run["severity"])
+    shown = get_effect(run["effect"]).shown(run["severity"], run["severity_units"])
     worn = "+".join(str(axis) for axis in run["axes"])
     return f"axis {worn}: {run['effect']} {shown}"
 

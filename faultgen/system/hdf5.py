@@ -211,6 +211,13 @@ def _errors_of(sink: Sink) -> Iterator[None]:
     sink.check()
 
 
+def _is_recording(path: Path) -> bool:
+    """Whether an HDF5 file holds what `import` and `export` write."""
+    with suppress(OSError, RuntimeError), h5py.File(path, "r") as file:
+        return "motor_torque" in file or "joint_torque" in file or "motor_current" in file
+    return False
+
+
 @contextmanager
 def open_verified(path: Path) -> Iterator[h5py.File]:
     """Verify an HDF5 file with `verify`, and open it for reading.
@@ -232,6 +239,10 @@ def open_verified(path: Path) -> Iterator[h5py.File]:
         )
     if not note.is_file() and not h5py.is_hdf5(path):
         raise InputError(f"{path}: is not a file of a dataset, because it is no HDF5 file")
+    if not note.is_file() and _is_recording(path):
+        raise InputError(
+            f"{path}: is a recording and not a dataset; give it to discover, calibrate or twin"
+        )
     if not note.is_file():
         raise InputError(
             f"{path}: has no checksum beside it ({note.name}); if it belongs to a dataset, run the "

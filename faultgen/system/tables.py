@@ -30,7 +30,7 @@ def optional(package: str) -> Any:
         return import_module(package)
     except ImportError:
         raise InputError(
-            f"{package} is not installed; install it with: pip install 'faultgen[data]'"
+            f"{package} is not installed; install it with: pip install {package}"
         ) from None
 
 

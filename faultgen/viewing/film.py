@@ -44,6 +44,7 @@ _SIZE = {".gif": 320, ".mp4": 480, ".png": 640}  # of each robot's square pictur
 _RATE = {".gif": 10.0, ".mp4": 25.0}  # pictures in a second; GIF counts hundredths of a second
 _COLOURS = 64  # of a GIF
 _DPI = 100
+_IN_A_ROW = 4  # entries of the legend of one robot
 
 
 def save_film(shown: Sequence[Playback], path: Path, *, progress: bool = False) -> str:
@@ -205,6 +206,17 @@ class _Sheet:
         if columns == 1:
             found[0].set_title("motor torque of all axes [N m]", size="medium")
             lines = found[0].plot(times, healthy.torque, lw=1.1)
+            figure.legend(
+                lines,
+                [f"axis {axis}" for axis in range(1, len(lines) + 1)],
+                loc="lower center",
+                bbox_to_anchor=(left + width / 2, bottom),
+                ncols=min(len(lines), _IN_A_ROW),
+                handlelength=1.2,
+                columnspacing=1.2,
+                fontsize="small",
+                frameon=False,
+            )
         else:
             worn = self._shown[1]
             column = worn.axis - 1
@@ -265,9 +277,7 @@ def _mp4() -> Callable[[Iterator[Image.Image], float], bytes]:
     try:
         import av
     except ImportError:
-        raise InputError(
-            "MP4 needs the package av: install faultgen[video], or write a .gif"
-        ) from None
+        raise InputError("MP4 needs the package av: pip install av, or write a .gif") from None
 
     def encode(pictures: Iterator[Image.Image], rate: float) -> bytes:
         buffer = io.BytesIO()

@@ -77,7 +77,7 @@ def play(
     cycles = [
         _cycle(machine, shared.control, fault_of) for fault_of in ([], fault)[: 1 + len(fault)]
     ]
-    names = ["healthy", *(_in_words(one) for one in fault)]
+    names = ["healthy", *(_in_words(one, machine) for one in fault)]
     return [
         Playback(
             robot=machine,
@@ -121,8 +121,10 @@ def _fault(
     return [Applied(law.name, chosen, strength, {})]
 
 
-def _in_words(fault: Applied) -> str:
-    return f"axis {fault.axis}: {fault.effect} {get_effect(fault.effect).shown(fault.severity)}"
+def _in_words(fault: Applied, robot: Robot) -> str:
+    effect = get_effect(fault.effect)
+    shown = effect.shown(fault.severity, effect.units_on(robot, fault.axis))
+    return f"axis {fault.axis}: {fault.effect} {shown}"
 
 
 def _cycle(
