@@ -271,6 +271,22 @@ def test_a_merged_file_follows_its_runs(dataset):
     assert merged()[:2] == (True, 2)
 
 
+def test_dimension_scales_of_merged_runs_are_their_own(dataset):
+    """As in the file of the run: each dimension has a scale, which is in the same group."""
+    with h5py.File(dataset / "dataset.h5") as merged:
+        for run in open_dataset(dataset).runs:
+            group = merged[f"runs/{run.id}"]
+            with run.open() as file:
+                names = []
+                file.visititems(lambda name, item, into=names: into.append((name, item)))
+                arrays = [(n, item) for n, item in names if isinstance(item, h5py.Dataset)]
+                for name, item in arrays:
+                    wanted = [[group.name + one.name for one in d.values()] for d in item.dims]
+                    found = [[one.name for one in d.values()] for d in group[name].dims]
+                    assert found == wanted and group[name].is_scale == item.is_scale
+                assert any(len(item.dims) and len(item.dims[0]) for _, item in arrays)
+
+
 def _other_values(group):
     group["cycle/severity"][0] = 9.0
 
@@ -302,9 +318,9 @@ def test_a_wrong_copy_is_not_merged(dataset, monkeypatch, change, name):
     """What differs between the merged file and a run is named, and nothing is left."""
     real = merging.copy_run
 
-    def wrong(file, group):
-        real(file, group)
-        change(group)
+    def wrong(file, parent, name):
+        real(file, parent, name)
+        change(parent[name])
 
     monkeypatch.setattr(merging, "copy_run", wrong)
     (dataset / "dataset.h5").unlink()

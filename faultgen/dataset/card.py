@@ -142,6 +142,9 @@ def _files() -> list[str]:
     ]
 
 
+_KIND = ("robot", "task", "effect", "axes", "beside")
+
+
 def _arrays(runs: Sequence[OpenRun]) -> list[str]:
     """Labels and features, each with its unit, as they are in the runs."""
     found: dict[str, tuple[str, str]] = {}
@@ -153,7 +156,9 @@ def _arrays(runs: Sequence[OpenRun]) -> list[str]:
             if units not in before[0].split(" or "):
                 found[name] = (f"{before[0]} or {units}", text)
 
-    for run in runs:
+    # runs of one robot, task and kind of fault have the same arrays
+    kinds = {tuple(str(run.attributes.get(name)) for name in _KIND): run for run in runs}
+    for run in kinds.values():
         with run.open() as group:
             group.visititems(note)
     labels = {name: told for name, told in found.items() if name.startswith(("cycle/", "truth/"))}

@@ -11,11 +11,11 @@ import hashlib
 import json
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
 import pandas as pd
+from h5py import h5a, h5d, h5ds, h5o
 
 from faultgen.dataset.card import data_card
 from faultgen.dataset.manifest import DATA_CARD, EXPERIMENT
@@ -145,7 +145,7 @@ def _write(
         _write_index(merged.create_group("index"), table)
         for run in dataset.runs:
             with run.open() as file:
-                copy_run(file, merged.create_group(f"runs/{run.id}"))
+                copy_run(file, merged.require_group("runs"), run.id)
             sink.check()
     try:
         _verify(dataset, path, table, texts)
@@ -169,44 +169,43 @@ def _write_index(group: h5py.Group, table: pd.DataFrame) -> None:
         data.dims[0].attach_scale(scale)
 
 
-# attributes in which HDF5 keeps dimension scales; their references do not survive a copy
-_SCALE_ATTRIBUTES = ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST")
+# attributes in which HDF5 keeps references of dimension scales, which do not survive a copy
+_SCALE_REFERENCES = (b"DIMENSION_LIST", b"REFERENCE_LIST")
 
 
-def copy_run(file: h5py.Group, group: h5py.Group) -> None:
+def copy_run(file: h5py.Group, parent: h5py.Group, name: str) -> None:
     """Copy a run file into a group without unpacking it, and attach the dimension scales again.
+
+    The whole file is copied at once, because copying its arrays and attributes one by one takes ten
+    times as long.
 
     Args:
         file: The run file, or its group in a merged file, open for reading.
-        group: Where its content goes.
+        parent: Where the group of the run goes.
+        name: Its name.
     """
-    group.attrs.update(file.attrs)
-    names = _array_names(file)
-    for name in names:
-        folder, _, last = name.rpartition("/")
-        parent = group.require_group(folder) if folder else group
-        file.copy(file[name], parent, name=last, without_attrs=True)
-        for key, value in file[name].attrs.items():
-            if key not in _SCALE_ATTRIBUTES:
-                group[name].attrs[key] = value
-    for name in names:
-        if file[name].is_scale:
-            group[name].make_scale(name)
-    for name in names:
-        for dimension in group[name].dims:
-            if dimension.label:
-                dimension.attach_scale(group[dimension.label])
+    file.copy(file, parent, name=name)
+    arrays = [parent[name][one].id for one in _array_names(file)]
+    for array in arrays:
+        for attribute in _SCALE_REFERENCES:
+            if h5a.exists(array, attribute):
+                h5a.delete(array, attribute)
+    group = parent[name].id
+    for array in arrays:
+        for number in range(array.rank):
+            label = h5ds.get_label(array, number)
+            if label:
+                h5ds.attach_scale(array, h5d.open(group, label), number)
 
 
 def _array_names(file: h5py.Group) -> list[str]:
-    names: list[str] = []
-
-    def note(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset):
-            names.append(name)
-
-    file.visititems(note)
-    return names
+    names: list[bytes] = []
+    h5o.visit(file.id, names.append)
+    return [
+        name.decode()
+        for name in names
+        if h5o.get_info(h5o.open(file.id, name)).type == h5o.TYPE_DATASET
+    ]
 
 
 def _verify(dataset: Dataset, path: Path, table: pd.DataFrame, texts: dict[str, str]) -> None:
@@ -239,12 +238,22 @@ def _verify(dataset: Dataset, path: Path, table: pd.DataFrame, texts: dict[str, 
 
 
 def _same_attributes(file: h5py.Group, group: h5py.Group, name: str) -> bool:
-    one, other = (file, group) if name == "/" else (file[name], group[name])
-    return all(
-        np.array_equal(value, other.attrs[key])
-        for key, value in one.attrs.items()
-        if key not in _SCALE_ATTRIBUTES
+    path = b"." if name == "/" else name.encode()
+    one, other = (_attributes(h5o.open(there.id, path)) for there in (file, group))
+    return one.keys() == other.keys() and all(
+        np.array_equal(value, other[key]) for key, value in one.items()
     )
+
+
+def _attributes(item: h5py.h5g.GroupID | h5py.h5d.DatasetID) -> dict[bytes, np.ndarray]:
+    """All attributes but the references of dimension scales; h5py's own mapping is slower."""
+    found = {}
+    for number in range(h5a.get_num_attrs(item)):
+        attribute = h5a.open(item, index=number)
+        if attribute.name not in _SCALE_REFERENCES:
+            found[attribute.name] = np.empty(attribute.shape, attribute.dtype)
+            attribute.read(found[attribute.name])
+    return found
 
 
 def _same(one: h5py.Dataset, other: h5py.Dataset) -> bool:
