@@ -214,7 +214,7 @@ def test_bad_files_and_folders_get_one_line(tmp_path):
         (["info", broken], "broken.toml: is not a file of a dataset, because it is no HDF5 file"),
         (["isolate", foreign], "foreign.h5: has no checksum beside it (foreign.h5.sha256)"),
         (["export", tmp_path / "no.h5", "-o", out], "no.h5: no such file"),
-        (["export", tmp_path, "-o", out], "is a folder, not a file"),
+        (["export", tmp_path, "-o", out], "is a folder; give the file"),
         (["fly"], "No such command 'fly'"),
         (["info"], "Missing argument 'folder'"),
     ):

@@ -235,7 +235,7 @@ def open_verified(path: Path) -> Iterator[h5py.File]:
     note = checksum_path(path)
     if not path.is_file():
         raise InputError(
-            f"{path}: {'is a folder, not a file' if path.is_dir() else 'no such file'}"
+            f"{path}: {'is a folder; give the file' if path.is_dir() else 'no such file'}"
         )
     if not note.is_file() and not h5py.is_hdf5(path):
         raise InputError(f"{path}: is not a file of a dataset, because it is no HDF5 file")
