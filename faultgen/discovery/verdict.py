@@ -75,7 +75,8 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     p_value = significance(problem, problem.whiten(without))
     noise = problem.noise.of_samples()
     strange = strange_patterns(problem, found, white)
-    known = bool(best.groups) and not _contrived(problem, best)
+    contrived = _contrived(problem, best)
+    known = bool(best.groups) and not contrived
     effects, alternatives = _named(problem, choice, kept.solution)
     chosen = (best, kept.solution) if known else (empty, base_values)
     built, robot, lacks = build_stable(problem, *chosen)
@@ -89,7 +90,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     floor = np.min([gap(problem, noise)[1], before[1], calibrated[1], after[1]], axis=0)
     of_noise = float(np.sqrt(np.mean(floor[scored(problem).any(axis=0)] ** 2)))
     if not known:
-        verdict = UNKNOWN if strange or kept.resembled else NONE
+        verdict = UNKNOWN if contrived or strange or kept.resembled else NONE
     elif choice.rivals:  # what is listed in part must be certain
         verdict = AMBIGUOUS
     else:
