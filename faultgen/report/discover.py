@@ -183,7 +183,10 @@ def _on_noise(problem: Problem) -> list[str]:
 
 def _add_log_faults(result: dict[str, Any], faults: Sequence[LogFault]) -> list[str]:
     """Add faults of the log to a result. Returns one line for the report about each."""
-    result["effects"] += [one.contract(result["gap"]["after"]) for one in faults]
+    gap_of = result["gap"]
+    late = [one.contract(gap_of["calibrated"]) for one in faults if one.effect == DELAY]
+    others = [one.contract(gap_of["after"]) for one in faults if one.effect != DELAY]
+    result["effects"] = [*late, *result["effects"], *others]
     if faults:
         result["verdict"] = {NONE: NAMED, UNKNOWN: PARTLY}.get(result["verdict"], result["verdict"])
     return [
