@@ -26,6 +26,7 @@ import numpy as np
 from faultgen.applied import Applied
 from faultgen.discovery.recording import LogFault, Recording
 from faultgen.discovery.replay import Replay, settled
+from faultgen.effects import get_effect
 from faultgen.errors import SimulationFailed
 from faultgen.mjcf.dcmotor import POSITION_GAIN, VELOCITY_GAIN
 from faultgen.robot import Robot
@@ -77,8 +78,10 @@ def find_delays(recording: Recording, robot: Robot, runs: Sequence[Recording] = 
     found = [_delays(one, robot) for one in given]
     own = found[0]
     if runs:
-        usual = np.mean([one.delay for one in found[1:]], axis=0)
-        spread = np.mean([one.error for one in found[1:]], axis=0)
+        before = np.array([one.delay for one in found[1:]])
+        usual = before.mean(axis=0)
+        errors = np.array([one.error for one in found[1:]])
+        spread = np.hypot(errors.mean(axis=0), before.std(axis=0))
         holds = np.all([one.holds for one in found], axis=0)
     else:
         holds = own.holds
@@ -88,6 +91,7 @@ def find_delays(recording: Recording, robot: Robot, runs: Sequence[Recording] = 
     late, error = own.delay - usual, np.hypot(own.error, spread)
     low, high = late - _WIDTH * error, late + _WIDTH * error
     counts = holds & own.helps & (np.abs(late) > np.maximum(_SURE * error, _SHORTEST))
+    counts &= np.abs(late) <= get_effect(DELAY).largest
     faults = tuple(
         LogFault(DELAY, k + 1, float(late[k]), (float(low[k]), float(high[k])))
         for k in np.flatnonzero(counts).tolist()
