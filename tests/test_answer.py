@@ -239,7 +239,8 @@ def replace_torque(replay, simulate):
     return type(replay)(**{**vars(replay), "torque": simulate})
 
 
-@pytest.mark.parametrize("twin", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("twin", [True, False])
 def test_the_numbers_of_an_answer_agree(posed, twin):
     """One meaning of gap, floor, interval and confidence, for all kinds of answers."""
     problem = posed[twin]

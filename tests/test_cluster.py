@@ -70,6 +70,7 @@ def experiment(tiny_robot_path, tiny_task_path):
     return make_experiment(base | {"severity": [0.1, 0.2, 0.3], "sensors": "thesis"})
 
 
+@pytest.mark.slow
 def test_a_killed_worker_loses_nothing(start, scheduler, experiment, tmp_path):
     """Its run is made by the other worker, and the dataset is that of one machine, bit for bit."""
     (tmp_path / "experiment.toml").write_text(to_toml(experiment))

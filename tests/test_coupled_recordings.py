@@ -109,7 +109,8 @@ def test_lost_samples_of_a_joint_spoil_both_motors(robot, record):
     assert motors.lost.sum() == 4
 
 
-@pytest.mark.parametrize("twin", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("twin", [True, False])
 def test_a_hidden_effect_is_named(robot, record, twin, tmp_path):
     """From logs of the joints: 40 % more Coulomb friction on the coupled axis."""
     worn = record([Applied("coulomb_friction", 2, 0.4)], 2)

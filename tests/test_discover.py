@@ -69,7 +69,8 @@ def test_a_clean_robot_has_no_missing_effect(files, tiny_robot_path, tmp_path):
     assert (tmp_path / "model.xml").read_text() == load_robot(tiny_robot_path).xml
 
 
-@pytest.mark.parametrize("twin", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("twin", [True, False])
 def test_a_play_is_looked_for_at_every_size(measured, tiny_robot, twin):
     """A play of 1 mrad. From the next smaller or larger probe but these, slopes lead nowhere."""
     healthy = measured([], 3) if twin else None
@@ -79,6 +80,7 @@ def test_a_play_is_looked_for_at_every_size(measured, tiny_robot, twin):
     assert told.after < 1.1 * told.floor < told.before
 
 
+@pytest.mark.slow
 def test_two_effects(files, tiny_robot_path):
     result = discovered(files, tiny_robot_path, "two")
     named = {(one["effect"], one["axis"]) for one in result["effects"]}
@@ -189,6 +191,7 @@ def test_without_a_twin(files, tiny_robot_path, measured, tmp_path):
     assert result["where"][0]["axis"] == 1
 
 
+@pytest.mark.slow
 def test_sensitivities_are_kept(files, tiny_robot_path, tmp_path, monkeypatch):
     """The second discovery of a program simulates its sensitivities no more."""
     from faultgen.discovery.replay import Replay
@@ -282,6 +285,7 @@ def test_shared_noise_is_refused_where_the_noisy_position_is_followed(
         against_healthy(tmp_path, tiny_robot_path, "play")
 
 
+@pytest.mark.slow
 def test_what_is_larger_than_shared_noise_is_named(shared, tiny_robot_path):
     result, effects = against_healthy(shared, tiny_robot_path, "worn")
     assert (result["verdict"], effects) == ("named", [("viscous_friction", 2)])
@@ -342,6 +346,7 @@ def test_gap_and_validation_are_the_same_on_the_same_motions(measured, tiny_robo
     assert gap["floor"] <= gap["after"] < 0.7 * gap["before"]
 
 
+@pytest.mark.slow
 def test_what_was_found_is_kept_where_a_later_stage_fails(
     files, tiny_robot_path, tmp_path, monkeypatch
 ):

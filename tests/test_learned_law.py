@@ -161,6 +161,7 @@ def test_an_answer_without_a_law_stays(problem):
     assert new is told and laws == []
 
 
+@pytest.mark.slow
 def test_discover_writes_a_robot_with_the_law(measured, tiny_robot, tiny_robot_path, tmp_path):
     """From files to files; the folder simulates the law, and the report shows it."""
     recording = measured([], 5)

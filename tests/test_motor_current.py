@@ -95,6 +95,7 @@ def constants_in(result):
     return np.array([[one["constant"], one["offset"]] for one in result["torque_constants"]]).T
 
 
+@pytest.mark.slow
 def test_against_a_healthy_recording(asked):
     """The constants come from the healthy one, and effects are named in N m."""
     result = asked("worn", True)

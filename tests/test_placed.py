@@ -30,13 +30,8 @@ def with_effect(recording, robot, name):
     return replace(recording, torque=recording.torque + change, source="worn")
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        name if name == "loose_tool" else pytest.param(name, marks=pytest.mark.slow)
-        for name in HIDDEN
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", HIDDEN)
 def test_a_hidden_effect_is_named_with_its_place(name, tiny_robot, measured):
     axis, severity, parameters = HIDDEN[name]
     worn = with_effect(measured([], 0), tiny_robot, name)
@@ -52,6 +47,7 @@ def test_a_hidden_effect_is_named_with_its_place(name, tiny_robot, measured):
     assert found.answer.after < 1.1 * found.answer.floor
 
 
+@pytest.mark.slow
 def test_a_healthy_robot_has_no_promising_place(tiny_robot, measured):
     found = investigate(measured([], 2), tiny_robot, measured([], 3))
     assert {t.name for t in found.problem.terms}.isdisjoint(names_by_use("searched"))

@@ -25,7 +25,8 @@ joints = [-40, -60]
 """
 
 
-@pytest.mark.parametrize("twin", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.slow
+@pytest.mark.parametrize("twin", [False, True])
 def test_the_axis_that_moves_is_judged(tiny_robot, tmp_path, twin):
     """The other one is not compared; its numbers are written all the same."""
     task = tmp_path / "one.toml"

@@ -120,6 +120,7 @@ def together(runs):
     return replace(runs[0], **arrays, segments=tuple(count * k for k in range(len(runs))))
 
 
+@pytest.mark.slow
 def test_what_differs_between_repetitions_is_no_effect(measured, runs, asked):
     """Two repetitions in one healthy file, and a recording with the friction of one of them."""
     usual = together([measured([("coulomb_friction", 2, 0.03)], seed) for seed in (3, 4)])

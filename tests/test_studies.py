@@ -247,6 +247,7 @@ def test_axes_that_stand_still_are_told_before_the_test():
     assert (speed > 0.3 * stribeck).tolist() == [True] * 5 + [False]
 
 
+@pytest.mark.slow
 def test_detection_study(cycles, small, tmp_path):
     """All detectors are compared; ours finds the wear; tables and lags have the thesis' form."""
     shutil.copytree(cycles, tmp_path / "cycles")
