@@ -18,7 +18,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from faultgen.building.quantities import QUANTITIES, Value
-from faultgen.errors import InputError
+from faultgen.errors import InputError, objection
 from faultgen.system.reading import read_text
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -116,7 +116,7 @@ def read_drives(path: Path) -> Drives:
 def _words(error: object) -> str:
     kind, text = error["type"], str(error["msg"])  # type: ignore[index]
     if kind != "extra_forbidden":
-        return text[:1].lower() + text[1:]
+        return objection(kind, text)
     if len(error["loc"]) == 1:  # type: ignore[index]
         return f"unknown; the file has {', '.join(Drives.model_fields)}"
     return "unknown"

@@ -19,7 +19,7 @@ The equation is that of the model's servo. If it does not explain the torque, no
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,6 +58,11 @@ class Delays:
         return [Applied(one.effect, one.axis, one.severity) for one in self.faults]
 
 
+def no_delays(recording: Recording) -> Delays:
+    """Return that no delay counts."""
+    return Delays((), np.zeros_like(recording.torque))
+
+
 def find_delays(recording: Recording, robot: Robot, runs: Sequence[Recording] = ()) -> Delays:
     """Find axes whose set points reach the drive late.
 
@@ -71,7 +76,7 @@ def find_delays(recording: Recording, robot: Robot, runs: Sequence[Recording] = 
         The delays; none if the recording has no commanded position or no torque of the motors, or
         if the torque is not what the model's servo makes of them.
     """
-    nothing = Delays((), np.zeros_like(recording.torque))
+    nothing = no_delays(recording)
     given = [recording, *runs]
     if any(one.reference_position is None or one.side != "motor" for one in given):
         return nothing
@@ -99,13 +104,12 @@ def find_delays(recording: Recording, robot: Robot, runs: Sequence[Recording] = 
     if not faults:
         return nothing
     delays = Delays(faults, nothing.change)
-    late_robot = robot.with_effects(delays.applied())
+    replay = Replay(recording, robot, measured=False)
     try:
-        change = Replay(recording, late_robot, measured=False).torque()
-        change -= Replay(recording, robot, measured=False).torque()
+        change = replay.with_effects(delays.applied()).torque() - replay.torque()
     except SimulationFailed:
         return nothing
-    return Delays(faults, change)
+    return replace(delays, change=change)
 
 
 @dataclass(frozen=True, eq=False)

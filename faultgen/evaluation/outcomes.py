@@ -197,24 +197,23 @@ def table(result: Isolation) -> str:
         cells[key, method] = _cell(one)
         if key[0] == "irb6700" and (key[1], key[3]) in THESIS and method in THEIRS:
             cells[key, method] += f" / {thesis_value(key[1], key[3], method):g}"
-    lines = [
+    said = [
         f"Axis isolated, percent of n answers [95 % Wilson interval]; {drawn} '{result.sensors}' "
         "noise" + ("; thesis' figure after the slash." if beside else ".") + tested_on(result.split)
     ]
-    tables = method_tables(cells, methods, {key: one.total for (key, _), one in by_method.items()})
-    lines = "\n\n".join([*lines, *tables]).split("\n")
+    said += method_tables(cells, methods, {key: one.total for (key, _), one in by_method.items()})
     if result.too_short:
-        lines += ["", "Not asked, since wear gets there within 4 cycles: " + result.too_short]
+        said.append("Not asked, since wear gets there within 4 cycles: " + result.too_short)
     if any(key[3] == 0 for key, _ in cells):
-        lines += ["", f"In columns '{HEALTHY}': how often an axis was named though none is worn."]
-    for place, axes in result.unobservable.items():
-        if axes:
-            lines += ["", f"{place}: axes {axes} never turn within the speed window; left out."]
-    for place, reason in result.left_out.items():
-        lines += ["", f"{place}: {reason}"]
-    for said in other_effects(t.effect for t in result.outcomes):
-        lines += ["", said]
-    return "\n".join(lines)
+        said.append(f"In columns '{HEALTHY}': how often an axis was named though none is worn.")
+    said += [
+        f"{place}: axes {axes} never turn within the speed window; left out."
+        for place, axes in result.unobservable.items()
+        if axes
+    ]
+    said += [f"{place}: {reason}" for place, reason in result.left_out.items()]
+    said += other_effects(t.effect for t in result.outcomes)
+    return "\n\n".join(said)
 
 
 def thesis_value(task: str, level: float, method: str) -> float:

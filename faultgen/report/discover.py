@@ -25,7 +25,7 @@ from faultgen.discovery.regression import Problem
 from faultgen.discovery.replay import Replay, relative_error
 from faultgen.discovery.result import NAMED, NONE, PARTLY, UNKNOWN
 from faultgen.discovery.samples import counted
-from faultgen.discovery.servo_delay import DELAY, find_delays
+from faultgen.discovery.servo_delay import DELAY, Delays, find_delays, no_delays
 from faultgen.discovery.with_laws import contract, outside, with_laws
 from faultgen.discovery.workflow import Discovery, investigate
 from faultgen.effects import EFFECTS, get_effect
@@ -109,10 +109,11 @@ def discover(
         other, more = usable(validate, model, low_pass, given.constants)
         warnings += more
     with threadpool_limits(limits=1):
-        late = find_delays(recording, model, runs) if DELAY not in exclude else None
-        delays = late.faults if late else ()
+        late = no_delays(recording)
+        if DELAY not in exclude:
+            late = find_delays(recording, model, runs)
         given_model = model
-        if late and delays:
+        if late.faults:
             model = model.with_effects(late.applied())
             runs = [replace(run, torque=run.torque + late.change) for run in runs]
         found = investigate(
@@ -128,14 +129,14 @@ def discover(
         )
         found = _completed(found)
         result = _result(found)
-        if late and delays and (runs or not found.problem.replay.measured):
+        if late.faults and (runs or not found.problem.replay.measured):
             _put_before(result, found.problem, late.change)
         warnings += _add_log_faults(
-            result, [*delays, *(one for one in given.faults if one.effect not in exclude)]
+            result, [*late.faults, *(one for one in given.faults if one.effect not in exclude)]
         )
         if other is not None:
             try:
-                result["gap"]["validation"] = _validation(found, other, given_model)
+                result["gap"]["validation"] = _validation(found, other, given_model, late)
                 warnings += outside(found.laws, Replay(other, model))
             except (InputError, SimulationFailed) as error:  # what was found is not lost
                 result["gap"]["validation"] = None
@@ -319,13 +320,16 @@ def _result(found: Discovery) -> dict[str, Any]:
     return result
 
 
-def _validation(found: Discovery, validate: Recording, given: Robot) -> dict[str, float]:
+def _validation(
+    found: Discovery, validate: Recording, given: Robot, late: Delays
+) -> dict[str, float]:
     """Errors of the model, never of a twin, on motions that were not used before.
 
     Args:
         found: The results of a discovery.
         validate: The other motions.
         given: The model as it was given.
+        late: The delays that the model lacked.
 
     Raises:
         InputError: No sample of the recording can be used.
@@ -333,15 +337,12 @@ def _validation(found: Discovery, validate: Recording, given: Robot) -> dict[str
     """
     problem = found.problem
     measured = problem.replay.measured or validate.reference_position is None
-    replay = Replay(validate, problem.robot, measured=measured)
-    full = replay
-    if found.laws:
-        full = replay.with_effects([one.applied for one in found.laws])
+    replay = Replay(validate, given, measured=measured)
+    full = replay.with_effects([*late.applied(), *(one.applied for one in found.laws)])
     inside = counted(validate, problem.robot, twin=False)
 
     def error_of(model: Replay, changes: list[tuple[Term, float]]) -> float:
         error = validate.torque - model.torque(changes)
         return relative_error(error**2, validate, inside)
 
-    before = Replay(validate, given, measured=measured)
-    return {"before": error_of(before, []), "after": error_of(full, found.answer.changes)}
+    return {"before": error_of(replay, []), "after": error_of(full, found.answer.changes)}
