@@ -28,7 +28,7 @@ docs: install
 	@echo 'build/site/index.html; with search: $(BIN)/python -m http.server -d build/site'
 
 test: install lint
-	$(BIN)/python -m pytest -n auto -m 'not slow'
+	$(BIN)/python -m pytest -n auto --dist worksteal -m 'not slow'
 
 test-slow: install
 	$(BIN)/python -m pytest -n auto -m slow

@@ -104,6 +104,7 @@ def test_columns_are_told_beside_the_method(result):
     assert re.search(r"\| 1 d +\| 3 d +\| 10 d +\|", tables({**result, "goals": []}))
 
 
+@pytest.mark.slow
 def test_nothing_is_known_before_it_shows():
     """25 days ahead the small fleet's robots are as they always were: all is chance."""
     fleet = fake_fleet(failed=6, normal=6, days=60, n_axes=2, worst=1.0, seed=3)

@@ -78,16 +78,14 @@ FAST = {"write": 311, "sync": 9, "rename": 5, "close": 23, "open": 23, "truncate
 
 @pytest.mark.parametrize(
     "kind",
-    [
-        kind if kind in ("write", "rename") else pytest.param(kind, marks=pytest.mark.slow)
-        for kind in FAST
-    ],
+    [kind if kind == "write" else pytest.param(kind, marks=pytest.mark.slow) for kind in FAST],
 )
 def test_no_failing_call_loses_data(inject, kind):
     """A sample of the calls of each kind fails: what has a name is whole, the rest is resumed."""
     check(inject(kind, ENOSPC if kind in ("write", "truncate") else EIO, 1, FAST[kind]))
 
 
+@pytest.mark.slow
 def test_a_full_disk_stops_the_sweep_with_one_line(inject):
     """From some write on, all writes fail: exit status 1, and the reason and the file are named."""
     cases = inject("write", ENOSPC, -40, -250)

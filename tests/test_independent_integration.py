@@ -54,7 +54,10 @@ def both(name: str, wear: bool) -> tuple[Cycle, Cycle]:
     return cycle, integrate(motion, model, TIMES, start=-step)
 
 
-@pytest.mark.parametrize("wear", [False, True], ids=["healthy", "worn"])
+@pytest.mark.parametrize(
+    "wear",
+    [pytest.param(False, id="healthy", marks=pytest.mark.slow), pytest.param(True, id="worn")],
+)
 @pytest.mark.parametrize("name", ["irb6700", "puma560"])
 def test_simulation_agrees(name: str, wear: bool) -> None:
     """At the model's own step torques agree within 0.5 % RMS on every axis.

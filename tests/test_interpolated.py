@@ -94,6 +94,7 @@ def test_the_cycle_before_counts(both):
     assert np.corrcoef(start[0][1:, 0], start[1][1:, 0])[0, 1] > 0.99
 
 
+@pytest.mark.slow
 def test_same_bytes_for_any_number_of_workers_and_after_a_stop(told, tmp_path):
     entries = {**told, "fidelity": "interpolated", "axis": [1, 2]}
     for name, workers in (("one", 1), ("two", 2)):

@@ -146,6 +146,7 @@ def test_an_encoder_that_counts_more_coarsely_is_found(tiny_robot):
     assert new_faults(counting(0.02, 0), [before], tiny_robot) == ()
 
 
+@pytest.mark.slow
 def test_an_answer_holds_the_faults_of_the_log(tiny_robot_path, tiny_robot, measured, tmp_path):
     """They are named, the samples are not used, and nothing else is named for them."""
     healthy, worn = measured([], 0), measured([], 1)

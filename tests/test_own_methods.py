@@ -59,6 +59,7 @@ def made(tiny_robot_path, tiny_task_path, tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_a_class_of_a_file_is_a_row_of_the_table(made, tmp_path):
     """Raw signals and histograms reach it; its code is part of the version of the result."""
     (tmp_path / "their_method.py").write_text(MODULE)

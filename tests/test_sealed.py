@@ -52,6 +52,7 @@ def test_rigid_torque_is_mujocos(name: str) -> None:
     assert np.allclose(own, Arm(robot).inverse_dynamics(q, qd, qdd), rtol=0, atol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_trajectory_agrees(name: str) -> None:
     """Motor torque: 0.05 % of an adaptive integration, 0.3 % of the MuJoCo simulation."""
