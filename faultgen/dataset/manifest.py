@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from faultgen.dataset.experiment import SCHEMA_VERSION
 from faultgen.dataset.splits import RunParts
 from faultgen.errors import InputError, one_line
 from faultgen.system.files import write_text
@@ -26,6 +27,29 @@ DATA_CARD = "DATACARD.md"
 
 _RUN_ID = re.compile(r"[0-9a-f]{16}")
 _NEEDED = ("robot", "task", "seed", "effect", "axes", "severity", "cycles", "sensors")
+
+
+class OtherLayout(InputError):
+    """A dataset has a layout that this version of faultgen does not read."""
+
+
+def check_layout(version: Any, path: Path) -> None:
+    """Refuse data whose layout is not the one that this version reads.
+
+    Args:
+        version: Attribute ``schema_version`` of the data.
+        path: The file that states it, for the message.
+
+    Raises:
+        OtherLayout: The version is another one.
+    """
+    if version != SCHEMA_VERSION:
+        newer = isinstance(version, int | float) and version > SCHEMA_VERSION
+        raise OtherLayout(
+            f"{path}: has the layout (schema_version) {version}, and this version of faultgen "
+            f"reads {SCHEMA_VERSION}; "
+            + ("install a newer version" if newer else "make the dataset again, in another folder")
+        )
 
 
 def refuse_data(folder: Path) -> None:
@@ -110,7 +134,8 @@ class Manifest:
             The list.
 
         Raises:
-            InputError: The list is damaged, or was not written by `write`.
+            InputError: The list is damaged, was not written by `write`, or its runs have another
+                layout.
         """
         try:
             content = json.loads(text)
@@ -121,9 +146,12 @@ class Manifest:
                     raise ValueError(f"'{run_id}' is not the id of a run")
                 if missing := [name for name in _NEEDED if name not in parameters]:
                     raise ValueError(f"run {run_id} has no {missing[0]}")
+                check_layout(parameters.get("schema_version"), path)
             return cls(content["runs"], content["experiment_sha256"], content.get("splits", {}))
         except KeyError as error:
             raise _damaged(path, f"it has no {error}") from None
+        except OtherLayout:
+            raise
         except (ValueError, TypeError, AttributeError, RecursionError) as error:
             raise _damaged(path, one_line(error)) from None
 

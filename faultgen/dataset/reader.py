@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from faultgen.dataset.manifest import DATA_CARD, EXPERIMENT, FILE, Manifest
+from faultgen.dataset.manifest import DATA_CARD, EXPERIMENT, FILE, Manifest, check_layout
 from faultgen.dataset.splits import SCHEMES, TEST, TRAIN, UNUSED
 from faultgen.errors import InputError, StorageFailed
 from faultgen.provenance import Provenance
@@ -83,11 +83,12 @@ class StoredRun:
             The group that has the arrays and attributes of the run.
 
         Raises:
-            InputError: The file is damaged, or does not hold the run.
+            InputError: The file is damaged, does not hold the run, or has another layout.
         """
         with open_verified(self.path) as file:
             if self.group not in file:
                 raise InputError(f"{self.path}: does not hold the run {self.id}")
+            check_layout(plain_value(file[self.group].attrs.get("schema_version")), self.path)
             yield file[self.group]
 
     @cached_property

@@ -21,7 +21,7 @@ from joblib import delayed
 
 from faultgen.dataset.experiment import Experiment, load_experiment, to_toml
 from faultgen.dataset.inputs import INPUTS, keep_inputs
-from faultgen.dataset.manifest import EXPERIMENT, FLEET, Manifest
+from faultgen.dataset.manifest import EXPERIMENT, FLEET, Manifest, OtherLayout
 from faultgen.dataset.planning import Run, check_runs, plan_runs
 from faultgen.dataset.reader import MERGED, Dataset, only_in, open_dataset
 from faultgen.dataset.run import make_run
@@ -286,9 +286,15 @@ def _prepare(
 
 
 def _manifest_of(folder: Path) -> Manifest | None:
-    """The list of runs in a folder; None if it is missing or damaged."""
+    """The list of runs in a folder; None if it is missing or damaged.
+
+    Raises:
+        OtherLayout: Its runs have another layout.
+    """
     try:
         return Manifest.read(folder)
+    except OtherLayout:
+        raise
     except InputError:
         return None
 
