@@ -4,7 +4,7 @@ python benchmarks/servo_delays.py --laboratories 40
 
 Each laboratory with commanded positions and measured torque records a healthy robot, two delays and
 four other effects on a random axis. Only the equation of the servo is asked
-(`faultgen.discovery.servo_delay`), with a healthy recording and without one.
+(`faultgen.discovery.own_servo` and `servo_delay`), with a healthy recording and without one.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from laboratories.effects import Effect
 from laboratories.make import model_for, record_case, set_up
 
 from faultgen.discovery.inputs import read_together
+from faultgen.discovery.own_servo import with_own_servo
+from faultgen.discovery.recording import mean_of
 from faultgen.discovery.servo_delay import find_delays
 from faultgen.robot import load_robot
 
@@ -66,7 +68,8 @@ def ask(lab: Laboratory, folder: Path) -> list[tuple[str, str, bool]]:
         robot = load_robot(str(where / model if (where / model).is_file() else model))
         given = read_together([where / "measured.h5"], robot, [where / "healthy.h5"], None)
         for mode, runs in (("twin", given.runs), ("alone", [])):
-            found = [one.axis for one in find_delays(given.recording, robot, runs).faults]
+            own, _ = with_own_servo(mean_of(runs) if runs else given.recording, robot)
+            found = [one.axis for one in find_delays(given.recording, own, runs).faults]
             rows.append((name, mode, found == ([axis] if name.startswith("delay") else [])))
     return rows
 

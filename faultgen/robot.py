@@ -94,6 +94,10 @@ class Robot:
     set_points: np.ndarray = field(init=False)
     """Factors of what the controller commands, shape (3,): position, velocity and feed-forward
     torque. A factor of 1 means that it is commanded in full."""
+    servo_friction: np.ndarray = field(init=False)
+    """Which friction the feed-forward torque contains, shape (2,): the share of the model's
+    friction, and the speed over which its step at zero speed is smoothed, over the Stribeck
+    velocity."""
     torque_gain: np.ndarray = field(init=False)
     """Torque of the motors divided by the torque that their drives log; 1 unless a calibration
     found another value."""
@@ -130,12 +134,14 @@ class Robot:
                 ("joint_acceleration_limit", 5.0, n),
                 ("encoder_counts", 0.0, n),
                 ("servo_set_points", 1.0, 3),
+                ("servo_friction", 1.0, 2),
                 ("torque_gain", 1.0, n),
                 ("friction_temperature", 40.0, 1),
             )
         }
         self._refuse([*findings, *wrong_numbers(model, self.xml, n, numerics)])
         put(self, "set_points", numerics.pop("servo_set_points"))
+        put(self, "servo_friction", numerics.pop("servo_friction"))
         put(self, "friction_temperature", float(numerics.pop("friction_temperature")[0]))
         for name, values in numerics.items():
             put(self, name, values)

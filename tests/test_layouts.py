@@ -16,7 +16,7 @@ import pytest
 from conftest import contents, faultgen_here
 
 from faultgen import open_dataset
-from faultgen.dataset.experiment import SCHEMA_VERSION
+from faultgen.dataset.manifest import SCHEMA_VERSION
 from faultgen.dataset.reader import StoredRun
 from faultgen.errors import InputError
 

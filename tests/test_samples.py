@@ -20,7 +20,12 @@ from faultgen.discovery.samples import (
 
 PERIOD = 0.01
 STRIBECK = 5.0
-ROBOT = SimpleNamespace(n_axes=1, gear_ratio=np.ones(1), stribeck_velocity=np.full(1, STRIBECK))
+ROBOT = SimpleNamespace(
+    n_axes=1,
+    gear_ratio=np.ones(1),
+    stribeck_velocity=np.full(1, STRIBECK),
+    set_points=np.ones(3),
+)
 
 
 def recorded(speed, starts=(0,), period=PERIOD):
@@ -133,3 +138,11 @@ def test_axes_with_too_few_samples_are_not_compared():
     assert used[:, :2].all() and not used[:, 2].any()
     assert told.all()
     assert (inside == given[0]).all() and (steady == given[1]).all()
+
+
+def test_an_axis_whose_servo_is_not_given_the_torque_creeps_to_rest():
+    """It counts as moving from 0.3 times the Stribeck velocity, not from a tenth."""
+    robot = SimpleNamespace(**{**vars(ROBOT), "set_points": np.array([1.0, 0.0, 0.0])})
+    for speed, counts in ((0.2, [True, False]), (0.35, [True, True])):
+        one = recorded(speed * STRIBECK * np.ones(100))
+        assert [moving(one, which)[50, 0] for which in (ROBOT, robot)] == counts

@@ -35,9 +35,6 @@ from faultgen.monitoring.sensors import get_sensors, sensors_of
 from faultgen.simulation.operation import Operation
 from faultgen.system.reading import read_text
 
-SCHEMA_VERSION = 2
-"""Version of the layout of run files."""
-
 SIGNALS = (
     "signals/motor_position",
     "signals/motor_velocity",

@@ -14,10 +14,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from faultgen.dataset.experiment import SCHEMA_VERSION
 from faultgen.dataset.splits import RunParts
 from faultgen.errors import InputError, one_line
 from faultgen.system.files import write_text
+
+SCHEMA_VERSION = 2
+"""Version of the layout of run files."""
 
 FILE = "runs.json"
 FLEET = "fleet.json"

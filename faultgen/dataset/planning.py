@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from faultgen.building.resonance import largest_step, zero_pose
-from faultgen.dataset.experiment import MOST_RUNS, SCHEMA_VERSION, Experiment
+from faultgen.dataset.experiment import MOST_RUNS, Experiment
 from faultgen.dataset.faults import beside_of, list_faults, window_of
+from faultgen.dataset.manifest import SCHEMA_VERSION
 from faultgen.effects import HEALTHY, Applied
 from faultgen.errors import InputError, one_line
 from faultgen.monitoring.reductions import SPEED_WINDOW

@@ -27,7 +27,8 @@ class Order:
     axis: int
     """From 1."""
     order: float
-    """Cycles per motor turn."""
+    """Cycles per motor turn. Whole numbers are what motors and couplings cause, so the nearest one
+    counts if the travelled angle does not resolve the difference."""
     strength: float
     """Chi-square with two degrees of freedom for each direction and level of speed."""
 
@@ -87,7 +88,9 @@ def _orders(axis: int, turns: np.ndarray, error: np.ndarray, classes: np.ndarray
         if strength[k] < least:
             break
         top = _top(order[k], order[1], turns, left, classes)
-        found.append(Order(axis, top, float(strength[k])))
+        whole = round(top)
+        is_whole = whole > 0 and abs(top - whole) < 1 / travelled
+        found.append(Order(axis, whole if is_whole else top, float(strength[k])))
         left = left - _fitted(top, turns, left, classes)
     return found
 

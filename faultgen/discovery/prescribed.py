@@ -17,7 +17,7 @@ import copy
 import mujoco
 import numpy as np
 
-from faultgen.mjcf.dcmotor import POSITION_GAIN, VELOCITY_GAIN
+from faultgen.mjcf.dcmotor import POSITION_GAIN, VELOCITY_GAIN, set_servo
 from faultgen.robot import Robot
 from faultgen.simulation.arm import shared_torque
 from faultgen.simulation.plant import Plant, assemble
@@ -76,6 +76,4 @@ def stiffen(spec: mujoco.MjSpec, robot: Robot, rate: float) -> None:
     model = robot.model
     frequency = rate / model.opt.timestep
     for axis, inertia in enumerate(model.dof_M0[list(robot.motors)].tolist(), start=1):
-        gains = spec.actuator(f"drive{axis}").gainprm
-        gains[POSITION_GAIN] = inertia * frequency**2
-        gains[VELOCITY_GAIN] = inertia * 2 * frequency
+        set_servo(spec.actuator(f"drive{axis}"), inertia * frequency**2, 0, inertia * 2 * frequency)

@@ -13,6 +13,7 @@ from faultgen.discovery.replay import settled
 from faultgen.robot import Robot
 
 _JUMP = 0.05  # time around a change of direction in which the noise is not looked for [s]
+_SLOWEST, _CREEPING = 0.1, 0.3  # speed of an axis that moves, over the Stribeck velocity: assumed
 _PRESLIDING = 0.1  # time from rest or reversal until friction has settled [s]: assumed
 _BLOCKS = 6  # into which a single recording is cut, to fit on some and choose on others
 _LEAST_SHARE = 1 / 3  # samples of an axis that are compared, over those of an even spread: assumed
@@ -243,6 +244,8 @@ def near_reversal(recording: Recording, robot: Robot) -> np.ndarray:
 def moving(recording: Recording, robot: Robot) -> np.ndarray:
     """Find the samples at which axes move.
 
+    A servo that is not given the torque in advance lets an axis creep to rest.
+
     Args:
         recording: The measured data.
         robot: The model.
@@ -250,7 +253,8 @@ def moving(recording: Recording, robot: Robot) -> np.ndarray:
     Returns:
         Mask of shape (samples, n_axes).
     """
-    return _motor_speed(recording, robot) > 0.1 * robot.stribeck_velocity
+    slowest = _SLOWEST if robot.set_points[2] else _CREEPING
+    return _motor_speed(recording, robot) > slowest * robot.stribeck_velocity
 
 
 def _moves(recording: Recording, robot: Robot) -> np.ndarray:

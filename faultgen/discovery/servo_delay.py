@@ -1,16 +1,12 @@
 """Delays of single axes, from what the servo makes of the tracking error.
 
-The torque of a servo follows from its set points and from the measured motion, whatever the arm is:
+The torque of a servo follows from its set points and from the measured motion, whatever the arm is
+(`servo_equation`). If the set points of an axis reach the drive late by d, its torque lacks d times
+the rate of all that depends on them. So d is found by linear regression, without the masses,
+friction and stiffness of the robot, all of which hide a delay in a comparison of torques.
 
-    torque = kp (r - q) + kd (dr/dt - dq/dt) + feed-forward torque
-
-with the motor's commanded position r and its measured position q. If the set points of an axis
-reach the drive late by d, the left side lacks d times the rate of all that depends on them. So d is
-found by linear regression, without the masses, friction and stiffness of the robot, all of which
-hide a delay in a comparison of torques. All signals are smoothed by the same filter, which leaves
-the equation true.
-
-The equation is that of the model's servo. If it does not explain the torque, nothing is found.
+The equation is that of the model's servo, which `own_servo` has replaced if the robot has another
+one. If it does not explain the torque, nothing is found.
 
     late = find_delays(recording, robot, runs)
     late.faults
@@ -25,12 +21,11 @@ import numpy as np
 
 from faultgen.applied import Applied
 from faultgen.discovery.recording import LogFault, Recording
-from faultgen.discovery.replay import Replay, settled
+from faultgen.discovery.replay import Replay
+from faultgen.discovery.servo_equation import ServoSignals, has_equation
 from faultgen.effects import get_effect
 from faultgen.errors import SimulationFailed
-from faultgen.mjcf.dcmotor import POSITION_GAIN, VELOCITY_GAIN
 from faultgen.robot import Robot
-from faultgen.simulation.arm import Arm, motor_torque
 
 DELAY = "delay"
 
@@ -38,6 +33,7 @@ _BLOCKS = 8  # parts of a recording that are left out in turn, for the standard 
 _FEWEST = 25  # samples of a block
 _EXPLAINED = 0.3  # torque error of the servo's equation, over the torque, up to which it holds
 _SURE = 8.0  # delay over its standard error from which it counts: assumed
+_PLAIN = 1e-3  # delay [s] that the equation has to show, before it is trusted alone: assumed
 _SHORTEST = 1e-4  # delay [s] below which the clocks of drives may differ: assumed
 _WIDTH = 2.36  # of intervals in standard errors: 95 % of Student's t with 7 degrees of freedom
 _BETTER = 0.9  # torque error of the equation with the delay, over that without it: assumed
@@ -52,6 +48,9 @@ class Delays:
     """The delays that count."""
     change: np.ndarray
     """By how much they change the torque, shape (samples, n_axes), in [N m]."""
+    are_all: bool = False
+    """Whether the equation would show a delay of `_PLAIN` on every axis that moves, so that there
+    are no others."""
 
     def applied(self) -> list[Applied]:
         """The delays as effects of a robot."""
@@ -78,7 +77,7 @@ def find_delays(recording: Recording, robot: Robot, runs: Sequence[Recording] = 
     """
     nothing = no_delays(recording)
     given = [recording, *runs]
-    if any(one.reference_position is None or one.side != "motor" for one in given):
+    if not all(has_equation(one) for one in given):
         return nothing
     found = [_delays(one, robot) for one in given]
     own = found[0]
@@ -97,13 +96,15 @@ def find_delays(recording: Recording, robot: Robot, runs: Sequence[Recording] = 
     low, high = late - _WIDTH * error, late + _WIDTH * error
     counts = holds & own.helps & (np.abs(late) > np.maximum(_SURE * error, _SHORTEST))
     counts &= np.abs(late) <= get_effect(DELAY).largest
+    moves = np.isfinite(own.error)
+    are_all = bool(moves.any() and (holds & (_SURE * error < _PLAIN))[moves].all())
     faults = tuple(
         LogFault(DELAY, k + 1, float(late[k]), (float(low[k]), float(high[k])))
         for k in np.flatnonzero(counts).tolist()
     )
+    delays = Delays(faults, nothing.change, are_all)
     if not faults:
-        return nothing
-    delays = Delays(faults, nothing.change)
+        return delays
     replay = Replay(recording, robot, measured=False)
     try:
         change = replay.with_effects(delays.applied()).torque() - replay.torque()
@@ -128,25 +129,23 @@ class _Late:
 
 def _delays(recording: Recording, robot: Robot) -> _Late:
     """Regress the error of the servo's equation on the rate of the set points."""
-    made, rate, torque = _equation(recording, robot)
-    inside = settled(recording, robot)
-    if recording.lost is not None:
-        inside &= ~recording.lost
+    signals = ServoSignals(recording, robot)
+    made, rate = signals.of_servo(robot)
     n = robot.n_axes
     delay, error = np.zeros(n), np.full(n, np.inf)
     holds, helps = np.zeros((2, n), bool)
-    for axis in range(n):
-        rows = np.flatnonzero(inside[:, axis])
+    for axis, rows in enumerate(signals.rows):
         if len(rows) < _BLOCKS * _FEWEST:
             continue
-        columns = np.stack([-rate[rows, axis], np.ones(len(rows))], axis=1)
-        target = (torque - made)[rows, axis]
-        delay[axis], offset = np.linalg.lstsq(columns, target, rcond=None)[0]
-        left = (target - columns @ [delay[axis], offset]).std()
-        holds[axis] = left < _EXPLAINED * torque[rows, axis].std()
-        helps[axis] = left < _BETTER * target.std()
+        column = -rate[rows, axis][:, None]
+        target = (signals.torque - made)[rows, axis]
+        (delay[axis],), left, before = signals.regress(axis, column, target)
+        holds[axis] = left < _EXPLAINED * signals.torque[rows, axis].std()
+        helps[axis] = left < _BETTER * before
         apart = [
-            np.linalg.lstsq(np.delete(columns, block, 0), np.delete(target, block), rcond=None)[0]
+            signals.regress(
+                axis, np.delete(column, block, 0), np.delete(target, block), np.delete(rows, block)
+            )[0]
             for block in np.array_split(np.arange(len(rows)), _BLOCKS)
         ]
         error[axis] = np.sqrt((_BLOCKS - 1) * np.array(apart)[:, 0].var())
@@ -154,27 +153,3 @@ def _delays(recording: Recording, robot: Robot) -> _Late:
         if one.effect == DELAY:  # the model has it
             delay[one.axis - 1] -= one.severity
     return _Late(delay, error, holds, helps)
-
-
-def _equation(recording: Recording, robot: Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The torque that the servo makes, its rate from set points alone, and the measured torque.
-
-    All have shape (samples, n_axes); [N m], motor side, and [N m/s].
-    """
-    assert recording.reference_position is not None
-    wanted = recording.derivatives(recording.reference_position)
-    position, speed = recording.derivatives(recording.motor_position(robot))[:2]
-    torque = recording.derivatives(recording.torque / robot.torque_gain)[0]
-    outputs = robot.gearing.outputs
-    gains = robot.model.actuator_gainprm[robot.ids("actuator", "drive")]
-    stiffness, damping = gains[:, POSITION_GAIN], gains[:, VELOCITY_GAIN]
-    from_points = stiffness * outputs(wanted[0]) * robot.gear_ratio
-    from_points += damping * outputs(wanted[1]) * robot.gear_ratio * robot.set_points[1]
-    if robot.set_points[2]:
-        forward = motor_torque(Arm(robot), *wanted) * robot.set_points[2]
-        from_points += forward
-    made = from_points - stiffness * position - damping * speed
-    rate = np.zeros_like(made)
-    for part in recording.parts:
-        rate[part] = np.gradient(from_points[part], recording.sample_period, axis=0)
-    return made, rate, torque

@@ -157,9 +157,11 @@ def wrong_numbers(
         axis = int(np.flatnonzero(~right)[0])
         needed = "must not be negative" if zero else "must be positive"
         found.append(f"{where.format(axis + 1)} {needed}, not {values[axis]:g}")
-    finite = ("servo_set_points", "friction_temperature")
+    finite = ("servo_set_points", "servo_friction", "friction_temperature")
     if not all(np.isfinite(numerics[name]).all() for name in finite):
-        found.append(f"{' and '.join(finite)} must be finite")
+        found.append(f"{', '.join(finite)} must be finite")
+    elif (width := numerics["servo_friction"][1]) <= 0:
+        found.append(f"servo_friction: its second number must be positive, not {width:g}")
     return found
 
 

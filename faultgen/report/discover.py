@@ -19,6 +19,7 @@ from faultgen.discovery.candidates import FREE_GAINS, Term, check_names, names_b
 from faultgen.discovery.gap import gap
 from faultgen.discovery.inputs import check_positive, read_together, usable
 from faultgen.discovery.own_friction import with_own_friction
+from faultgen.discovery.own_servo import with_own_servo
 from faultgen.discovery.physical import GAIN
 from faultgen.discovery.recording import LogFault, Recording, mean_of
 from faultgen.discovery.regression import Problem
@@ -104,6 +105,7 @@ def discover(
     before = mean_of(runs) if runs else recording
     model, more = with_own_friction(before, model, healthy=bool(runs))
     warnings += more
+    model, servo = with_own_servo(before, model)
     other = None
     if validate is not None:
         other, more = usable(validate, model, low_pass, given.constants)
@@ -112,6 +114,8 @@ def discover(
         late = no_delays(recording)
         if DELAY not in exclude:
             late = find_delays(recording, model, runs)
+        if late.are_all:
+            exclude = {*exclude, DELAY}
         given_model = model
         if late.faults:
             model = model.with_effects(late.applied())
@@ -141,7 +145,7 @@ def discover(
             except (InputError, SimulationFailed) as error:  # what was found is not lost
                 result["gap"]["validation"] = None
                 warnings.append(f"{validate}: not scored: {error}")
-    result["following"] = found.following
+    result["following"] = "; ".join(filter(None, (servo, found.following)))
     result["torque_constants"] = _torque_constants(found)
     if recording.constants is not None and not runs:
         warnings.append(

@@ -199,21 +199,22 @@ class Arm:
         return np.vstack([linear, -angular])
 
 
-def nominal_friction(robot: Robot, speed: np.ndarray) -> np.ndarray:
-    """Compute the friction torque that the controller compensates: Coulomb, asymmetry and viscous.
+def nominal_friction(robot: Robot, speed: np.ndarray, width: float = 1.0) -> np.ndarray:
+    """Compute the friction torque of steady motion: Coulomb, asymmetry and viscous.
 
     Args:
         robot: The healthy robot.
         speed: Motor speed, shape (samples, n_axes), in [rad/s].
+        width: Speed over which the step at zero speed is smoothed, over the Stribeck velocity.
 
     Returns:
         Torque that overcomes friction, shape (samples, n_axes), in [N m]. Its step at zero speed is
-        smoothed to tanh(speed / stribeck_velocity).
+        smoothed to tanh(speed / (width stribeck_velocity)).
     """
     friction = robot.ids("actuator", "friction")
     bias = robot.model.actuator_biasprm[friction]
-    width = bias[:, STRIBECK_VELOCITY]  # 0 only where there is no dry friction
-    share = np.tanh(speed / np.where(width > 0, width, 1.0))
+    widths = width * bias[:, STRIBECK_VELOCITY]  # 0 only where there is no dry friction
+    share = np.tanh(speed / np.where(widths > 0, widths, 1.0))
     sliding = bias[:, COULOMB] * share - bias[:, OFFSET] * np.abs(share)
     return sliding + robot.model.actuator_damping[friction] * speed
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from faultgen.simulation.arm import Arm, motor_torque
+from faultgen.simulation.arm import Arm, motor_torque, nominal_friction
 from faultgen.simulation.motion import Motion
 
 
@@ -39,5 +39,26 @@ def control_signal(motion: Motion, timestep: float) -> np.ndarray:
     control[:, at] = outputs(q) * robot.gear_ratio
     control[:, at + 1] = outputs(half) * robot.gear_ratio * robot.set_points[1]
     if robot.set_points[2]:
-        control[:, at + 2] = motor_torque(Arm(robot), q, qd, qdd) * robot.set_points[2]
+        control[:, at + 2] = feed_forward(Arm(robot), q, qd, qdd)
     return control
+
+
+def feed_forward(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """Compute the torque that the controller commands in advance.
+
+    Args:
+        arm: The rigid arm of the nominal robot.
+        q: Commanded joint position, shape (samples, n_axes), in [rad].
+        qd: Its velocity, same shape, in [rad/s].
+        qdd: Its acceleration, same shape, in [rad/s^2].
+
+    Returns:
+        Torque at the motors, shape (samples, n_axes), in [N m].
+    """
+    robot = arm.robot
+    torque = motor_torque(arm, q, qd, qdd)
+    share, width = robot.servo_friction
+    if (share, width) != (1.0, 1.0):
+        speed = robot.gearing.outputs(qd) * robot.gear_ratio
+        torque += share * nominal_friction(robot, speed, width) - nominal_friction(robot, speed)
+    return torque * float(robot.set_points[2])

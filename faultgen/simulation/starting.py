@@ -12,7 +12,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from faultgen.mjcf.compiling import mujoco_warnings
-from faultgen.mjcf.dcmotor import BRISTLE_STIFFNESS, POSITION_GAIN, STICTION
+from faultgen.mjcf.dcmotor import BRISTLE_STIFFNESS, INTEGRAL_GAIN, POSITION_GAIN, STICTION
 from faultgen.mjcf.gearing import tendon_coefficients
 from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm
@@ -48,7 +48,7 @@ def start_in_equilibrium(robot: Robot, batch: Batch, control: np.ndarray) -> Non
     """Put a changed robot on its reference, with the gearboxes twisted by the load of the motion.
 
     Rotors at rest give way until their servo, and the bristles of their friction, carry the torque
-    that the changes have added.
+    that the changes have added. A servo with an integral carries all torque without giving way.
 
     Args:
         robot: The unchanged robot.
@@ -99,7 +99,11 @@ class _Start:
         """
         model, data, robot = self.model, self.data, self.robot
         stiffness = model.tendon_stiffness[robot.ids("tendon", "gearbox", model)]
-        servo = model.actuator_gainprm[robot.ids("actuator", "drive", model), POSITION_GAIN]
+        drives = robot.ids("actuator", "drive", model)
+        servo = model.actuator_gainprm[drives, POSITION_GAIN]
+        integral = model.actuator_gainprm[drives, INTEGRAL_GAIN]
+        holds = (integral > 0) & ~self.is_moving
+        kept = model.actuator_actadr[drives[holds]]
         friction = robot.ids("actuator", "friction", model)
         bristles = model.actuator_dynprm[friction, BRISTLE_STIFFNESS]
         has = (bristles > 0) & (model.actuator_actnum[friction] == 1)
@@ -110,10 +114,11 @@ class _Start:
             self._measure()
             twist = robot.gearing.torque(self.lacking[self.joints]) / stiffness
             turn = np.zeros(robot.n_axes)
+            data.act[kept] += self.lacking[self.motors][holds] / integral[holds]
             if usual is not None:
                 carry = servo.copy()
                 carry[has] += bristles[has] * (np.abs(data.act[bent]) < most)
-                carry[self.is_moving] = 0.0  # their friction is still to build up
+                carry[self.is_moving | holds] = 0.0  # friction of moving ones is still to build up
                 beyond = self.lacking[self.motors] - usual
                 turn = np.divide(-beyond, carry, out=turn, where=carry > 0)
             if not np.isfinite([twist, turn]).all():
