@@ -28,6 +28,7 @@ import numpy as np
 from faultgen.discovery.candidates import INERTIA, NUMBERS, check_names
 from faultgen.discovery.classical import Coupling, Regression, held_out_error, identify
 from faultgen.discovery.friction_law import with_friction_law
+from faultgen.discovery.own_servo import with_own_servo
 from faultgen.discovery.physical import GAIN, NAMES, Drives, Spread, fit
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.replay import Replay, relative_error
@@ -121,7 +122,8 @@ def calibrate(
     check_names("exclude", exclude, NUMBERS)
     if recording.link:  # the drive's log is not compared
         exclude = {*exclude, GAIN}
-    given, robot = robot, with_friction_law(robot, recording)
+    given, lawful = robot, with_friction_law(robot, recording)
+    robot, servo = with_own_servo(recording, lawful)
     # torque of the model's motors, from which the recording differs by the given torque_gain
     modelled = replace(recording, torque=recording.torque * robot.torque_gain)
     regression = _regression(modelled, robot, exclude)
@@ -135,7 +137,8 @@ def calibrate(
         & samples_of([regression.parts[k] for k in scoring], len(recording.torque))[:, None]
     )
     classical = _error(modelled, regression.torque(identify(products)), judged)
-    errors = {"classical": classical, "given": _judge(recording, robot, judged)}
+    errors = {"classical": classical, "given": _judge(recording, lawful, judged)}
+    before = _judge(recording, robot, judged) if servo else errors["given"]
     spread, physical, errors["physical"] = None, robot, np.inf
     with Progress("fitting the physical model", None):
         for wider in spreads(regression, fitting, prior_scales, known, exclude):
@@ -147,9 +150,9 @@ def calibrate(
                 break
     assert spread is not None
     models = {"given": robot, "physical": physical}
-    if not np.isfinite(errors["given"]) and not np.isfinite(errors["physical"]):
+    if not np.isfinite(before) and not np.isfinite(errors["physical"]):
         raise SimulationFailed("the model diverges on the recorded motion")
-    start = min(models, key=lambda name: errors[name])
+    start = "given" if before <= errors["physical"] else "physical"
     simulated = SimulatedFit(
         recording,
         models[start],
@@ -162,7 +165,7 @@ def calibrate(
     )
     errors["simulated"] = _error(recording, simulated.predicted(), judged)
     best = min(("simulated", "physical"), key=lambda name: errors[name])
-    lacks: list[str] = []
+    lacks = [servo] if servo else []
     if best == "simulated":
         made, share = simulated.model()
         if share < 1:
