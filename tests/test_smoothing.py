@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from faultgen.discovery.smoothing import noise_of_position, smoothed
+from faultgen.discovery.smoothing import is_rough, noise_of_position, smoothed
 
 TIMES = np.arange(4000) * 0.004
 TRUE = np.sin(2 * TIMES) + 0.3 * np.cos(5 * TIMES)
@@ -32,3 +32,14 @@ def test_an_encoder_that_counts_is_smoothed():
     counted = np.round(TRUE / 1e-4) * 1e-4
     error = smoothed(counted) - TRUE
     assert np.sqrt(np.mean(error**2)) < 0.6 * 1e-4 / np.sqrt(12)
+
+
+def test_a_command_that_was_logged_at_uneven_times_is_rough():
+    """Its accelerations are noise then; those of a command written with 7 digits are not."""
+    late = np.random.default_rng(4).normal(size=TIMES.shape)
+    uneven = np.interp(TIMES + 0.1 * 0.004 * late, TIMES, TRUE)
+    assert is_rough(uneven, 0.004)
+    assert not is_rough(TRUE, 0.004) and not is_rough(TRUE.astype(np.float32), 0.004)
+    error = np.diff(smoothed(uneven) - TRUE, 2)[50:-50] / 0.004**2
+    assert np.std(error) < 0.1 * np.std(np.diff(TRUE, 2) / 0.004**2)
+    assert not is_rough(np.zeros(100), 0.004) and not is_rough(TRUE[:5], 0.004)

@@ -23,6 +23,7 @@ from faultgen.discovery.several import (
     check_same_motion,
     with_healthy,
 )
+from faultgen.discovery.smoothing import is_rough, smoothed
 from faultgen.errors import InputError
 from faultgen.robot import Robot
 
@@ -140,15 +141,15 @@ def usable(
         check_positive("low-pass", low_pass)
     recording = repaired(read_recording(path))
     _check_length(recording)
+    recording, found = _with_smooth_reference(recording, robot)
     if low_pass is not None and recording.reference_position is None:
         recording = low_passed(recording, low_pass)
     if robot.gearing.coupled.any() and recording.n_axes == robot.n_axes:
         recording = recording.on_motor_side(robot)
-    found = []
     if recording.current and recording.n_axes == robot.n_axes:
         if constants is None:
             constants = constants_of(recording, robot)
-            found = [str(constants)]
+            found += [str(constants)]
         recording = in_torque(recording, robot, constants)
     findings = check_recording(recording, robot)
     for finding in findings:
@@ -156,6 +157,34 @@ def usable(
             where = f"axis {finding.axis}: " if finding.axis else ""
             raise InputError(f"{path}: {where}{finding.message}")
     return recording, [*found, *(f"{path}: {finding}" for finding in findings)]
+
+
+def _with_smooth_reference(recording: Recording, robot: Robot) -> tuple[Recording, list[str]]:
+    """Smooth commanded positions whose speeds and accelerations are spoilt by noise of the log.
+
+    Args:
+        recording: The measured data.
+        robot: The model. A servo that is given the position only needs neither.
+
+    Returns:
+        The recording, and a line if any axis was smoothed.
+    """
+    if recording.reference_position is None or not robot.set_points[1:].any():
+        return recording, []
+    reference = recording.reference_position.copy()
+    rough = []
+    for axis in range(reference.shape[1]):
+        for part in recording.parts:
+            if is_rough(reference[part, axis], recording.sample_period):
+                reference[part, axis] = smoothed(reference[part, axis])
+                rough.append(axis + 1)
+    if not rough:
+        return recording, []
+    axes = ", ".join(map(str, sorted(set(rough))))
+    return replace(recording, reference_position=reference), [
+        f"{recording.source}: axis {axes}: reference_position has noise, as if it was logged at "
+        "uneven times, and is smoothed; log it without noise if you can"
+    ]
 
 
 def _check_length(recording: Recording) -> None:

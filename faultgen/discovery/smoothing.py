@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 _ORDER = 3  # differences that are penalised: acceleration stays continuous and is not drawn to zero
 _NOISE = 5  # differences from which the noise is found
 _RANGE = (-6.0, 14.0)  # common logarithms of the penalties that are tried
+_ROUGH = 0.1  # noise of the acceleration, over the acceleration: assumed
 _FEWEST = 20  # samples from which anything is smoothed
 
 
@@ -32,6 +33,24 @@ def noise_of_position(position: np.ndarray) -> float:
     weights = np.diff(np.eye(_NOISE + 1), _NOISE, axis=0)[0]
     kept = size[size <= np.quantile(size, 0.99)]
     return float(np.sqrt(np.mean(kept**2))) / float(np.linalg.norm(weights))
+
+
+def is_rough(position: np.ndarray, period: float) -> bool:
+    """Whether the accelerations of a position are spoilt by its noise.
+
+    Args:
+        position: Shape (samples,), equally spaced in time, in any unit.
+        period: Time between samples [s].
+
+    Returns:
+        Whether second differences of white noise of its size are more than `_ROUGH` of the RMS
+        acceleration of the smoothed position.
+    """
+    if len(position) < _FEWEST:
+        return False
+    noise = np.sqrt(6.0) * noise_of_position(position) / period**2
+    acceleration = np.diff(smoothed(position), 2) / period**2
+    return bool(noise > _ROUGH * np.sqrt(np.mean(acceleration**2)))
 
 
 def smoothed(position: np.ndarray) -> np.ndarray:
