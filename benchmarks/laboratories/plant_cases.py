@@ -18,7 +18,7 @@ from joblib import Parallel, delayed
 
 from laboratories.draw import BASE, Laboratory
 from laboratories.effects import ORDERS, WAVES, Effect, axes_of
-from laboratories.files import write_truth
+from laboratories.files import without_oracle, write_truth
 from laboratories.make import model_for, record_case, set_up
 
 SETTINGS: tuple[dict[str, Any], ...] = (
@@ -61,28 +61,13 @@ def make(folder: Path, number: int, first: int) -> list[dict[str, Any]]:
     lab = Laboratory("development", number + first, BASE | LONGER | SETTINGS[number], ())
     setup = set_up(lab)
     robot = model_for(lab, folder)
-    entries = []
+    entries: list[dict[str, Any]] = []
     for k, what in enumerate((None, *PLANT)):
         rng = np.random.default_rng([lab.seed, 6, k])
         effects = [] if what is None else [_effect(lab, *what, rng)]
         name = f"lab{number}_{k}"
         floor = record_case(setup, effects, robot, folder / "cases" / name, rng)
-        entries += [
-            {
-                "name": f"{name}_{mode}",
-                "folder": name,
-                "mode": mode,
-                "kind": "single" if effects else "healthy",
-                "robot": lab.factors["robot"],
-                "effects": [vars(effect) for effect in effects],
-                "d_prime": None,
-                "separation": None,
-                "floor": floor,
-                "stressed": ["servo"],
-                "factors": lab.factors,
-            }
-            for mode in ("twin", "alone")
-        ]
+        entries += without_oracle(name, "single" if effects else "healthy", lab, effects, floor)
     return entries
 
 

@@ -18,7 +18,7 @@ from joblib import Parallel, delayed
 
 from laboratories.draw import BASE, Laboratory
 from laboratories.effects import ORDERS, UNLISTED, WAVES, Effect, axes_of, unit
-from laboratories.files import write_truth
+from laboratories.files import without_oracle, write_truth
 from laboratories.make import model_for, record_case, set_up
 
 COMMON: dict[str, Any] = {
@@ -83,30 +83,15 @@ def make(folder: Path, number: int, first: int) -> list[dict[str, Any]]:
     drawn = sorted(rng.choice(np.arange(1, len(CLEAR) + 1), _DRAWN, replace=False).tolist())
     last = int(rng.integers(len(CLEAR) + 1, len(CLEAR) + 1 + len(BESIDE)))
     every = (None, *CLEAR, *((name, None) for name in BESIDE))
-    entries = []
+    entries: list[dict[str, Any]] = []
     for k in (0, *drawn, last):
         rng = np.random.default_rng([lab.seed, 6, k])
         what = every[k]
-        effects = [] if what is None else [_effect(lab, *what, rng)]
+        effects = [] if what is None else [_effect(lab, what[0], what[1], rng)]
         name = f"a{lab.number}_{k}"
         floor = record_case(setup, effects, robot, folder / "cases" / name, rng)
         kind = "healthy" if not effects else "unlisted" if k == last else "single"
-        entries += [
-            {
-                "name": f"{name}_{mode}",
-                "folder": name,
-                "mode": mode,
-                "kind": kind,
-                "robot": lab.factors["robot"],
-                "effects": [vars(effect) for effect in effects],
-                "d_prime": None,
-                "separation": None,
-                "floor": floor,
-                "stressed": ["servo"],
-                "factors": lab.factors,
-            }
-            for mode in ("twin", "alone")
-        ]
+        entries += without_oracle(name, kind, lab, effects, floor)
     return entries
 
 
