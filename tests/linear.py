@@ -79,7 +79,10 @@ def written_down(terms, columns, residual, *, twin=False, trust=None, torque=10.
     columns, residual = np.asarray(columns, np.float32), np.asarray(residual, float)
     n_axes = residual.shape[1]
     robot = SimpleNamespace(
-        n_axes=n_axes, gear_ratio=np.ones(n_axes), stribeck_velocity=np.ones(n_axes)
+        n_axes=n_axes,
+        gear_ratio=np.ones(n_axes),
+        stribeck_velocity=np.ones(n_axes),
+        set_points=np.ones(3),
     )
     recording = Recording(
         source="written down",

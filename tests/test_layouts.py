@@ -10,14 +10,12 @@ import json
 import shutil
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 from conftest import contents, faultgen_here
 
 from faultgen import open_dataset
 from faultgen.dataset.manifest import SCHEMA_VERSION
-from faultgen.dataset.reader import StoredRun
 from faultgen.errors import InputError
 
 LAYOUTS = Path(__file__).with_name("data") / "layouts"
@@ -71,15 +69,3 @@ def test_a_newer_layout_asks_for_a_newer_version(tmp_path):
     (tmp_path / "runs.json").write_text(json.dumps(content))
     with pytest.raises(InputError, match="99, and .* install a newer version"):
         open_dataset(tmp_path)
-
-
-def test_a_run_file_without_a_layout_is_refused(tmp_path):
-    path = tmp_path / f"{RUN}.h5"
-    shutil.copy(OLD / "runs" / path.name, path)
-    with h5py.File(path, "r+") as file:
-        del file.attrs["schema_version"]
-    path.with_name(path.name + ".sha256").write_text(
-        hashlib.sha256(path.read_bytes()).hexdigest() + "\n"
-    )
-    with pytest.raises(InputError, match="has the layout .* None"):
-        _ = StoredRun.at(path).attributes

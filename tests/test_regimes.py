@@ -25,7 +25,10 @@ def swinging(*starts):
     )
     n_axes = len(starts)
     robot = SimpleNamespace(
-        n_axes=n_axes, gear_ratio=np.ones(n_axes), stribeck_velocity=np.ones(n_axes)
+        n_axes=n_axes,
+        gear_ratio=np.ones(n_axes),
+        stribeck_velocity=np.ones(n_axes),
+        set_points=np.ones(3),
     )
     return recording, robot
 

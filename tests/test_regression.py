@@ -89,7 +89,12 @@ def swing(speed=None):
         slow = (np.arange(MANY) // 1000) % 2 == 1
         speed = np.where(slow, 1.5, 60.0) * np.sign(np.sin(at * 2.1))
     position = np.cumsum(speed)[:, None] * PERIOD * np.ones(2)
-    robot = SimpleNamespace(n_axes=2, gear_ratio=np.ones(2), stribeck_velocity=np.full(2, STRIBECK))
+    robot = SimpleNamespace(
+        n_axes=2,
+        gear_ratio=np.ones(2),
+        stribeck_velocity=np.full(2, STRIBECK),
+        set_points=np.ones(3),
+    )
     return robot, position, speed
 
 

@@ -88,7 +88,9 @@ class StoredRun:
         with open_verified(self.path) as file:
             if self.group not in file:
                 raise InputError(f"{self.path}: does not hold the run {self.id}")
-            check_layout(plain_value(file[self.group].attrs.get("schema_version")), self.path)
+            version = file[self.group].attrs.get("schema_version")
+            if version is not None:  # every run has it; other files are refused by what they lack
+                check_layout(plain_value(version), self.path)
             yield file[self.group]
 
     @cached_property
