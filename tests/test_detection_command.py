@@ -52,6 +52,7 @@ def test_stored_noise_learns_from_other_seeds(made):
         detect(dataset, sensors="thesis", progress=False)
 
 
+@pytest.mark.slow
 def test_what_is_missing_is_said(made):
     """One seed with stored noise; no healthy run; no torque in the files; other effects."""
     with pytest.raises(InputError, match="of another seed to learn from"):

@@ -87,6 +87,7 @@ def results(folder):
     return results_of(folder, ["worn"])
 
 
+@pytest.mark.slow
 def test_the_effect_of_the_page_is_simulated(folder):
     """Two processes simulate it, on both axes; the dataset is in order."""
     results = results_of(folder, ["grease"])

@@ -151,6 +151,7 @@ def test_files_of_currents(files, current, measured, tiny_robot_path, tmp_path):
         faultgen.discover(path, tiny_robot_path)
 
 
+@pytest.mark.slow
 def test_calibration_lists_the_constants(files, tiny_robot_path, tmp_path):
     """The command finds them and includes what it calibrates."""
     out, path = tmp_path / "out", tmp_path / "short.h5"

@@ -70,7 +70,9 @@ def record(robot, effects=(), seed=1):
         {"points": (1, 0, 0), "gains": "soft"},
         {"points": (1, 1, 1), "integral": 5.0, "gains": "soft"},
         {"points": (1, 1, 1), "friction": (1.0, 0.5)},
-        {"points": (1, 1, 1), "friction": (0.0, 1.0), "gains": "soft"},
+        pytest.param(
+            {"points": (1, 1, 1), "friction": (0.0, 1.0), "gains": "soft"}, marks=pytest.mark.slow
+        ),
     ],
     ids=["position only", "integral", "friction in advance", "no friction in advance"],
 )

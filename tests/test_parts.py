@@ -64,6 +64,7 @@ def test_parts_that_cannot_be(tiny_robot_path, tiny_task_path, tmp_path, part, m
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_the_commands(tiny_robot_path, tiny_task_path, tmp_path):
     """Two parts and their merger; a folder without a dataset is refused."""
     words = ["--robot", tiny_robot_path, "--task", tiny_task_path, "--cycles", "2", "--axis", "1"]

@@ -226,6 +226,7 @@ def test_studies_compare_methods_of_another_package_with_several_workers(
     assert level and all(row["located"] is None for row in level)
 
 
+@pytest.mark.slow
 def test_results_name_the_code_of_another_package(methods, tiny_robot_path, tiny_task_path):
     """Another version of an isolator gives another provenance; runs do not depend on it."""
     code = (

@@ -55,6 +55,7 @@ def named(answer):
     return {(one.effect, one.axis) for one in answer.effects}
 
 
+@pytest.mark.slow
 def test_what_differs_between_healthy_runs_is_no_effect(measured, runs, asked, tiny_robot):
     """Friction as in a healthy run is named against one of them, and not against all."""
     usual = measured([("coulomb_friction", 2, 0.06)], 3)
