@@ -13,9 +13,6 @@ from typing import Any
 import h5py
 import numpy as np
 
-from laboratories.draw import Laboratory
-from laboratories.effects import Effect
-
 CASE_FILE, TRUTH = "case.json", "truth.json"
 FILES = ("measured", "healthy", "validate")
 
@@ -51,37 +48,6 @@ def write_case(
                     file.create_dataset(channel, data=values.astype(kind), compression="gzip")
     told = {"robot": robot, "mode": mode}
     (folder / CASE_FILE).write_text(json.dumps(told, indent=1) + "\n")
-
-
-def without_oracle(
-    name: str, kind: str, lab: Laboratory, effects: Sequence[Effect], floor: float
-) -> list[dict[str, Any]]:
-    """State the truth about a case for which no oracle is computed, with a twin and without.
-
-    Args:
-        name: Folder of the case.
-        kind: 'healthy', 'single' or 'unlisted'.
-        lab: Its laboratory, of which the servo is the point.
-        effects: What is in the robot.
-        floor: From `make.record_case`.
-
-    Returns:
-        An entry for each mode.
-    """
-    told = {
-        "kind": kind,
-        "robot": lab.factors["robot"],
-        "effects": [vars(effect) for effect in effects],
-        "d_prime": None,
-        "separation": None,
-        "floor": floor,
-        "stressed": ["servo"],
-        "factors": lab.factors,
-    }
-    return [
-        {"name": f"{name}_{mode}", "folder": name, "mode": mode, **told}
-        for mode in ("twin", "alone")
-    ]
 
 
 def write_truth(truth: Sequence[Mapping[str, Any]], path: Path) -> None:
