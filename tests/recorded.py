@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from faultgen.discovery.recording import Recording
+from faultgen.discovery.replay import Replay
 from faultgen.effects import get_effect
 from faultgen.simulation.motion import plan
 from faultgen.simulation.servo import control_signal
@@ -13,6 +16,8 @@ from faultgen.tasks import load_task
 
 NOISE = 0.01
 """Noise of the torque over its mean size."""
+PERIOD = 0.004
+"""Time between samples [s]."""
 
 
 def record(robot, task, seed, effects=(), spread=0.01, noise=NOISE):
@@ -25,15 +30,31 @@ def record(robot, task, seed, effects=(), spread=0.01, noise=NOISE):
     for name, axis, severity in effects:
         get_effect(name).apply(spec, axis, severity)
     control = control_signal(motion, robot.model.opt.timestep)
-    (run,) = simulate(robot, control, [spec.compile()], sample_period=0.004)
+    (run,) = simulate(robot, control, [spec.compile()], sample_period=PERIOD)
     clean = run.motor_torque
     drawn = rng.standard_normal(clean.shape)
     return Recording(
         source=f"run{seed}",
         robot="tiny",
         side="motor",
-        sample_period=0.004,
+        sample_period=PERIOD,
         position=run.motor_position,
         torque=clean + noise * np.abs(clean).mean(axis=0) * drawn,
-        reference_position=motion(np.arange(len(clean)) * 0.004)[0],
+        reference_position=motion(np.arange(len(clean)) * PERIOD)[0],
+    )
+
+
+def record_cycle(robot, effects=(), seed=1):
+    """One cycle of a PUMA, with noise of torque (1 %) and of position (1 mrad of the motor)."""
+    motion = plan(load_task("puma560", "pick_and_place"), robot)
+    way = motion(np.arange(round(motion.period / PERIOD)) * PERIOD)[0]
+    planned = Recording.planned(robot, [way], PERIOD)
+    worn = Replay(planned, robot.with_effects(effects), measured=False)
+    rng = np.random.default_rng(seed)
+    torque, position = worn.torque(), worn.position()
+    return replace(
+        planned,
+        torque=torque + NOISE * np.abs(torque).mean(axis=0) * rng.standard_normal(torque.shape),
+        position=position + 1e-3 * rng.standard_normal(position.shape),
+        reference_position=way,
     )

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from recorded import PERIOD, record_cycle
 
 from faultgen.applied import Applied
 from faultgen.discovery import Recording
@@ -14,11 +15,8 @@ from faultgen.errors import InputError
 from faultgen.mjcf.dcmotor import INTEGRAL_GAIN, OFFSET, POSITION_GAIN, VELOCITY_GAIN, set_servo
 from faultgen.robot import load_robot
 from faultgen.simulation.arm import Arm, motor_torque, nominal_friction
-from faultgen.simulation.motion import plan
 from faultgen.simulation.servo import feed_forward
-from faultgen.tasks import load_task
 
-PERIOD = 0.004
 SIX_HERTZ = 2 * np.pi * 6
 
 
@@ -48,22 +46,6 @@ def with_servo(robot, *, points, friction=(1.0, 1.0), integral=0.0, gains="own")
     return robot.edited(spec)
 
 
-def record(robot, effects=(), seed=1):
-    """One cycle, with noise of torque (1 %) and of position (1 mrad of the motor)."""
-    motion = plan(load_task("puma560", "pick_and_place"), robot)
-    way = motion(np.arange(round(motion.period / PERIOD)) * PERIOD)[0]
-    planned = Recording.planned(robot, [way], PERIOD)
-    worn = Replay(planned, robot.with_effects(effects), measured=False)
-    rng = np.random.default_rng(seed)
-    torque, position = worn.torque(), worn.position()
-    return replace(
-        planned,
-        torque=torque + 0.01 * np.abs(torque).mean(axis=0) * rng.standard_normal(torque.shape),
-        position=position + 1e-3 * rng.standard_normal(position.shape),
-        reference_position=way,
-    )
-
-
 @pytest.mark.parametrize(
     "servo",
     [
@@ -78,7 +60,7 @@ def record(robot, effects=(), seed=1):
 )
 def test_another_servo_is_identified(puma, servo):
     robot = with_servo(puma, **servo)
-    recording = record(robot)
+    recording = record_cycle(robot)
     found, told = with_own_servo(recording, puma)
     assert np.array_equal(found.set_points, robot.set_points)
     if servo["points"][2]:
@@ -101,19 +83,19 @@ def test_another_servo_is_identified(puma, servo):
 def test_the_servo_of_the_model_is_kept(puma):
     """Also of a robot with heavier links and more friction, which do not matter."""
     changed = (Applied("payload_mass", 6, 0.5), Applied("coulomb_friction", 2, 0.4))
-    for recording in (record(puma), record(puma, changed)):
+    for recording in (record_cycle(puma), record_cycle(puma, changed)):
         assert with_own_servo(recording, puma) == (puma, "")
 
 
 def test_without_what_the_equation_needs_nothing_is_found(puma):
-    recording = record(with_servo(puma, points=(1, 0, 0)))
+    recording = record_cycle(with_servo(puma, points=(1, 0, 0)))
     assert with_own_servo(recording, puma)[1]
     assert with_own_servo(replace(recording, reference_position=None), puma) == (puma, "")
     assert with_own_servo(replace(recording, link=True), puma) == (puma, "")
 
 
 def test_torque_that_no_servo_makes_is_left_alone(puma):
-    recording = record(puma)
+    recording = record_cycle(puma)
     strange = np.cumsum(np.random.default_rng(0).standard_normal(recording.torque.shape), axis=0)
     assert with_own_servo(replace(recording, torque=strange), puma) == (puma, "")
 
@@ -121,7 +103,7 @@ def test_torque_that_no_servo_makes_is_left_alone(puma):
 def test_a_late_axis_is_no_other_servo(puma):
     """Without a healthy recording, the gains must not take in the delay of one axis."""
     robot = with_servo(puma, points=(1, 1, 1), friction=(1.0, 0.5))
-    recording = record(robot, [Applied("delay", 3, 2e-3)])
+    recording = record_cycle(robot, [Applied("delay", 3, 2e-3)])
     found, _ = with_own_servo(recording, puma)
     assert np.array_equal(gains_of(found), gains_of(puma))
     delays = find_delays(recording, found)

@@ -1,17 +1,13 @@
 """Delays of single axes, from what the servo makes of the tracking error."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from recorded import record_cycle
 
 from faultgen.applied import Applied
-from faultgen.discovery import Recording
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.servo_delay import find_delays
 from faultgen.robot import load_robot
-from faultgen.simulation.motion import plan
-from faultgen.tasks import load_task
 
 PERIOD = 0.004
 
@@ -23,21 +19,10 @@ def puma():
 
 @pytest.fixture(scope="module")
 def record(puma):
-    """Function that records one cycle of a robot, with noise of torque and position."""
-    motion = plan(load_task("puma560", "pick_and_place"), puma)
-    way = motion(np.arange(round(motion.period / PERIOD)) * PERIOD)[0]
-    planned = Recording.planned(puma, [way], PERIOD)
+    """Function that records one cycle of a robot."""
 
     def run(*effects, seed=1, robot=puma):
-        worn = Replay(planned, robot.with_effects(effects), measured=False)
-        rng = np.random.default_rng(seed)
-        torque, position = worn.torque(), worn.position()
-        return replace(
-            planned,
-            torque=torque + 0.01 * np.abs(torque).mean(axis=0) * rng.standard_normal(torque.shape),
-            position=position + 1e-3 * rng.standard_normal(position.shape),
-            reference_position=way,
-        )
+        return record_cycle(robot, effects, seed)
 
     return run
 

@@ -148,14 +148,14 @@ class Manifest:
                     raise ValueError(f"'{run_id}' is not the id of a run")
                 if missing := [name for name in _NEEDED if name not in parameters]:
                     raise ValueError(f"run {run_id} has no {missing[0]}")
-                check_layout(parameters.get("schema_version"), path)
-            return cls(content["runs"], content["experiment_sha256"], content.get("splits", {}))
+            found = cls(content["runs"], content["experiment_sha256"], content.get("splits", {}))
         except KeyError as error:
             raise _damaged(path, f"it has no {error}") from None
-        except OtherLayout:
-            raise
         except (ValueError, TypeError, AttributeError, RecursionError) as error:
             raise _damaged(path, one_line(error)) from None
+        for parameters in found.runs.values():
+            check_layout(parameters.get("schema_version"), path)
+        return found
 
 
 def _damaged(path: Path, reason: str) -> InputError:

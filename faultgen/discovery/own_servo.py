@@ -21,7 +21,10 @@ import numpy as np
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.servo_equation import ServoSignals, has_equation
 from faultgen.mjcf.dcmotor import set_servo
+from faultgen.mjcf.edit import set_numeric
 from faultgen.robot import Robot
+from faultgen.simulation.arm import Arm, motor_torque
+from faultgen.simulation.servo import other_friction
 
 _WIDTHS = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # of the friction's step, over that of the model
 _FEWEST = 200  # samples of an axis
@@ -51,12 +54,8 @@ class _Form:
     def put_into(self, robot: Robot) -> Robot:
         """The robot with the set points of this form, and with its own gains."""
         spec = robot.spec()
-        for name, values in (
-            ("servo_set_points", (1.0, self.speed, self.forward)),
-            ("servo_friction", self.friction),
-        ):
-            numeric = spec.numeric(name) or spec.add_numeric(name=name)
-            numeric.size, numeric.data = len(values), list(values)
+        set_numeric(spec, "servo_set_points", (1.0, self.speed, self.forward))
+        set_numeric(spec, "servo_friction", self.friction)
         spec.compile()
         return robot.edited(spec)
 
@@ -95,8 +94,11 @@ def with_own_servo(recording: Recording, robot: Robot) -> tuple[Robot, str]:
     if not used:
         return robot, ""
     forms = list(_forms())
-    friction = {form.friction: form for form in forms if form.forward}
-    forward = {kind: signals.forward(one.put_into(robot)) for kind, one in friction.items()}
+    rigid, speed = motor_torque(Arm(robot), *signals.motion), signals.motion[1]
+    forward = {
+        friction: recording.derivatives(rigid + other_friction(robot, speed, *friction))[0]
+        for friction in {form.friction for form in forms if form.forward}
+    }
     found = {form: _fitted(signals, form, forward, used) for form in forms}
     errors = {
         form: _mean(error)

@@ -42,6 +42,7 @@ from faultgen.effects.coupling import add_coupling_friction
 from faultgen.effects.friction import add_offset
 from faultgen.effects.motor import scale_rotor_inertia
 from faultgen.errors import SimulationFailed, one_line
+from faultgen.mjcf.edit import set_numeric
 from faultgen.mjcf.rotors import nest_rotor
 from faultgen.robot import COULOMB, OFFSET, STICTION, Robot
 from faultgen.simulation.arm import Arm
@@ -203,8 +204,7 @@ def edited(robot: Robot, spec: mujoco.MjSpec, torque_gain: np.ndarray) -> Robot:
         SimulationFailed: MuJoCo cannot compile it.
     """
     if np.any(torque_gain != 1):
-        numeric = spec.numeric("torque_gain") or spec.add_numeric(name="torque_gain")
-        numeric.size, numeric.data = len(torque_gain), torque_gain.tolist()
+        set_numeric(spec, "torque_gain", torque_gain.tolist())
     try:
         spec.compile()
     except ValueError as error:

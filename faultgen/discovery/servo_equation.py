@@ -9,6 +9,8 @@ true whatever the arm is. All signals are smoothed by the same filter, which lea
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
@@ -70,17 +72,6 @@ class ServoSignals:
         self.rows = [np.flatnonzero(inside[:, axis]) for axis in range(robot.n_axes)]
         """Samples of each axis at which the equation is looked at."""
 
-    def forward(self, robot: Robot) -> np.ndarray:
-        """Compute the feed-forward torque of a robot's controller.
-
-        Args:
-            robot: The robot.
-
-        Returns:
-            Shape (samples, n_axes), in [N m].
-        """
-        return self.recording.derivatives(feed_forward(Arm(robot), *self.motion))[0]
-
     def of_servo(self, robot: Robot) -> tuple[np.ndarray, np.ndarray]:
         """Compute what the servo of a robot makes of the signals.
 
@@ -93,7 +84,8 @@ class ServoSignals:
         """
         drives = robot.model.actuator_gainprm[robot.ids("actuator", "drive")]
         kp, ki, kd = drives[:, [POSITION_GAIN, INTEGRAL_GAIN, VELOCITY_GAIN]].T
-        points = kp * self.wanted + kd * robot.set_points[1] * self.rate + self.forward(robot)
+        points = kp * self.wanted + kd * robot.set_points[1] * self.rate
+        points += self.recording.derivatives(feed_forward(Arm(robot), *self.motion))[0]
         made = points - kp * self.position - kd * self.speed + ki * self.integral
         return made, self.rate_of(points, ki)
 
@@ -134,7 +126,7 @@ class ServoSignals:
         left = np.sqrt(np.mean((target - columns @ values) ** 2))
         return values, float(left), float(np.sqrt(np.mean(target**2)))
 
-    def _by_part(self, what, values: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
+    def _by_part(self, what: Callable[..., np.ndarray], values: np.ndarray) -> np.ndarray:
         """A function of time, within each separate recording."""
         out = np.zeros_like(values)
         for part in self.recording.parts:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -65,6 +65,18 @@ def _is_plain(body: mujoco.MjsBody) -> bool:
         return True
     quaternion = body.ialt.type == mujoco.mjtOrientation.mjORIENTATION_QUAT
     return bool(body.explicitinertial and quaternion and np.isnan(body.fullinertia[0]))
+
+
+def set_numeric(spec: mujoco.MjSpec, name: str, values: Sequence[float]) -> None:
+    """Give a model a ``numeric`` element, or another value of the one that it has.
+
+    Args:
+        spec: The model, edited in place.
+        name: Name of the element.
+        values: Its numbers.
+    """
+    numeric = spec.numeric(name) or spec.add_numeric(name=name)
+    numeric.size, numeric.data = len(values), list(values)
 
 
 def mjcf_text(spec: mujoco.MjSpec) -> str:

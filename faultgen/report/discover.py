@@ -105,12 +105,12 @@ def discover(
     before = mean_of(runs) if runs else recording
     model, more = with_own_friction(before, model, healthy=bool(runs))
     warnings += more
-    model, servo = with_own_servo(before, model)
-    other = None
-    if validate is not None:
-        other, more = usable(validate, model, low_pass, given.constants)
-        warnings += more
     with threadpool_limits(limits=1):
+        model, servo = with_own_servo(before, model)
+        other = None
+        if validate is not None:
+            other, more = usable(validate, model, low_pass, given.constants)
+            warnings += more
         late = no_delays(recording)
         if DELAY not in exclude:
             late = find_delays(recording, model, runs)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm, motor_torque, nominal_friction
 from faultgen.simulation.motion import Motion
 
@@ -56,9 +57,23 @@ def feed_forward(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np
         Torque at the motors, shape (samples, n_axes), in [N m].
     """
     robot = arm.robot
-    torque = motor_torque(arm, q, qd, qdd)
-    share, width = robot.servo_friction
-    if (share, width) != (1.0, 1.0):
-        speed = robot.gearing.outputs(qd) * robot.gear_ratio
-        torque += share * nominal_friction(robot, speed, width) - nominal_friction(robot, speed)
+    torque = motor_torque(arm, q, qd, qdd) + other_friction(robot, qd, *robot.servo_friction)
     return torque * float(robot.set_points[2])
+
+
+def other_friction(robot: Robot, qd: np.ndarray, share: float, width: float) -> np.ndarray:
+    """Compute by how much the friction that a controller expects differs from the model's.
+
+    Args:
+        robot: The nominal robot.
+        qd: Commanded joint velocity, shape (samples, n_axes), in [rad/s].
+        share: Share of the model's friction that it expects.
+        width: Speed over which the step at zero speed is smoothed, over the Stribeck velocity.
+
+    Returns:
+        Torque at the motors, shape (samples, n_axes), in [N m].
+    """
+    if (share, width) == (1.0, 1.0):
+        return np.zeros_like(qd)
+    speed = robot.gearing.outputs(qd) * robot.gear_ratio
+    return share * nominal_friction(robot, speed, width) - nominal_friction(robot, speed)
