@@ -96,10 +96,12 @@ def written_down(terms, columns, residual, *, twin=False, trust=None, torque=10.
     simulate = straight(np.zeros(residual.shape), terms, columns)
     trust = np.ones(residual.shape) if trust is None else trust
     scale = np.array([term.prior_std for term in terms], np.float32)
+    replay = SimpleNamespace(
+        torque=simulate, recording=recording, robot=robot, measured=True, left_out=None
+    )
     return Problem(
-        replay=SimpleNamespace(
-            torque=simulate, recording=recording, robot=robot, measured=True, left_out=None
-        ),
+        replay=replay,
+        given=replay,
         terms=list(terms),
         base=np.zeros(residual.shape),
         residual=residual,

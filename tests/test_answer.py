@@ -384,7 +384,7 @@ def test_an_effect_explains_a_part_of_what_differs(posed, explained, left, is_mi
 
     def error(beyond):
         white = np.sqrt(1 + beyond) * problem.inside
-        return scoring_errors.Error(white, white, white)
+        return scoring_errors.Error(white, white, white, np.zeros(white.shape[1]))
 
     errors = scoring_errors.Errors(error(left + explained), error(left), problem.inside, 5)
     assert errors.is_minor(problem, 1) is is_minor

@@ -372,3 +372,37 @@ def test_a_set_that_lost_an_effect_still_has_its_rivals(alike):
     found = judged(problem, chosen(problem, (0,), (1,))).choice
     assert found.best.groups == ((0,),)
     assert [(place, group) for place, group, _ in found.rivals] == [(0, (2,))] * (alike == 1)
+
+
+def two_kinds(first, second):
+    """Viscous and quadratic friction of one axis, of two shapes, with a twin."""
+    terms = [
+        Term(name, 1, 0.1, 1e-3) for name in ("viscous_friction", "quadratic_viscous_friction")
+    ]
+    columns = [column(FITTED[0], TURNING), column(FITTED[1], STEADY)]
+    residual = first * columns[0] + second * columns[1]
+    return written_down(terms, columns, residual, twin=True)
+
+
+@pytest.mark.parametrize(
+    ("second", "kept"),
+    [
+        (0.5, ((0,),)),  # 80 % of the misfit is explained by the first alone
+        (0.7, ((0,), (1,))),  # 67 %
+    ],
+)
+def test_one_effect_stands_for_several_of_its_kind(second, kept):
+    """The others only make up for the form of its law."""
+    problem = two_kinds(1.0, second)
+    found = groups_left(problem, chosen(problem, (0,), (1,)), lenient(problem))
+    assert found == kept
+
+
+def test_an_effect_that_usual_differences_imitate_at_a_price_explains_it():
+    """Friction may differ a little between two runs, but not by ten standard deviations."""
+    wear = Term("friction_wear", 1, 0.1, 1e-3)
+    usual = Term("coulomb_friction", 1, 0.1, 0.2, nuisance=True)
+    shape = column(FITTED[0], TURNING)
+    beside = 1.3 * column(FITTED[1], STEADY)  # what nothing explains
+    problem = written_down([wear, usual], [shape, shape], 2 * shape + beside, twin=True)
+    assert groups_left(problem, chosen(problem, (0,)), lenient(problem)) == ((0,),)

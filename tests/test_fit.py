@@ -40,8 +40,10 @@ def pose():
         ones = np.ones((COUNT, 1), bool)
         scale = np.array([t.prior_std for t in terms], np.float32)[:, None, None]
         noise = Autoregression(np.zeros((1, 1)), np.ones(1))
+        replay = SimpleNamespace(torque=torque, recording=None, robot=None)
         problem = Problem(
-            replay=SimpleNamespace(torque=torque, recording=None, robot=None),
+            replay=replay,
+            given=replay,
             terms=terms,
             base=np.zeros((COUNT, 1)),
             residual=residual,

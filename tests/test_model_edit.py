@@ -38,9 +38,8 @@ def changed(problem, torque):
     def simulate(changes=(), disturbance=None):
         return torque({term.name: value for term, value in changes})
 
-    return replace(
-        problem, replay=type(problem.replay)(**{**vars(problem.replay), "torque": simulate})
-    )
+    replay = type(problem.replay)(**{**vars(problem.replay), "torque": simulate})
+    return replace(problem, replay=replay, given=replay)
 
 
 @pytest.mark.parametrize("twin", [True, False])

@@ -42,9 +42,11 @@ from faultgen.system.progress import Progress
 PRIOR_SCALES = (1.0, 3.0, 10.0, 30.0, 100.0)
 """Prior scales that are tried, as multiples of the default prior standard deviations."""
 
+EQUAL = 1.05
+"""Ratio of two errors up to which their difference may be chance: assumed."""
+
 _WHY = "with more of them its simulation diverges on the recorded motion"
 _REQUIRED = 0.7  # share of the error to which a coupling has to reduce it
-_EQUAL = 1.05  # ratio of two errors up to which their difference may be chance: assumed
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,17 +138,17 @@ def calibrate(
         regression.inside
         & samples_of([regression.parts[k] for k in scoring], len(recording.torque))[:, None]
     )
-    classical = _error(modelled, regression.torque(identify(products)), judged)
-    errors = {"classical": classical, "given": _judge(recording, lawful, judged)}
-    before = _judge(recording, robot, judged) if servo else errors["given"]
+    classical = error_on(modelled, regression.torque(identify(products)), judged)
+    errors = {"classical": classical, "given": simulated_error(recording, lawful, judged)}
+    before = simulated_error(recording, robot, judged) if servo else errors["given"]
     spread, physical, errors["physical"] = None, robot, np.inf
     with Progress("fitting the physical model", None):
         for wider in spreads(regression, fitting, prior_scales, known, exclude):
             made = fit(regression, products, wider).robot
-            error = _judge(recording, made, judged)
+            error = simulated_error(recording, made, judged)
             if spread is None or error < errors["physical"]:
                 spread, physical, errors["physical"] = wider, made, error
-            if error <= _EQUAL * classical:
+            if error <= EQUAL * classical:
                 break
     assert spread is not None
     models = {"given": robot, "physical": physical}
@@ -163,7 +165,7 @@ def calibrate(
         workers,
         cache,
     )
-    errors["simulated"] = _error(recording, simulated.predicted(), judged)
+    errors["simulated"] = error_on(recording, simulated.predicted(), judged)
     best = min(("simulated", "physical"), key=lambda name: errors[name])
     lacks = [servo] if servo else []
     if best == "simulated":
@@ -176,10 +178,10 @@ def calibrate(
             "classical values, turned into links that can exist, predict better than the fit of "
             "the simulation and are used"
         )
-        if not np.isfinite(_judge(recording, made, judged)):
+        if not np.isfinite(simulated_error(recording, made, judged)):
             made = models["physical"]
     errors["calibrated"] = errors[best]
-    if errors["calibrated"] > _EQUAL * errors["classical"]:
+    if errors["calibrated"] > EQUAL * errors["classical"]:
         lacks.append(
             "classical identification predicts better than every model that can be simulated"
         )
@@ -286,20 +288,38 @@ def judging(count: int) -> list[int]:
     return list(range(count))[1::3] or [count - 1]
 
 
-def _error(recording: Recording, torque: np.ndarray, judged: np.ndarray) -> float:
-    """Relative error of a predicted torque; infinite if it is not finite."""
+def error_on(recording: Recording, torque: np.ndarray, judged: np.ndarray) -> float:
+    """Compute the relative error of a predicted torque.
+
+    Args:
+        recording: The measured data.
+        torque: What was predicted, shape (samples, n_axes).
+        judged: Samples that are compared, shape (samples, n_axes).
+
+    Returns:
+        RMS error over RMS torque; infinite if the prediction is not finite.
+    """
     if not np.isfinite(torque).all():
         return float("inf")
     return relative_error((recording.torque - torque) ** 2, recording, judged)
 
 
-def _judge(recording: Recording, model: Robot, judged: np.ndarray) -> float:
-    """Relative error of a model that is simulated on the recorded motion."""
+def simulated_error(recording: Recording, model: Robot, judged: np.ndarray) -> float:
+    """Compute the relative error of a model that is simulated on the recorded motion.
+
+    Args:
+        recording: The measured data.
+        model: The model.
+        judged: Samples that are compared, shape (samples, n_axes).
+
+    Returns:
+        RMS error over RMS torque; infinite if the model diverges.
+    """
     try:
         torque = Replay(recording, model).torque()
     except (InputError, SimulationFailed):
         return float("inf")
-    return _error(recording, torque, judged)
+    return error_on(recording, torque, judged)
 
 
 def _severities(given: Robot, made: Robot) -> dict[str, dict[int, float]]:

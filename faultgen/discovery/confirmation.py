@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -25,6 +26,7 @@ from faultgen.discovery.scoring_errors import (
 )
 from faultgen.discovery.selection import Choice, needed, rivals_of
 from faultgen.discovery.small_waves import without_small_waves
+from faultgen.effects import get_effect
 
 MISSED = 4.0
 """Standard errors by which what an effect foretells on the scoring motions may be missing, if the
@@ -44,6 +46,11 @@ MOSTLY = 0.5
 """Share of the decrease that an effect foretells of the squared error on the scoring motions, from
 which they bear it out although more is missing than chance explains. The law of a real effect
 differs from the catalogue's: assumed."""
+
+
+DOMINANT = 0.75
+"""Share of what several effects of one kind explain on an axis, from which one of them stands for
+all: assumed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +101,7 @@ def confirmed(
         kept, trials, refuted = _borne_out(problem, choice, best, inside)
         resembled += [problem.terms[one.group[0]] for one in refuted if one.is_major]
         is_sure = bool(trials) and all(one.is_supported for one in trials)
+        kept = _with_dominant(choice, kept)
         kept, solution = _buildable(problem, choice, kept, calibrated, numbers, inside, is_sure)
         if not problem.twin:
             evident = {one.group for one in trials if one.is_evident}
@@ -156,6 +164,53 @@ def _borne_out(
         else:
             return best, trials, gone
     return best, [], gone
+
+
+def shared_kinds(problem: Problem, best: Fit) -> set[tuple[str, int]]:
+    """Find the axes with several kinds of speed-dependent friction, or several kinds of waves.
+
+    Together they make a curve, or a wave, that no single effect of the catalogue has. A ripple of
+    several orders is one kind: motors have it at the orders of their poles and of their slots.
+
+    Args:
+        problem: The residual and the terms.
+        best: The set of effects.
+
+    Returns:
+        Group of effects and axis.
+    """
+    kinds = {(_kind(one), one.name, one.axis) for one in _firsts(problem, best) if _kind(one)}
+    count = Counter((kind, axis) for kind, _, axis in kinds)
+    return {key for key, several in count.items() if several > 1}
+
+
+def _firsts(problem: Problem, best: Fit) -> list[Term]:
+    return [problem.terms[group[0]] for group in best.groups]
+
+
+def _kind(term: Term) -> str:
+    """What effects have in common that may stand for each other; empty for others."""
+    prior = get_effect(term.name).prior
+    return "periodic" if prior.use == "periodic" else prior.group
+
+
+def _with_dominant(choice: Choice, best: Fit) -> Fit:
+    """The set in which one effect stands for several of one kind, if it explains almost as much.
+
+    The others then only make up for the form of its law, which is not that of the catalogue.
+    """
+    problem, empty = choice.problem, choice.fits[0].misfit
+    while shared := shared_kinds(problem, best):
+        tried = [
+            rest
+            for group, rest in _without_one(problem, best)
+            if (_kind(one := problem.terms[group[0]]), one.axis) in shared
+        ]
+        simpler = min(tried, key=lambda rest: rest.misfit, default=None)
+        if simpler is None or empty - simpler.misfit < DOMINANT * (empty - best.misfit):
+            break
+        best = simpler
+    return best
 
 
 def _without_one(problem: Problem, best: Fit) -> list[tuple[Group, Fit]]:

@@ -21,7 +21,7 @@ from faultgen.errors import SimulationFailed
 from faultgen.robot import STRIBECK_VELOCITY, Robot
 from faultgen.simulation.arm import Arm
 
-_BETTER = 0.95  # torque error, over that with commanded positions, from which others are followed
+_BETTER = 0.8  # torque error, over that with commanded positions, from which others are followed
 _SAMPLES = 2000  # of a recording, at which the errors are compared
 _RANK = 1e-4  # smallest singular value that counts, over the largest: assumed
 

@@ -195,8 +195,8 @@ def _added(
 def _simulated(problem: Problem, laws: Sequence[Applied], changes: Changes) -> np.ndarray | None:
     """Change of the torque by laws, in a model that has the changes; None if it diverges."""
     try:
-        with_laws = problem.replay.with_effects(laws).torque(changes)
-        change = with_laws - problem.replay.torque(changes)
+        with_laws = problem.given.with_effects(laws).torque(changes)
+        change = with_laws - problem.given.torque(changes)
     except SimulationFailed:
         return None
     return change if np.isfinite(change).all() else None

@@ -70,7 +70,7 @@ def simulated_numbers(problem: Problem, fitted: Fit) -> np.ndarray:
     for _ in range(_STEPS):
         value = best + step_of(left, weight, best, damping)
         value = np.clip(np.where(usable, value, 0.0), *bounds)
-        change = problem.change(effects + _changes(problem, value))
+        change = problem.change_of_given(effects + _changes(problem, value))
         here = np.inf
         if change is not None:
             now = problem.evidence(problem.residual - change)
@@ -146,12 +146,12 @@ def build_stable(
     """
     for built in _candidates(problem, fitted, solution):
         robot = replaying(
-            problem.recording, problem.robot, built.changes, measured=problem.replay.measured
+            problem.recording, problem.given.robot, built.changes, measured=problem.replay.measured
         )
         if robot is not None:
             return built, robot, _lacks(problem, built, solution)
     line = "model.xml is the model as it was given: with the effects in it, its simulation diverges"
-    return built, problem.robot, [f"{line} on the recorded motion"]
+    return built, problem.given.robot, [f"{line} on the recorded motion"]
 
 
 def _candidates(problem: Problem, fitted: Fit, solution: np.ndarray) -> Iterator[Built]:
@@ -166,7 +166,7 @@ def _candidates(problem: Problem, fitted: Fit, solution: np.ndarray) -> Iterator
     limit = _fitting_error(problem, alone.left)
     for share in SHARES if numbers else ():
         changes = effects + [(term, share * value) for term, value in numbers]
-        change = problem.change(changes)
+        change = problem.change_of_given(changes)
         if change is not None and _fitting_error(problem, problem.residual - change) <= limit:
             yield Built(changes, problem.residual - change, share)
     yield alone

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -52,7 +52,10 @@ class Problem:
     """
 
     replay: Replay
-    """The recording and the model."""
+    """The recording and the model on which effects are simulated."""
+    given: Replay
+    """The recording and the model as it was given, which may have other links; see `own_numbers`.
+    The residual and the values of all terms count from there."""
     terms: list[Term]
     """All terms, with the prior standard deviations of this comparison."""
     base: np.ndarray
@@ -119,21 +122,32 @@ class Problem:
         """
         return samples_of([self.parts[p] for p in parts], len(self.residual))
 
-    def change(self, changes: Changes) -> np.ndarray | None:
-        """Simulate by how much changes of the model change its torque.
+    def change(self, effects: Changes) -> np.ndarray | None:
+        """Simulate by how much effects change the torque.
 
         Args:
-            changes: Terms and values.
+            effects: Terms, without any of links, and values.
 
         Returns:
             Shape (samples, n_axes), in the unit of the recording's torque, or None if the
             simulation diverges.
         """
-        try:
-            change = self.replay.torque(changes) - self.base
-        except SimulationFailed:
-            return None
-        return change if np.isfinite(change).all() else None
+        return _finite(lambda: self.replay.torque(effects) - self.base)
+
+    def change_of_given(self, changes: Changes) -> np.ndarray | None:
+        """Simulate by how much changes of the given model change its torque.
+
+        Args:
+            changes: Terms and values, also of links.
+
+        Returns:
+            As for `change`.
+        """
+        return _finite(lambda: self.given.torque(changes) - self._given_torque)
+
+    @cached_property
+    def _given_torque(self) -> np.ndarray:
+        return self.base if self.given is self.replay else self.given.torque()
 
     def whiten(self, x: np.ndarray) -> np.ndarray:
         """Whiten, mask and weight an array.
@@ -191,6 +205,15 @@ class Problem:
         return evidence.replaced(white, self.white, target, self.folds)
 
 
+def _finite(simulated: Callable[[], np.ndarray]) -> np.ndarray | None:
+    """What a simulation gives, or None if it diverges."""
+    try:
+        torque = simulated()
+    except SimulationFailed:
+        return None
+    return torque if np.isfinite(torque).all() else None
+
+
 def pose(
     replay: Replay,
     terms: Sequence[Term],
@@ -200,6 +223,7 @@ def pose(
     *,
     twin: bool,
     explained: np.ndarray | None = None,
+    given: Replay | None = None,
 ) -> Problem:
     """Estimate the noise of a residual, and whiten the residual and all columns with it.
 
@@ -220,6 +244,7 @@ def pose(
         twin: Whether the residual is the difference of two recordings.
         explained: Part of the residual that known effects explain and that does not count as noise,
             shape (samples, n_axes). None: nothing.
+        given: The recording and the given model, if its links differ from those of `replay`.
 
     Returns:
         The residual and the terms, ready for fitting.
@@ -285,6 +310,7 @@ def pose(
     weight = trust.astype(np.float32)
     return Problem(
         replay=replay,
+        given=given or replay,
         terms=list(terms),
         base=base,
         residual=residual,
@@ -323,6 +349,7 @@ def posed_again(
         problem.residual,
         twin=problem.twin,
         explained=explained,
+        given=problem.given,
     )
 
 

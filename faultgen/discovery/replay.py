@@ -148,15 +148,23 @@ class Replay:
         other.left_out = samples
         return other
 
+    def on(self, robot: Robot) -> Replay:
+        """Return the same motion and commands for another robot.
+
+        Args:
+            robot: A model that differs from that of this replay in its numbers and effects only.
+        """
+        other = copy.copy(self)
+        other.robot = robot
+        return other
+
     def with_effects(self, effects: Sequence[Applied]) -> Replay:
         """Return the same motion and commands for the robot with further effects.
 
         Args:
             effects: Effects of the catalogue, or learned laws.
         """
-        other = copy.copy(self)
-        other.robot = self.robot.with_effects(effects)
-        return other
+        return self.on(self.robot.with_effects(effects))
 
     def torque(self, changes: Changes = (), disturbance: np.ndarray | None = None) -> np.ndarray:
         """Simulate the torque on the recorded motion.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultgen.discovery.candidates import INERTIA
 from faultgen.discovery.fit import Fit
 from faultgen.discovery.gap import gap, unexplained
 from faultgen.discovery.regression import Problem
@@ -54,6 +55,9 @@ class Error:
     """Without unit; 0 outside the samples that are compared."""
     of_all: np.ndarray
     """The same of all recordings, also those for fitting; 0 outside the samples that are used."""
+    paid: np.ndarray
+    """Squared values of the other terms of each axis, in their prior standard deviations, shape
+    (n_axes,). Links are not counted, because they act on several axes."""
 
     @classmethod
     def of(cls, problem: Problem, fitted: Fit, inside: np.ndarray) -> Error:
@@ -64,9 +68,13 @@ class Error:
             fitted: The set of effects.
             inside: Samples that are compared, shape (samples, n_axes).
         """
-        torque, _ = unexplained(problem, fitted)
+        torque, solution = unexplained(problem, fitted)
         white = problem.whiten(torque)
-        return cls(torque, white * inside, white * problem.inside)
+        paid = np.zeros(inside.shape[1])
+        for term, value in zip(problem.terms, solution, strict=True):
+            if term.name != INERTIA and 1 <= term.axis <= len(paid):
+                paid[term.axis - 1] += value**2
+        return cls(torque, white * inside, white * problem.inside, paid)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +136,7 @@ class Errors:
         return is_larger(before, after, limits or limits_of(problem), axes)
 
     def share_of(
-        self, problem: Problem, axis: int, parts: Sequence[int]
+        self, problem: Problem, axis: int, parts: Sequence[int], *, paid: bool = False
     ) -> tuple[float, float, float]:
         """Compute how much of what differs on an axis effects explain.
 
@@ -136,6 +144,8 @@ class Errors:
             problem: The recording and the model.
             axis: From 1; another one than those of the robot has no difference.
             parts: Parts of the recording that are looked at.
+            paid: Whether it counts as a difference, too, that other terms have values that are not
+                usual. Without an effect, they may imitate it at this price.
 
         Returns:
             The share of what differs beyond noise that they explain; the squared error beyond that
@@ -146,7 +156,8 @@ class Errors:
         rows = problem.inside[:, axis - 1] & problem.samples(parts)
         count = max(float(rows.sum()), 1.0)
         before, after = (
-            float(np.sum(error.of_all[rows, axis - 1] ** 2)) / count - 1
+            float(np.sum(error.of_all[rows, axis - 1] ** 2) + paid * error.paid[axis - 1]) / count
+            - 1
             for error in (self.without, self.having)
         )
         return (before - after) / max(before, 1e-300), before, after
@@ -161,7 +172,9 @@ class Errors:
             problem: The recording and the model.
             axis: From 1.
         """
-        share, _, after = self.share_of(problem, axis, range(len(problem.parts)))
+        every = range(len(problem.parts))
+        _, _, after = self.share_of(problem, axis, every)
+        share, _, _ = self.share_of(problem, axis, every, paid=True)
         return after > CONSIDERABLE and share < PART
 
     def is_major(self, problem: Problem, axis: int) -> bool:

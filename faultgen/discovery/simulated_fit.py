@@ -149,7 +149,7 @@ def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[
 
     def simulate(value: np.ndarray) -> np.ndarray | None:
         """Torque of all terms; forms of friction are not simulated."""
-        change = problem.change(_possible(problem, value * scale, form))
+        change = problem.change_of_given(_possible(problem, value * scale, form))
         if change is None:
             return None
         return np.asarray(change + np.tensordot(value * scale * form, problem.raw, axes=1))

@@ -6,7 +6,7 @@ import numpy as np
 
 from faultgen.discovery.candidates import PAYLOAD, Term, payload_of
 from faultgen.discovery.certainty import certainty
-from faultgen.discovery.confirmation import confirmed
+from faultgen.discovery.confirmation import confirmed, shared_kinds
 from faultgen.discovery.diagnostics import where
 from faultgen.discovery.fit import Fit, first_of
 from faultgen.discovery.gap import gap, scored, unexplained
@@ -28,7 +28,6 @@ from faultgen.discovery.result import (
 )
 from faultgen.discovery.selection import Choice
 from faultgen.discovery.spikes import spikes
-from faultgen.effects import get_effect
 
 BAND = {
     "time": 0.004,
@@ -75,7 +74,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     p_value = significance(problem, problem.whiten(without))
     noise = problem.noise.of_samples()
     strange = strange_patterns(problem, found, white)
-    contrived = _contrived(problem, best)
+    contrived = bool(shared_kinds(problem, best))
     known = bool(best.groups) and not contrived
     effects, alternatives = _named(problem, choice, kept.solution)
     chosen = (best, kept.solution) if known else (empty, base_values)
@@ -174,19 +173,6 @@ def is_part(before: float, after: float, floor: float) -> bool:
     """
     open_ = after**2 - floor**2
     return open_ > (1 - EXPLAINED) * (before**2 - floor**2) and open_ > CONSIDERABLE * floor**2
-
-
-def _contrived(problem: Problem, best: Fit) -> bool:
-    """Whether one axis has several kinds of speed-dependent friction, or several kinds of waves.
-
-    Together they make a curve, or a wave, that no single effect of the catalogue has. A ripple of
-    several orders is one kind: motors have it at the orders of their poles and of their slots.
-    """
-    terms = [problem.terms[group[0]] for group in best.groups]
-    waves = {(t.name, t.axis) for t in terms if get_effect(t.name).prior.use == "periodic"}
-    kinds = [("periodic", axis) for _, axis in waves]
-    kinds += [(group, t.axis) for t in terms if (group := get_effect(t.name).prior.group)]
-    return len(set(kinds)) < len(kinds)
 
 
 def strange_patterns(problem: Problem, found: list[Pattern], white: np.ndarray) -> list[Pattern]:

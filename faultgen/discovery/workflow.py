@@ -17,6 +17,7 @@ import numpy as np
 
 from faultgen.discovery.candidates import (
     HIDDEN_BEHIND_GEARS,
+    INERTIA,
     ORDERS,
     Term,
     between_runs,
@@ -35,6 +36,7 @@ from faultgen.discovery.learned_law import Learned
 from faultgen.discovery.next_experiment import Experiment, next_experiment
 from faultgen.discovery.noise import is_same_noise
 from faultgen.discovery.order_analysis import find_orders
+from faultgen.discovery.own_numbers import with_own_links
 from faultgen.discovery.placed import with_places
 from faultgen.discovery.recording import Recording, mean_of
 from faultgen.discovery.regression import Problem, plain, pose, posed_again
@@ -118,23 +120,28 @@ def investigate(
     if recording.link:
         exclude = {*exclude, *HIDDEN_BEHIND_GEARS}
     compared = counted(recording, robot, twin=twin is not None)
-    replay, following = suited_replay(recording, robot, compared)
+    given, following = suited_replay(recording, robot, compared)
+    replay = given if twin is not None else given.on(with_own_links(recording, robot))
     terms = effect_terms(robot, exclude, include) + inertia_terms(robot) + _waves(robot, exclude)
     alone = are_alone(replay, terms)
     own = [term for term, is_alone in zip(terms, alone, strict=True) if is_alone]
     scanned = scanned_terms(robot, exclude)
     terms = [term for term, is_alone in zip(terms, alone, strict=True) if not is_alone]
+    links = [term for term in terms if term.name == INERTIA]
+    terms = [term for term in terms if term.name != INERTIA]
     base, raw = sensitivities(replay, terms, workers=workers, cache=cache)
+    given_torque, of_links = sensitivities(given, links, workers=workers, cache=cache)
     discrepancy = discrepancy_terms(robot)
     raw = np.concatenate(
         [
             raw,
+            of_links,
             discrepancy_sensitivities(replay, discrepancy, base, workers=workers, cache=cache),
             own_sensitivities(replay, own + scanned, base, workers=workers, cache=cache),
         ]
     )
-    terms += discrepancy + own
-    residual = recording.torque - (base if twin is None else twin.torque)
+    terms += links + discrepancy + own
+    residual = recording.torque - (given_torque if twin is None else twin.torque)
     if twin is None:
         replay = replay.without(unsettled(replay, terms, base, raw))
     if twin is not None:
@@ -145,7 +152,7 @@ def investigate(
         terms = with_free_gains(terms)
     terms += scanned
     try:
-        problem = pose(replay, terms, base, raw, residual, twin=twin is not None)
+        problem = pose(replay, terms, base, raw, residual, twin=twin is not None, given=given)
     except ValueError as error:
         raise InputError(f"{recording.source}: {error}") from None
     problem = _with_orders(problem, workers, exclude)

@@ -19,6 +19,7 @@ from faultgen.discovery.candidates import FREE_GAINS, Term, check_names, names_b
 from faultgen.discovery.gap import gap
 from faultgen.discovery.inputs import check_positive, read_together, usable
 from faultgen.discovery.own_friction import with_own_friction
+from faultgen.discovery.own_numbers import with_own_numbers
 from faultgen.discovery.own_servo import with_own_servo
 from faultgen.discovery.physical import GAIN
 from faultgen.discovery.recording import LogFault, Recording, mean_of
@@ -107,6 +108,9 @@ def discover(
     warnings += more
     with threadpool_limits(limits=1):
         model, servo = with_own_servo(before, model)
+        fitted = ""
+        if runs:
+            model, fitted = with_own_numbers(before, model)
         other = None
         if validate is not None:
             other, more = usable(validate, model, low_pass, given.constants)
@@ -145,7 +149,7 @@ def discover(
             except (InputError, SimulationFailed) as error:  # what was found is not lost
                 result["gap"]["validation"] = None
                 warnings.append(f"{validate}: not scored: {error}")
-    result["following"] = "; ".join(filter(None, (servo, found.following)))
+    result["following"] = "; ".join(filter(None, (servo, fitted, found.following)))
     result["torque_constants"] = _torque_constants(found)
     if recording.constants is not None and not runs:
         warnings.append(

@@ -1,0 +1,64 @@
+"""Masses and friction of a robot, fitted before effects are simulated on its model."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recorded import record_cycle
+
+from faultgen.applied import Applied
+from faultgen.discovery.own_numbers import with_own_links, with_own_numbers
+from faultgen.discovery.physical import Drives
+from faultgen.discovery.replay import Replay, relative_error, settled
+from faultgen.robot import load_robot
+
+
+@pytest.fixture(scope="module")
+def puma():
+    return load_robot("puma560")
+
+
+@pytest.fixture(scope="module")
+def other(puma):
+    """A robot with heavier links, whose centres of mass are elsewhere, and with more friction."""
+    spec = puma.spec()
+    for axis in range(1, puma.n_axes + 1):
+        link = spec.joint(f"joint{axis}").parent
+        link.mass *= 1.05
+        link.ipos = np.asarray(link.ipos) * 1.04
+    spec.compile()
+    worn = [Applied("coulomb_friction", axis, 0.05) for axis in (2, 3)]
+    return puma.edited(spec).with_effects(worn)
+
+
+def error(recording, robot):
+    torque = Replay(recording, robot).torque()
+    square = (recording.torque - torque) ** 2
+    return relative_error(square, recording, settled(recording, robot))
+
+
+def test_a_model_is_fitted_to_the_healthy_robot(puma, other):
+    recording = record_cycle(other)
+    made, told = with_own_numbers(recording, puma)
+    assert error(recording, made) < 0.5 * error(recording, puma)
+    assert "fitted to the healthy recording" in told
+
+
+def test_only_links_are_fitted_to_a_robot_that_may_be_worn(puma, other):
+    recording = record_cycle(other, [Applied("friction_wear", 1, 0.3)])
+    made = with_own_links(recording, puma)
+    assert made is not puma
+    for name, values in Drives.of(made).named().items():
+        np.testing.assert_allclose(values, Drives.of(puma).named()[name], rtol=1e-12)
+    assert error(recording, made) < error(recording, puma)
+
+
+def test_a_model_that_is_right_stays(puma):
+    recording = record_cycle(puma)
+    assert with_own_numbers(recording, puma) == (puma, "")
+    assert with_own_links(recording, puma) is puma
+
+
+def test_a_current_without_a_constant_tells_no_masses(puma, other):
+    recording = replace(record_cycle(other), constants=object())
+    assert with_own_numbers(recording, puma) == (puma, "")
