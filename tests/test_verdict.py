@@ -7,11 +7,13 @@ import pytest
 from linear import COUNT, PARTS, written_down
 
 from faultgen.discovery import model_edit
+from faultgen.discovery import verdict as verdicts
 from faultgen.discovery.candidates import Term
+from faultgen.discovery.confirmation import Confirmed
 from faultgen.discovery.patterns import Pattern
 from faultgen.discovery.result import AMBIGUOUS, EXPLAINED, NAMED, NONE, PARTLY, UNKNOWN
 from faultgen.discovery.selection import choose
-from faultgen.discovery.verdict import BAND, answer, is_part, significance, strange_patterns
+from faultgen.discovery.verdict import BAND, WORSE, answer, is_part, significance, strange_patterns
 
 SCORED = np.arange(COUNT) >= PARTS[-1].start
 NAMES = ["torque_offset", "payload_mass"]
@@ -86,6 +88,26 @@ def test_what_explains_only_a_part_is_told(columns, rng, monkeypatch):
     noise[:, 1] += 2 * np.sin(np.arange(COUNT))
     found = told(posed(columns, [1.0, 0.0], noise, twin=True), monkeypatch)
     assert found.verdict == PARTLY and len(found.effects) == 1
+
+
+@pytest.mark.parametrize(("size", "verdict"), [(3.0, NAMED), (8.0, UNKNOWN)])
+def test_effects_that_make_the_whole_error_larger_are_not_named(
+    columns, rng, monkeypatch, size, verdict
+):
+    """Also where they are borne out by the samples that count most."""
+    monkeypatch.setattr(
+        verdicts, "confirmed", lambda problem, choice, left, numbers: Confirmed(choice, numbers)
+    )
+    opposite = np.flatnonzero(SCORED)[:10]
+    columns[0][opposite, 0] = size
+    problem = posed(columns, [0.7, 0.0], rng.normal(size=(COUNT, 2)), twin=True)
+    problem.residual[opposite] = rng.normal(size=(10, 2))
+    found = told(problem, monkeypatch)
+    assert found.verdict == verdict
+    assert len(found.effects) == (verdict == NAMED)
+    larger = [line for line in found.lacks if "make the error on other motions larger" in line]
+    assert len(larger) == (verdict == UNKNOWN)
+    assert found.after <= WORSE * found.before
 
 
 def test_effects_of_one_shape_are_alternatives(columns, rng, monkeypatch):

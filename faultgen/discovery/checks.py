@@ -75,10 +75,11 @@ def check_recording(recording: Recording, robot: Robot) -> list[Finding]:
     if recording.link:
         expected = Arm(robot).inverse_dynamics(q, qd, qdd)
         return _sorted(findings + _torque(recording, robot, expected, qd))
-    findings += [
-        Finding("warn", int(axis) + 1, "the model has no friction: it is found from the recording")
-        for axis in np.flatnonzero(without_friction(robot))
-    ]
+    bare = np.flatnonzero(without_friction(robot)) + 1
+    if len(bare):
+        axes = f"axis {bare[0]}" if len(bare) == 1 else f"axes {', '.join(map(str, bare))}"
+        text = f"the model has no friction on {axes}: it is found from the recording"
+        findings.append(Finding("warn", 0, text))
     expected = motor_torque(Arm(robot), q, qd, qdd)
     if not motor:
         expected = expected * robot.gear_ratio

@@ -301,7 +301,10 @@ def replay(
 
 
 def relative_errors(square: np.ndarray, recording: Recording, inside: np.ndarray) -> np.ndarray:
-    """Compute the RMS error of each axis divided by its RMS torque.
+    """Compute the RMS error of each axis divided by its RMS torque in the whole recording.
+
+    An axis may rest without torque at the samples that are used. Its noise there must not look like
+    a large error.
 
     Args:
         square: Squared error of each sample, or of each axis; shape (samples, n_axes) or (n_axes,).
@@ -309,10 +312,10 @@ def relative_errors(square: np.ndarray, recording: Recording, inside: np.ndarray
         inside: Samples that are used, shape (samples, n_axes).
 
     Returns:
-        Shape (n_axes,), without unit; 0 for axes without torque.
+        Shape (n_axes,), without unit; 0 for axes without torque, or of which no sample is used.
     """
-    torque = (np.where(inside, recording.torque, 0.0) ** 2).sum(axis=0)
-    wrong = np.where(inside, square, 0.0).sum(axis=0)
+    torque = np.mean(recording.torque**2, axis=0)
+    wrong = np.where(inside, square, 0.0).sum(axis=0) / np.maximum(inside.sum(axis=0), 1)
     return np.sqrt(np.where(torque > 0, wrong / np.where(torque > 0, torque, 1.0), 0.0))
 
 

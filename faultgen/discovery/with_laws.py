@@ -57,9 +57,11 @@ def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, l
         the answer is unchanged.
     """
     laws = learn(problem, told.strange_torque, told.changes)
-    if told.verdict in (UNKNOWN, PARTLY):
+    if told.verdict == UNKNOWN:
         return if_smaller(problem, told, _with(problem, told, laws), laws)
-    certain = {one.axis for one in laws if one.confidence >= CERTAIN}
+    # beside a part that is known, all laws are told
+    least = 0.0 if told.verdict == PARTLY else CERTAIN
+    certain = {one.axis for one in laws if one.confidence >= least}
     if not certain:
         return told, []
     if told.verdict == NONE:
@@ -79,6 +81,8 @@ def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, l
         alike = {one[:2] for law in own for one in law.resembles if one[2] >= ALIKE}
         if own and simpler.after <= EQUAL * whole.after and not left_out & alike:
             return replace(simpler, verdict=PARTLY if simpler.effects else UNKNOWN), own
+    if told.verdict == PARTLY:
+        return if_smaller(problem, told, whole, laws)
     if is_part(told.before, told.after, whole.floor):
         return replace(whole, verdict=PARTLY if told.verdict == NAMED else told.verdict), laws
     return told, []
