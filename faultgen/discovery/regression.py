@@ -141,7 +141,7 @@ class Problem:
             changes: Terms and values, also of links.
 
         Returns:
-            As for `change`.
+            Shape (samples, n_axes), as for `change`, or None if the simulation diverges.
         """
         return _finite(lambda: self.given.torque(changes) - self._given_torque)
 
