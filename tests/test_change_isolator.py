@@ -190,7 +190,12 @@ def random_axis(rng, size):
 
 
 @pytest.mark.parametrize(
-    ("n", "memory", "fits", "each"), [(60, 0.0, 80, 5), (200, 0.9, 80, 5), (2000, 0.9, 8, 50)]
+    ("n", "memory", "fits", "each"),
+    [
+        (60, 0.0, 80, 5),
+        pytest.param(200, 0.9, 80, 5, marks=pytest.mark.slow),
+        (2000, 0.9, 8, 50),
+    ],
 )
 def test_intervals_and_false_alarms(rng, n, memory, fits, each):
     """95 % of intervals hold the severity, and healthy robots are named as rarely as promised.
@@ -223,6 +228,7 @@ def test_short_series_raise_no_more_alarms(rng, length):
     assert within(np.mean(named), 0.045, 500, 0.01)
 
 
+@pytest.mark.slow
 def test_smallest_wear_is_found_as_often_as_promised(rng):
     """Wear of the size that `smallest` gives is named with the power that was asked for.
 

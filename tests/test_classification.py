@@ -98,6 +98,7 @@ def test_classifiers_bend_where_they_should():
     assert mean["LR"] < 0.75 < 0.9 < min(mean["SVM"], mean["RF"], mean["ES"])
 
 
+@pytest.mark.slow
 def test_workers_do_not_change_results():
     """The same to the last digit, importance included; another seed is another forest."""
     make = partial(make_classifier, "RF", Combination.of("control"))

@@ -261,6 +261,7 @@ def test_arms_of_other_kinds_are_fit(name, tmp_path):
     assert set(content["tasks"]) == {"pick_and_place", "spot_weld", "arc_weld"}
 
 
+@pytest.mark.slow
 def test_what_is_in_a_folder_is_not_overwritten(arm_path, tmp_path):
     """Edited numbers would be lost, and a folder of something else would be mixed with a robot."""
     folder = tmp_path / "made"

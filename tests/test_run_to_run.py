@@ -161,6 +161,7 @@ def test_variances_are_found_and_chance_is_not():
     assert np.delete(found, [3, 7]).max() < 2
 
 
+@pytest.mark.slow
 def test_the_command_takes_several_runs(files, tiny_robot_path, measured, tmp_path):
     """The result states how much runs differ; what shows no difference is refused."""
     write_recording(measured([("coulomb_friction", 2, 0.06)], 3), tmp_path / "usual.h5")
