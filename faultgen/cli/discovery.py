@@ -62,7 +62,7 @@ def discover(
         Path | None,
         typer.Option(
             help="Folder that keeps simulated sensitivities, so that later calls with recordings "
-            "of the same program are faster."
+            "of the same program, and with the same healthy recording, are faster."
         ),
     ] = None,
     include: Annotated[

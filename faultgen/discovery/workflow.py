@@ -17,7 +17,6 @@ import numpy as np
 
 from faultgen.discovery.candidates import (
     HIDDEN_BEHIND_GEARS,
-    INERTIA,
     ORDERS,
     Term,
     between_runs,
@@ -47,6 +46,7 @@ from faultgen.discovery.selection import Choice, choose
 from faultgen.discovery.sensitivities import are_alone, own_sensitivities, sensitivities
 from faultgen.discovery.transients import unsettled
 from faultgen.discovery.verdict import answer
+from faultgen.effects import get_effect
 from faultgen.errors import InputError
 from faultgen.robot import Robot
 from faultgen.system.progress import Progress
@@ -127,23 +127,27 @@ def investigate(
     own = [term for term, is_alone in zip(terms, alone, strict=True) if is_alone]
     scanned = scanned_terms(robot, exclude)
     terms = [term for term, is_alone in zip(terms, alone, strict=True) if not is_alone]
-    links = [term for term in terms if term.name == INERTIA]
-    terms = [term for term in terms if term.name != INERTIA]
-    base, raw = sensitivities(replay, terms, workers=workers, cache=cache)
-    given_torque, of_links = sensitivities(given, links, workers=workers, cache=cache)
+    # what is nearly proportional is the same on the given model, and is kept for other recordings
+    plays = [term for term in terms if term.is_effect and get_effect(term.name).prior.play]
+    terms = [term for term in terms if term not in plays]
+    base, of_plays = sensitivities(replay, plays, workers=workers, cache=cache)
+    given_torque, raw = sensitivities(given, terms, workers=workers, cache=cache)
+    if twin is None:
+        replay = replay.without(unsettled(given, terms, given_torque, raw))
     discrepancy = discrepancy_terms(robot)
     raw = np.concatenate(
         [
             raw,
-            of_links,
-            discrepancy_sensitivities(replay, discrepancy, base, workers=workers, cache=cache),
-            own_sensitivities(replay, own + scanned, base, workers=workers, cache=cache),
+            of_plays,
+            discrepancy_sensitivities(
+                given, discrepancy, given_torque, workers=workers, cache=cache
+            ),
+            own_sensitivities(given, own, given_torque, workers=workers, cache=cache),
+            own_sensitivities(replay, scanned, base, workers=workers, cache=cache),
         ]
     )
-    terms += links + discrepancy + own
+    terms += plays + discrepancy + own
     residual = recording.torque - (given_torque if twin is None else twin.torque)
-    if twin is None:
-        replay = replay.without(unsettled(replay, terms, base, raw))
     if twin is not None:
         terms = between_runs(terms)
     elif prior_scale is not None:

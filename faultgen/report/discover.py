@@ -82,7 +82,7 @@ def discover(
             position, in which the simulation follows the measured position. With None, they are
             not filtered.
         cache: Folder that keeps simulated sensitivities, so that later calls with recordings of the
-            same program are faster.
+            same program, and with the same healthy recording, are faster.
 
     Returns:
         The content of ``discovery.json``.
