@@ -150,6 +150,12 @@ def tiny_robot(tiny_robot_path) -> Robot:
     return load_robot(tiny_robot_path)
 
 
+@pytest.fixture(scope="session")
+def puma() -> Robot:
+    """The PUMA 560 that comes with the package."""
+    return load_robot("puma560")
+
+
 @pytest.fixture(params=["puma560", "irb6700"], scope="session")
 def robot(request) -> Robot:
     """Each robot that comes with the package."""

@@ -10,12 +10,6 @@ from faultgen.applied import Applied
 from faultgen.discovery.own_numbers import with_own_links, with_own_numbers
 from faultgen.discovery.physical import Drives
 from faultgen.discovery.replay import Replay, relative_error, settled
-from faultgen.robot import load_robot
-
-
-@pytest.fixture(scope="module")
-def puma():
-    return load_robot("puma560")
 
 
 @pytest.fixture(scope="module")

@@ -13,16 +13,10 @@ from faultgen.discovery.replay import Replay, relative_error, settled
 from faultgen.discovery.servo_delay import find_delays
 from faultgen.errors import InputError
 from faultgen.mjcf.dcmotor import INTEGRAL_GAIN, OFFSET, POSITION_GAIN, VELOCITY_GAIN, set_servo
-from faultgen.robot import load_robot
 from faultgen.simulation.arm import Arm, motor_torque, nominal_friction
 from faultgen.simulation.servo import feed_forward
 
 SIX_HERTZ = 2 * np.pi * 6
-
-
-@pytest.fixture(scope="module")
-def puma():
-    return load_robot("puma560")
 
 
 def gains_of(robot):

@@ -7,14 +7,6 @@ from recorded import record_cycle
 from faultgen.applied import Applied
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.servo_delay import find_delays
-from faultgen.robot import load_robot
-
-PERIOD = 0.004
-
-
-@pytest.fixture(scope="module")
-def puma():
-    return load_robot("puma560")
 
 
 @pytest.fixture(scope="module")

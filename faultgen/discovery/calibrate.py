@@ -26,13 +26,12 @@ from typing import Any
 import numpy as np
 
 from faultgen.discovery.candidates import INERTIA, NUMBERS, check_names
-from faultgen.discovery.classical import Coupling, Regression, held_out_error, identify
+from faultgen.discovery.classical import Coupling, Regression, held_out_error
 from faultgen.discovery.friction_law import with_friction_law
+from faultgen.discovery.held_out import EQUAL, HeldOut, judging
 from faultgen.discovery.own_servo import with_own_servo
 from faultgen.discovery.physical import GAIN, NAMES, Drives, Spread, fit
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.replay import Replay, relative_error
-from faultgen.discovery.samples import samples_of
 from faultgen.discovery.simulated_fit import SimulatedFit
 from faultgen.effects.coupling import coupled_axes
 from faultgen.errors import InputError, SimulationFailed
@@ -41,9 +40,6 @@ from faultgen.system.progress import Progress
 
 PRIOR_SCALES = (1.0, 3.0, 10.0, 30.0, 100.0)
 """Prior scales that are tried, as multiples of the default prior standard deviations."""
-
-EQUAL = 1.05
-"""Ratio of two errors up to which their difference may be chance: assumed."""
 
 _WHY = "with more of them its simulation diverges on the recorded motion"
 _REQUIRED = 0.7  # share of the error to which a coupling has to reduce it
@@ -129,26 +125,19 @@ def calibrate(
     # torque of the model's motors, from which the recording differs by the given torque_gain
     modelled = replace(recording, torque=recording.torque * robot.torque_gain)
     regression = _regression(modelled, robot, exclude)
-    scoring = judging(len(regression.parts))
-    fitting = [k for k in range(len(regression.parts)) if k not in scoring]
-    products = regression.products.only(fitting)
-    if not products.count.sum() or not regression.products.only(scoring).count.sum():
+    held_out = HeldOut(recording, regression)
+    if not held_out.is_possible:
         raise InputError(f"{recording.source}: too little of it moves to fit and judge a model")
-    judged = (
-        regression.inside
-        & samples_of([regression.parts[k] for k in scoring], len(recording.torque))[:, None]
-    )
-    classical = error_on(modelled, regression.torque(identify(products)), judged)
-    errors = {"classical": classical, "given": simulated_error(recording, lawful, judged)}
-    before = simulated_error(recording, robot, judged) if servo else errors["given"]
+    errors = {"classical": held_out.classical, "given": held_out.error_of(lawful)}
+    before = held_out.error_of(robot) if servo else errors["given"]
     spread, physical, errors["physical"] = None, robot, np.inf
     with Progress("fitting the physical model", None):
-        for wider in spreads(regression, fitting, prior_scales, known, exclude):
-            made = fit(regression, products, wider).robot
-            error = simulated_error(recording, made, judged)
+        for wider in spreads(regression, held_out.fitting, prior_scales, known, exclude):
+            made = fit(regression, held_out.products, wider).robot
+            error = held_out.error_of(made)
             if spread is None or error < errors["physical"]:
                 spread, physical, errors["physical"] = wider, made, error
-            if error <= EQUAL * classical:
+            if error <= EQUAL * held_out.classical:
                 break
     assert spread is not None
     models = {"given": robot, "physical": physical}
@@ -158,14 +147,14 @@ def calibrate(
     simulated = SimulatedFit(
         recording,
         models[start],
-        scoring,
+        held_out.scoring,
         prior_scales,
         spread.exclude,
         known,
         workers,
         cache,
     )
-    errors["simulated"] = error_on(recording, simulated.predicted(), judged)
+    errors["simulated"] = held_out.error(simulated.predicted())
     best = min(("simulated", "physical"), key=lambda name: errors[name])
     lacks = [servo] if servo else []
     if best == "simulated":
@@ -178,7 +167,7 @@ def calibrate(
             "classical values, turned into links that can exist, predict better than the fit of "
             "the simulation and are used"
         )
-        if not np.isfinite(simulated_error(recording, made, judged)):
+        if not np.isfinite(held_out.error_of(made)):
             made = models["physical"]
     errors["calibrated"] = errors[best]
     if errors["calibrated"] > EQUAL * errors["classical"]:
@@ -274,52 +263,6 @@ def spreads(
     best = by_block[np.argmin(by_block.sum(axis=1))]
     limit = best.sum() + np.sqrt(len(fitting)) * best.std(ddof=1)
     return told[int(np.argmax(by_block.sum(axis=1) <= limit)) :]
-
-
-def judging(count: int) -> list[int]:
-    """Blocks on which the models are judged: every third, so that they differ as the motion does.
-
-    Args:
-        count: Number of blocks.
-
-    Returns:
-        Their numbers, from 0; at least one of them.
-    """
-    return list(range(count))[1::3] or [count - 1]
-
-
-def error_on(recording: Recording, torque: np.ndarray, judged: np.ndarray) -> float:
-    """Compute the relative error of a predicted torque.
-
-    Args:
-        recording: The measured data.
-        torque: What was predicted, shape (samples, n_axes).
-        judged: Samples that are compared, shape (samples, n_axes).
-
-    Returns:
-        RMS error over RMS torque; infinite if the prediction is not finite.
-    """
-    if not np.isfinite(torque).all():
-        return float("inf")
-    return relative_error((recording.torque - torque) ** 2, recording, judged)
-
-
-def simulated_error(recording: Recording, model: Robot, judged: np.ndarray) -> float:
-    """Compute the relative error of a model that is simulated on the recorded motion.
-
-    Args:
-        recording: The measured data.
-        model: The model.
-        judged: Samples that are compared, shape (samples, n_axes).
-
-    Returns:
-        RMS error over RMS torque; infinite if the model diverges.
-    """
-    try:
-        torque = Replay(recording, model).torque()
-    except (InputError, SimulationFailed):
-        return float("inf")
-    return error_on(recording, torque, judged)
 
 
 def _severities(given: Robot, made: Robot) -> dict[str, dict[int, float]]:

@@ -47,7 +47,6 @@ MOSTLY = 0.5
 which they bear it out although more is missing than chance explains. The law of a real effect
 differs from the catalogue's: assumed."""
 
-
 DOMINANT = 0.75
 """Share of what several effects of one kind explain on an axis, from which one of them stands for
 all: assumed."""
@@ -179,13 +178,10 @@ def shared_kinds(problem: Problem, best: Fit) -> set[tuple[str, int]]:
     Returns:
         Group of effects and axis.
     """
-    kinds = {(_kind(one), one.name, one.axis) for one in _firsts(problem, best) if _kind(one)}
+    terms = [problem.terms[group[0]] for group in best.groups]
+    kinds = {(_kind(one), one.name, one.axis) for one in terms if _kind(one)}
     count = Counter((kind, axis) for kind, _, axis in kinds)
     return {key for key, several in count.items() if several > 1}
-
-
-def _firsts(problem: Problem, best: Fit) -> list[Term]:
-    return [problem.terms[group[0]] for group in best.groups]
 
 
 def _kind(term: Term) -> str:

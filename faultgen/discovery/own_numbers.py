@@ -13,14 +13,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from faultgen.discovery.calibrate import EQUAL, PRIOR_SCALES, error_on, judging, simulated_error
-from faultgen.discovery.classical import Regression, identify
+from faultgen.discovery.classical import Regression
+from faultgen.discovery.held_out import EQUAL, HeldOut
 from faultgen.discovery.physical import GAIN, Drives, Physical, Spread, fit
 from faultgen.discovery.recording import Recording
-from faultgen.discovery.samples import samples_of
 from faultgen.errors import SimulationFailed
 from faultgen.robot import Robot
 
+_SCALES = (1.0, 10.0, 100.0)  # of priors, tried in turn: coarser than those of `calibrate`
 _BETTER = 0.9  # torque error over that of the given model from which a fit is used: assumed
 
 
@@ -82,32 +82,27 @@ def _fitted(recording: Recording, robot: Robot) -> tuple[Physical, float, float]
     if recording.constants is not None:
         return None
     modelled = replace(recording, torque=recording.torque * robot.torque_gain)
-    regression = Regression(modelled, robot)
-    scoring = judging(len(regression.parts))
-    fitting = [k for k in range(len(regression.parts)) if k not in scoring]
-    products = regression.products.only(fitting)
-    if not products.count.sum() or not regression.products.only(scoring).count.sum():
+    held_out = HeldOut(recording, Regression(modelled, robot))
+    if not held_out.is_possible:
         return None
-    rows = samples_of([regression.parts[k] for k in scoring], len(recording.torque))
-    judged = regression.inside & rows[:, None]
-    classical = error_on(modelled, regression.torque(identify(products)), judged)
-    before = best = simulated_error(recording, robot, judged)
+    regression = held_out.regression
+    before = best = held_out.error_of(robot)
     chosen = None
-    for scale in PRIOR_SCALES[::2]:
+    for scale in _SCALES:
         spread = Spread(scale, exclude=(GAIN,))
         try:
-            error = simulated_error(recording, fit(regression, products, spread).robot, judged)
+            error = held_out.error_of(fit(regression, held_out.products, spread).robot)
         except SimulationFailed:
             continue
         if error < best:
             best, chosen = error, spread
-        if error <= EQUAL * classical:
+        if error <= EQUAL * held_out.classical:
             break
     if chosen is None or best > _BETTER * before:
         return None
     made = fit(regression, regression.products, chosen)
     try:
-        last = simulated_error(recording, made.robot, judged)
+        last = held_out.error_of(made.robot)
     except SimulationFailed:
         return None
     return (made, before, best) if last <= _BETTER * before else None

@@ -136,7 +136,7 @@ def _simulated(
     """
     apart = _BESIDE * place.search.spacing
     terms = [place.term(place.at + k * apart) for k in (-1, 0, 1)]
-    _, columns = sensitivities(problem.replay, terms, workers=workers)
+    _, columns = sensitivities(problem.replay, terms, problem.base, workers=workers)
 
     def gain(column: np.ndarray) -> float:
         return left.gain(column[:, place.axis - 1].astype(float), place.axis)
@@ -146,7 +146,7 @@ def _simulated(
     if bend < 0:
         shift = float(np.clip((low - high) / (2 * bend), -2.0, 2.0))
         new = place.term(place.at + shift * apart)
-        _, column = sensitivities(problem.replay, [new], workers=workers)
+        _, column = sensitivities(problem.replay, [new], problem.base, workers=workers)
         terms, columns = [*terms, new], np.concatenate([columns, column])
     best = int(np.argmax([gain(column) for column in columns]))
     return terms[best], columns[best]

@@ -143,11 +143,10 @@ class Problem:
         Returns:
             Shape (samples, n_axes), as for `change`, or None if the simulation diverges.
         """
-        return _finite(lambda: self.given.torque(changes) - self._given_torque)
-
-    @cached_property
-    def _given_torque(self) -> np.ndarray:
-        return self.base if self.given is self.replay else self.given.torque()
+        if self.given is self.replay:
+            return self.change(changes)
+        given_torque = self.recording.torque - self.residual  # there is no twin
+        return _finite(lambda: self.given.torque(changes) - given_torque)
 
     def whiten(self, x: np.ndarray) -> np.ndarray:
         """Whiten, mask and weight an array.

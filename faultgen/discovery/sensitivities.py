@@ -42,6 +42,7 @@ assumed."""
 def sensitivities(
     replay: Replay,
     terms: Sequence[Term],
+    base: np.ndarray | None = None,
     *,
     workers: int = 1,
     cache: Path | None = None,
@@ -51,6 +52,7 @@ def sensitivities(
     Args:
         replay: The recording and the model.
         terms: Terms to probe, each with its own step.
+        base: Torque of the unchanged model, shape (samples, n_axes). None: it is simulated.
         workers: Number of processes. It has no effect on the result.
         cache: Folder in which results are kept for the next recording of the same program.
 
@@ -63,7 +65,10 @@ def sensitivities(
         SimulationFailed: The unchanged model diverged.
     """
     simulated = [(term,) for term in terms if term.name != TEMPERATURE]
-    base, *moved = _runs(replay, [(), *simulated], workers, cache)
+    if base is None:
+        base, *moved = _runs(replay, [(), *simulated], workers, cache)
+    else:
+        moved = _runs(replay, simulated, workers, cache)
     if not np.isfinite(base).all():
         raise SimulationFailed("the model diverges on the recorded motion")
     by_term: dict[Term, np.ndarray] = {}

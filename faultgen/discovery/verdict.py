@@ -83,21 +83,20 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     effects, alternatives = _named(problem, choice, kept.solution)
     chosen = (best, kept.solution) if known else (empty, base_values)
     built, robot, lacks = build_stable(problem, *chosen)
+    worse = known and gap(problem, built.left)[0] > WORSE * max(given[0], calibrated[0])
+    if worse:
+        known, chosen = False, (empty, base_values)
+        built, robot, lacks = build_stable(problem, *chosen)
+        lacks.append(
+            "the effects that explain most of what differs are not named, because they make the "
+            "error on other motions larger: something else has changed, which resembles them"
+        )
     lacks += [
         f"axis {one.axis}: {one.name} explains most of what differs on the motions for fitting, "
         "but not on the others: something else has changed, which resembles it"
         for one in dict.fromkeys(kept.resembled)
     ]
     before, after = given, gap(problem, built.left)
-    worse = known and after[0] > WORSE * max(before[0], calibrated[0])
-    if worse:
-        known = False
-        built, robot, lacks = build_stable(problem, empty, base_values)
-        lacks.append(
-            "the effects that explain most of what differs are not named, because they make the "
-            "error on other motions larger: something else has changed, which resembles them"
-        )
-        after = gap(problem, built.left)
     # an error holds the noise, so that the noise of an axis is no larger than any of its errors
     floor = np.min([gap(problem, noise)[1], before[1], calibrated[1], after[1]], axis=0)
     of_noise = float(np.sqrt(np.mean(floor[scored(problem).any(axis=0)] ** 2)))
@@ -129,7 +128,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         changes=built.changes,
         robot=robot,
         lacks=tuple(lacks),
-        calibration=_told(problem, best if known else empty, built.changes),
+        calibration=_told(problem, chosen[0], built.changes),
         left_torque=built.left,
         strange_torque=built.left if problem.twin else (left if known else without),
     )

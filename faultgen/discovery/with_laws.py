@@ -59,19 +59,19 @@ def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, l
     laws = learn(problem, told.strange_torque, told.changes)
     if told.verdict == UNKNOWN:
         return if_smaller(problem, told, _with(problem, told, laws), laws)
-    # beside a part that is known, all laws are told
+    # beside a part that is known, less certain laws are told as well
     least = 0.0 if told.verdict == PARTLY else CERTAIN
-    certain = {one.axis for one in laws if one.confidence >= least}
-    if not certain:
+    axes = {one.axis for one in laws if one.confidence >= least}
+    if not axes:
         return told, []
     if told.verdict == NONE:
         whole = _with(problem, replace(told, verdict=UNKNOWN), laws)
-        if not problem.twin and not is_considerable(problem, told, whole, certain):
+        if not problem.twin and not is_considerable(problem, told, whole, axes):
             return told, []
         return if_smaller(problem, told, whole, laws)
     whole = _with(problem, told, laws)
     groups = choice.best.groups
-    kept = [group for group in groups if problem.terms[group[0]].axis not in certain]
+    kept = [group for group in groups if problem.terms[group[0]].axis not in axes]
     rest = fit(choice.problem, kept) if len(kept) < len(groups) else None
     if rest is not None:
         other = answer(problem, replace(choice, best=rest, rivals=()))

@@ -126,12 +126,13 @@ def investigate(
     alone = are_alone(replay, terms)
     own = [term for term, is_alone in zip(terms, alone, strict=True) if is_alone]
     scanned = scanned_terms(robot, exclude)
-    terms = [term for term, is_alone in zip(terms, alone, strict=True) if not is_alone]
+    others = [term for term, is_alone in zip(terms, alone, strict=True) if not is_alone]
     # what is nearly proportional is the same on the given model, and is kept for other recordings
-    plays = [term for term in terms if term.is_effect and get_effect(term.name).prior.play]
-    terms = [term for term in terms if term not in plays]
-    base, of_plays = sensitivities(replay, plays, workers=workers, cache=cache)
+    plays = [term for term in others if _is_play(term)]
+    terms = [term for term in others if not _is_play(term)]
     given_torque, raw = sensitivities(given, terms, workers=workers, cache=cache)
+    base = given_torque if replay is given else None
+    base, of_plays = sensitivities(replay, plays, base, workers=workers, cache=cache)
     if twin is None:
         replay = replay.without(unsettled(given, terms, given_torque, raw))
     discrepancy = discrepancy_terms(robot)
@@ -215,6 +216,11 @@ def _waves(robot: Robot, exclude: Collection[str]) -> list[Term]:
     ]
 
 
+def _is_play(term: Term) -> bool:
+    """Whether a term is an effect that acts at moments which depend on the whole model."""
+    return term.is_effect and get_effect(term.name).prior.play
+
+
 def _with_orders(problem: Problem, workers: int, exclude: Collection[str]) -> Problem:
     """The problem with additional periodic effects, at the orders that the residual shows."""
     solution, _, _ = problem.evidence().solve()
@@ -231,7 +237,7 @@ def _with_orders(problem: Problem, workers: int, exclude: Collection[str]) -> Pr
                 new += periodic_terms(problem.robot, name, found.axis, found.order)
     if not new:
         return problem
-    _, raw = sensitivities(problem.replay, new, workers=workers)
+    _, raw = sensitivities(problem.replay, new, problem.base, workers=workers)
     if problem.twin:
         new = between_runs(new)
     return posed_again(problem, new, raw)
