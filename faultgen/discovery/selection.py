@@ -53,6 +53,8 @@ effect that acts between the time steps counts as `_BETWEEN`."""
 _JUDGED = 8  # candidates that are judged on held-out recordings
 _TRIED = 3  # of them that are simulated
 _RIVALS = 3  # swaps that are simulated
+_NEAR = 0.25  # share of what an effect explains that one put in its place may miss, to first order
+_ALIKE = 0.5  # the same for two kinds of friction of speed on one axis, which nuisances confuse
 _BETWEEN = 4  # time of such a simulation over that of another: 3 to 6 were measured
 
 
@@ -251,12 +253,7 @@ class _Search:
 
     def _is_companion(self, current: Fit, group: Group) -> bool:
         """Whether an axis already has another effect of the same group."""
-        term = self._term(group)
-        own = get_effect(term.name).prior.group
-        has = [self._term(g) for g in current.groups]
-        return bool(own) and any(
-            get_effect(one.name).prior.group == own and one.axis == term.axis for one in has
-        )
+        return any(self._is_alike(group, has) for has in current.groups)
 
     def _start(self, current: Fit, group: Group) -> np.ndarray:
         solution, _, _ = current.evidence.solve(free=[*current.terms, *group])
@@ -289,7 +286,8 @@ class _Search:
             gains, first = law_error.gains(self.problem, nominal, [group, *others], rest, values)
             for k, other in enumerate(others, start=1):
                 loss = float(gains[0] - gains[k])
-                near = loss <= max(3 * SIMILAR * over, 0.25 * gains[0])
+                share = _ALIKE if self._is_alike(group, other) else _NEAR
+                near = loss <= max(3 * SIMILAR * over, share * gains[0])
                 if near and self._allowed(other, first[k]):
                     key = (place, *self._which(other))
                     found[key] = min(found.get(key, (np.inf, 0, ())), (loss, place, other))
@@ -317,3 +315,9 @@ class _Search:
             for place, other, rival in self._swaps(current, over, 2 * _RIVALS)
         ]
         return [one for one in found if one[2] < SIMILAR]
+
+    def _is_alike(self, group: Group, other: Group) -> bool:
+        """Whether two effects are kinds of friction of speed on one axis."""
+        one, two = self._term(group), self._term(other)
+        kind = get_effect(one.name).prior.group
+        return bool(kind) and one.axis == two.axis and get_effect(two.name).prior.group == kind
