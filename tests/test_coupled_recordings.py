@@ -132,6 +132,7 @@ def test_the_measured_motion_is_followed(robot, record):
     assert np.sqrt(np.mean(error**2) / np.mean(recording.torque**2)) < 0.05
 
 
+@pytest.mark.slow
 def test_friction_is_calibrated(robot, record):
     recording = record([Applied("coulomb_friction", 2, 0.5)], 5)
     made = calibrate(recording, robot).robot

@@ -317,6 +317,7 @@ def test_play_is_named_in_runs_of_a_paired_dataset(tmp_path):
     assert result["effects"][0]["parameters"]["severity"] == pytest.approx(0.002, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_recording_is_its_own_healthy_twin(shared, tiny_robot_path):
     """Nothing is missing between two equal recordings, though they have no noise apart."""
     result = faultgen.discover(shared / "healthy.h5", tiny_robot_path, shared / "healthy.h5")

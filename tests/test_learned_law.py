@@ -62,7 +62,10 @@ def change_of(problem, law, axis=2):
     return Replay(problem.recording, robot).torque() - problem.base
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name == "periodic")) for name in LAWS],
+)
 def test_a_law_is_learned(problem, name):
     """The right axis and variable, and most of the gap is closed on motions that were kept."""
     left = problem.residual + change_of(problem, LAWS[name])

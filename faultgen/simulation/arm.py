@@ -15,6 +15,7 @@ from faultgen.robot import COULOMB, COUPLING, OFFSET, STICTION, STRIBECK_VELOCIT
 
 _SLOWEST = 1e-9  # Stribeck velocity of shared friction that jumps at rest [rad/s]
 _NEWTON_STEPS = 30  # of `Arm.follow`; a pose that is close needs 3 to 5
+_FOLLOWED = 1e-12  # miss at which `Arm.follow` ends [m] and [rad]: some 1e3 times the rounding
 
 
 @lru_cache(maxsize=8)
@@ -109,8 +110,7 @@ class Arm:
         Returns:
             Position of the tool, shape (3,), in [m], and its orientation, both in the base frame.
         """
-        self._data.qpos[:] = position
-        mujoco.mj_kinematics(self.model, self._data)
+        self._place(position)
         point = self._data.site_xpos[self._tool].copy()
         return point, Rotation.from_matrix(self._data.site_xmat[self._tool].reshape(3, 3))
 
@@ -177,7 +177,7 @@ class Arm:
         q = np.clip(near, low, high)
         for _ in range(_NEWTON_STEPS):
             miss = self._miss(q, point, orientation)
-            if np.abs(miss).max() < 1e-9:
+            if np.abs(miss).max() < _FOLLOWED:
                 return q
             slope = self._slope(q)
             damped = slope @ slope.T + 1e-9 * np.eye(6)
@@ -185,18 +185,31 @@ class Arm:
         return None
 
     def _miss(self, q: np.ndarray, point: np.ndarray, orientation: Rotation) -> np.ndarray:
-        """How far the tool is from a pose: [m], and rotation vector [rad]."""
-        at, turned = self.tool_pose(q)
-        return np.concatenate([at - point, (orientation * turned.inv()).as_rotvec()])
+        """How far the tool is from a pose: [m], and rotation vector [rad].
+
+        It computes with MuJoCo's quaternions, as `Rotation` takes several times longer.
+        """
+        self._place(q)
+        turned, turn, vector = np.empty(4), np.empty(4), np.empty(3)
+        mujoco.mju_mat2Quat(turned, self._data.site_xmat[self._tool])
+        mujoco.mju_negQuat(turned, turned)
+        mujoco.mju_mulQuat(turn, orientation.as_quat(scalar_first=True), turned)
+        mujoco.mju_quat2Vel(vector, turn, 1.0)
+        return np.concatenate([self._data.site_xpos[self._tool] - point, vector])
 
     def _slope(self, q: np.ndarray) -> np.ndarray:
         """Derivative of `_miss` with respect to the joint angles."""
-        self.tool_pose(q)
+        self._place(q)
         mujoco.mj_comPos(self.model, self._data)
         linear = np.zeros((3, self.model.nv))
         angular = np.zeros((3, self.model.nv))
         mujoco.mj_jacSite(self.model, self._data, linear, angular, self._tool)
         return np.vstack([linear, -angular])
+
+    def _place(self, q: np.ndarray) -> None:
+        """Compute where all links are at given joint angles."""
+        self._data.qpos[:] = q
+        mujoco.mj_kinematics(self.model, self._data)
 
 
 def nominal_friction(robot: Robot, speed: np.ndarray, width: float = 1.0) -> np.ndarray:
