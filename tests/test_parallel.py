@@ -10,7 +10,7 @@ import pytest
 from joblib import delayed
 
 from faultgen.errors import InputError, WorkerKilled
-from faultgen.system.parallel import MOST_WORKERS, check_workers, in_parallel
+from faultgen.system.parallel import MOST_WORKERS, check_workers, end_workers, in_parallel
 
 
 def slow(number):
@@ -48,6 +48,10 @@ def handler():
     return signal.getsignal(signal.SIGINT)
 
 
+def is_blocked():
+    return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX systems")
 def test_workers_leave_ctrl_c_to_the_parent():
     """A terminal sends it to all processes; a traceback of a worker would say nothing useful."""
@@ -56,6 +60,10 @@ def test_workers_leave_ctrl_c_to_the_parent():
         in_workers = list(in_parallel([delayed(handler)() for _ in range(3)], 2))
         assert in_workers == [signal.SIG_IGN] * 3
         assert handler() is signal.default_int_handler
+        # from their start, when they have no handler of ours yet
+        end_workers()
+        assert list(in_parallel([delayed(is_blocked)() for _ in range(3)], 2)) == [True] * 3
+        assert not is_blocked()
     finally:
         signal.signal(signal.SIGINT, before)
 

@@ -13,7 +13,13 @@ from faultgen.discovery.candidates import Term
 from faultgen.discovery.evidence import Evidence
 from faultgen.discovery.recording import mean_of
 from faultgen.discovery.result import Named
-from faultgen.discovery.run_to_run import between_axes, differences, repetitions, variances
+from faultgen.discovery.run_to_run import (
+    USUAL,
+    between_axes,
+    differences,
+    repetitions,
+    variances,
+)
 from faultgen.discovery.selection import choose
 from faultgen.effects.temperature import friction_ratios
 from faultgen.errors import InputError
@@ -269,9 +275,8 @@ def test_friction_that_differs_on_most_axes_is_allowed_for():
 
 @pytest.mark.parametrize(
     ("changes", "twin"),
-    [((0.5, 0, 0, 0, 0, 0), True), ((0.5, 0.3, 0, 0, 0), True), ((0.05, -0.05, 0.05), True)]
-    + [((0.05,) * 6, False)],
-    ids=["one fault", "two faults", "three axes", "no twin"],
+    [((0.5, 0, 0, 0, 0, 0), True), ((0.5, 0.3, 0, 0, 0), True), ((0.05,) * 6, False)],
+    ids=["one fault", "two faults", "no twin"],
 )
 def test_other_differences_of_friction_are_effects(changes, twin):
     rng = np.random.default_rng(6)
@@ -289,7 +294,18 @@ def test_axes_at_rest_do_not_count():
         columns[:, :, 4:] = 0
     assert between_axes(still).friction_spread == pytest.approx(0.05 / 0.674, rel=0.05)
     still.white[:, :, 3] = 0
-    assert between_axes(still) is still  # three are too few
+    assert between_axes(still).friction_spread == USUAL  # three are too few
+
+
+@pytest.mark.parametrize(("change", "is_found"), [(-0.045, False), (0.05, False), (0.2, True)])
+def test_few_axes_do_not_show_how_much_friction_differs(change, is_found):
+    """Some percent are usual between two days; a fault is larger than that."""
+    rng = np.random.default_rng(9)
+    problem = with_friction_changes(rng, np.array([change]), noise=0.01)
+    assert choose(problem).best.groups  # without the assumption, each of them is named
+    problem = between_axes(problem)
+    groups = choose(problem).best.groups
+    assert bool(groups) == is_found
 
 
 def test_a_warmer_day_is_no_effect_and_a_fault_still_is():

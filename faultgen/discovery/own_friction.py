@@ -64,8 +64,8 @@ def with_own_friction(
     drives = replace(drives, inertia=before["rotor inertia"], offset=before["offset"])
     made = replace(fitted, links=[], gain=np.ones(robot.n_axes), drives=drives).robot
     lines = [
-        f"axis {axis + 1}: friction in the healthy recording is {ratio[axis]:.2g} times that of "
-        "the model and is used instead; severities are relative to it"
+        f"axis {axis + 1}: friction in the healthy recording is {_rounded(ratio[axis])} times that "
+        "of the model and is used instead; severities are relative to it"
         for axis in np.flatnonzero(own & ~lacking).tolist()
     ]
     return made, lines
@@ -101,3 +101,8 @@ def _moves_both_ways(regression: Regression) -> np.ndarray:
     both = gram[axes, coulomb, coulomb] * gram[axes, offset, offset]
     mean = np.abs(gram[axes, coulomb, offset]) / np.sqrt(np.maximum(both, 1e-300))
     return np.asarray((both > 0) & (mean < _ONE_WAY))
+
+
+def _rounded(value: float) -> str:
+    """A number with two digits and without an exponent: 120 and not 1.2e+02."""
+    return f"{float(f'{value:.2g}'):g}"

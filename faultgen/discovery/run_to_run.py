@@ -10,7 +10,8 @@ The differences between runs are projected onto the sensitivities. Each term the
 with which these differences are most probable, one term after the other (Tipping and Faul 2003).
 
 A single healthy recording shows nothing of this, but the axes of the robot do: a fault changes the
-friction of one axis or two, a warmer day that of all of them. `between_axes` takes the median.
+friction of one axis or two, a warmer day that of all of them. `between_axes` takes the median. With
+fewer than four axes, `USUAL` is assumed.
 If both recordings have one temperature each, `between_temperatures` allows for what the difference
 changes by Bittencourt's law.
 """
@@ -32,13 +33,19 @@ from faultgen.discovery.regression import Problem, with_priors
 from faultgen.discovery.sensitivities import FOLLOWS, LEAST_RANGE
 from faultgen.effects.temperature import friction_ratios
 
+USUAL = 0.02
+"""Standard deviation of friction between two recordings of a robot of few axes: assumed. On a UR10e
+(benchmarks/reference_ur10e.py) friction differs by 0.5 to 5 %."""
+
+FEWEST_AXES = 4
+"""Axes whose median is hardly changed by a fault of one of them: assumed."""
+
 _EQUAL = 1e-6  # difference of equal reference positions, over their range
 _NEEDED = 4.0  # fall of minus two times the log-likelihood that a wider prior requires: assumed
 _VARIANCES = np.logspace(0, 8, 161)  # variances that are tried, over that of the prior
 _ALL_FRICTION = ("friction_wear", "viscous_friction")  # equal severities: all friction grows
 _FRICTION = ("coulomb_friction", "static_friction", "viscous_friction")  # what may differ then
 _KNOWN = 0.1  # standard error of a friction factor from which an axis counts: assumed
-_FEWEST_AXES = 4  # of which the median is hardly changed by a fault of one of them: assumed
 _LEVEL = 0.975  # quantile at which few differences are made up for, as a confidence interval does
 
 
@@ -207,11 +214,10 @@ def between_axes(problem: Problem) -> Problem:
 
     Returns:
         The problem with other prior standard deviations, `run_to_run` and `friction_spread`. The
-        given one if there are too few axes, or if friction differs by no more than is allowed for
-        anyway.
+        given one if friction differs by no more than is allowed for anyway.
     """
     n_axes = problem.robot.n_axes
-    if not problem.twin or n_axes < _FEWEST_AXES:
+    if not problem.twin:
         return problem
     place = {term.key: k for k, term in enumerate(problem.terms)}
     axes = range(1, n_axes + 1)
@@ -228,8 +234,11 @@ def between_axes(problem: Problem) -> Problem:
         factor[axis], variance[axis] = np.sum(column * error) / length, 1 / length
     seen = variance < _KNOWN**2
     count = int(seen.sum())
-    if count < _FEWEST_AXES:
-        return problem
+    differs = np.zeros(len(problem.terms))
+    friction = [place[name, axis] for name in _FRICTION for axis in axes]
+    if count < FEWEST_AXES:
+        differs[friction] = USUAL
+        return replace(_with_usual(problem, differs, differs), friction_spread=USUAL)
 
     def excess(spread: float) -> float:
         squares = np.sort(factor[seen] ** 2 / (spread**2 + variance[seen]))
@@ -239,8 +248,7 @@ def between_axes(problem: Problem) -> Problem:
     if excess(smallest) <= 0:
         return problem
     spread = brentq(excess, smallest, 10 * float(np.abs(factor[seen]).max()))
-    differs = np.zeros(len(problem.terms))
-    differs[[place[name, axis] for name in _FRICTION for axis in axes]] = spread
+    differs[friction] = spread
     wider = _with_usual(problem, differs, differs * _made_up(count - 1))
     return replace(wider, friction_spread=spread)
 

@@ -26,7 +26,9 @@ from faultgen.discovery.recording import LogFault, Recording, mean_of
 from faultgen.discovery.regression import Problem
 from faultgen.discovery.replay import Replay, relative_error
 from faultgen.discovery.result import NAMED, NONE, PARTLY, UNKNOWN
+from faultgen.discovery.run_to_run import FEWEST_AXES, USUAL
 from faultgen.discovery.samples import counted
+from faultgen.discovery.selection import SURE_TWIN
 from faultgen.discovery.servo_delay import DELAY, Delays, find_delays, no_delays
 from faultgen.discovery.with_laws import contract, outside, with_laws
 from faultgen.discovery.workflow import Discovery, investigate
@@ -36,7 +38,6 @@ from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import Robot, load_robot
 from faultgen.system.progress import Progress
 
-_USUAL = 0.02  # change of friction between two recordings of a real arm (see `DAY_TO_DAY`)
 _MANY = 3  # axes whose friction hardly wears at the same time: assumed
 
 
@@ -236,6 +237,13 @@ def friction_warnings(found: Discovery) -> list[str]:
         friction that differs on most axes is allowed for, one line that states it.
     """
     several = "give several healthy recordings, which show how much it differs on this robot"
+    if found.problem.friction_spread == USUAL:
+        least = USUAL * np.sqrt(SURE_TWIN)
+        return [
+            f"one healthy recording with fewer than {FEWEST_AXES} moving axes does not show how "
+            f"much friction differs from day to day; {100 * USUAL:g} % is assumed, so that changes "
+            f"of friction below about {100 * least:.0f} % are not named; {several}"
+        ]
     if found.problem.friction_spread:
         return [
             f"friction differs by about {100 * found.problem.friction_spread:.2g} % on most axes, "
@@ -249,10 +257,10 @@ def friction_warnings(found: Discovery) -> list[str]:
     ]
     lines = [
         f"{one.effect} of axis {one.axis}: friction of real arms often differs by "
-        f"{100 * _USUAL:g} % from one recording to another, and this is "
+        f"{100 * USUAL:g} % from one recording to another, and this is "
         f"{100 * one.severity:.2g} %; {several}"
         for one in named
-        if abs(one.severity) < _USUAL
+        if abs(one.severity) < USUAL
     ]
     axes = sorted({one.axis for one in named})
     if len(axes) >= _MANY:

@@ -16,6 +16,8 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from typing import Any
 
 import joblib
@@ -76,9 +78,11 @@ def in_parallel(calls: Iterable[Call], workers: int, *, ordered: bool = True) ->
         return_as="generator" if ordered else "generator_unordered",
         batch_size=1,
     )
-    results = jobs(
-        joblib.delayed(_make_call)(own, function, given, named) for function, given, named in calls
-    )
+    with _interrupts_held():
+        results = jobs(
+            joblib.delayed(_make_call)(own, function, given, named)
+            for function, given, named in calls
+        )
     try:
         yield from results
     except BrokenProcessPool:
@@ -90,6 +94,24 @@ def in_parallel(calls: Iterable[Call], workers: int, *, ordered: bool = True) ->
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # that not all results were asked for
             results.close()
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Let Ctrl-C wait, and keep it from the processes that are started meanwhile.
+
+    It reaches all processes of a terminal, and a worker that is still importing modules would print
+    a traceback. A worker inherits the signals that are blocked, and never gets them.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # started later, it would let Ctrl-C through
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def end_workers() -> None:
