@@ -125,7 +125,7 @@ def test_a_large_effect_is_similar_to_what_a_wrong_form_could_be(posed, apart, i
     raw = problem.raw[[one, other]].copy()
     rng = np.random.default_rng(5)
     raw[1] = raw[0] + apart * rng.standard_normal(raw[0].shape) * raw[0].std()
-    terms = [problem.terms[k] for k in (one, other)]
+    terms = [replace(problem.terms[k], prior_std=1e-3) for k in (one, other)]
     value = value_of(linear(problem, terms=terms, raw=raw), 0, 1e5)
     found = choose(linear(problem, {0: value}, seed=1, terms=terms, raw=raw))
     assert found.best.groups == ((0,),)

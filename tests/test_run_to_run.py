@@ -90,7 +90,9 @@ def test_friction_at_another_temperature_is_no_effect(measured, asked):
         )
     ]
     before, now = measured([], 20), measured(warmer, 21)
-    assert asked(now, before).answer.verdict == "unknown effect"
+    unknown = asked(now, before).answer  # if something is named, it is what has changed
+    assert unknown.verdict != "no missing effect"
+    assert named(unknown) <= {(name, axis) for name, axis, _ in warmer}
 
     def at(recording, temperature):
         return replace(recording, temperature=np.full(len(recording.torque), temperature))

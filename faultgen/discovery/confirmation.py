@@ -195,7 +195,7 @@ def _with_dominant(choice: Choice, best: Fit) -> Fit:
 
     The others then only make up for the form of its law, which is not that of the catalogue.
     """
-    problem, empty = choice.problem, choice.fits[0].misfit
+    problem = choice.problem
     while shared := shared_kinds(problem, best):
         tried = [
             rest
@@ -203,10 +203,26 @@ def _with_dominant(choice: Choice, best: Fit) -> Fit:
             if (_kind(one := problem.terms[group[0]]), one.axis) in shared
         ]
         simpler = min(tried, key=lambda rest: rest.misfit, default=None)
-        if simpler is None or empty - simpler.misfit < DOMINANT * (empty - best.misfit):
+        if simpler is None or _likeness(choice, simpler, best) < DOMINANT:
             break
         best = simpler
     return best
+
+
+def _likeness(choice: Choice, simpler: Fit, best: Fit) -> float:
+    """How much of what a set explains is also explained by a smaller one.
+
+    With a twin, their torques are compared, because the misfit depends on how much the friction may
+    differ from day to day. Without one, much of a torque may be due to the numbers of the model.
+    """
+    problem, empty = choice.problem, choice.fits[0].misfit
+    if not problem.twin:
+        return (empty - simpler.misfit) / max(empty - best.misfit, 1e-300)
+    missing, whole = (
+        float(np.sum((problem.whiten(change) * problem.inside) ** 2))
+        for change in (best.change - simpler.change, best.change)
+    )
+    return 1 - missing / max(whole, 1e-300)
 
 
 def _without_one(problem: Problem, best: Fit) -> list[tuple[Group, Fit]]:

@@ -309,12 +309,24 @@ class _Search:
         The larger an effect is, the more of the difference may come from the error of its form.
         """
         over = overdispersion(self.problem, current)
-        size = [float(np.sum((values / errors) ** 2)) for _, values, errors in current.members()]
+        size = [self._size(*member) for member in current.members()]
         found = [
             (place, other, (rival.score - current.score) / (over + FORM_ERROR * size[place]))
             for place, other, rival in self._swaps(current, over, 2 * _RIVALS)
         ]
         return [one for one in found if one[2] < SIMILAR]
+
+    def _size(self, group: Group, values: np.ndarray, errors: np.ndarray) -> float:
+        """How much an effect explains: of its torque, or less what other terms may explain too.
+
+        With a twin, friction that may differ from day to day would hide most of its torque.
+        """
+        if not self.problem.twin:
+            return float(np.sum((values / errors) ** 2))
+        share = values / [self.problem.terms[term].prior_std for term in group]
+        used = self.problem.samples(self.problem.fitting)
+        white = self.problem.white[list(group)][:, used].astype(float)
+        return float(np.sum(np.tensordot(share, white, axes=1) ** 2))
 
     def _is_alike(self, group: Group, other: Group) -> bool:
         """Whether two effects are kinds of friction of speed on one axis."""
