@@ -29,10 +29,11 @@ def info(folder: Folder, as_json: Json = False) -> None:
     damaged = dataset.damaged()
     broken = {Path(name).stem for name in damaged}
     versions = dataset.versions()
+    missing, failed = set(dataset.missing), dataset.failed
     rows = []
     for run_id, parameters in dataset.planned.items():
-        state = "missing" if run_id in dataset.missing else "ok"
-        state = "failed" if run_id in dataset.failed else state
+        state = "missing" if run_id in missing else "ok"
+        state = "failed" if run_id in failed else state
         state = "damaged" if run_id in broken else state
         rows.append(
             {
@@ -55,7 +56,7 @@ def info(folder: Folder, as_json: Json = False) -> None:
     interpolated = {
         run.id: interpolation_error(run.attributes)
         for run in dataset.runs
-        if run.id not in broken and run.attributes.get("fidelity") == "interpolated"
+        if run.id not in broken and dataset.planned[run.id].get("interpolated")
     }
     result: dict[str, Any] = {
         "folder": str(folder),
@@ -69,7 +70,7 @@ def info(folder: Folder, as_json: Json = False) -> None:
         "only_copy": sum(not run.own_file for run in dataset.runs),
         "interpolation_error": interpolated,
         "missing": dataset.missing,
-        "failed": dataset.failed,
+        "failed": failed,
         "damaged": damaged,
         "versions": {str(version): ids for version, ids in versions.items()},
     }
@@ -87,7 +88,7 @@ def info(folder: Folder, as_json: Json = False) -> None:
                 f"{len(interpolated)} runs are interpolated: where it was measured, the error of "
                 f"their torque is at most {max(interpolated.values()):.1%} of its noise"
             )
-        for run_id, reason in dataset.failed.items():
+        for run_id, reason in failed.items():
             print(f"failed: {run_id}: {reason}")
         for name, reason in damaged.items():
             print(f"damaged: {name}: {reason}")

@@ -18,7 +18,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -99,10 +99,12 @@ class StoredRun:
         with self.open() as run:
             return {name: plain_value(value) for name, value in run.attrs.items()}
 
-    @property
+    @cached_property
     def made_by(self) -> Provenance:
         """The versions and the code that made the run."""
-        return Provenance.of(self.attributes)
+        with self.open() as run:
+            names = [field.name for field in fields(Provenance) if field.name in run.attrs]
+            return Provenance.of({name: plain_value(run.attrs[name]) for name in names})
 
     def __getitem__(self, name: str) -> Any:
         return self.attributes[name]
@@ -218,7 +220,7 @@ class Dataset:
             every[i] = StoredRun(i, merged_path, f"runs/{i}")
         return [run for i, run in every.items() if i not in lost - merged_only]
 
-    @property
+    @cached_property
     def missing(self) -> list[str]:
         """Ids of the planned runs that do not exist."""
         there = {run.id for run in self.runs}

@@ -237,7 +237,8 @@ class RunWriter:
             if found.digest() != wanted.digest():
                 return name
         for name, attributes in self._attributes.items():
+            stored = file[name].attrs
             for key, value in attributes.items():
-                if not np.array_equal(file[name].attrs[key], value):
+                if not np.array_equal(stored[key], value):
                     return f"attribute {key} of {name}"
         return ""
