@@ -408,5 +408,5 @@ def test_bad_csv(tmp_path):
     with pytest.raises(InputError, match="is not a file"):
         read_recording(tmp_path)
     (tmp_path / "n.h5").write_text("not HDF5")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is no recording"):
         read_recording(tmp_path / "n.h5")

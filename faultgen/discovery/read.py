@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import h5py
+
 from faultgen.discovery.fields import fields_of
 from faultgen.discovery.read_csv import read_csv
 from faultgen.discovery.read_hdf5 import read_hdf5
@@ -32,6 +34,11 @@ def read_recording(path: str | Path) -> Recording:
     if not path.is_file():
         raise InputError(f"{path}: {'is not a file' if path.exists() else 'no such file'}")
     is_csv = path.suffix.lower() == ".csv"
+    if not is_csv and not h5py.is_hdf5(path):
+        raise InputError(
+            f"{path}: is no recording, because it is neither an HDF5 file nor named .csv; "
+            "'faultgen import' makes a recording of a log"
+        )
     try:
         named, attributes = read_csv(path) if is_csv else read_hdf5(path)
     except InputError:
