@@ -75,8 +75,8 @@ def discover(
     prior_scale: Annotated[
         float | None,
         typer.Option(
-            help="How uncertain the model's parameters are, as a multiple of the usual values. "
-            "Default: it is learned from the recording."
+            help="How uncertain the model's parameters are, as a multiple of the usual values. It "
+            "counts only without --healthy. Default: it is learned from the recording."
         ),
     ] = None,
     white_noise: Annotated[
@@ -92,10 +92,10 @@ def discover(
 ) -> None:
     """Find the effect that a robot has and its model lacks.
 
-    The command compares a recording of the robot with its simulation. With --healthy, the recording
-    from before the change is subtracted, so that even small changes are visible. Without it, the
-    model is first calibrated on the recording, and an effect is reported only if it is larger than
-    the errors of this model.
+    The command compares a recording of the robot with its simulation. With --healthy, the model
+    is fitted to the recording from before the change, and the two recordings are subtracted, so
+    that even small changes are visible. Without it, the model is calibrated on the measured
+    recording itself, and an effect is reported only if it is larger than the errors of this model.
 
     The recording has position and torque of every axis, or motor current [A] instead of torque; its
     samples need not be evenly spaced.
@@ -106,8 +106,9 @@ def discover(
     part), report.html and, if the verdict is ambiguous, next_experiment.toml.
 
     With --plan, the command needs no recording. It writes motions within the limits of the robot,
-    motion_1.toml and so on, that separate the effects best, and plan.json with the expected rate of
-    right answers for each effect and axis, beside that of the task pick_and_place.
+    motion_1.toml and so on, that separate the effects best, and plan.json with the expected share
+    of right answers for each effect and axis. For comparison it has the same for the task
+    pick_and_place or, if the robot does not have this task, for fast moves between poses.
     """
     if plan:
         others = {

@@ -16,8 +16,8 @@ def export(
     sources: Annotated[
         list[Path],
         typer.Argument(
-            help="Run files of a dataset, such as dataset/runs/0123456789abcdef.h5; or, with "
-            "--parquet, a dataset or a fleet."
+            help="Run files of a dataset, such as dataset/runs/0123456789abcdef.h5; with "
+            "--parquet, a dataset or a fleet; with --layout, a fleet."
         ),
     ],
     out: Annotated[Path, out_option("Recording to write (HDF5).")] = Path("measured.h5"),

@@ -69,8 +69,8 @@ def isolate(
     the dataset was generated without noise, these are the cycles of its healthy run with other
     draws of the noise. If it was generated with noise, they are healthy runs with other seeds;
     generate such a dataset with --repetitions. The table gives the share of correct answers with 95
-    % Wilson intervals. Its rows 'healthy' give the share of healthy runs in which an isolator
-    wrongly names an axis. The result is also written to isolation.json in the folder.
+    % Wilson intervals. Its columns 'healthy' give the share of healthy runs in which an
+    isolator wrongly names an axis. The result is also written to isolation.json in the folder.
     """
     from faultgen.evaluation.isolate import isolate as run_isolate
     from faultgen.evaluation.outcomes import save, table, to_dict

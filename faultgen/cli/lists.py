@@ -44,8 +44,9 @@ def tasks(
 ) -> None:
     """List the tasks of each robot with their cycle times.
 
-    The window share is the share of time in which a motor turns at 50 to 120 rad/s. Only samples
-    from this time count in the mean torque that monitoring stores.
+    The window share is the share of time in which a motor turns at 50 to 120 rad/s. If it is
+    above zero, only samples from this time count in the mean torque that monitoring stores. For an
+    axis that never turns so fast, generate uses a window of 0.5 to 1.2 times its top speed.
     """
     from faultgen.robot import load_robot, robot_names
     from faultgen.simulation.motion import plan
