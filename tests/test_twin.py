@@ -1,9 +1,13 @@
 """What a twin learns from healthy recordings."""
 
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import faultgen
 from recorded import NOISE, record
 
 from faultgen.discovery.recording import write_recording
@@ -168,3 +172,28 @@ def test_the_whole_twin(recordings, tiny_robot_path, tmp_path):
         make_twin([files[0], files[0]], tiny_robot_path, tmp_path / "two")
     with pytest.raises(InputError, match="must be a folder"):
         make_twin(files, tiny_robot_path, files[0])
+
+
+@pytest.mark.slow
+def test_the_example_of_the_page(tmp_path):
+    """The commands of docs/twin.md name wear of 5 % and more on the right axis, and no healthy one.
+
+    The robot has another servo than the model, which the twin must not get wrong.
+    """
+    root = Path(__file__).parents[1]
+    subprocess.run(
+        [sys.executable, root / "benchmarks" / "twin_example.py", "-o", tmp_path / "example"],
+        check=True,
+    )
+    page = (root / "docs" / "twin.md").read_text()
+    commands = page.split("twin_example.py -o example\n")[1].split("\n\n")[0].replace("\\\n", " ")
+    for command in commands.strip().split("\n"):
+        words = [
+            sorted(tmp_path.glob(word)) if "?" in word else [word]
+            for word in command.replace(".venv/bin/faultgen", "").split()
+        ]
+        done = faultgen(*(one for found in words for one in found), cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    answers = done.stdout.strip().split("\n")
+    assert all("healthy, probability" in line for line in answers[:2])
+    assert all("friction_wear on axis 1, severity" in line for line in answers[2:6])

@@ -120,8 +120,46 @@ def calibrate(
     check_names("exclude", exclude, NUMBERS)
     if recording.link:  # the drive's log is not compared
         exclude = {*exclude, GAIN}
-    given, lawful = robot, with_friction_law(robot, recording)
-    robot, servo = with_own_servo(recording, lawful)
+    lawful = with_friction_law(robot, recording)
+    own, servo = with_own_servo(recording, lawful)
+
+    def made(model: Robot) -> Calibrated:
+        return _calibrated(
+            recording, (robot, lawful, model), prior_scales, exclude, known, workers, cache
+        )
+
+    found = made(own)
+    if not servo:
+        return found
+    if found.method == "physical":  # simulated with this servo, the model is worse than a rigid arm
+        other = made(lawful)
+        if other.errors["calibrated"] < found.errors["calibrated"]:
+            return other
+    return replace(found, lacks=(servo, *found.lacks))
+
+
+def _calibrated(
+    recording: Recording,
+    models: tuple[Robot, Robot, Robot],
+    prior_scales: Sequence[float],
+    exclude: Collection[str],
+    known: Collection[str],
+    workers: int,
+    cache: Path | None,
+) -> Calibrated:
+    """Calibrate a model as `calibrate` does.
+
+    Args:
+        recording: The measured data.
+        models: The given model; the same with the friction that it lacks; and that with the servo
+            with which it is simulated.
+        prior_scales: As for `calibrate`.
+        exclude: As for `calibrate`.
+        known: As for `calibrate`.
+        workers: As for `calibrate`.
+        cache: As for `calibrate`.
+    """
+    given, lawful, robot = models
     # torque of the model's motors, from which the recording differs by the given torque_gain
     modelled = replace(recording, torque=recording.torque * robot.torque_gain)
     regression = _regression(modelled, robot, exclude)
@@ -129,7 +167,7 @@ def calibrate(
     if not held_out.is_possible:
         raise InputError(f"{recording.source}: too little of it moves to fit and judge a model")
     errors = {"classical": held_out.classical, "given": held_out.error_of(lawful)}
-    before = held_out.error_of(robot) if servo else errors["given"]
+    before = errors["given"] if robot is lawful else held_out.error_of(robot)
     spread, physical, errors["physical"] = None, robot, np.inf
     with Progress("fitting the physical model", None):
         for wider in spreads(regression, held_out.fitting, prior_scales, known, exclude):
@@ -140,13 +178,11 @@ def calibrate(
             if error <= EQUAL * held_out.classical:
                 break
     assert spread is not None
-    models = {"given": robot, "physical": physical}
     if not np.isfinite(before) and not np.isfinite(errors["physical"]):
         raise SimulationFailed("the model diverges on the recorded motion")
-    start = "given" if before <= errors["physical"] else "physical"
     simulated = SimulatedFit(
         recording,
-        models[start],
+        robot if before <= errors["physical"] else physical,
         held_out.scoring,
         prior_scales,
         spread.exclude,
@@ -156,7 +192,7 @@ def calibrate(
     )
     errors["simulated"] = held_out.error(simulated.predicted())
     best = min(("simulated", "physical"), key=lambda name: errors[name])
-    lacks = [servo] if servo else []
+    lacks: list[str] = []
     if best == "simulated":
         made, share = simulated.model()
         if share < 1:
@@ -168,7 +204,7 @@ def calibrate(
             "the simulation and are used"
         )
         if not np.isfinite(held_out.error_of(made)):
-            made = models["physical"]
+            made = physical
     errors["calibrated"] = errors[best]
     if errors["calibrated"] > EQUAL * errors["classical"]:
         lacks.append(
