@@ -30,7 +30,7 @@ from faultgen.system.reading import read_text
 FILE = "sensors.toml"
 """Name of the file with its own sensors in a robot's folder."""
 
-_STEADY = 4.0  # largest sum of |coefficients| of a torque colour; more is no noise
+_LARGEST = 256.0  # sum of |coefficients| that no steady torque colour of eight coefficients has
 _SETTLING = 512  # samples after which a coloured noise no longer depends on its start
 
 
@@ -257,7 +257,7 @@ def _check_numbers(found: Sensors, where: str) -> None:
                     + ("" if signed else " and not negative")
                 )
     for axis, own in enumerate(found.torque_colour, start=1):
-        if np.abs(own).sum() > _STEADY or (np.abs(np.roots([1, *(-np.array(own))])) >= 1).any():
+        if np.abs(own).sum() > _LARGEST or (np.abs(np.roots([1, *(-np.array(own))])) >= 1).any():
             raise InputError(
                 f"sensors file {where}: torque_colour of axis {axis} is no steady noise"
             )
