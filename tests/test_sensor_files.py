@@ -176,3 +176,10 @@ def test_healthy_cycles_differ_from_each_other(own_robot, tmp_path):
         for one in (steady, varied)
     ]
     assert apart[1] > 10 * apart[0]
+
+
+def test_noise_of_a_real_arm_is_steady():
+    """Axis 4 of a UR10e, whose sharp colour has coefficients that sum to more than 4."""
+    colour = [1.4318, -1.564, 0.80728, -0.45411, 0.0026958, -0.10884, 0.02379, -0.11957]
+    text = f"torque_noise = 0.01\ntorque_colour = [{colour}]"
+    assert parse_sensors(text, "own.toml").torque_colour == [colour]
