@@ -88,13 +88,8 @@ def test_two_effects(files, tiny_robot_path):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="two effects that imitate the unknown one are named")
 def test_what_is_not_in_the_catalogue_is_not_named(measured, files, tiny_robot_path):
-    """With its effect taken out of the catalogue, the gap stays unexplained.
-
-    This robot and motion do not reach it: 28 % less torque and 44 % less Coulomb friction imitate
-    a heavier rotor, and explain so much that they are named.
-    """
+    """With its effect taken out of the catalogue, the gap stays unexplained."""
     path = files / "heavy.h5"
     write_recording(measured([("rotor_inertia", 2, 0.5)], 5), path)
     known = faultgen.discover(path, tiny_robot_path, files / "healthy.h5")

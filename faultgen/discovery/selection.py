@@ -200,6 +200,14 @@ class _Search:
         taken = {self._which(group) for group in groups}
         return [group for group in self.candidates if self._which(group) not in taken]
 
+    def _share(self, group: Group) -> float:
+        """Smallest share that an effect must have in what all explain.
+
+        Friction that may differ from day to day explains less than its torque.
+        """
+        is_usual = self.problem.friction_spread and get_effect(self._term(group).name).prior.group
+        return 0.0 if is_usual else SHARE
+
     def _which(self, group: Group) -> tuple:
         """Effect, axis and parameters, without the probing severity."""
         return (*self._term(group).key, self._term(group).parameters)
@@ -229,7 +237,7 @@ class _Search:
             is_play = get_effect(self._term(group).name).prior.play
             if found and not is_play:
                 continue
-            least = max(self._sure(group) / 2, SHARE * self._explained(current))
+            least = max(self._sure(group) / 2, self._share(group) * self._explained(current))
             if gain < least:
                 break
             if self._is_companion(current, group) and gain < COMPANION * self._explained(current):
@@ -264,7 +272,8 @@ class _Search:
         while len(new.groups) > 1:
             losses = [float(np.sum((values / errors) ** 2)) for _, values, errors in new.members()]
             k = int(np.argmin(losses))
-            least = max(self._sure(new.groups[k]), SHARE * self._explained(new))
+            group = new.groups[k]
+            least = max(self._sure(group), self._share(group) * self._explained(new))
             if losses[k] > 3 * least:
                 return new
             without = self._fitted([g for j, g in enumerate(new.groups) if j != k])
