@@ -46,7 +46,7 @@ def arm(n_axes: int) -> str:
 
 
 def measured(*arguments: object) -> dict[str, float]:
-    """Processor time [s] and peak memory [MiB] of a command of faultgen with its workers."""
+    """Processor time [s] and peak memory [MiB] of a command of faultgen, without any workers."""
     code = (
         "import resource, sys\n"
         "from faultgen.cli import main\n"
@@ -82,12 +82,13 @@ def sweep(
 ) -> dict[str, float]:
     """Generate a dataset with one worker, and look at it."""
     out = folder / f"{n_axes}-{runs}-{cycles}"
-    told = ["--axis", 1, "--repetitions", max(1, runs // 2), "--cycles", cycles]
+    repetitions = max(1, runs // 2)  # each is a healthy run and a worn one
+    told = ["--axis", 1, "--repetitions", repetitions, "--cycles", cycles]
     made = measured("generate", *robot, *told, "--signals", "none", "--workers", 1, "-o", out)
     seen = measured("info", out)
     return {
         "axes": n_axes,
-        "runs": 2 * max(1, runs // 2),
+        "runs": 2 * repetitions,
         "cycles": cycles,
         **{f"generate_{name}": value for name, value in made.items()},
         **{f"info_{name}": value for name, value in seen.items()},

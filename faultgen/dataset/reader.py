@@ -18,7 +18,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -102,9 +102,8 @@ class StoredRun:
     @cached_property
     def made_by(self) -> Provenance:
         """The versions and the code that made the run."""
-        with self.open() as run:
-            names = [field.name for field in fields(Provenance) if field.name in run.attrs]
-            return Provenance.of({name: plain_value(run.attrs[name]) for name in names})
+        with self.open() as run:  # `attributes` would read all of them
+            return Provenance.of(run.attrs)
 
     def __getitem__(self, name: str) -> Any:
         return self.attributes[name]

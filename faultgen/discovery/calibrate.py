@@ -147,17 +147,10 @@ def _calibrated(
     workers: int,
     cache: Path | None,
 ) -> Calibrated:
-    """Calibrate a model as `calibrate` does.
+    """Calibrate a model whose servo is chosen.
 
-    Args:
-        recording: The measured data.
-        models: The given model; the same with the friction that it lacks; and that with the servo
-            with which it is simulated.
-        prior_scales: As for `calibrate`.
-        exclude: As for `calibrate`.
-        known: As for `calibrate`.
-        workers: As for `calibrate`.
-        cache: As for `calibrate`.
+    The `models` are the given one, the same with the friction that it lacks, and that with the
+    servo with which it is simulated. The other arguments are those of `calibrate`.
     """
     given, lawful, robot = models
     # torque of the model's motors, from which the recording differs by the given torque_gain

@@ -87,7 +87,8 @@ class Problem:
     the noise, shape (samples, n_axes). None if it is not known."""
     friction_spread: float = 0.0
     """Standard deviation of the friction factors of the axes, if friction differs on most of them
-    and `run_to_run` is known from this alone, or if too few axes move to show it; otherwise 0."""
+    and `run_to_run` is known from this alone; `run_to_run.USUAL` if too few axes move to show it;
+    otherwise 0."""
 
     @property
     def fitting(self) -> list[int]:

@@ -115,7 +115,12 @@ class Arm:
         return point, Rotation.from_matrix(self._data.site_xmat[self._tool].reshape(3, 3))
 
     def inverse_kinematics(
-        self, point: np.ndarray, orientation: Rotation, near: np.ndarray
+        self,
+        point: np.ndarray,
+        orientation: Rotation,
+        near: np.ndarray,
+        *,
+        is_close: bool = False,
     ) -> np.ndarray:
         """Find joint angles that bring the tool to a pose.
 
@@ -123,6 +128,7 @@ class Arm:
             point: Position of the tool, shape (3,), in [m].
             orientation: Orientation of the tool.
             near: Joint angles from which the search starts, shape (n_axes,), in [rad].
+            is_close: Whether the pose is close to that of `near`, which makes the search short.
 
         Returns:
             Joint angles within the joint ranges, shape (n_axes,), in [rad].
@@ -130,7 +136,7 @@ class Arm:
         Raises:
             InputError: From `near`, the pose cannot be reached to within 1e-6 m and 1e-6 rad.
         """
-        if self.model.nv > 6:  # the search below is slow where there are many solutions
+        if is_close or self.model.nv > 6:  # the search below is slow if there are many solutions
             close = self.follow(point, orientation, near)
             if close is not None:
                 return close

@@ -293,13 +293,11 @@ def _path(
     angles = [here]
     for value in s[1:]:
         knot = np.interp(value * way[-1], way, fine)
-        close = arm.follow(curve(knot), turn(knot), angles[-1])
+        point, turned = curve(knot), turn(knot)
         try:
-            if close is None:
-                close = arm.inverse_kinematics(curve(knot), turn(knot), angles[-1])
+            angles.append(arm.inverse_kinematics(point, turned, angles[-1], is_close=True))
         except InputError as error:
             raise InputError(f"task {task.name}, move {number}: {error}") from None
-        angles.append(close)
     if len(there) > 6 and number < len(task.move):
         there = angles[-1]
     if np.abs(angles[-1] - there).max() > 1e-3:

@@ -16,7 +16,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from multiprocessing import resource_tracker
 from typing import Any
 
@@ -78,7 +78,7 @@ def in_parallel(calls: Iterable[Call], workers: int, *, ordered: bool = True) ->
         return_as="generator" if ordered else "generator_unordered",
         batch_size=1,
     )
-    with _interrupts_held():
+    with _interrupts_held() if workers > 1 else nullcontext():
         results = jobs(
             joblib.delayed(_make_call)(own, function, given, named)
             for function, given, named in calls
