@@ -217,7 +217,9 @@ def test_names_of_files_and_robots_do_not_matter(files, tiny_robot_path, tmp_pat
     other = faultgen.discover(
         tmp_path / "torque_offset_axis_1.h5", model, files / "healthy.h5", cache=tmp_path
     )
-    assert len(other["warnings"]) == 2  # of the robot's name, in either file
+    named = [line for line in other["warnings"] if "the file says robot" in line]
+    assert len(named) == 2  # of the robot's name, in either file
+    assert len(other["warnings"]) == 3  # and of the friction of a robot with few axes
     for key in ("verdict", "effects", "alternatives", "gap", "where", "calibration"):
         assert other[key] == plain[key]
 
@@ -263,8 +265,9 @@ def test_noise_that_two_recordings_share_is_reckoned_with(shared, tiny_robot_pat
     own, none = against_healthy(shared, tiny_robot_path, "own_noise")
     result, effects = against_healthy(shared, tiny_robot_path, "play")
     assert (result["verdict"], effects) == (own["verdict"], none) == ("no missing effect", [])
-    assert own["warnings"] == []
-    (warning,) = result["warnings"]
+    (warning,) = own["warnings"]
+    assert "how much friction differs from day to day" in warning
+    (warning,) = set(result["warnings"]) - {warning}
     assert "axis 1, 2: the recording and its healthy twin differ by far less" in warning
     assert "paired = false" in warning
 
@@ -337,8 +340,9 @@ def test_gap_and_validation_are_the_same_on_the_same_motions(measured, tiny_robo
     )
     gap = result["gap"]
     assert [(one["effect"], one["axis"]) for one in result["effects"]] == [("torque_offset", 1)]
+    # each is relative to the torque of its whole recording, of which the noise differs
     for name in ("before", "after"):
-        assert gap["validation"][name] == pytest.approx(gap[name], rel=1e-6)
+        assert gap["validation"][name] == pytest.approx(gap[name], rel=1e-3)
     assert gap["floor"] <= gap["after"] < 0.7 * gap["before"]
 
 

@@ -9,9 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from faultgen.errors import InputError, StorageFailed
-from faultgen.system.hdf5 import new_hdf5, read_back
-
 HERE = Path(__file__).parent / "faults"
 ENOSPC, EIO = 28, 5
 LINE = r"faultgen: [^\n]*\n"
@@ -127,18 +124,3 @@ def test_full_disks_are_reported_and_resumed(arguments, tmp_path):
             assert case["sums"] == intact
         assert case["again"] == 0
         assert case["sums_again"] == intact
-
-
-def test_a_file_that_cannot_be_closed_after_it_was_compared_is_reported(tmp_path):
-    """HDF5 raises a RuntimeError then; the file may be whole, but nobody knows."""
-    path = tmp_path / "data.h5"
-    with new_hdf5(path) as (file, _):
-        file["values"] = [1.0, 2.0]
-    with read_back(path) as file:
-        assert file["values"][1] == 2.0
-    with pytest.raises(StorageFailed, match=r"data.h5: differs from .* \(unable to close file\)$"):
-        with read_back(path):
-            raise RuntimeError("unable to\nclose file")
-    with pytest.raises(InputError, match="^of another file$"):
-        with read_back(path):
-            raise InputError("of another file")

@@ -12,6 +12,7 @@ import pytest
 
 import faultgen.dataset.merge as merging
 import faultgen.dataset.sweep as sweep
+import faultgen.system.checked_file as checked_file
 import faultgen.system.files as files
 from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.manifest import Manifest
@@ -19,8 +20,15 @@ from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.storage import RunWriter
 from faultgen.errors import InputError, StorageFailed
 from faultgen.system.arrays import read_arrays, write_arrays
+from faultgen.system.checked_file import Sink
 from faultgen.system.files import file_sha256, temporary_name, writer_of
-from faultgen.system.hdf5 import Sink
+
+
+def use_blocks_of(monkeypatch, size):
+    """Compare files in blocks of so many bytes, of which few are kept in memory."""
+    monkeypatch.setattr(checked_file, "BLOCK", size)
+    monkeypatch.setattr(checked_file, "_RECENT", 2)
+    monkeypatch.setattr(checked_file, "_EMPTY", checked_file._sum(b""))
 
 
 @pytest.fixture(scope="module")
@@ -38,8 +46,10 @@ def dataset(made, tmp_path):
     return Path(shutil.copytree(made, tmp_path / "out"))
 
 
-def test_a_sink_is_a_file(tmp_path):
+@pytest.mark.parametrize("block", [16, checked_file.BLOCK])
+def test_a_sink_is_a_file(tmp_path, monkeypatch, block):
     """Any sequence of calls moves, reads and writes the same bytes as a file in memory."""
+    use_blocks_of(monkeypatch, block)
     rng = np.random.default_rng(0)
     sink, file = Sink(tmp_path / "a"), io.BytesIO()
     assert sink.readable() and sink.writable() and sink.seekable()
@@ -70,6 +80,59 @@ def test_a_sink_is_a_file(tmp_path):
         assert sink.tell() == file.tell()
     sink.sync()
     assert (tmp_path / "a").read_bytes() == file.getvalue()
+
+
+@pytest.mark.parametrize("when", ["end", "read", "overwrite", "cut"])
+def test_bytes_that_change_while_a_file_is_written_are_noticed(tmp_path, monkeypatch, when):
+    """Wherever the byte is, and also if the block is read or changed again before the end."""
+    use_blocks_of(monkeypatch, 16)
+    path = tmp_path / "a"
+    for place in range(0, 200, 7):
+        sink = Sink(path, tmp_path / "final")
+        sink.write(bytes(range(200)))
+        with path.open("r+b") as file:
+            file.seek(place)
+            file.write(b"\xff")
+        sink.seek(place)
+        if when == "read":
+            sink.readinto(bytearray(1))
+        elif when == "overwrite":
+            sink.seek(place + 1)
+            sink.write(bytes(1))
+        elif when == "cut":
+            sink.truncate(place + 1)
+        with pytest.raises(StorageFailed, match="final: differs from what was written"):
+            sink.sync()
+        sink.close()
+
+
+def test_wrong_bytes_of_the_disk_are_not_merged(dataset, monkeypatch):
+    """A disk that returns other bytes than those whose checksum was right stops the merging."""
+    run = open_dataset(dataset).runs[0]
+    real, reads = os.read, []
+
+    def flipped(handle, size):
+        content = bytearray(real(handle, size))
+        reads.append(len(content))
+        if len(content) > 1000:
+            content[1000] ^= 1
+        return bytes(content)
+
+    with run.open(every_read=True) as file:
+        wanted = {name: value[()] for name, value in file["monitoring"].items()}
+    with run.open() as file:
+        assert all(np.array_equal(file["monitoring"][name], wanted[name]) for name in wanted)
+    monkeypatch.setattr(os, "read", flipped)
+    (dataset / "dataset.h5").unlink()
+    with pytest.raises(StorageFailed, match="h5: cannot be read .the disk returned wrong bytes"):
+        merging.merge(open_dataset(dataset))
+    assert reads
+    assert not [
+        path.name for path in dataset.iterdir() if "dataset" in path.name and "tmp" in path.name
+    ]
+    monkeypatch.setattr(os, "read", real)
+    merging.merge(open_dataset(dataset))
+    assert not open_dataset(dataset).damaged()
 
 
 def test_a_sink_is_closed_once(tmp_path):
@@ -209,18 +272,6 @@ def test_a_failed_write_ends_a_run_at_once(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_cycles_are_written_in_their_order(tmp_path):
-    """A cycle that is left out or written twice is an error of the program."""
-    with RunWriter(tmp_path, "0" * 16, {}, "<mujoco/>") as writer:
-        writer.scale("cycle_number", np.arange(1, 3))
-        writer.create("cycle/severity", (2,), "f8", ("cycle_number",))
-        writer.put("cycle/severity", 0, np.ones(()))
-        for wrong in (0, 2):
-            with pytest.raises(ValueError, match="cannot follow 1 cycles"):
-                writer.put("cycle/severity", wrong, np.ones(()))
-        writer.put("cycle/severity", 1, np.ones(()))
-
-
 def test_a_lost_list_of_runs_is_written_again(tiny_robot_path, tiny_task_path, dataset):
     """The run files show which dataset it was: they are kept, and those of another are refused."""
     before = (dataset / "runs.json").read_bytes()
@@ -285,46 +336,3 @@ def test_dimension_scales_of_merged_runs_are_their_own(dataset):
                     found = [[one.name for one in d.values()] for d in group[name].dims]
                     assert found == wanted and group[name].is_scale == item.is_scale
                 assert any(len(item.dims) and len(item.dims[0]) for _, item in arrays)
-
-
-def _other_values(group):
-    group["cycle/severity"][0] = 9.0
-
-
-def _other_type(group):
-    values = group["model"][()]
-    del group["model"]
-    group["model"] = np.void(values)
-
-
-def _other_attribute(group):
-    group["cycle/severity"].attrs["units"] = "kg"
-
-
-def _other_root_attribute(group):
-    group.attrs["seed"] = -1
-
-
-@pytest.mark.parametrize(
-    ("change", "name"),
-    [
-        (_other_values, "cycle/severity"),
-        (_other_type, "model"),
-        (_other_attribute, "cycle/severity"),
-        (_other_root_attribute, "/"),
-    ],
-)
-def test_a_wrong_copy_is_not_merged(dataset, monkeypatch, change, name):
-    """What differs between the merged file and a run is named, and nothing is left."""
-    real = merging.copy_run
-
-    def wrong(file, parent, name):
-        real(file, parent, name)
-        change(parent[name])
-
-    monkeypatch.setattr(merging, "copy_run", wrong)
-    (dataset / "dataset.h5").unlink()
-    with pytest.raises(StorageFailed, match=rf"dataset.h5: '{name}' of run \w+ differs from what"):
-        merging.merge(open_dataset(dataset))
-    assert not (dataset / "dataset.h5").exists()
-    assert not list(dataset.glob(".*.tmp"))

@@ -15,7 +15,7 @@ from tabulate import tabulate
 
 from faultgen.dataset.manifest import Manifest
 from faultgen.dataset.splits import SCHEMES, TEST, TRAIN, UNUSED
-from faultgen.dataset.tables import OpenRun, runs_table
+from faultgen.dataset.tables import OpenRun
 from faultgen.provenance import Provenance
 
 LICENCE = "https://creativecommons.org/licenses/by/4.0/"
@@ -34,22 +34,23 @@ _LIMITATIONS = (
 )
 
 
-def data_card(runs: Sequence[OpenRun], manifest: Manifest) -> str:
+def data_card(runs: Sequence[OpenRun], table: pd.DataFrame, manifest: Manifest) -> str:
     """Write the data card of a dataset.
 
     Args:
         runs: The runs that exist.
+        table: Their table, from `faultgen.dataset.tables.runs_table`.
         manifest: The list of all runs, with their divisions.
 
     Returns:
         The card as Markdown.
     """
-    table = runs_table(runs, manifest.splits)
     name = manifest.experiment_sha256[:8]
     missing = len(manifest.runs) - len(table)
     cycles = int(table["cycles"].sum()) if len(table) else 0
     paired = table["seed"].duplicated().any() if len(table) else False
-    versions = sorted({str(Provenance.of(run.attributes)) for run in runs})
+    made_by = table[_VERSIONS].drop_duplicates() if len(table) else table
+    versions = sorted(str(Provenance.of(row)) for row in made_by.to_dict("records"))
     parts = [
         f"# Data card: faultgen dataset {name}",
         "Simulated condition-monitoring data of industrial robots with known faults, to train and "
@@ -60,7 +61,7 @@ def data_card(runs: Sequence[OpenRun], manifest: Manifest) -> str:
         + (f" {missing} planned runs are missing." if missing else ""),
     ]
     if len(table):
-        parts += [_content(table), *_operations(table), *_files(), *_arrays(runs)]
+        parts += [_content(table), *_operations(table), *_files(), *_arrays(runs, table)]
     parts += [
         "## Origin",
         f"Made by {'; '.join(versions) or 'no run'}. The experiment is in `experiment.toml` "
@@ -142,10 +143,11 @@ def _files() -> list[str]:
     ]
 
 
-_KIND = ("robot", "task", "effect", "axes", "beside")
+_KIND = ["robot", "task", "effect", "axes", "beside"]
+_VERSIONS = ["faultgen_version", "mujoco_version", "code_sha256"]
 
 
-def _arrays(runs: Sequence[OpenRun]) -> list[str]:
+def _arrays(runs: Sequence[OpenRun], table: pd.DataFrame) -> list[str]:
     """Labels and features, each with its unit, as they are in the runs."""
     found: dict[str, tuple[str, str]] = {}
 
@@ -157,9 +159,8 @@ def _arrays(runs: Sequence[OpenRun]) -> list[str]:
                 found[name] = (f"{before[0]} or {units}", text)
 
     # runs of one robot, task and kind of fault have the same arrays
-    kinds = {tuple(str(run.attributes.get(name)) for name in _KIND): run for run in runs}
-    for run in kinds.values():
-        with run.open() as group:
+    for number in table.drop_duplicates(_KIND).index:
+        with runs[number].open() as group:
             group.visititems(note)
     labels = {name: told for name, told in found.items() if name.startswith(("cycle/", "truth/"))}
     features = {name: told for name, told in found.items() if name not in labels}

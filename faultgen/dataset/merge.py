@@ -1,4 +1,4 @@
-"""All runs of a dataset in one HDF5 file, verified against the run files.
+"""All runs of a dataset in one HDF5 file.
 
 The file also holds a table of the runs, their list, the experiment and the data card, so that it
 can be read without the rest of the folder. It can be the only copy of the runs: their own files are
@@ -19,8 +19,9 @@ from h5py import h5a, h5d, h5ds, h5o
 
 from faultgen.dataset.card import data_card
 from faultgen.dataset.manifest import DATA_CARD, EXPERIMENT
-from faultgen.dataset.reader import MERGED, ONLY_COPY, Dataset
-from faultgen.dataset.tables import INDEX, runs_table
+from faultgen.dataset.merged_file import MERGED, ONLY_COPY, index_column
+from faultgen.dataset.reader import Dataset
+from faultgen.dataset.tables import INDEX
 from faultgen.errors import InputError, StorageFailed
 from faultgen.system.files import (
     checksum_path,
@@ -30,11 +31,14 @@ from faultgen.system.files import (
     verify,
     write_text,
 )
-from faultgen.system.hdf5 import new_hdf5, open_verified, read_back
+from faultgen.system.hdf5 import new_hdf5, open_verified
 
 
 def merge(dataset: Dataset, *, only_copy: bool = False) -> Path:
-    """Merge all runs into ``dataset.h5`` and compare the merged file with the run files.
+    """Merge all runs into ``dataset.h5``.
+
+    Every byte that is read is compared with the checksums of the run files, and the merged file is
+    read back and compared with what was written.
 
     The file has a group ``runs/<id>`` with the content and attributes of each run file, and the
     root attributes ``complete``, ``n_runs`` and ``only_copy``. The group ``index`` is a table of
@@ -50,22 +54,24 @@ def merge(dataset: Dataset, *, only_copy: bool = False) -> Path:
 
     Raises:
         InputError: A run file is damaged.
-        StorageFailed: The merged file cannot be written, or differs from the run files when it is
-            read back.
+        StorageFailed: A file cannot be read or written, or does not hold what was written.
     """
     path = dataset.path / MERGED
     sums = _sums(dataset, path)
     # runs that have no file any more stay in the merged file
     only_copy = only_copy or not all(run.own_file for run in dataset.runs)
+    table = dataset.index
+    if len(table):
+        table["file_sha256"] = [sums[i] for i in table["run"]]
     texts = {
         "manifest": dataset.manifest.text(),
         EXPERIMENT: (dataset.path / EXPERIMENT).read_text(encoding="utf-8"),
-        DATA_CARD: data_card(dataset.runs, dataset.manifest),
+        DATA_CARD: data_card(dataset.runs, table, dataset.manifest),
     }
     told = json.dumps([sums, dataset.missing, only_copy, texts])
     content = hashlib.sha256(told.encode()).hexdigest()
     if not _holds(path, content):
-        _write(dataset, path, content, only_copy, sums, texts)
+        _write(dataset, path, content, only_copy, table, texts)
     card = dataset.path / DATA_CARD
     if not card.is_file() or card.read_bytes() != texts[DATA_CARD].encode():
         write_text(card, texts[DATA_CARD])
@@ -89,7 +95,7 @@ def remove_run_files(dataset: Dataset) -> None:
     if reason is not None:
         raise StorageFailed(f"{path}: {reason}; the run files are kept")
     with open_verified(path) as merged:
-        held = _index_sums(merged) if merged.attrs[ONLY_COPY] else {}
+        held = index_column(merged, "file_sha256") if merged.attrs[ONLY_COPY] else {}
     files = [run for run in dataset.runs if run.own_file]
     for run in files:
         if held.get(run.id) != verify(run.path):
@@ -106,13 +112,8 @@ def _sums(dataset: Dataset, path: Path) -> dict[str, str]:
     held: dict[str, str] = {}
     if merged_only:
         with open_verified(path) as merged:
-            held = _index_sums(merged)
+            held = index_column(merged, "file_sha256")
     return {run.id: verify(run.path) if run.own_file else held[run.id] for run in dataset.runs}
-
-
-def _index_sums(merged: h5py.File) -> dict[str, str]:
-    ids, sums = (merged[f"index/{name}"].asstr()[()] for name in ("run", "file_sha256"))
-    return dict(zip(ids.tolist(), sums.tolist(), strict=True))
 
 
 def _holds(path: Path, content: str) -> bool:
@@ -128,13 +129,9 @@ def _write(
     path: Path,
     content: str,
     only_copy: bool,
-    sums: dict[str, str],
+    table: pd.DataFrame,
     texts: dict[str, str],
 ) -> None:
-    table = runs_table(dataset.runs, dataset.manifest.splits)
-    if len(table):
-        table["file_sha256"] = [sums[i] for i in table["run"]]
-    temporary = temporary_name(path)
     with new_hdf5(path) as (merged, sink):
         merged.attrs["content_sha256"] = content
         merged.attrs["complete"] = not dataset.missing
@@ -144,14 +141,10 @@ def _write(
             merged[name] = text
         _write_index(merged.create_group("index"), table)
         for run in dataset.runs:
-            with run.open() as file:
+            with run.open(every_read=True) as file:
                 copy_run(file, merged.require_group("runs"), run.id)
             sink.check()
-    try:
-        _verify(dataset, path, table, texts)
-        publish(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    publish(temporary_name(path), path)
 
 
 def _write_index(group: h5py.Group, table: pd.DataFrame) -> None:
@@ -206,66 +199,3 @@ def _array_names(file: h5py.Group) -> list[str]:
         for name in names
         if h5o.get_info(h5o.open(file.id, name)).type == h5o.TYPE_DATASET
     ]
-
-
-def _verify(dataset: Dataset, path: Path, table: pd.DataFrame, texts: dict[str, str]) -> None:
-    """Compare the merged file with the run files, which agree with their own checksums.
-
-    Raises:
-        StorageFailed: An array or attribute differs from the run file.
-    """
-    with read_back(path) as merged:
-        index = merged["index"]
-        read = {name: index[name].asstr()[()] for name in table if index[name].dtype == object}
-        wrong = [name for name, text in texts.items() if merged[name].asstr()[()] != text]
-        wrong += [
-            f"index/{name}"
-            for name, column in table.items()
-            if not np.array_equal(read.get(name, index[name][()]), column.to_numpy())
-        ]
-        if wrong:
-            raise StorageFailed(f"{path}: '{wrong[0]}' differs from what was written")
-        for run in dataset.runs:
-            group = merged[f"runs/{run.id}"]
-            with run.open() as file:
-                names = _array_names(file)
-                wrong = [name for name in names if not _same(file[name], group[name])]
-                wrong += [name for name in ["/", *names] if not _same_attributes(file, group, name)]
-                if wrong:
-                    raise StorageFailed(
-                        f"{path}: '{wrong[0]}' of run {run.id} differs from what was written"
-                    )
-
-
-def _same_attributes(file: h5py.Group, group: h5py.Group, name: str) -> bool:
-    path = b"." if name == "/" else name.encode()
-    one, other = (_attributes(h5o.open(there.id, path)) for there in (file, group))
-    return one.keys() == other.keys() and all(
-        np.array_equal(value, other[key]) for key, value in one.items()
-    )
-
-
-def _attributes(item: h5py.h5g.GroupID | h5py.h5d.DatasetID) -> dict[bytes, np.ndarray]:
-    """All attributes but the references of dimension scales; h5py's own mapping is slower."""
-    found = {}
-    for number in range(h5a.get_num_attrs(item)):
-        attribute = h5a.open(item, index=number)
-        if attribute.name not in _SCALE_REFERENCES:
-            found[attribute.name] = np.empty(attribute.shape, attribute.dtype)
-            attribute.read(found[attribute.name])
-    return found
-
-
-def _same(one: h5py.Dataset, other: h5py.Dataset) -> bool:
-    """Whether two arrays are equal; their stored chunks are compared without unpacking them."""
-    if one.shape != other.shape or one.dtype != other.dtype:
-        return False
-    if one.chunks is None:
-        return np.array_equal(one[()], other[()])
-    if one.id.get_num_chunks() != other.id.get_num_chunks():
-        return False
-    for number in range(one.id.get_num_chunks()):
-        offset = one.id.get_chunk_info(number).chunk_offset
-        if one.id.read_direct_chunk(offset) != other.id.read_direct_chunk(offset):
-            return False
-    return True

@@ -18,7 +18,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,22 +27,17 @@ import h5py
 import numpy as np
 
 from faultgen.dataset.manifest import DATA_CARD, EXPERIMENT, FILE, Manifest, check_layout
+from faultgen.dataset.merged_file import MERGED, made_by_of, only_in
 from faultgen.dataset.splits import SCHEMES, TEST, TRAIN, UNUSED
-from faultgen.errors import InputError, StorageFailed
+from faultgen.errors import InputError
 from faultgen.provenance import Provenance
 from faultgen.system.arrays import plain_value
-from faultgen.system.files import damage, file_sha256
+from faultgen.system.files import damage, file_sha256, verify
 from faultgen.system.hdf5 import open_verified
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
-
-MERGED = "dataset.h5"
-"""Name of the file that holds all runs."""
-
-ONLY_COPY = "only_copy"
-"""Attribute of that file: whether runs without a file of their own are to be read from it."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +71,11 @@ class StoredRun:
         return self.group == "/"
 
     @contextmanager
-    def open(self) -> Iterator[h5py.Group]:
+    def open(self, *, every_read: bool = False) -> Iterator[h5py.Group]:
         """Open the run for reading.
+
+        Args:
+            every_read: As in `faultgen.system.hdf5.open_verified`.
 
         Yields:
             The group that has the arrays and attributes of the run.
@@ -85,7 +83,7 @@ class StoredRun:
         Raises:
             InputError: The file is damaged, does not hold the run, or has another layout.
         """
-        with open_verified(self.path) as file:
+        with open_verified(self.path, every_read=every_read) as file:
             if self.group not in file:
                 raise InputError(f"{self.path}: does not hold the run {self.id}")
             version = file[self.group].attrs.get("schema_version")
@@ -238,9 +236,13 @@ class Dataset:
     def versions(self) -> dict[Provenance, list[str]]:
         """Ids of the intact runs, grouped by the versions and code that made them."""
         found: dict[Provenance, list[str]] = {}
+        told = made_by_of(self.file or self.path / MERGED)
         for run in self.runs:
             with suppress(InputError):  # a damaged file is reported by `damaged`
-                found.setdefault(run.made_by, []).append(run.id)
+                made_by, checksum = told.get(run.id, (None, ""))
+                if made_by is None or (run.own_file and verify(run.path) != checksum):
+                    made_by = run.made_by
+                found.setdefault(made_by, []).append(run.id)
         return found
 
     def damaged(self) -> dict[str, str]:
@@ -292,7 +294,8 @@ class Dataset:
         """A table with one row for each run: its parameters, and its part in every division."""
         from faultgen.dataset.tables import runs_table
 
-        return runs_table(self.runs, self.manifest.splits)
+        # each run is read once: what would be kept for a further time is let go
+        return runs_table((replace(run) for run in self.runs), self.manifest.splits)
 
     def to_dataframe(self, features: str | Sequence[str] | None = None) -> pd.DataFrame:
         """Return a table with one row for each cycle of every run.
@@ -393,25 +396,6 @@ class Dataset:
         from faultgen.system.tables import write_parquet
 
         write_parquet(self.to_dataframe(), Path(path))
-
-
-def only_in(merged: Path, *, whatever_it_says: bool = False) -> set[str]:
-    """Find the runs that a file of all runs holds in place of run files.
-
-    Args:
-        merged: Path of the file.
-        whatever_it_says: Whether it counts as the only copy even if it does not say so.
-
-    Returns:
-        Their ids; none if the file is missing or damaged, or if the runs have files of their own.
-    """
-    if not merged.is_file():
-        return set()
-    with suppress(InputError, StorageFailed):  # a damaged file is reported by `damaged`
-        with open_verified(merged) as file:
-            holds = whatever_it_says or file.attrs.get(ONLY_COPY, False)
-            return set(file["runs"]) if holds else set()
-    return set()
 
 
 def _reason(note: Path) -> str:

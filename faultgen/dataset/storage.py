@@ -1,15 +1,8 @@
-"""Writing run files, each of which is checked before it gets its final name.
-
-A checksum (SHA-256) of every array is computed while it is written. Before the file gets its final
-name, it is opened again, and its arrays and attributes are compared with what should have been
-written.
-"""
+"""Writing run files, each of which is compared with what was written before it gets its name."""
 
 from __future__ import annotations
 
-import hashlib
 import sys
-from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -17,9 +10,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from faultgen.errors import StorageFailed
 from faultgen.system.files import publish, temporary_name
-from faultgen.system.hdf5 import new_hdf5, read_back
+from faultgen.system.hdf5 import new_hdf5
 
 _COMPRESSION: dict[str, Any] = {
     "compression": "gzip",
@@ -77,11 +69,9 @@ class RunWriter:
         self.path = folder / f"{run_id}.h5"
         self._temporary = temporary_name(self.path)
         self._context = new_hdf5(self.path)
-        self._attributes: dict[str, dict[str, Any]] = {"/": dict(attributes)}
+        self._attributes = dict(attributes)
         self._model = model
         self._arrays: dict[str, h5py.Dataset] = {}
-        self._sums: dict[str, Any] = {}
-        self._cycles: dict[str, int] = {}
 
     def __enter__(self) -> RunWriter:
         """Create the file under a temporary name.
@@ -92,8 +82,7 @@ class RunWriter:
         self.file, self._sink = self._context.__enter__()
         """The HDF5 file while it is being written."""
         try:
-            for name, value in self._attributes["/"].items():
-                self.file.attrs[name] = value
+            self.file.attrs.update(self._attributes)
             self.file["model"] = self._model
         except BaseException:
             self._context.__exit__(*sys.exc_info())
@@ -106,7 +95,7 @@ class RunWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Compare the file with what was written, and give it its final name or remove it.
+        """End the file, and give it its final name or remove it.
 
         Args:
             kind: Type of the error that ended the context, or None.
@@ -117,15 +106,8 @@ class RunWriter:
             StorageFailed: The disk refused a write, or does not hold what was written.
         """
         self._context.__exit__(kind, error, trace)
-        if kind is not None:
-            return
-        try:
-            self._compare()
-        except BaseException:
-            with suppress(OSError):
-                self._temporary.unlink(missing_ok=True)
-            raise
-        publish(self._temporary, self.path)
+        if kind is None:
+            publish(self._temporary, self.path)
 
     def scale(self, name: str, values: np.ndarray) -> None:
         """Add a dimension scale.
@@ -139,7 +121,6 @@ class RunWriter:
         """
         values = np.asarray(values)
         self._new(name, (), data=values, chunks=values.shape, fletcher32=True)
-        self._sums[name].update(np.ascontiguousarray(values).data)
         self._arrays[name].make_scale(name)
 
     def create(self, name: str, shape: tuple[int, ...], dtype: str, dims: tuple[str, ...]) -> None:
@@ -153,10 +134,9 @@ class RunWriter:
         """
         chunks = (1, *shape[1:])
         self._new(name, dims, shape=shape, dtype=dtype, chunks=chunks, **_COMPRESSION)
-        self._cycles[name] = 0
 
     def put(self, name: str, index: int, values: np.ndarray) -> None:
-        """Write one cycle of an array. The cycles must be written in their order.
+        """Write one cycle of an array.
 
         Args:
             name: Path of the array in the file.
@@ -164,17 +144,11 @@ class RunWriter:
             values: Its values, of the array's shape without the dimension of the cycles.
 
         Raises:
-            StorageFailed: The disk refused this write or an earlier one.
-            ValueError: The cycle is not the next one.
+            OSError: The disk refused this write or an earlier one.
         """
-        if index != self._cycles[name]:
-            raise ValueError(f"{name}: cycle {index} cannot follow {self._cycles[name]} cycles")
         data = self._arrays[name]
-        stored = np.ascontiguousarray(values, data.dtype).reshape(data.shape[1:])
-        data[index] = stored
+        data[index] = np.asarray(values, data.dtype)
         self._sink.check()
-        self._sums[name].update(stored.data)
-        self._cycles[name] += 1
 
     def add(
         self, name: str, values: np.ndarray, dims: tuple[str, ...], units: str | None = None
@@ -189,7 +163,6 @@ class RunWriter:
         """
         values = np.asarray(values)
         self._new(name, dims, data=values, fletcher32=True)
-        self._sums[name].update(np.ascontiguousarray(values).data)
         if units is not None:
             self.describe(name, units=units)
 
@@ -200,45 +173,14 @@ class RunWriter:
             name: Path of the array in the file.
             **attributes: Values of the attributes by name.
         """
-        self._attributes[name].update(attributes)
         self._arrays[name].attrs.update(attributes)
 
     def _new(self, name: str, dims: tuple[str, ...], **how: Any) -> None:
         data = self.file.create_dataset(name, **how)
         parts = name.split("/")
         units, long_name = DESCRIPTIONS[parts[-1] if parts[-1] in DESCRIPTIONS else parts[-2]]
-        self._attributes[name] = {"units": units, "long_name": long_name}
-        data.attrs.update(self._attributes[name])
+        data.attrs.update({"units": units, "long_name": long_name})
         for axis, scale in enumerate(dims):
             data.dims[axis].label = scale
             data.dims[axis].attach_scale(self._arrays[scale])
         self._arrays[name] = data
-        self._sums[name] = hashlib.sha256()
-
-    def _compare(self) -> None:
-        """Read the file back and compare it with what was written.
-
-        Raises:
-            StorageFailed: The file does not hold what was written.
-        """
-        with read_back(self.path) as file:
-            wrong = self._difference(file)
-        if wrong:
-            raise StorageFailed(f"{self.path}: differs from what was written ({wrong})")
-
-    def _difference(self, file: h5py.File) -> str:
-        if file["model"][()].decode() != self._model:
-            return "model"
-        for name, wanted in self._sums.items():
-            found = hashlib.sha256()
-            data = file[name]
-            for part in data if name in self._cycles else [data[()]]:
-                found.update(np.ascontiguousarray(part).data)
-            if found.digest() != wanted.digest():
-                return name
-        for name, attributes in self._attributes.items():
-            stored = file[name].attrs
-            for key, value in attributes.items():
-                if not np.array_equal(stored[key], value):
-                    return f"attribute {key} of {name}"
-        return ""

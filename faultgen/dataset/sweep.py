@@ -22,8 +22,9 @@ from joblib import delayed
 from faultgen.dataset.experiment import Experiment, load_experiment, to_toml
 from faultgen.dataset.inputs import INPUTS, keep_inputs
 from faultgen.dataset.manifest import EXPERIMENT, FLEET, Manifest, OtherLayout
+from faultgen.dataset.merged_file import MERGED, only_in
 from faultgen.dataset.planning import Run, check_runs, plan_runs
-from faultgen.dataset.reader import MERGED, Dataset, only_in, open_dataset
+from faultgen.dataset.reader import Dataset, open_dataset
 from faultgen.dataset.run import make_run
 from faultgen.dataset.run_file import run_provenance
 from faultgen.dataset.splits import make_splits
@@ -228,8 +229,12 @@ def _outdated(dataset: Dataset, again: set[str], regenerate: bool) -> set[str]:
         InputError: There are such runs, and `regenerate` is false.
     """
     now = run_provenance()
+    versions = dataset.versions()
     others = {
-        run.id: run.made_by for run in dataset.runs if run.id not in again and run.made_by != now
+        run_id: made_by
+        for made_by, ids in versions.items()
+        for run_id in ids
+        if run_id not in again and made_by != now
     }
     if others and not regenerate:
         run_id, made_by = next(iter(others.items()))

@@ -6,8 +6,9 @@ These functions need nothing but open run files, so that reading does not need t
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -18,6 +19,7 @@ import pandas as pd
 from faultgen.dataset.run_file import interpolation_error
 from faultgen.dataset.splits import TEST, TRAIN, RunParts
 from faultgen.errors import InputError
+from faultgen.provenance import Provenance
 from faultgen.system.tables import optional
 
 if TYPE_CHECKING:
@@ -66,6 +68,9 @@ INDEX = {
     "mean_temperature": ("degC", "mean temperature of the gearboxes"),
     "fidelity": ("", "stepped, or interpolated between simulated cycles"),
     "interpolation_error": ("1", "largest error of the torque of an axis, over its noise"),
+    "faultgen_version": ("", "version of faultgen that made the run"),
+    "mujoco_version": ("", "version of MuJoCo that made the run"),
+    "code_sha256": ("", "hash of the code that made the run"),
     "file_sha256": ("", "checksum of the run's own file"),
 }
 """Unit and meaning of the columns of the table of runs. Texts have no unit."""
@@ -74,7 +79,7 @@ _OPERATION = ("speed", "payload_mass", "mean_temperature")
 _KEPT = ("run", "robot", "task", "effect", "axis", "axes", "severity_units", "seed", *_OPERATION)
 
 
-def runs_table(runs: Sequence[OpenRun], splits: RunParts) -> pd.DataFrame:
+def runs_table(runs: Iterable[OpenRun], splits: RunParts) -> pd.DataFrame:
     """Make a table with one row for each run.
 
     Args:
@@ -84,10 +89,19 @@ def runs_table(runs: Sequence[OpenRun], splits: RunParts) -> pd.DataFrame:
     Returns:
         Parameters of the runs, and in the columns ``split_...`` their part in each division.
     """
-    return pd.DataFrame([_run_row(run, splits) for run in runs])
+    part_of = _parts(splits)
+    return pd.DataFrame([_run_row(run, part_of) for run in runs])
 
 
-def _run_row(run: OpenRun, splits: RunParts) -> dict[str, Any]:
+def _parts(splits: RunParts) -> dict[str, dict[str, str]]:
+    """The part of each run in each division, by name of the column and id."""
+    return {
+        f"split_{scheme}": {i: part for part, ids in parts.items() for i in ids}
+        for scheme, parts in splits.items()
+    }
+
+
+def _run_row(run: OpenRun, part_of: dict[str, dict[str, str]]) -> dict[str, Any]:
     told = run.attributes
     schedule = told["schedule"]
     return {
@@ -111,10 +125,8 @@ def _run_row(run: OpenRun, splits: RunParts) -> dict[str, Any]:
         "mean_temperature": float(told.get("mean_temperature", np.nan)),
         "fidelity": told.get("fidelity", "stepped"),
         "interpolation_error": interpolation_error(told),
-        **{
-            f"split_{scheme}": next(part for part, ids in parts.items() if run.id in ids)
-            for scheme, parts in splits.items()
-        },
+        **asdict(Provenance.of(told)),
+        **{column: parts[run.id] for column, parts in part_of.items()},
     }
 
 
@@ -142,11 +154,12 @@ def cycles_table(
         features = [features]
     units: dict[str, str] = {"axis": "1", "seed": "1", "cycle": "1", TEMPERATURE: "degC"}
     units |= {name: INDEX[name][0] for name in _OPERATION}
+    parts = _parts(splits)
     labels, values, axes = [], [], []
     severity_units = set()
     for run in runs:
         with run.open() as group:
-            row = _run_row(run, splits)
+            row = _run_row(run, parts)
             count = int(row["cycles"])
             severity_units.add(row["severity_units"])
             columns: dict[str, Any] = {name: np.repeat(row[name], count) for name in _KEPT}

@@ -229,7 +229,7 @@ def file_sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-_verified: dict[Path, tuple[int, int, str]] = {}
+_verified: dict[str, tuple[int, int, str]] = {}
 """Size [bytes], date [ns] and checksum of files that were found intact."""
 
 
@@ -243,7 +243,7 @@ def damage(path: Path) -> str | None:
         What is wrong with the file, or None if it is intact.
     """
     note = checksum_path(path)
-    _verified.pop(path.resolve(), None)
+    _verified.pop(os.path.abspath(path), None)
     try:
         state = path.stat()
         wanted = note.read_bytes().decode("ascii", errors="replace")
@@ -257,7 +257,7 @@ def damage(path: Path) -> str | None:
         return "its checksum is damaged"
     if found != wanted:
         return "differs from its checksum"
-    _verified[path.resolve()] = (state.st_size, state.st_mtime_ns, found)
+    _verified[os.path.abspath(path)] = (state.st_size, state.st_mtime_ns, found)
     return None
 
 
@@ -275,7 +275,7 @@ def verify(path: Path) -> str:
     Raises:
         InputError: The file is damaged or has no checksum.
     """
-    key = path.resolve()
+    key = os.path.abspath(path)
     with suppress(OSError):
         state = path.stat()
         size, date, checksum = _verified.get(key, (0, 0, ""))

@@ -6,160 +6,47 @@ sink.check()
 publish(temporary_name(Path("out/run.h5")), Path("out/run.h5"))
 with open_verified(Path("out/run.h5")) as file:
 file["x"][()]
+
+A new file is read back from the disk, and every byte is compared with what HDF5 has written. This
+takes much less time than a comparison of all arrays and attributes.
 """
 
 from __future__ import annotations
 
-import io
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 import h5py
 
 from faultgen.errors import InputError, StorageFailed, one_line
-from faultgen.system.files import (
-    BINARY,
-    checksum_path,
-    forget_cached,
-    named_failures,
-    temporary_name,
-    verify,
-    write_all,
-)
+from faultgen.system.checked_file import Sink, Source
+from faultgen.system.files import checksum_path, named_failures, temporary_name, verify
 
 LIBRARY_VERSION = ("v108", "v108")
 """Oldest HDF5 release that can read the files. Its format has checksums of the metadata."""
 
 
-class Sink(io.RawIOBase):
-    """A file for h5py that keeps errors of the disk so that none is lost.
-
-    HDF5 hides write errors that happen while objects are released, and crashes after some of them.
-    This file never reports an error to HDF5. It keeps the first one, ignores all later writes, and
-    `check` raises what was kept.
-    """
-
-    def __init__(self, path: Path) -> None:
-        """Create the file.
-
-        Args:
-            path: The file. An older file of that name is overwritten.
-
-        Raises:
-            OSError: The file cannot be created.
-        """
-        super().__init__()
-        self._handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | BINARY, 0o666)
-        self._position = 0
-        self._size = 0
-        self._error: BaseException | None = None
-
-    def check(self) -> None:
-        """Raise the first error that a write met, if there was one."""
-        if self._error is not None:
-            raise self._error
-
-    def readable(self) -> bool:  # noqa: D102
-        return True
-
-    def writable(self) -> bool:  # noqa: D102
-        return True
-
-    def seekable(self) -> bool:  # noqa: D102
-        return True
-
-    def tell(self) -> int:  # noqa: D102
-        return self._position
-
-    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """Move the position of the next read or write.
-
-        Args:
-            offset: Number of bytes by which the position moves.
-            whence: Where it moves from: ``os.SEEK_SET``, ``os.SEEK_CUR`` or ``os.SEEK_END``.
-
-        Returns:
-            The new position, in bytes from the start of the file.
-        """
-        start = {os.SEEK_SET: 0, os.SEEK_CUR: self._position, os.SEEK_END: self._size}[whence]
-        self._position = start + offset
-        return self._position
-
-    def readinto(self, buffer: Any) -> int:  # noqa: D102
-        view = memoryview(buffer).cast("B")
-        done = 0
-        try:
-            os.lseek(self._handle, self._position, os.SEEK_SET)
-            while done < len(view):
-                part = os.read(self._handle, len(view) - done)
-                if not part:
-                    break
-                view[done : done + len(part)] = part
-                done += len(part)
-        except BaseException as error:  # even an interrupt must not pass through HDF5
-            self._error = self._error or error
-        self._position += done
-        return done
-
-    def write(self, content: Any) -> int:  # noqa: D102
-        view = memoryview(content).cast("B")
-        if self._error is None:
-            try:
-                os.lseek(self._handle, self._position, os.SEEK_SET)
-                write_all(self._handle, view)
-            except BaseException as error:
-                self._error = error
-        self._position += len(view)
-        self._size = max(self._size, self._position)
-        return len(view)
-
-    def truncate(self, size: int | None = None) -> int:  # noqa: D102
-        self._size = self._position if size is None else size
-        if self._error is None:
-            try:
-                os.ftruncate(self._handle, self._size)
-            except BaseException as error:
-                self._error = error
-        return self._size
-
-    def sync(self) -> None:
-        """Write everything to the disk and close the file, so that it is next read from the disk.
-
-        Raises:
-            OSError: This write or an earlier one failed.
-        """
-        self.check()
-        os.fsync(self._handle)
-        forget_cached(self._handle)
-        self.close()
-
-    def close(self) -> None:  # noqa: D102
-        if not self.closed:
-            super().close()
-            os.close(self._handle)
-
-
 @contextmanager
 def new_hdf5(path: Path) -> Iterator[tuple[h5py.File, Sink]]:
-    """Write an HDF5 file under its temporary name and sync it. If anything fails, remove it.
+    """Write an HDF5 file under its temporary name, sync it and compare it with what was written.
+
+    If anything fails, the file is removed.
 
     Args:
-        path: The final name, which `publish` or `rename` gives the file after it was checked.
+        path: The final name, which `publish` or `rename` gives the file afterwards.
 
     Yields:
         The file, and the sink to which it writes. The method `check` of the sink raises errors of
         the disk.
 
     Raises:
-        StorageFailed: The file cannot be written.
+        StorageFailed: The file cannot be written, or does not hold what was written.
     """
     temporary = temporary_name(path)
     try:
         with named_failures(path):
-            sink = Sink(temporary)
+            sink = Sink(temporary, path)
             try:
                 file = h5py.File(sink, "w", libver=LIBRARY_VERSION)
                 try:
@@ -178,37 +65,14 @@ def new_hdf5(path: Path) -> Iterator[tuple[h5py.File, Sink]]:
 
 
 @contextmanager
-def read_back(path: Path) -> Iterator[h5py.File]:
-    """Open a file that `new_hdf5` wrote and that has no final name yet, to compare its content.
-
-    Args:
-        path: The final name.
-
-    Yields:
-        The open file.
-
-    Raises:
-        StorageFailed: The file cannot be read, not even closed.
-    """
-    try:
-        with h5py.File(temporary_name(path), "r") as file:
-            yield file
-    except (InputError, StorageFailed):
-        raise
-    except (OSError, KeyError, ValueError, RuntimeError) as error:
-        line = one_line(error)
-        raise StorageFailed(f"{path}: differs from what was written ({line})") from None
-
-
-@contextmanager
-def _errors_of(sink: Sink) -> Iterator[None]:
+def _errors_of(file: Sink | Source) -> Iterator[None]:
     """Raise the error of the disk instead of the error that HDF5 derives from it."""
     try:
         yield
     except Exception:
-        sink.check()
+        file.check()
         raise
-    sink.check()
+    file.check()
 
 
 def _is_recording(path: Path) -> bool:
@@ -219,11 +83,13 @@ def _is_recording(path: Path) -> bool:
 
 
 @contextmanager
-def open_verified(path: Path) -> Iterator[h5py.File]:
+def open_verified(path: Path, *, every_read: bool = False) -> Iterator[h5py.File]:
     """Verify an HDF5 file with `verify`, and open it for reading.
 
     Args:
         path: The file.
+        every_read: Whether to compare also all that is read later with the checksum, so that no
+            wrong bytes of a failing disk are copied.
 
     Yields:
         The open file.
@@ -248,10 +114,15 @@ def open_verified(path: Path) -> Iterator[h5py.File]:
             f"{path}: has no checksum beside it ({note.name}); if it belongs to a dataset, run the "
             "generate command again to replace it"
         )
-    verify(path)
+    checksum = verify(path)
     try:
-        with h5py.File(path, "r") as file:
-            yield file
+        if not every_read:
+            with h5py.File(path, "r") as file:
+                yield file
+        else:
+            with Source(path, checksum) as source:
+                with _errors_of(source), h5py.File(source, "r") as file:
+                    yield file
     except (OSError, RuntimeError) as error:
         line = one_line(error)
         raise StorageFailed(f"{path}: cannot be read ({line})") from None
