@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: install lock demo docs test test-slow fuzz lint mutation benchmark pictures clean
+.PHONY: install lock demo docs test fast-tests test-slow fuzz lint mutation benchmark pictures clean
 
 install: $(VENV)/installed
 
@@ -27,7 +27,11 @@ docs: install
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 	@echo 'build/site/index.html; with search: $(BIN)/python -m http.server -d build/site'
 
-test: install lint
+# The checker of types uses one processor only, so it runs beside the tests
+test: install
+	$(MAKE) --jobs=2 lint fast-tests
+
+fast-tests: install
 	$(BIN)/python -m pytest -n auto --dist worksteal -m 'not slow'
 
 test-slow: install

@@ -204,7 +204,8 @@ class Source(_File):
 @lru_cache(maxsize=2)
 def _sums_of(path: Path, _size: int, _date: int) -> tuple[str, dict[int, bytes]]:
     """Checksums of a file and of its blocks; those of the newest two files are kept."""
-    whole, sums = hashlib.sha256(), {}
+    whole = hashlib.sha256()
+    sums: dict[int, bytes] = {}
     with path.open("rb") as file:
         while part := file.read(BLOCK):
             whole.update(part)
