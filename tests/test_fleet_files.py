@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from fake_fleet import fake_robot
 
+from faultgen.dataset.manifest import is_fleet
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.fleet import FleetPlan, generate_fleet, open_fleet
 from faultgen.fleet import generate as module
-from faultgen.fleet.data import STORED, fleet_state, is_fleet
+from faultgen.fleet.data import STORED, fleet_state
 from faultgen.fleet.events import event_names
 
 PLAN = FleetPlan(robots=3, failing=1, days=4, models=["puma560"])

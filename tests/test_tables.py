@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -214,6 +215,19 @@ def test_divisions_are_stored_and_stay(experiment, made, tmp_path):
     path.write_text(path.read_text().replace('"unused"', '"ignored"'))
     with pytest.raises(InputError, match="runs.json: damaged"):
         open_dataset(folder)
+
+
+def test_reading_needs_no_simulator(made):
+    """Whoever only reads data does not wait until MuJoCo and the planning of motions are loaded."""
+    code = (
+        "import sys, faultgen\n"
+        f"dataset = faultgen.open_dataset({str(made)!r})\n"
+        "assert not dataset.damaged() and len(dataset.versions()) == 1\n"
+        "dataset.index, dataset.to_xy(), dataset.runs[0].to_xarray()\n"
+        "assert not {'mujoco', 'faultgen.robot', 'faultgen.dataset.planning'} & set(sys.modules)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_file_by_itself_is_a_dataset(made, tmp_path):

@@ -76,8 +76,9 @@ def export(
 
 def _export_table(sources: list[Path], path: Path, as_json: bool) -> None:
     """Write the table of one dataset or fleet."""
+    from faultgen.dataset.manifest import is_fleet
     from faultgen.dataset.reader import open_dataset
-    from faultgen.fleet.data import is_fleet, open_fleet
+    from faultgen.fleet.data import open_fleet
     from faultgen.system.tables import write_parquet
 
     if len(sources) != 1:
@@ -119,7 +120,7 @@ def report(folder: Folder, method: Methods = None, as_json: Json = False) -> Non
     The page contains figures and, for a dataset, the isolators' results. It is written to
     report.html in the folder, and needs no other files.
     """
-    from faultgen.fleet.data import is_fleet
+    from faultgen.dataset.manifest import is_fleet
     from faultgen.plugins import load
     from faultgen.report import write_report
     from faultgen.report.fleet_report import write_fleet_report

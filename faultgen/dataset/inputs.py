@@ -11,14 +11,14 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from faultgen.dataset.planning import Run
 from faultgen.errors import InputError
-from faultgen.monitoring.sensors import SENSORS
-from faultgen.robot import load_robot, robot_names
 from faultgen.system.files import file_sha256, write_text
 from faultgen.system.reading import read_text
+
+if TYPE_CHECKING:
+    from faultgen.dataset.planning import Run
 
 INPUTS = "inputs"
 """Name of the folder with the copies."""
@@ -41,6 +41,10 @@ def keep_inputs(folder: Path, runs: Iterable[Run]) -> None:
         InputError: A file can no longer be read.
         StorageFailed: A copy cannot be written.
     """
+    # imported here because `damaged_inputs` serves readers, which need no simulator
+    from faultgen.monitoring.sensors import SENSORS
+    from faultgen.robot import load_robot, robot_names
+
     robots, files = {}, {}
     for run in runs:
         if run.robot not in robot_names():
@@ -132,6 +136,8 @@ def _copy(folder: Path, checksum: str, name: str) -> Path:
 
 def _is_robot(path: Path, checksum: str) -> bool:
     """Whether there is the robot that has a checksum."""
+    from faultgen.robot import load_robot
+
     try:
         return load_robot(path).sha256 == checksum
     except InputError:

@@ -54,6 +54,11 @@ def check_layout(version: Any, path: Path) -> None:
         )
 
 
+def is_fleet(folder: str | Path) -> bool:
+    """Whether a folder is that of a fleet."""
+    return (Path(folder) / FLEET).is_file()
+
+
 def refuse_data(folder: Path) -> None:
     """Refuse a folder for results that holds a dataset or a fleet.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
@@ -151,21 +150,6 @@ def run_attributes(run: Run, nominal: Nominal) -> dict[str, Any]:
         ),
         **own,
     }
-
-
-def interpolation_error(told: Mapping[str, Any]) -> float:
-    """Compute how large the error of interpolated torque is.
-
-    Args:
-        told: Attributes of a run.
-
-    Returns:
-        The largest error of an axis, over its noise; 0 if every cycle was simulated.
-    """
-    if "interpolation_error" not in told:
-        return 0.0
-    error, noise = (np.asarray(told[f"interpolation_{what}"]) for what in ("error", "noise"))
-    return float(np.max(error / np.maximum(noise, 1e-300)))
 
 
 def create_arrays(writer: RunWriter, run: Run, nominal: Nominal, around: Surroundings) -> None:

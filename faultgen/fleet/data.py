@@ -147,11 +147,6 @@ class Fleet:
         write_ncmapss(self.robots, Path(path))
 
 
-def is_fleet(folder: str | Path) -> bool:
-    """Whether a folder is that of a fleet."""
-    return (Path(folder) / PLAN).is_file()
-
-
 def fleet_state(folder: Path) -> list[dict[str, Any]]:
     """Read every file of a fleet, and say whether it is intact.
 

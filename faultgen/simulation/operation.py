@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from faultgen.effects.structure import MASSLESS
 from faultgen.errors import InputError
-from faultgen.robot import Robot
+
+if TYPE_CHECKING:
+    from faultgen.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,8 @@ class Operation:
         Raises:
             InputError: The model has no payload with a mass.
         """
+        from faultgen.effects.structure import MASSLESS  # reading a dataset needs no simulator
+
         if self.payload is None:
             return robot
         spec = robot.spec()
