@@ -38,7 +38,7 @@ from faultgen.mjcf.dcmotor import COULOMB as COULOMB
 from faultgen.mjcf.dcmotor import OFFSET as OFFSET
 from faultgen.mjcf.dcmotor import STICTION as STICTION
 from faultgen.mjcf.dcmotor import STRIBECK_VELOCITY as STRIBECK_VELOCITY
-from faultgen.mjcf.edit import mjcf_text, resolve_inertias
+from faultgen.mjcf.edit import forget_defaults, mjcf_text, resolve_inertias
 from faultgen.mjcf.elements import element_ids, stated_name
 from faultgen.mjcf.folder import read_folder, write_folder
 from faultgen.mjcf.gearing import Gearing, tendon_coefficients
@@ -154,6 +154,7 @@ class Robot:
         """A fresh, editable copy of the model, in which every inertia is diagonal."""
         spec = mujoco.MjSpec.from_string(self.xml, assets=dict(self.assets))
         resolve_inertias(spec)
+        forget_defaults(spec)
         return spec
 
     @cached_property

@@ -13,10 +13,11 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from faultgen.building.chain import HOME
 from faultgen.building.drives import Coupling, Drives, check_names, drives_text
 from faultgen.building.elements import add_drives, add_payload
-from faultgen.building.plain import HOME, Plain, plain_arm
-from faultgen.building.quantities import Seen, Value, drive_of
+from faultgen.building.plain import Plain, plain_arm
+from faultgen.building.quantities import Seen, Value, disbelieved, drive_of
 from faultgen.building.resonance import bristle_step, largest_step, sampled_poses, zero_pose
 from faultgen.building.workplan import plan_tasks
 from faultgen.errors import InputError
@@ -109,7 +110,8 @@ def build(path: Path, drives: Drives, name: str) -> Built:
         for key, (found, source) in payload.items()
     }
     text = drives_text(name, plain.joints, values, general, entries, drives.coupling)
-    return Built(robot, plain, values, text, (*plain.notes, *notes))
+    friction = disbelieved(plain.joints, values)
+    return Built(robot, plain, values, text, (*plain.notes, *friction, *notes))
 
 
 _ASSUMED_JOINTS = Value(0, "assumed", "all hinges and slides of the model")

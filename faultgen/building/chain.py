@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from faultgen.building.findings import Finding
 
 HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
 FREE, BALL = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL
+
+HOME = "home"
+"""Name of the keyframe that is the pose from which tasks start."""
 
 _NAME_THEM = "name the joints that are axes in drives.toml, joints = [...]; the others are locked"
 
@@ -104,12 +108,15 @@ def _of(element: Any) -> str:
     return f"of {target}" if target else ""
 
 
-def strip(spec: mujoco.MjSpec, axes: Sequence[str]) -> list[str]:
+def strip(spec: mujoco.MjSpec, axes: Sequence[str], pose: Mapping[str, float]) -> list[str]:
     """Take everything out of a model that a robot of faultgen gets new or does not have, in place.
 
     Args:
         spec: The model.
         axes: Names of the joints that are axes.
+        pose: Positions in the keyframe ``home`` by joint, in [rad] or [m]; empty if there is none.
+            Joints that are no axes are locked there, and without the keyframe at zero or at the
+            nearest limit.
 
     Returns:
         One line for each kind of element that was taken out.
@@ -132,11 +139,17 @@ def strip(spec: mujoco.MjSpec, axes: Sequence[str]) -> list[str]:
         names = ", ".join(filter(None, (one.name or _of(one) for one in elements)))
         for one in elements:
             spec.delete(one)
+        if kind == "keys" and pose:
+            elements = [one for one in elements if one.name != HOME]  # it has been read
+            names = ", ".join(one.name for one in elements)
         if elements:
             told = what if len(elements) > 1 else what.removesuffix("s")
             notes.append(f"{len(elements)} {told} dropped" + (f": {names}" if names else ""))
         if elements and kind == "equalities":
-            notes[-1] += "; a joint that moves with another one is a [[coupling]] in drives.toml"
+            notes[-1] += (
+                "; if they couple two axes, as in many wrists, state a [[coupling]] in drives.toml "
+                "(joints that only follow others, as in a gripper, can be no axes)"
+            )
     moving = {body for name in axes for body in _above(spec.joint(name).parent)}
     for joint in [one for one in spec.joints if one.type == FREE]:
         body = joint.parent
@@ -148,16 +161,54 @@ def strip(spec: mujoco.MjSpec, axes: Sequence[str]) -> list[str]:
             spec.delete(body)
     locked = [joint for joint in spec.joints if joint.name not in axes]
     if locked:
-        names = ", ".join(joint.name for joint in locked)
-        notes.append(f"{len(locked)} joints locked at zero: {names}")
-    for joint in locked:
-        spec.delete(joint)
+        notes.append(_lock(spec, locked, pose))
     compensated = [body for body in spec.bodies if body.gravcomp]
     for body in compensated:
         body.gravcomp = 0.0
     if compensated:
         notes.append("gravity compensation dropped: the motors carry the weight")
     return notes
+
+
+def _lock(spec: mujoco.MjSpec, joints: Sequence[mujoco.MjsJoint], pose: Mapping[str, float]) -> str:
+    """Replace joints by fixed links; one line that says where they are locked."""
+    copy = spec.copy()
+    copy.compiler.boundmass = copy.compiler.boundinertia = 1e-6  # wrong ones are reported later
+    copy.compiler.balanceinertia = True
+    model = copy.compile()
+    told = []
+    for joint in joints:
+        name, value = joint.name, 0.0
+        if joint.type in (HINGE, SLIDE):
+            here = model.joint(name)
+            limits = here.range if here.limited[0] else np.array([-np.inf, np.inf])
+            value = float(np.clip(pose.get(name, 0.0), *limits))
+            _move(joint, model, value)
+        unit = "m" if joint.type == SLIDE else "rad"
+        told.append(f"{name} at {value:.4g} {unit}" if value else name)
+        spec.delete(joint)
+    return f"{len(told)} {'joints' if len(told) > 1 else 'joint'} locked: {', '.join(told)}"
+
+
+def _move(joint: mujoco.MjsJoint, model: mujoco.MjModel, value: float) -> None:
+    """Turn or shift the body of a joint as the joint does at a position, in [rad] or [m]."""
+    body, own = joint.parent, model.joint(joint.name)
+    by = value - float(model.qpos0[own.qposadr[0]])
+    if not by:
+        return
+    pos, quat = model.body(body.name).pos, model.body(body.name).quat
+    turned, both, shift, back = np.zeros(4), np.zeros(4), np.zeros(3), np.zeros(3)
+    if joint.type == SLIDE:
+        shift, turned = by * own.axis, np.array([1.0, 0, 0, 0])
+    else:  # about an axis through a point of the body
+        mujoco.mju_axisAngle2Quat(turned, own.axis, by)
+        mujoco.mju_rotVecQuat(back, own.pos, turned)
+        shift = own.pos - back
+    outer = np.zeros(3)
+    mujoco.mju_rotVecQuat(outer, shift, quat)
+    mujoco.mju_mulQuat(both, quat, turned)
+    body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    body.pos, body.quat = pos + outer, both
 
 
 def moving_links(spec: mujoco.MjSpec, axes: Sequence[str]) -> list[str]:

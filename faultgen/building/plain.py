@@ -19,6 +19,7 @@ import numpy as np
 
 from faultgen.building.chain import (
     HINGE,
+    HOME,
     SLIDE,
     axes_of,
     chain_findings,
@@ -31,10 +32,7 @@ from faultgen.building.flange import Flange, find_flange
 from faultgen.building.inertias import inertia_findings, repair_inertias
 from faultgen.building.source import Source, read_source
 from faultgen.errors import InputError, one_line
-from faultgen.mjcf.edit import mjcf_text
-
-HOME = "home"
-"""Name of the keyframe that is the pose from which tasks start."""
+from faultgen.mjcf.edit import forget_defaults, mjcf_text
 
 _WIDEST, _NARROWEST = 30.0, 0.12  # usual ranges of a hinge [rad]: 5 turns, and 7 degrees
 
@@ -44,6 +42,7 @@ STATED_UNITS = {
     "frictionloss": ("N m", "N"),
     "torque_limit": ("N m", "N"),
     "speed_limit": ("rad/s", "m/s"),
+    "gear_ratio": ("1", "rad/m"),
 }
 """Units of what a file states about the drive of a hinge and of a slide, joint side."""
 
@@ -93,16 +92,18 @@ def plain_arm(path: Path, joints: Sequence[str] | None = None, flange: str | Non
     findings, names = survey(source, joints)
     refuse(path.name, findings)
     stated = _stated(source, names)
-    home = _home(spec, names)
-    notes = [*source.notes, *strip(spec, names), *repair_inertias(spec)]
+    pose = _home(spec)
+    notes = [*source.notes, *strip(spec, names, pose), *repair_inertias(spec)]
     place = find_flange(spec, names[-1], flange)
-    if place.passed_over:
+    if flange is None:
+        others = f"; its other sites: {', '.join(place.passed_over)}" if place.passed_over else ""
         notes.append(
-            f"the payload is attached at '{place.name}'; for another site of the last link "
-            f'({", ".join(place.passed_over)}), write tool = "NAME" in drives.toml'
+            f"the payload is attached to '{place.name}' of the last link{others}; for another "
+            'place, write tool = "NAME" in drives.toml'
         )
     slides = tuple(spec.joint(name).type == SLIDE for name in names)
     _rename(spec, names)
+    forget_defaults(spec)
     spec.modelname = path.stem
     try:
         notes += _angle_notes(spec.compile(), names)
@@ -118,7 +119,7 @@ def plain_arm(path: Path, joints: Sequence[str] | None = None, flange: str | Non
         slides=slides,
         stated=stated,
         flange=place,
-        home=home,
+        home=tuple(pose[name] for name in names) if pose else None,
         notes=tuple(notes),
     )
 
@@ -174,6 +175,7 @@ def _stated(source: Source, names: Sequence[str]) -> dict[str, dict[str, float]]
             "frictionloss": float(joint.frictionloss),
             "torque_limit": float(joint.actfrcrange[1]),
             "speed_limit": source.speed_limit.get(name, 0.0),
+            "gear_ratio": source.gear_ratio.get(name, 0.0),
         }
         for actuator in spec.actuators:
             if actuator.target == name and actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT:
@@ -193,8 +195,8 @@ def _actuator_limit(actuator: mujoco.MjsActuator) -> float:
     return 0.0
 
 
-def _home(spec: mujoco.MjSpec, names: Sequence[str]) -> tuple[float, ...] | None:
-    """Joint positions of the keyframe ``home``, if it has one value for each joint."""
+def _home(spec: mujoco.MjSpec) -> dict[str, float]:
+    """Joint positions of the keyframe ``home``; empty without one value for each joint."""
     widths = {mujoco.mjtJoint.mjJNT_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}
     for key in spec.keys:
         values = list(key.qpos)
@@ -203,8 +205,8 @@ def _home(spec: mujoco.MjSpec, names: Sequence[str]) -> tuple[float, ...] | None
             at[joint.name] = address
             address += widths.get(joint.type, 1)
         if key.name == HOME and len(values) == address:
-            return tuple(float(values[at[name]]) for name in names)
-    return None
+            return {name: float(values[address]) for name, address in at.items()}
+    return {}
 
 
 def _rename(spec: mujoco.MjSpec, names: Sequence[str]) -> None:

@@ -6,7 +6,7 @@ one says why it was chosen. docs/robots.md lists them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,9 @@ RATED = 0.5
 """Rated torque of a drive over its torque limit."""
 COULOMB = 0.10
 """Coulomb friction over rated torque."""
+MOST_FRICTION = 0.5
+"""Largest friction over the torque limit that is believed if a model states it. Larger values keep
+the model steady in another simulator, or are those of a model without limits."""
 STATIC = 1.2
 """Static over Coulomb friction."""
 STRIBECK = 0.015
@@ -61,7 +64,7 @@ class Seen:
     gravity: float
     """Largest torque that holds the arm against gravity [N m]."""
     stated: Mapping[str, float]
-    """What the plain model states: armature, damping, frictionloss, torque_limit, speed_limit."""
+    """What the plain model states, by name: some of `faultgen.building.plain.STATED_UNITS`."""
 
 
 Values = Mapping[str, float]
@@ -125,16 +128,30 @@ def _stated_rotor(values: Values, seen: Seen) -> Assumed | None:
     return armature / values["gear_ratio"] ** 2, f"the armature of the joint, {armature:g}"
 
 
+def _disbelieved(name: str, values: Values, seen: Seen) -> str:
+    """Why a friction that the model states is not used; empty if it is used, or not stated."""
+    stated = seen.stated.get(name, 0.0)
+    torque = stated * (values["speed_limit"] if name == "damping" else 1.0)
+    if torque <= MOST_FRICTION * values["torque_limit"]:
+        return ""
+    where = " at full speed" if name == "damping" else ""
+    return (
+        f"; the {name} of the joint, {stated:g}, is not used, because it would take "
+        f"{torque / values['torque_limit']:.0%} of the torque limit{where}"
+    )
+
+
 def _coulomb(values: Values, seen: Seen) -> Assumed:
     rated = RATED * values["torque_limit"] / values["gear_ratio"]
-    return COULOMB * rated, f"{100 * COULOMB:g} % of the rated torque, half the torque limit"
+    why = f"{100 * COULOMB:g} % of the rated torque, half the torque limit"
+    return COULOMB * rated, why + _disbelieved("frictionloss", values, seen)
 
 
 def _stated_coulomb(values: Values, seen: Seen) -> Assumed | None:
     loss = seen.stated.get("frictionloss")
-    return (
-        (loss / values["gear_ratio"], f"the frictionloss of the joint, {loss:g}") if loss else None
-    )
+    if not loss or _disbelieved("frictionloss", values, seen):
+        return None
+    return loss / values["gear_ratio"], f"the frictionloss of the joint, {loss:g}"
 
 
 def _static(values: Values, seen: Seen) -> Assumed:
@@ -148,14 +165,13 @@ def _stribeck(values: Values, seen: Seen) -> Assumed:
 
 def _viscous(values: Values, seen: Seen) -> Assumed:
     top = values["speed_limit"] * values["gear_ratio"]
-    return VISCOUS * values[
-        "coulomb_friction"
-    ] / top, f"at full speed {VISCOUS:g} of Coulomb friction"
+    why = f"at full speed {VISCOUS:g} of Coulomb friction"
+    return VISCOUS * values["coulomb_friction"] / top, why + _disbelieved("damping", values, seen)
 
 
 def _stated_viscous(values: Values, seen: Seen) -> Assumed | None:
     damping = seen.stated.get("damping")
-    if not damping:
+    if not damping or _disbelieved("damping", values, seen):
         return None
     return damping / values["gear_ratio"] ** 2, f"the damping of the joint, {damping:g}"
 
@@ -219,7 +235,12 @@ def _limit(name: str, where: str) -> Callable[[Values, Seen], Assumed | None]:
 
 QUANTITIES = (
     Quantity("speed_limit", "rad/s; m/s, joint", _speed, _limit("speed_limit", "velocity limit")),
-    Quantity("gear_ratio", "motor turns per joint turn; rad/m", _ratio),
+    Quantity(
+        "gear_ratio",
+        "motor turns per joint turn; rad/m",
+        _ratio,
+        _limit("gear_ratio", "transmission"),
+    ),
     Quantity("torque_limit", "N m; N, joint", _torque, _limit("torque_limit", "effort limit")),
     Quantity("rotor_inertia", "kg m^2, motor", _rotor, _stated_rotor),
     Quantity("acceleration_limit", "rad/s^2; m/s^2, joint", _acceleration),
@@ -275,3 +296,21 @@ def drive_of(given: Mapping[str, float], seen: Seen) -> dict[str, Value]:
             found[name] = Value(float(f"{value:.4g}"), source, why)
         values[name] = found[name].value
     return found
+
+
+def disbelieved(joints: Sequence[str], values: Sequence[Mapping[str, Value]]) -> list[str]:
+    """Tell which friction of a plain model is not used, because it would be too large.
+
+    Args:
+        joints: Names of the axes.
+        values: Numbers of the drive of each axis, from `drive_of`.
+
+    Returns:
+        One line for each friction.
+    """
+    return [
+        f"joint '{joint}', {name}:{value.why.partition(';')[2]}"
+        for joint, numbers in zip(joints, values, strict=True)
+        for name, value in numbers.items()
+        if "is not used" in value.why
+    ]

@@ -10,6 +10,7 @@ reports nothing that it leaves out. This module finds the meshes, and keeps the 
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,8 @@ FOLDER = "assets"
 
 _MESHES = (".obj", ".stl", ".msh")  # formats that MuJoCo reads
 _LARGEST = 512 * 2**20  # of a mesh [bytes]
+_XACRO = re.compile(r"<xacro:|=\s*[\"'][^\"']*\$[{(]")
+"""What a file has that has to be expanded by xacro first."""
 _ABOVE = 4  # folders above a URDF in which its packages are looked for
 
 
@@ -41,6 +44,8 @@ class Source:
     """Content of the assets by name."""
     speed_limit: Mapping[str, float]
     """Largest speed that a URDF states, by joint, in [rad/s] or [m/s]."""
+    gear_ratio: Mapping[str, float]
+    """Gear ratio that a URDF states, by joint: motor turns per joint turn, or in [rad/m]."""
     notes: tuple[str, ...]
     """What was left out."""
 
@@ -59,14 +64,20 @@ def read_source(path: Path) -> Source:
     """
     text = read_text(path, "robot file")
     speed: dict[str, float] = {}
+    ratio: dict[str, float] = {}
     notes: list[str] = []
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         raise InputError(f"robot file {path}: not valid XML: {error}") from None
+    if _XACRO.search(text):
+        raise InputError(
+            f"robot file {path}: is a xacro file, which only ROS can expand; write 'xacro "
+            f"{path.name} > {path.stem.partition('.')[0]}.urdf' there, and give the URDF file"
+        )
     if root.tag == "robot":
         text, assets = _prepare_urdf(root, path, notes)
-        speed = _speed_limits(root)
+        speed, ratio = _speed_limits(root), _gear_ratios(root)
     elif root.tag == "mujoco":
         text, assets = read_mjcf(path)
     else:
@@ -81,7 +92,7 @@ def read_source(path: Path) -> Source:
         line = one_line(error)
         raise InputError(f"robot file {path}: MuJoCo cannot read it: {line}") from None
     kept = _gather(spec, assets, notes)
-    return Source(path.stem, spec, kept, speed, tuple(notes))
+    return Source(path.stem, spec, kept, speed, ratio, tuple(notes))
 
 
 def _speed_limits(root: ElementTree.Element) -> dict[str, float]:
@@ -94,6 +105,20 @@ def _speed_limits(root: ElementTree.Element) -> dict[str, float]:
             except ValueError:  # MuJoCo does not read it
                 continue
     return {name: value for name, value in found.items() if value > 0}
+
+
+def _gear_ratios(root: ElementTree.Element) -> dict[str, float]:
+    """The reduction of each joint; 1 counts as not stated, because most URDF files have it."""
+    found = {}
+    for transmission in root.iter("transmission"):
+        joint = transmission.find("joint")
+        reduction = next(transmission.iter("mechanicalReduction"), None)
+        if joint is not None and reduction is not None:
+            try:
+                found[joint.get("name", "")] = abs(float(reduction.text or "1"))
+            except ValueError:
+                continue
+    return {name: value for name, value in found.items() if value not in (0.0, 1.0)}
 
 
 def _prepare_urdf(

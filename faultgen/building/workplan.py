@@ -19,6 +19,7 @@ from faultgen.building.workspace import Workspace
 from faultgen.errors import InputError
 from faultgen.robot import Robot
 from faultgen.simulation.motion import plan
+from faultgen.system.progress import Progress
 from faultgen.tasks import load_task
 
 _TRIES = 24  # poses about which a task is tried
@@ -42,6 +43,11 @@ def plan_tasks(robot: Robot, home: np.ndarray | None) -> tuple[Robot, np.ndarray
         The robot with its tasks; its home pose, shape (n_axes,), by default the start of a task;
         and one line for each task that is no motion of the tool.
     """
+    with Progress("looking for tasks that the arm can do", None):
+        return _plan_tasks(robot, home)
+
+
+def _plan_tasks(robot: Robot, home: np.ndarray | None) -> tuple[Robot, np.ndarray, list[str]]:
     space = Workspace(robot, home)
     found: dict[str, str] = {}
     notes = []
@@ -60,7 +66,8 @@ def plan_tasks(robot: Robot, home: np.ndarray | None) -> tuple[Robot, np.ndarray
             else:
                 notes.append(f"task {name}: no such motion of the tool was found; joints move")
     else:
-        notes.append("tasks: joints move, because the tool of this arm cannot have every pose")
+        why = "it has an axis that slides" if robot.slides.any() else "it has fewer than six axes"
+        notes.append(f"tasks: joints move and not the tool along lines, because {why}")
     if len(found) < 3:
         found = {**_joint_tasks(robot, space), **found}
     missing = {"pick_and_place", "spot_weld", "arc_weld"} - found.keys()

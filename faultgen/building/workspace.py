@@ -62,8 +62,14 @@ class Workspace:
         """Position of the base, shape (3,), in [m]."""
         spread = np.where(robot.slides, 1.0, np.pi)
         low, high = robot.joint_range.T
+        # a joint that can turn further works within half a turn of home, and not a turn away
+        middle = np.zeros(robot.n_axes) if home is None else home
+        wide = ~robot.slides & (high - low > 2 * np.pi)
+        middle = np.where(wide, np.clip(middle, low + np.pi, high - np.pi), middle)
+        low = np.where(wide, np.maximum(low, middle - np.pi), low)
+        high = np.where(wide, np.minimum(high, middle + np.pi), high)
         self.span = np.where(np.isfinite(high - low), high - low, 2 * spread)
-        """Width of the range of each joint, shape (n_axes,)."""
+        """Width of the range in which each joint works, shape (n_axes,)."""
         inset = _INSET * self.span
         limits = np.stack([low + inset, high - inset], axis=1)
         drawn = sampled_poses(limits, robot.slides, _SAMPLES)

@@ -19,9 +19,12 @@ from faultgen.monitoring.environment import differences, surroundings
 from faultgen.monitoring.reductions import monitor
 from faultgen.monitoring.sensors import get_sensors, measure
 from faultgen.simulation.cycle import Cycle
-from faultgen.simulation.nominal import nominal
+from faultgen.simulation.nominal import Nominal, nominal
 from faultgen.simulation.plant import Plant
 from faultgen.simulation.stepping import simulate
+
+_LARGEST_LAG = 0.3
+"""Distance from the commanded motion at which a healthy robot does not do its task [rad], [m]."""
 
 
 def make_run(
@@ -85,6 +88,8 @@ def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], None]) ->
     with RunWriter(folder, run.id, attributes, robot.xml) as writer:
         create_arrays(writer, run, shared, around)
         for index, (plant, cycle) in enumerate(zip(plants, cycles, strict=True)):
+            if index == 0 and not run.axes:
+                _check_lag(cycle, shared)
             seen = measure(
                 sensors,
                 cycle.motor_position,
@@ -107,3 +112,20 @@ def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], None]) ->
                 values = getattr(seen if group == "signals" else cycle, channel)
                 writer.put(name, index, values[:: run.thin])
             on_cycle()
+
+
+def _check_lag(cycle: Cycle, shared: Nominal) -> None:
+    """Refuse a healthy robot that does not follow its task.
+
+    Raises:
+        SimulationFailed: A joint is far from its commanded position.
+    """
+    lag = np.abs(cycle.joint_position - shared.position).max(axis=0)
+    axis = int(np.argmax(lag))
+    if lag[axis] > _LARGEST_LAG:
+        unit = "m" if shared.robot.slides[axis] else "rad"
+        raise SimulationFailed(
+            f"the healthy robot does not follow the task: {shared.robot.label('axis ', axis + 1)} "
+            f"is up to {lag[axis]:.2g} {unit} away from its commanded position; see what "
+            "'faultgen robot check' says of the robot"
+        )

@@ -67,6 +67,40 @@ def _is_plain(body: mujoco.MjsBody) -> bool:
     return bool(body.explicitinertial and quaternion and np.isnan(body.fullinertia[0]))
 
 
+def forget_defaults(spec: mujoco.MjSpec) -> None:
+    """Let joints, tendons and actuators that are added later have the defaults of MuJoCo, in place.
+
+    A model can state defaults for its own elements, such as the damping or the range of a joint.
+    Added elements would get them too: a rotor would get the range of a link. The elements that the
+    model has already keep their values.
+
+    Args:
+        spec: The model, which is changed in place.
+    """
+    empty = mujoco.MjSpec()  # its defaults live as long as it does
+    for kind, names in _FIELDS.items():
+        here, there = getattr(spec.default, kind), getattr(empty.default, kind)
+        for name in names.split():
+            setattr(here, name, getattr(there, name))
+    for body in spec.bodies:
+        body.childclass = empty.default.name
+
+
+# attributes that a default can have; those that it cannot have must not even be read from it
+_LIMIT = (
+    "solref_limit solimp_limit solref_friction solimp_friction margin range limited frictionloss"
+)
+_FIELDS = {
+    "joint": f"{_LIMIT} type pos axis align ref springref springdamper stiffness damping armature "
+    "actfrcrange actfrclimited actgravcomp group",
+    "tendon": f"{_LIMIT} springlength stiffness damping armature actfrcrange actfrclimited width "
+    "rgba group material",
+    "actuator": "gaintype gainprm biastype biasprm dyntype dynprm actdim actearly actlimited "
+    "actrange ctrllimited ctrlrange forcelimited forcerange gear lengthrange cranklength damping "
+    "armature group delay nsample interp inheritrange",
+}
+
+
 def set_numeric(spec: mujoco.MjSpec, name: str, values: Sequence[float]) -> None:
     """Give a model a ``numeric`` element, or another value of the one that it has.
 
