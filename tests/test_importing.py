@@ -741,7 +741,14 @@ def replaced(row, old, new):
     [
         (lambda text: "", "log.csv: is empty"),
         (lambda text: "a,b\nc,d\n", "no line with two or more numbers"),
-        (lambda text: text.replace("q2", "q1"), "column 'q1' appears more than once"),
+        (
+            lambda text: text.replace("q2", "q1"),
+            r"no column 'q\{axis\}' for .*: 't', 'q1 \(1\)', 'q1",
+        ),
+        (
+            lambda text: re.sub(r"(q\d)", r"\1 [furlong]", text),
+            "'q1 .furlong.', whose unit is not known",
+        ),
         (
             lambda text: text.replace("q2", "q4"),
             "have the numbers 1, 4; they must begin",

@@ -102,8 +102,9 @@ def test_against_a_healthy_recording(asked):
     assert named(result) == [("viscous_friction", 2)]
     assert result["effects"][0]["parameters"]["severity"] == pytest.approx(0.3, rel=0.1)
     np.testing.assert_allclose(constants_in(result)[0], CONSTANT, rtol=0.02)
-    (line,) = result["warnings"]
-    assert "healthy.h5: axis 1 0.0" in line and "A at no torque, axis 2 0.7" in line
+    constants, friction = result["warnings"]
+    assert "healthy.h5: axis 1 0.0" in constants and "A at no torque, axis 2 0.7" in constants
+    assert "how much friction differs from day to day" in friction
 
 
 def test_a_changed_torque_constant_is_named_against_a_healthy_recording(asked):

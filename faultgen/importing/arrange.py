@@ -17,6 +17,7 @@ import pandas as pd
 
 from faultgen.errors import InputError
 from faultgen.importing.column_map import AXIS, ColumnMap, Quantity
+from faultgen.importing.oddities import dropouts, unwrapped, without_missing
 from faultgen.importing.table import Table, is_blank
 from faultgen.importing.units import ISO, PERCENT, conversion, known_unit
 
@@ -106,7 +107,7 @@ def arranged(table: Table, column_map: ColumnMap) -> Arranged:
                 "under [torque] or [current] in the map"
             )
         found["current"] = one
-    elif column_map.current is not None:
+    elif column_map.current and set(_columns(column_map.current, axes)) <= table.columns.keys():
         notes.append("the torque was read; currents were left out")
     time, attributes = _time(table, column_map, notes)
     kept = _complete(table, found, time, notes)
@@ -173,12 +174,7 @@ def _read(
     quantity: Quantity | None = getattr(column_map, name)
     if quantity is None:
         return None
-    if isinstance(quantity.columns, list):
-        columns = quantity.columns
-    elif AXIS in quantity.columns:
-        columns = [quantity.columns.replace(AXIS, axis) for axis in axes]
-    else:
-        columns = [quantity.columns]
+    columns = _columns(quantity, axes)
     if len(columns) != len(axes) and not (name == "temperature" and len(columns) == 1):
         raise InputError(
             f"{table.source}: {name}.columns lists {len(columns)} columns, but there are "
@@ -221,8 +217,21 @@ def _read(
         units.append(unit)
         factors.append(factor)
         si.append(how.si)
-        values.append(factor * (table.numbers(column) - zero[k]) + how.offset)
+        cells = without_missing(table, column, column_map.file.missing, notes)
+        values.append(factor * (cells - zero[k]) + how.offset)
+        if kind == "position" and (quantity.side or column_map.side) == "joint":
+            if how.si == "rad":
+                values[-1] = unwrapped(table, column, values[-1], notes)
     return _Read(columns, units, np.stack(values, axis=1), np.array(factors), si)
+
+
+def _columns(quantity: Quantity, axes: Sequence[str]) -> list[str]:
+    """Names of the columns that hold a quantity."""
+    if isinstance(quantity.columns, list):
+        return quantity.columns
+    if AXIS in quantity.columns:
+        return [quantity.columns.replace(AXIS, axis) for axis in axes]
+    return [quantity.columns]
 
 
 def _each(entry: str, value: Any, count: int) -> list[Any]:
@@ -335,6 +344,13 @@ def _complete(
         for k, column in enumerate(one.columns)
     }
     lost = np.logical_or.reduce(list(blank.values()))
+    dropped = dropouts([one.values for name, one in found.items() if name != "temperature"])
+    if dropped.any():
+        row = int(np.argmax(dropped))
+        notes.append(
+            f"rows in which every value is 0 were left out: {dropped.sum()}, the first is "
+            f"{table.place(row)}"
+        )
     if lost.mean() > _MOST_LOST:
         name = max(blank, key=lambda key: blank[key].sum())
         raise InputError(
@@ -346,7 +362,7 @@ def _complete(
         notes.append(
             f"rows with blank cells were left out: {lost.sum()}, the first is {table.place(row)}"
         )
-    return np.flatnonzero(~lost)
+    return np.flatnonzero(~(lost | dropped))
 
 
 def _segments(table: Table, column_map: ColumnMap, kept: np.ndarray) -> np.ndarray:
@@ -377,7 +393,9 @@ def _without_equal_times(
     if equal.mean() > _MOST_EQUAL:
         raise InputError(
             f"{table.source}: {equal.sum()} of {len(kept)} rows have the time of the row before; "
-            "correct time.unit, or give time.sample_period instead of time.column"
+            "correct time.unit; if each joint has a row of its own, arrange the log with one row "
+            "for each time and one column for each joint; if the rows are evenly spaced in time, "
+            "give time.sample_period instead of time.column"
         )
     if equal.any():
         row = int(kept[np.argmax(equal)])

@@ -77,6 +77,11 @@ class File(_Part):
     """Encoding of text, such as utf-8 or cp1252."""
     header: Annotated[int, Field(ge=1, strict=True)] | None = None
     """Line with the names of the columns, from 1."""
+    first: Annotated[int, Field(ge=1, strict=True)] | None = None
+    """Line with the first row of numbers, from 1."""
+    missing: list[Finite] | None = None
+    """Numbers that stand for a missing value. None: usual ones, such as -9999, far from all others.
+    """
     names: Annotated[list[str], Field(min_length=1)] | None = None
     """Names of the columns of a log that does not state them."""
     topic: str | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -17,7 +18,10 @@ from faultgen.importing.units import split_unit
 LARGEST_FILE = 2_000_000_000
 """Largest file that is read [bytes]."""
 
-BLANK = ("", "nan", "-nan", "null", "none")
+BLANK = (
+    *("", "nan", "-nan", "null", "none", "na", "n/a", "#n/a", "#nv", "#wert!", "#value!"),
+    *("-", "--", "?", "missing"),
+)
 """What a cell without a value holds, in small letters."""
 
 _MOST_LISTED = 12  # names that a message lists
@@ -71,7 +75,8 @@ class Table:
             raise InputError(
                 f"{self.source}: column '{name}' holds {str(column.iloc[row])[:30]!r} in "
                 f"{self.place(row)}, which is no number; name another column in the map, or state "
-                "the separator and the decimal sign under [file]"
+                "the separator and the decimal sign, or the beginnings of lines to leave out "
+                "(comment) or the line of the first row of numbers (first), under [file]"
             )
         return values
 
@@ -87,6 +92,13 @@ class Table:
             the names that the log has.
         """
         plain = wanted.replace("{axis}", "1").lower()
+        bracket = re.compile(re.escape(plain) + r"\s*[\[(](?!\d+\))", re.IGNORECASE)
+        with_unit = next((name for name in self.columns if bracket.match(name)), None)
+        if with_unit is not None:
+            return InputError(
+                f"{self.source}: no column '{wanted}' for [{what}], but '{with_unit}', whose unit "
+                f"is not known; write the whole name, and {what}.unit, in the map"
+            )
         by_lower: dict[str, list[str]] = {}
         for name in self.columns:
             by_lower.setdefault(name.lower(), []).append(name)

@@ -27,9 +27,11 @@ _NUMBER = {
     mark: re.compile(rf"[+-]?(\d+({re.escape(mark)}\d*)?|{re.escape(mark)}\d+)([eE][+-]?\d+)?")
     for mark in (".", ",")
 }
-_SEVERAL = re.compile(r"\d\s+[+-]?\d")  # a cell with several numbers: split by a wrong separator
-_CLOCK = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d")  # a date and a time make one cell
+# a cell with nothing but several numbers: split by a wrong separator
+_SEVERAL = re.compile(r"[+-]?\d[\d.,eE+-]*(\s+[+-]?\d[\d.,eE+-]*)+")
+_SWITCHES = ("true", "false", "on", "off", "yes", "no")
 _LOOKED_AT = 400  # lines in which the first row of numbers is searched for
+_MOST_LAST = 20  # lines after the rows of numbers that are left out, such as a summary
 
 
 def read_text_log(path: Path, file: File) -> Table:
@@ -54,8 +56,21 @@ def read_text_log(path: Path, file: File) -> Table:
         k for k, line in enumerate(lines) if line.strip() and not line.lstrip().startswith(comments)
     ]
     separator, decimal, first = _layout(path, [lines[k] for k in kept[:_LOOKED_AT]], file)
+    if file.first is not None:
+        first = int(np.searchsorted(kept, file.first - 1))
+        if first == len(kept):
+            raise InputError(f"{path}: file.first is {file.first}, but no row stands there")
     names, units = _names(path, lines, kept, first, separator, file, comments)
     rows = kept[first:]
+    last = [len(rows)]
+    while last[-1] > 1 and len(last) <= _MOST_LAST:
+        if _score(_cells(lines[rows[last[-1] - 1]], separator), decimal, strict=False):
+            break
+        last.append(last[-1] - 1)
+    if len(last) > 1:
+        ended = lines[rows[last[-1]]].strip()[:40]
+        notes.append(f"lines after the rows of numbers were left out: {len(last) - 1}, '{ended}'")
+        rows = rows[: last[-1]]
     table = _parsed(path, [lines[k] for k in rows], rows, len(names), separator, decimal)
     filled = {
         name: table[k]
@@ -124,14 +139,15 @@ def _is_number(cell: str, decimal: str) -> bool:
     return bool(_NUMBER[decimal].fullmatch(cell))
 
 
-def _score(cells: Sequence[str], decimal: str) -> int:
+def _score(cells: Sequence[str], decimal: str, strict: bool = True) -> int:
     """How many numbers a row has; 0 if it is no row of numbers."""
     numbers = sum(_is_number(cell, decimal) for cell in cells)
-    if any(_SEVERAL.search(cell) and not _CLOCK.match(cell) for cell in cells):
+    if any(_SEVERAL.fullmatch(cell) for cell in cells):
         return 0
     # names of columns and lines of text have few numbers, or none
-    others = sum(not _is_number(cell, decimal) and cell.lower() not in BLANK for cell in cells)
-    return numbers if numbers >= 2 and numbers > others else 0
+    plain = (cell.lower() for cell in cells if not _is_number(cell, decimal))
+    others = sum(cell not in BLANK and cell not in _SWITCHES for cell in plain)
+    return numbers if numbers >= 2 and (numbers > others or not strict) else 0
 
 
 def _layout(path: Path, lines: Sequence[str], file: File) -> tuple[str, str, int]:
@@ -141,22 +157,29 @@ def _layout(path: Path, lines: Sequence[str], file: File) -> tuple[str, str, int
     separators = list(_SEPARATORS) if file.separator == "auto" else [file.separator]
     decimals = [".", ","] if file.decimal == "auto" else [file.decimal]
     best, found = 0, None
-    for name in separators:
-        separator = _SEPARATORS[name]
-        for decimal in decimals:
-            if decimal == separator:
-                continue
-            scores = [_score(_cells(line, separator), decimal) for line in lines]
-            total = sum(scores)
-            if total > best:
-                first = next(k for k, score in enumerate(scores) if score)
-                best, found = total, (separator, decimal, first)
-    if found is None:
+    quoted = any('"' in line for line in lines)
+    # only where no line is mostly numbers, lines with more texts than numbers count
+    for strict in (True, False):
+        for name in separators:
+            separator = _SEPARATORS[name]
+            for decimal in decimals:
+                if decimal == separator and not quoted:
+                    continue
+                scores = [_score(_cells(line, separator), decimal, strict) for line in lines]
+                total = sum(scores)
+                if total > best:
+                    first = next(k for k, score in enumerate(scores) if score)
+                    best, found = total, (separator, decimal, first)
+        if found is not None:
+            return found
+    if any(re.search(r"[\[(]\s*[+-]?\d[^\])]*[,;\s][^\])]*[\])]", line) for line in lines):
         raise InputError(
-            f"{path}: no line with two or more numbers among the first {len(lines)}; state the "
-            "separator and the decimal sign under [file] in the map"
+            f"{path}: has cells that hold lists of numbers; write one column for each axis"
         )
-    return found
+    raise InputError(
+        f"{path}: no line with two or more numbers among the first {len(lines)}; state the "
+        "separator and the decimal sign under [file] in the map"
+    )
 
 
 def _names(
@@ -176,7 +199,7 @@ def _names(
                 f"{path}: file.names lists {len(file.names)} names, but line {kept[first] + 1} has "
                 f"{count} columns"
             )
-        return _unique(path, *named_with_units(file.names))
+        return _unique(*named_with_units(file.names))
     if file.header is not None:
         if file.header > len(lines):
             raise InputError(f"{path}: file.header is {file.header}, but it has {len(lines)} lines")
@@ -187,6 +210,8 @@ def _names(
             above = [_uncommented(line, comments) for line in lines[: kept[first]] if line.strip()]
             above = above[::-1]
     rows = [_cells(line, separator) for line in above]
+    if not _cells(lines[kept[first]], separator)[-1]:  # rows of numbers end with a separator
+        rows = [[*cells, ""] if len(cells) == count - 1 else cells for cells in rows]
     rows = [cells for cells in rows if len(cells) == count]
     if not rows:
         near = len(_cells(above[0], separator)) if above else 0
@@ -201,7 +226,7 @@ def _names(
         names, marks = rows[1], [known_unit(cell.strip("[]()")) for cell in names]
         below = {name: mark for name, mark in zip(names, marks, strict=True) if mark}
     bare, units = named_with_units(names)
-    return _unique(path, bare, {**below, **units})
+    return _unique(bare, {**below, **units})
 
 
 def _uncommented(line: str, comments: Iterable[str]) -> str:
@@ -210,16 +235,17 @@ def _uncommented(line: str, comments: Iterable[str]) -> str:
     return line[len(mark) :].lstrip(" ")
 
 
-def _unique(
-    path: Path, names: list[str], units: dict[str, str]
-) -> tuple[list[str], dict[str, str]]:
-    twice = {name for name in names if name and names.count(name) > 1}
-    if twice:
-        raise InputError(
-            f"{path}: column '{min(twice)}' appears more than once; state other names under [file] "
-            "names"
-        )
-    return names, units
+def _unique(names: list[str], units: dict[str, str]) -> tuple[list[str], dict[str, str]]:
+    """Number the columns whose name appears more than once."""
+    seen: dict[str, int] = {}
+    unique = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        several = name and names.count(name) > 1
+        unique.append(f"{name} ({seen[name]})" if several else name)
+        if several and name in units:
+            units = {**units, unique[-1]: units[name]}
+    return unique, units
 
 
 def _parsed(
@@ -234,5 +260,6 @@ def _parsed(
         has = len(_cells(lines[row], separator))
         raise InputError(
             f"{path}: line {rows[row] + 1} has {has} columns, but there are {count} names; remove "
-            "the line, or state what begins such lines as file.comment"
+            "the line, or state what begins such lines as file.comment, or the line of the first "
+            "row of numbers as file.first"
         ) from None

@@ -47,6 +47,9 @@ _SI = {
 }
 _OTHER_NAMES = {
     **{"°": "deg", "degree": "deg", "degrees": "deg", "turn": "rev", "turns": "rev"},
+    **{"grad": "deg", "radian": "rad", "radians": "rad", "n-m": "nm", "newton-m": "nm"},
+    **{"newtonmeter": "nm", "newton-meter": "nm", "ampere": "a", "amp": "a", "amps": "a"},
+    **{"grad/s": "deg/s", "degrees/s": "deg/s", "radians/s": "rad/s", "newton": "n"},
     **{"°/s": "deg/s", "1/min": "rpm", "rev/min": "rpm", "u/min": "rpm", "min-1": "rpm"},
     **{"°c": "degc", "c": "degc", "celsius": "degc", "kelvin": "k", "sec": "s", "seconds": "s"},
     **{"percent": PERCENT, "iso8601": ISO},
