@@ -1,9 +1,12 @@
 """What loggers write beside numbers: other columns, footers, marks of missing values, turns."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from test_importing import COUNT, GENERIC, PERIOD, RUN, changed, check, generic, imported, write_csv
 
+from faultgen.discovery import check_recording
 from faultgen.errors import InputError
 from faultgen.importing.oddities import dropouts
 
@@ -169,3 +172,23 @@ def test_other_jumps_are_left_to_the_checks(tmp_path):
     made = imported(write_csv(tmp_path / "log.csv", fast), GENERIC)
     np.testing.assert_array_equal(made.recording.position[:, 0], fast["q1"])
     assert made.recording.sample_period == pytest.approx(PERIOD)
+
+
+@pytest.mark.parametrize(("turns", "told"), [(1, "-1 turn would be inside"), (-2, "+2 turn would")])
+def test_a_recording_a_turn_away_from_the_model_is_told(measured, tiny_robot, turns, told):
+    """Recordings that were made without `import`: the message says what to subtract."""
+    recording = measured([], 1)
+    assert not check_recording(recording, tiny_robot)
+    position = recording.position + 2 * np.pi * turns * tiny_robot.gear_ratio * np.array([1, 0])
+    moved = replace(recording, position=position, reference_position=None)
+    (finding,) = (one for one in check_recording(moved, tiny_robot) if one.refuses)
+    assert told in finding.message
+
+
+def test_a_wrapped_recording_is_told_to_be_one(measured, tiny_robot):
+    """Not as a gap, which would need a new segment."""
+    recording = measured([], 1)
+    turn = 2 * np.pi * tiny_robot.gear_ratio * np.array([0, 1])
+    position = recording.position + turn * (np.arange(len(recording.position)) > 500)[:, None]
+    found = check_recording(replace(recording, position=position), tiny_robot)
+    assert any("starts again after a whole turn; 'faultgen import'" in one.message for one in found)

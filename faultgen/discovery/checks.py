@@ -19,6 +19,7 @@ from faultgen.simulation.arm import Arm, motor_torque
 _LAGS = 12  # samples by which a channel may be late to be told so
 _STILL = 1e-3  # range of a joint that does not move [rad]
 _STUCK = 0.25  # time without any change of position while the reference moves [s]
+_TURN = 2 * np.pi  # [rad]
 _NEAR = 5  # steps before and after a jump that tell how far an axis usually moves
 _MISSING = 2.5  # usual steps that a jump may take more: two missing samples
 _FRICTION_APART = 10.0  # ratio of torques up to which friction may be the reason: assumed
@@ -107,6 +108,11 @@ def _units(recording: Recording, robot: Robot, joint: np.ndarray) -> list[Findin
                 told = "in degrees" if unit == "degrees" else "of the motor, not of the joint"
                 guess = f"; are the positions {told}?"
                 break
+        turns = round(((low[axis] + high[axis]) - (least + most)) / 2 / _TURN)
+        moved = np.array([least, most]) + turns * _TURN
+        inside = moved[0] >= low[axis] - slack[axis] and moved[1] <= high[axis] + slack[axis]
+        if turns and inside and not robot.slides[axis]:
+            guess = f"; does the log count them from another turn? {turns:+d} turn would be inside"
         text = (
             f"joint angles from {least:.3g} to {most:.3g} rad are outside of the range "
             f"{low[axis]:.3g} to {high[axis]:.3g} rad{guess}"
@@ -141,8 +147,12 @@ def _gaps(recording: Recording, robot: Robot, joint: np.ndarray) -> list[Finding
                     f"jumps by {steps[first, axis]:.3g} rad at sample {part.start + first + 1}, "
                     f"more than {fastest[axis]:.3g} rad/s allow"
                 )
+                turned = abs(abs(steps[first, axis]) - _TURN) <= 2 * fastest[axis] * period
                 text += (
-                    ": a gap? begin a new segment there"
+                    ": the angle starts again after a whole turn; 'faultgen import' and "
+                    "numpy.unwrap continue it"
+                    if turned and not robot.slides[axis]
+                    else ": a gap? begin a new segment there"
                     if gaps
                     else f" ({len(far)} such jumps in all): samples were logged late, or one or "
                     "two are missing"
