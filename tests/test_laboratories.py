@@ -290,7 +290,7 @@ def test_a_laboratory_becomes_files(tmp_path: Path) -> None:
         robot = load_robot(str(own / told["robot"]))
         for name in ("measured", "healthy", "validate"):
             recording = read_recording(own / f"{name}.h5")
-            assert not [f for f in check_recording(recording, robot) if f.refuses]
+            assert not [f for f in check_recording(recording, robot) if f.level == "refuse"]
     for plan in draw_cases(lab):
         if plan.multiple is not None:
             (entry,) = (

@@ -181,7 +181,7 @@ def test_a_recording_a_turn_away_from_the_model_is_told(measured, tiny_robot, tu
     assert not check_recording(recording, tiny_robot)
     position = recording.position + 2 * np.pi * turns * tiny_robot.gear_ratio * np.array([1, 0])
     moved = replace(recording, position=position, reference_position=None)
-    (finding,) = (one for one in check_recording(moved, tiny_robot) if one.refuses)
+    (finding,) = (one for one in check_recording(moved, tiny_robot) if one.level == "refuse")
     assert told in finding.message
 
 
