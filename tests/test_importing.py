@@ -693,7 +693,7 @@ def test_blank_cells_and_equal_times_are_left_out_and_told(tmp_path):
         ),
         (
             {"time": {"unit": "iso"}},
-            "column 't' holds '0.0' in line 2, which is no ISO",
+            "column 't' holds '0.0' in line 2, which is no time",
         ),
         ({"torque": {"unit": "%"}}, "column 'u1' is in percent; state torque.rated in the map"),
         ({"torque": {"side": "motor"}}, "torque is on the motor side, but the recording needs it"),

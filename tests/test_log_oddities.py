@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from test_importing import COUNT, GENERIC, PERIOD, RUN, changed, check, generic, imported, write_csv
 
@@ -192,3 +193,25 @@ def test_a_wrapped_recording_is_told_to_be_one(measured, tiny_robot):
     position = recording.position + turn * (np.arange(len(recording.position)) > 500)[:, None]
     found = check_recording(replace(recording, position=position), tiny_robot)
     assert any("starts again after a whole turn; 'faultgen import'" in one.message for one in found)
+
+
+@pytest.mark.parametrize(
+    ("form", "told"),
+    [
+        ("%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S.%f"),
+        ("%m/%d/%Y %I:%M:%S.%f %p", "%m/%d/%Y %I:%M:%S.%f %p"),
+        ("%d-%b-%Y %H:%M:%S,%f", "%d-%b-%Y %H:%M:%S.%f"),
+        ("%H:%M:%S.%f", "hours:minutes:seconds"),
+        ("%Y-%m-%d %H:%M:%S.%f", None),
+    ],
+)
+def test_times_as_programs_and_countries_write_them(tmp_path, form, told):
+    """Only the time since the first row counts, so that days and months may be exchanged."""
+    start = pd.Timestamp("2026-11-24 09:59:59.500")
+    times = [(start + pd.Timedelta(t, "s")).strftime(form) for t in RUN.time]
+    log = write_csv(tmp_path / "log.csv", {**generic(), "t": times}, separator=";")
+    made = imported(log, changed(time={"column": "t", "unit": "iso"}))
+    check(made.recording)
+    assert [n for n in made.notes if "times were read" in n] == (
+        [f"the times were read as {told}"] if told else []
+    )

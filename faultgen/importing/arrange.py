@@ -8,12 +8,14 @@ made.rows[0]                  # what was read as position of axis 1, and how it 
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from pandas.tseries.api import guess_datetime_format
 
 from faultgen.errors import InputError
 from faultgen.importing.column_map import AXIS, ColumnMap, Quantity
@@ -293,7 +295,7 @@ def _time(
     unit = given.unit if given.unit is not None else table.units.get(name)
     dates = pd.api.types.is_datetime64_any_dtype(column)
     if dates or (isinstance(unit, str) and known_unit(unit) == ISO):
-        return _of_dates(table, name), {}
+        return _of_dates(table, name, notes), {}
     if unit is None:
         raise InputError(
             f"{table.source}: the unit of column '{name}' is not known; state time.unit in the map"
@@ -316,21 +318,53 @@ def _time(
     return (np.round(elapsed, digits) if digits < _EXACT else elapsed) * factor, {}
 
 
-def _of_dates(table: Table, name: str) -> np.ndarray:
+def _of_dates(table: Table, name: str, notes: list[str]) -> np.ndarray:
+    """Times in [s] after the first one, NaN where a cell is blank."""
     column = table.columns[name]
     if not pd.api.types.is_datetime64_any_dtype(column):
+        blank = is_blank(column)
         text = column.astype(str).str.strip().str.replace(",", ".", regex=False)
-        dates = pd.to_datetime(text, errors="coerce", utc=True, format="ISO8601")
-        wrong = np.flatnonzero(dates.isna().to_numpy() & ~is_blank(column))
+        how = _form_of(str(text[~blank].iloc[0])) if not blank.all() else ISO
+        if how == _CLOCK:
+            since = pd.to_timedelta(text.where(~blank), errors="coerce")
+            times = since.dt.total_seconds()
+        else:
+            form = "ISO8601" if how == ISO else how
+            times = pd.to_datetime(text, errors="coerce", utc=True, format=form)
+        wrong = np.flatnonzero(times.isna().to_numpy() & ~blank)
         if len(wrong):
             row = int(wrong[0])
             raise InputError(
                 f"{table.source}: column '{name}' holds {str(column.iloc[row])[:30]!r} in "
-                f"{table.place(row)}, which is no ISO 8601 time such as 2026-03-01T09:30:00.004; "
-                "correct time.unit in the map"
+                f"{table.place(row)}, which is no time such as 2026-03-01T09:30:00.004 or "
+                "09:30:00.004; correct time.unit in the map"
             )
-        column = dates
+        if how != ISO:
+            notes.append(f"the times were read as {how}")
+        if how == _CLOCK:
+            return (times - times.min()).to_numpy(float)
+        column = times
     return (column - column.min()).dt.total_seconds().to_numpy(float)
+
+
+_CLOCK = "hours:minutes:seconds"
+_HOURS = re.compile(r"\d{1,2}:\d\d:\d\d(\.\d*)?")
+_ISO_DATE = re.compile(r"\d{4}-\d\d-\d\d")
+
+
+def _form_of(text: str) -> str:
+    """How a time is written: as ISO 8601, as hours, or in a form of `strftime`.
+
+    Whether the day or the month comes first does not matter: only the time since the first row is
+    used.
+    """
+    if _HOURS.fullmatch(text):
+        return _CLOCK
+    if _ISO_DATE.match(text):
+        return ISO
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of days and months that could be exchanged
+        return guess_datetime_format(text) or ISO
 
 
 def _complete(
