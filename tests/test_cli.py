@@ -92,11 +92,11 @@ def test_severities_and_pairing_by_flags(tiny_robot_path, tiny_task_path, tmp_pa
 
 def test_info_tells_what_is_there(dataset):
     """A whole dataset is complete and intact, in words and in JSON."""
-    said = json.loads(faultgen("info", dataset, "--json").stdout)
+    said = json.loads(faultgen_here("info", dataset, "--json").stdout)
     assert said["complete"]
     assert said["intact"]
     assert [row["axes"] for row in said["runs"]] == ["-", "1", "2"]
-    told = faultgen("info", dataset)
+    told = faultgen_here("info", dataset)
     assert told.returncode == 0
     assert "complete and intact" in told.stdout
 
@@ -180,7 +180,7 @@ BAD = {
 def test_bad_flags_get_one_line(tiny_robot_path, tiny_task_path, tmp_path, case):
     """One clear line on stderr, exit status 2, nothing written."""
     changes, message = BAD[case]
-    done = faultgen(*flags(tiny_robot_path, tiny_task_path, tmp_path / "out", **changes))
+    done = faultgen_here(*flags(tiny_robot_path, tiny_task_path, tmp_path / "out", **changes))
     assert done.returncode == 2, done.stderr
     assert re.fullmatch(rf"faultgen: .*{message}.*\n", done.stderr), done.stderr
     assert done.stdout == ""
@@ -243,7 +243,7 @@ def test_an_empty_path_is_not_the_current_folder(command, tmp_path):
     ],
 )
 def test_a_negative_seed_is_refused_in_the_same_words(command, tmp_path):
-    done = faultgen(*command.split(), "--seed", "-1", "-o", "out", cwd=tmp_path)
+    done = faultgen_here(*command.split(), "--seed", "-1", "-o", "out", cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr == "faultgen: seed: must be at least 0, not -1\n"
     assert not list(tmp_path.iterdir())
@@ -253,7 +253,9 @@ def test_a_negative_seed_is_refused_in_the_same_words(command, tmp_path):
 def test_read_only_folders_are_refused(tmp_path):
     """A folder without write permission is named."""
     tmp_path.chmod(0o500)
-    done = faultgen("generate", "--robot", "puma560", "--task", "pick_and_place", "-o", tmp_path)
+    done = faultgen_here(
+        "generate", "--robot", "puma560", "--task", "pick_and_place", "-o", tmp_path
+    )
     assert done.returncode == 2
     assert "cannot be written" in done.stderr
 
@@ -285,6 +287,6 @@ def test_ctrl_c_stops_cleanly(tmp_path):
     ("old", "new"), [(["--width", "3"], "--prior-scale"), (["--steady"], "--white-noise")]
 )
 def test_a_renamed_option_is_refused_with_its_new_name(old, new, tmp_path):
-    done = faultgen("discover", tmp_path / "x.h5", "--robot", "puma560", *old)
+    done = faultgen_here("discover", tmp_path / "x.h5", "--robot", "puma560", *old)
     assert done.returncode == 2
     assert done.stderr.strip().endswith(f"No such option: {old[0]}; it is now called {new}")

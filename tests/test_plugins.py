@@ -251,14 +251,23 @@ def test_results_name_the_code_of_another_package(methods, tiny_robot_path, tiny
     ("change", "message"),
     [
         (("def isolate", "def isolated"), "my_methods.Last has no method 'isolate'"),
-        (
+        pytest.param(
             ("def fit(self, torque, t", "def fitted(self, t, t"),
             "my_methods.Last has no method 'fit'",
+            marks=pytest.mark.slow,
         ),
         (('"temperature")', '"warmth")'), "my_methods.Last: there is no feature 'warmth': choose"),
-        (('    name = "always the last"', ""), "my_methods.Last has no name"),
+        pytest.param(
+            ('    name = "always the last"', ""),
+            "my_methods.Last has no name",
+            marks=pytest.mark.slow,
+        ),
         (("always the last", "CC"), "my_methods.Last: the name 'CC' exists"),
-        (("Last(Isolator)", "Last"), "must be a subclass of faultgen.evaluation.Isolator"),
+        pytest.param(
+            ("Last(Isolator)", "Last"),
+            "must be a subclass of faultgen.evaluation.Isolator",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_isolators_that_cannot_be_used_are_named(methods, change, message):

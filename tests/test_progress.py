@@ -93,6 +93,7 @@ def test_a_line_tells_rate_and_time_left():
     assert clock(7265) == "2:01:05"
 
 
+@pytest.mark.slow
 def test_commands_show_it(tiny_robot_path, tiny_task_path, tmp_path):
     """`generate` with two workers, whose first line would come after five seconds."""
     code = "from faultgen.system import progress; progress.FIRST_LINE = 0.0; "

@@ -27,8 +27,7 @@ from faultgen.system.files import file_sha256, temporary_name, writer_of
 def use_blocks_of(monkeypatch, size):
     """Compare files in blocks of so many bytes, of which few are kept in memory."""
     monkeypatch.setattr(checked_file, "BLOCK", size)
-    monkeypatch.setattr(checked_file, "_RECENT", 2)
-    monkeypatch.setattr(checked_file, "_EMPTY", checked_file._sum(b""))
+    monkeypatch.setattr(checked_file, "RECENT", 2)
 
 
 @pytest.fixture(scope="module")

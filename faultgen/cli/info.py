@@ -17,9 +17,10 @@ def info(folder: Folder, as_json: Json = False) -> None:
     The command reports whether the dataset is complete and intact. The exit status is 1 if runs are
     missing or damaged, or were made by different versions of faultgen.
     """
+    from faultgen.dataset.interpolation_error import interpolation_error
     from faultgen.dataset.manifest import is_fleet
     from faultgen.dataset.merged_file import MERGED
-    from faultgen.dataset.reader import interpolation_error, open_dataset
+    from faultgen.dataset.reader import open_dataset
     from faultgen.simulation.operation import Operation
 
     if is_fleet(folder):

@@ -16,7 +16,7 @@ not need the simulator.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -396,21 +396,6 @@ class Dataset:
         from faultgen.system.tables import write_parquet
 
         write_parquet(self.to_dataframe(), Path(path))
-
-
-def interpolation_error(told: Mapping[str, Any]) -> float:
-    """Compute how large the error of interpolated torque is.
-
-    Args:
-        told: Attributes of a run.
-
-    Returns:
-        The largest error of an axis, over its noise; 0 if every cycle was simulated.
-    """
-    if "interpolation_error" not in told:
-        return 0.0
-    error, noise = (np.asarray(told[f"interpolation_{what}"]) for what in ("error", "noise"))
-    return float(np.max(error / np.maximum(noise, 1e-300)))
 
 
 def _reason(note: Path) -> str:

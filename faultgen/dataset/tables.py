@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 import pandas as pd
 
-from faultgen.dataset.reader import interpolation_error
+from faultgen.dataset.interpolation_error import interpolation_error
 from faultgen.dataset.splits import TEST, TRAIN, RunParts
 from faultgen.errors import InputError
 from faultgen.provenance import Provenance

@@ -107,7 +107,7 @@ class Time(_Part):
     column: Column | None = None
     """Column with times."""
     unit: str | Finite | None = None
-    """Unit of that column; "iso" for dates with clock times, and for clock times. None: as the log states."""
+    """Unit of that column; "iso" for dates or clock times. None: as the log states."""
     sample_period: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     """Time between two rows [s], instead of a column."""
 

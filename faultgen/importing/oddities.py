@@ -61,7 +61,7 @@ def unwrapped(table: Table, name: str, angle: np.ndarray, notes: list[str]) -> n
 
     Returns:
         The angle without jumps of a whole turn, by whole turns as close to zero as it can be;
-        unchanged if it has no such jumps, or also others.
+        unchanged if it has no such jumps, or also others. Shape (rows,), in [rad].
     """
     rows = np.flatnonzero(np.isfinite(angle))
     step = np.diff(angle[rows])

@@ -19,7 +19,7 @@ from faultgen.system.files import BINARY, forget_cached, write_all
 BLOCK = 1 << 16
 """Size of the blocks in which a file is compared with what it should hold [bytes]."""
 
-_RECENT = 32
+RECENT = 32
 """Number of blocks whose content is kept in memory."""
 
 
@@ -92,7 +92,7 @@ class _Content:
         if content is None:
             content = self._read(number) if number in self._sums else bytearray(BLOCK)
         self._recent[number] = content  # as the newest one
-        if len(self._recent) > _RECENT:
+        if len(self._recent) > RECENT:
             self._forget_oldest()
         return content
 
@@ -106,12 +106,10 @@ class _Content:
         while len(content) < BLOCK and (part := os.read(self._handle, BLOCK - len(content))):
             content += part
         content += bytes(BLOCK - len(content))
-        if _sum(content) != self._sums.get(number, _EMPTY):
+        wanted = self._sums.get(number, b"")  # nothing was written to a gap
+        if _sum(content) != wanted if wanted else any(content):
             raise self._differs
         return content
-
-
-_EMPTY = _sum(b"")
 
 
 class _File(io.RawIOBase):
