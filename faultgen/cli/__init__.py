@@ -80,7 +80,12 @@ def main() -> None:
         sys.exit(1)
     except StorageFailed as error:
         _fail(f"{error}; check the disk, then run the same command again to continue", 1)
-    except (SimulationFailed, MethodFailed, OSError) as error:
+    except (NotADirectoryError, FileExistsError) as error:
+        _fail(f"{error.filename}: a file is where a folder has to be; choose another name", 2)
+    except OSError as error:
+        named = error.filename is not None and error.strerror
+        _fail(f"{error.filename}: {error.strerror}" if named else one_line(error), 1)
+    except (SimulationFailed, MethodFailed) as error:
         _fail(one_line(error), 1)
     except Exception as error:
         # usage errors of the command-line library

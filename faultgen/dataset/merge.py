@@ -100,10 +100,11 @@ def remove_run_files(dataset: Dataset) -> None:
     for run in files:
         if held.get(run.id) != verify(run.path):
             raise StorageFailed(f"{path}: does not hold run {run.id}; the run files are kept")
-    for run in files:
-        # the checksum goes first: a run file without one counts as damaged, not as whole
-        checksum_path(run.path).unlink(missing_ok=True)
-        run.path.unlink(missing_ok=True)
+    for run_id in held:
+        # the checksum goes last: alone it says nothing, and a run without one counts as damaged
+        own = dataset.path / "runs" / f"{run_id}.h5"
+        own.unlink(missing_ok=True)
+        checksum_path(own).unlink(missing_ok=True)
 
 
 def _sums(dataset: Dataset, path: Path) -> dict[str, str]:

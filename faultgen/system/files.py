@@ -118,23 +118,51 @@ def publish(temporary: Path, path: Path) -> str:
         The checksum.
 
     Raises:
-        StorageFailed: A step failed. The temporary file and the checksum written here have then
-            been removed.
+        StorageFailed: A step failed. The temporary file has then been removed, and an older file of
+            that name and its checksum are as before.
     """
     note = checksum_path(path)
-    own = [temporary]
     try:
         with named_failures(path):
             checksum = file_sha256(temporary)
-            own.append(note)
-            write_text(note, checksum + "\n")
-            rename(temporary, path)
+            with _restored(note, "before"):
+                write_text(note, checksum + "\n")
+                rename(temporary, path)
     except BaseException:
-        for file in own:
-            with suppress(OSError):
-                file.unlink(missing_ok=True)
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
         raise
     return checksum
+
+
+@contextmanager
+def _restored(path: Path, name: str) -> Iterator[None]:
+    """Give a file its old content again if the code in the context fails.
+
+    A file that did not exist before is removed then. Where the file system knows no hard links, the
+    new content of an old file stays.
+    """
+    backup = temporary_name(path.with_name(f"{path.name}.{name}"))
+    existed = path.exists()
+    kept = False
+    if existed:
+        with suppress(OSError):
+            backup.unlink(missing_ok=True)
+            os.link(path, backup)
+            kept = True
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            if kept:
+                os.replace(backup, path)
+            elif not existed:
+                path.unlink(missing_ok=True)
+        raise
+    finally:
+        if kept:
+            with suppress(OSError):
+                backup.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -160,6 +188,27 @@ def write_bytes(path: Path, content: bytes) -> None:
     Raises:
         StorageFailed: The file cannot be written. An older file of that name is unchanged.
     """
+    with _written(path, content) as temporary, named_failures(path):
+        rename(temporary, path)
+
+
+def write_checked(path: Path, content: bytes) -> None:
+    """Write a file, completely or not at all, with a checksum beside it.
+
+    Args:
+        path: The file.
+        content: Its content.
+
+    Raises:
+        StorageFailed: The file cannot be written. An older file of that name is unchanged.
+    """
+    with _written(path, content) as temporary:
+        publish(temporary, path)
+
+
+@contextmanager
+def _written(path: Path, content: bytes) -> Iterator[Path]:
+    """Write a file under its temporary name, sync it and compare it; remove it in the end."""
     temporary = temporary_name(path)
     try:
         with named_failures(path):
@@ -171,11 +220,10 @@ def write_bytes(path: Path, content: bytes) -> None:
                 os.close(handle)
             if file_sha256(temporary) != hashlib.sha256(content).hexdigest():
                 raise StorageFailed(f"{path}: differs from what was written")
-            rename(temporary, path)
-    except BaseException:
+        yield temporary
+    finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
-        raise
 
 
 def rename(temporary: Path, path: Path) -> None:
@@ -186,16 +234,12 @@ def rename(temporary: Path, path: Path) -> None:
         path: The final name.
 
     Raises:
-        OSError: Renaming the file failed, or the new name could not be synced to the disk. In the
-            second case the file has been removed.
+        OSError: Renaming the file failed, or the new name could not be synced to the disk. An older
+            file of that name is then as before.
     """
-    os.replace(temporary, path)
-    try:
+    with _restored(path, "old"):
+        os.replace(temporary, path)
         _sync_folder(path.parent)
-    except BaseException:
-        with suppress(OSError):
-            path.unlink(missing_ok=True)
-        raise
 
 
 def _sync_folder(folder: Path) -> None:

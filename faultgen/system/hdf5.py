@@ -123,6 +123,8 @@ def open_verified(path: Path, *, every_read: bool = False) -> Iterator[h5py.File
             with Source(path, checksum) as source:
                 with _errors_of(source), h5py.File(source, "r") as file:
                     yield file
-    except (OSError, RuntimeError) as error:
+    except (OSError, RuntimeError, KeyError) as error:
         line = one_line(error)
+        if isinstance(error, KeyError) and "Unable to" not in line:
+            raise  # of other code
         raise StorageFailed(f"{path}: cannot be read ({line})") from None

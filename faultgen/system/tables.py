@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import os
-from contextlib import suppress
+import io
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from faultgen.errors import InputError, StorageFailed
-from faultgen.system.files import named_failures, publish, temporary_name
+from faultgen.errors import InputError
+from faultgen.system.files import named_failures, write_checked
 
 
 def optional(package: str) -> Any:
@@ -45,22 +44,11 @@ def write_parquet(frame: pd.DataFrame, path: Path) -> None:
 
     Raises:
         InputError: pyarrow is not installed.
-        StorageFailed: The file cannot be written, or differs from the table when it is read back.
+        StorageFailed: The file cannot be written, or does not hold what was written.
     """
     optional("pyarrow")
-    temporary = temporary_name(path)
-    try:
-        with named_failures(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            frame.to_parquet(temporary, engine="pyarrow", index=False)
-            handle = os.open(temporary, os.O_RDWR)
-            try:
-                os.fsync(handle)
-            finally:
-                os.close(handle)
-        if not pd.read_parquet(temporary, engine="pyarrow").equals(frame):
-            raise StorageFailed(f"{path}: differs from what was written")
-        publish(temporary, path)
-    finally:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
+    content = io.BytesIO()
+    frame.to_parquet(content, engine="pyarrow", index=False)
+    with named_failures(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    write_checked(path, content.getvalue())
