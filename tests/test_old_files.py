@@ -2,6 +2,7 @@
 
 import os
 import stat
+import time
 
 import h5py
 import numpy as np
@@ -13,6 +14,7 @@ from matplotlib.figure import Figure
 import faultgen.system.files as files
 from faultgen.errors import InputError, StorageFailed
 from faultgen.studies.figures import draw
+from faultgen.system.arrays import write_arrays
 from faultgen.system.files import checksum_path, publish, temporary_name, write_text
 from faultgen.system.hdf5 import open_verified
 from faultgen.system.tables import write_parquet
@@ -155,3 +157,12 @@ def test_a_file_in_the_place_of_a_folder_is_named(tmp_path):
     assert done.returncode == 2
     assert "blocked" in done.stderr and "Errno" not in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_the_same_arrays_are_the_same_bytes_at_any_time(tmp_path):
+    """No time of creation is stored, also not in groups."""
+    arrays = {"x": np.arange(3.0), "truth/y": np.eye(2)}
+    write_arrays(tmp_path / "a.h5", arrays, {"seed": 1})
+    time.sleep(1.1)  # times in HDF5 are whole seconds
+    write_arrays(tmp_path / "b.h5", arrays, {"seed": 1})
+    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()

@@ -48,7 +48,7 @@ def write_arrays(
         path.parent.mkdir(parents=True, exist_ok=True)
     with new_hdf5(path) as (file, _):
         for name, values in arrays.items():
-            file[name] = values
+            file.create_dataset(name, data=values)
         told = {name: text for name, text in (described or {}).items() if name in arrays}
         for name, (units, long_name) in told.items():
             file[name].attrs.update({"units": units, "long_name": long_name})
