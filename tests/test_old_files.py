@@ -15,7 +15,7 @@ import faultgen.system.files as files
 from faultgen.errors import InputError, StorageFailed
 from faultgen.studies.figures import draw
 from faultgen.system.arrays import write_arrays
-from faultgen.system.files import checksum_path, publish, temporary_name, write_text
+from faultgen.system.files import checksum_path, file_sha256, publish, temporary_name, write_text
 from faultgen.system.hdf5 import open_verified
 from faultgen.system.tables import write_parquet
 
@@ -39,7 +39,9 @@ def names(folder):
 
 def published(path, text):
     temporary_name(path).write_text(text)
-    return publish(temporary_name(path), path)
+    checksum = file_sha256(temporary_name(path))
+    publish(temporary_name(path), path, checksum)
+    return checksum
 
 
 def test_a_file_is_as_before_if_its_folder_cannot_be_synced(tmp_path, folders_fail):

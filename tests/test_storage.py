@@ -271,6 +271,18 @@ def test_a_failed_write_ends_a_run_at_once(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+def test_cycles_are_written_in_their_order(tmp_path):
+    """A cycle that is left out or written twice is an error of the program."""
+    with RunWriter(tmp_path, "0" * 16, {}, "<mujoco/>") as writer:
+        writer.scale("cycle_number", np.arange(1, 3))
+        writer.create("cycle/severity", (2,), "f8", ("cycle_number",))
+        writer.put("cycle/severity", 0, np.ones(()))
+        for wrong in (0, 2):
+            with pytest.raises(ValueError, match="cannot follow 1 cycles"):
+                writer.put("cycle/severity", wrong, np.ones(()))
+        writer.put("cycle/severity", 1, np.ones(()))
+
+
 def test_a_lost_list_of_runs_is_written_again(tiny_robot_path, tiny_task_path, dataset):
     """The run files show which dataset it was: they are kept, and those of another are refused."""
     before = (dataset / "runs.json").read_bytes()

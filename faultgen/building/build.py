@@ -110,7 +110,11 @@ def build(path: Path, drives: Drives, name: str) -> Built:
         for key, (found, source) in payload.items()
     }
     text = drives_text(name, plain.joints, values, general, entries, drives.coupling)
-    friction = disbelieved(plain.joints, values)
+    friction = [
+        f"joint '{joint}', {line}"
+        for joint, numbers, one in zip(plain.joints, values, seen, strict=True)
+        for line in disbelieved(numbers, one)
+    ]
     return Built(robot, plain, values, text, (*plain.notes, *friction, *notes))
 
 

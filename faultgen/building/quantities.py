@@ -6,7 +6,7 @@ one says why it was chosen. docs/robots.md lists them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -136,15 +136,19 @@ def _disbelieved(name: str, values: Values, seen: Seen) -> str:
         return ""
     where = " at full speed" if name == "damping" else ""
     return (
-        f"; the {name} of the joint, {stated:g}, is not used, because it would take "
+        f"the {name} of the joint, {stated:g}, is not used, because it would take "
         f"{torque / values['torque_limit']:.0%} of the torque limit{where}"
     )
+
+
+def _with(why: str, reason: str) -> str:
+    return f"{why}; {reason}" if reason else why
 
 
 def _coulomb(values: Values, seen: Seen) -> Assumed:
     rated = RATED * values["torque_limit"] / values["gear_ratio"]
     why = f"{100 * COULOMB:g} % of the rated torque, half the torque limit"
-    return COULOMB * rated, why + _disbelieved("frictionloss", values, seen)
+    return COULOMB * rated, _with(why, _disbelieved("frictionloss", values, seen))
 
 
 def _stated_coulomb(values: Values, seen: Seen) -> Assumed | None:
@@ -166,7 +170,8 @@ def _stribeck(values: Values, seen: Seen) -> Assumed:
 def _viscous(values: Values, seen: Seen) -> Assumed:
     top = values["speed_limit"] * values["gear_ratio"]
     why = f"at full speed {VISCOUS:g} of Coulomb friction"
-    return VISCOUS * values["coulomb_friction"] / top, why + _disbelieved("damping", values, seen)
+    reason = _disbelieved("damping", values, seen)
+    return VISCOUS * values["coulomb_friction"] / top, _with(why, reason)
 
 
 def _stated_viscous(values: Values, seen: Seen) -> Assumed | None:
@@ -298,19 +303,21 @@ def drive_of(given: Mapping[str, float], seen: Seen) -> dict[str, Value]:
     return found
 
 
-def disbelieved(joints: Sequence[str], values: Sequence[Mapping[str, Value]]) -> list[str]:
+def disbelieved(values: Mapping[str, Value], seen: Seen) -> list[str]:
     """Tell which friction of a plain model is not used, because it would be too large.
 
     Args:
-        joints: Names of the axes.
-        values: Numbers of the drive of each axis, from `drive_of`.
+        values: Numbers of one drive, from `drive_of`.
+        seen: What the drive sees of the arm.
 
     Returns:
-        One line for each friction.
+        One line for each friction, with the name of the number that is assumed instead.
     """
-    return [
-        f"joint '{joint}', {name}:{value.why.partition(';')[2]}"
-        for joint, numbers in zip(joints, values, strict=True)
-        for name, value in numbers.items()
-        if "is not used" in value.why
-    ]
+    numbers = {name: abs(one.value) for name, one in values.items()}
+    stated = {"coulomb_friction": "frictionloss", "viscous_friction": "damping"}
+    reasons = {
+        name: _disbelieved(of, numbers, seen)
+        for name, of in stated.items()
+        if values[name].source == "assumed"
+    }
+    return [f"{name}: {reason}" for name, reason in reasons.items() if reason]

@@ -7,6 +7,7 @@ folders or dates, so that the same experiment gives the same card.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from typing import Any
 
 import h5py
@@ -144,7 +145,7 @@ def _files() -> list[str]:
 
 
 _KIND = ["robot", "task", "effect", "axes", "beside"]
-_VERSIONS = ["faultgen_version", "mujoco_version", "code_sha256"]
+_VERSIONS = [field.name for field in fields(Provenance)]
 
 
 def _arrays(runs: Sequence[OpenRun], table: pd.DataFrame) -> list[str]:

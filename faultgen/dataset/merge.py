@@ -145,7 +145,7 @@ def _write(
             with run.open(every_read=True) as file:
                 copy_run(file, merged.require_group("runs"), run.id)
             sink.check()
-    publish(temporary_name(path), path)
+    publish(temporary_name(path), path, sink.checksum)
 
 
 def _write_index(group: h5py.Group, table: pd.DataFrame) -> None:

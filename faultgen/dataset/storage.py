@@ -67,11 +67,11 @@ class RunWriter:
             model: MJCF text of the healthy robot.
         """
         self.path = folder / f"{run_id}.h5"
-        self._temporary = temporary_name(self.path)
         self._context = new_hdf5(self.path)
         self._attributes = dict(attributes)
         self._model = model
         self._arrays: dict[str, h5py.Dataset] = {}
+        self._cycles: dict[str, int] = {}
 
     def __enter__(self) -> RunWriter:
         """Create the file under a temporary name.
@@ -107,7 +107,7 @@ class RunWriter:
         """
         self._context.__exit__(kind, error, trace)
         if kind is None:
-            publish(self._temporary, self.path)
+            publish(temporary_name(self.path), self.path, self._sink.checksum)
 
     def scale(self, name: str, values: np.ndarray) -> None:
         """Add a dimension scale.
@@ -134,9 +134,10 @@ class RunWriter:
         """
         chunks = (1, *shape[1:])
         self._new(name, dims, shape=shape, dtype=dtype, chunks=chunks, **_COMPRESSION)
+        self._cycles[name] = 0
 
     def put(self, name: str, index: int, values: np.ndarray) -> None:
-        """Write one cycle of an array.
+        """Write one cycle of an array. The cycles must be written in their order.
 
         Args:
             name: Path of the array in the file.
@@ -145,10 +146,14 @@ class RunWriter:
 
         Raises:
             OSError: The disk refused this write or an earlier one.
+            ValueError: The cycle is not the next one.
         """
+        if index != self._cycles[name]:
+            raise ValueError(f"{name}: cycle {index} cannot follow {self._cycles[name]} cycles")
         data = self._arrays[name]
         data[index] = np.asarray(values, data.dtype)
         self._sink.check()
+        self._cycles[name] += 1
 
     def add(
         self, name: str, values: np.ndarray, dims: tuple[str, ...], units: str | None = None

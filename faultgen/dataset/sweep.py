@@ -229,10 +229,9 @@ def _outdated(dataset: Dataset, again: set[str], regenerate: bool) -> set[str]:
         InputError: There are such runs, and `regenerate` is false.
     """
     now = run_provenance()
-    versions = dataset.versions()
     others = {
         run_id: made_by
-        for made_by, ids in versions.items()
+        for made_by, ids in dataset.versions().items()
         for run_id in ids
         if run_id not in again and made_by != now
     }

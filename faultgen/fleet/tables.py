@@ -247,8 +247,8 @@ def write_ncmapss(robots: Sequence[Recorded], path: Path) -> dict[str, np.ndarra
     """
     arrays = ncmapss_arrays(robots)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with new_hdf5(path) as (file, _):
+    with new_hdf5(path) as (file, sink):
         for name, values in arrays.items():
             file[name] = values
-    publish(temporary_name(path), path)
+    publish(temporary_name(path), path, sink.checksum)
     return arrays

@@ -8,24 +8,21 @@ made.rows[0]                  # what was read as position of axis 1, and how it 
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pandas as pd
-from pandas.tseries.api import guess_datetime_format
 
 from faultgen.errors import InputError
 from faultgen.importing.column_map import AXIS, ColumnMap, Quantity
 from faultgen.importing.oddities import dropouts, unwrapped, without_missing
-from faultgen.importing.table import Table, is_blank
-from faultgen.importing.units import ISO, PERCENT, conversion, known_unit
+from faultgen.importing.table import Table
+from faultgen.importing.times import times_of
+from faultgen.importing.units import PERCENT, conversion, known_unit
 
 _MOST_LOST = 0.5  # share of the rows that may be left out for blank cells
 _MOST_EQUAL = 0.2  # share of the rows that may have the time of the row before
-_EXACT = 9  # digits behind the point from which a float holds a time exactly enough
 _KINDS = {"reference_position": "position"}
 _SIGNED = ("position", "velocity", "torque", "current", "reference_position")
 
@@ -111,7 +108,7 @@ def arranged(table: Table, column_map: ColumnMap) -> Arranged:
         found["current"] = one
     elif column_map.current and set(_columns(column_map.current, axes)) <= table.columns.keys():
         notes.append("the torque was read; currents were left out")
-    time, attributes = _time(table, column_map, notes)
+    time, attributes = times_of(table, column_map, notes)
     kept = _complete(table, found, time, notes)
     starts = _segments(table, column_map, kept)
     kept, starts = _without_equal_times(table, time, kept, starts, notes)
@@ -221,9 +218,9 @@ def _read(
         si.append(how.si)
         cells = without_missing(table, column, column_map.file.missing, notes)
         values.append(factor * (cells - zero[k]) + how.offset)
-        if kind == "position" and (quantity.side or column_map.side) == "joint":
-            if how.si == "rad":
-                values[-1] = unwrapped(table, column, values[-1], notes)
+        turns = kind == "position" and how.si == "rad"
+        if turns and (quantity.side or column_map.side) == "joint":
+            values[-1] = unwrapped(table, column, values[-1], notes)
     return _Read(columns, units, np.stack(values, axis=1), np.array(factors), si)
 
 
@@ -277,94 +274,6 @@ def _target(
     if name == "reference_position":
         return name, factor, si
     return f"{side}_{'torque' if name == 'current' else name}", factor, si
-
-
-def _time(
-    table: Table, column_map: ColumnMap, notes: list[str]
-) -> tuple[np.ndarray, dict[str, Any]]:
-    """Time of each row [s], NaN where it is blank; and the sample period if it is given."""
-    given = column_map.time
-    if given.column is None:
-        assert given.sample_period is not None
-        even = given.sample_period * np.arange(len(table))
-        return even, {"sample_period": given.sample_period}
-    name = given.column
-    if name not in table.columns:
-        raise table.missing(name, "time")
-    column = table.columns[name]
-    unit = given.unit if given.unit is not None else table.units.get(name)
-    dates = pd.api.types.is_datetime64_any_dtype(column)
-    if dates or (isinstance(unit, str) and known_unit(unit) == ISO):
-        return _of_dates(table, name, notes), {}
-    if unit is None:
-        raise InputError(
-            f"{table.source}: the unit of column '{name}' is not known; state time.unit in the map"
-        )
-    try:
-        factor = conversion("time", unit).factor
-    except InputError as error:
-        raise InputError(f"{table.source}: column '{name}', time.{error}") from None
-    whole = pd.to_numeric(column, errors="coerce")
-    if whole.dtype.kind in "iu":  # nanoseconds since 1970 have more digits than a float
-        whole = whole.to_numpy()
-        return (whole - whole[0]).astype(float) * factor, {}
-    values = table.numbers(name)
-    known = values[~np.isnan(values)]
-    if not len(known):
-        return values * factor, {}
-    # a float holds seconds since 1970 to 2e-7: what the log says is found again by rounding
-    digits = int(-np.log10(4 * np.spacing(np.abs(known).max())))
-    elapsed = values - known[0]
-    return (np.round(elapsed, digits) if digits < _EXACT else elapsed) * factor, {}
-
-
-def _of_dates(table: Table, name: str, notes: list[str]) -> np.ndarray:
-    """Times in [s] after the first one, NaN where a cell is blank."""
-    column = table.columns[name]
-    if not pd.api.types.is_datetime64_any_dtype(column):
-        blank = is_blank(column)
-        text = column.astype(str).str.strip().str.replace(",", ".", regex=False)
-        how = _form_of(str(text[~blank].iloc[0])) if not blank.all() else ISO
-        if how == _CLOCK:
-            since = pd.to_timedelta(text.where(~blank), errors="coerce")
-            times = since.dt.total_seconds()
-        else:
-            form = "ISO8601" if how == ISO else how
-            times = pd.to_datetime(text, errors="coerce", utc=True, format=form)
-        wrong = np.flatnonzero(times.isna().to_numpy() & ~blank)
-        if len(wrong):
-            row = int(wrong[0])
-            raise InputError(
-                f"{table.source}: column '{name}' holds {str(column.iloc[row])[:30]!r} in "
-                f"{table.place(row)}, which is no time such as 2026-03-01T09:30:00.004 or "
-                "09:30:00.004; correct time.unit in the map"
-            )
-        if how != ISO:
-            notes.append(f"the times were read as {how}")
-        if how == _CLOCK:
-            return (times - times.min()).to_numpy(float)
-        column = times
-    return (column - column.min()).dt.total_seconds().to_numpy(float)
-
-
-_CLOCK = "hours:minutes:seconds"
-_HOURS = re.compile(r"\d{1,2}:\d\d:\d\d(\.\d*)?")
-_ISO_DATE = re.compile(r"\d{4}-\d\d-\d\d")
-
-
-def _form_of(text: str) -> str:
-    """How a time is written: as ISO 8601, as hours, or in a form of `strftime`.
-
-    Whether the day or the month comes first does not matter: only the time since the first row is
-    used.
-    """
-    if _HOURS.fullmatch(text):
-        return _CLOCK
-    if _ISO_DATE.match(text):
-        return ISO
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of days and months that could be exchanged
-        return guess_datetime_format(text) or ISO
 
 
 def _complete(

@@ -100,8 +100,7 @@ def dropouts(quantities: Sequence[np.ndarray]) -> np.ndarray:
     step = np.abs(np.diff(position, axis=0))
     inside = ~zero[1:] & ~zero[:-1]
     usual = np.nanmax(step[inside], axis=0, initial=0.0) if inside.any() else 0.0
-    edges = zero[1:] != zero[:-1]
-    jumps = (step > _JUMP * usual + 1e-9).any(axis=1) & edges
+    jumps = np.asarray((step > _JUMP * usual + 1e-9).any(axis=1))
     # a run of zero rows is a dropout if the position jumps at one of its ends
     found = np.zeros(len(zero), bool)
     starts = np.flatnonzero(np.diff(zero.astype(int), prepend=0) == 1)

@@ -62,15 +62,15 @@ def read_text_log(path: Path, file: File) -> Table:
             raise InputError(f"{path}: file.first is {file.first}, but no row stands there")
     names, units = _names(path, lines, kept, first, separator, file, comments)
     rows = kept[first:]
-    last = [len(rows)]
-    while last[-1] > 1 and len(last) <= _MOST_LAST:
-        if _score(_cells(lines[rows[last[-1] - 1]], separator), decimal, strict=False):
-            break
-        last.append(last[-1] - 1)
-    if len(last) > 1:
-        ended = lines[rows[last[-1]]].strip()[:40]
-        notes.append(f"lines after the rows of numbers were left out: {len(last) - 1}, '{ended}'")
-        rows = rows[: last[-1]]
+    behind = 0  # lines that are no rows of numbers
+    while behind < min(len(rows) - 1, _MOST_LAST) and not _score(
+        _cells(lines[rows[-1 - behind]], separator), decimal, strict=False
+    ):
+        behind += 1
+    if behind:
+        ended = lines[rows[-behind]].strip()[:40]
+        notes.append(f"lines after the rows of numbers were left out: {behind}, '{ended}'")
+        rows = rows[:-behind]
     table = _parsed(path, [lines[k] for k in rows], rows, len(names), separator, decimal)
     filled = {
         name: table[k]
@@ -156,22 +156,20 @@ def _layout(path: Path, lines: Sequence[str], file: File) -> tuple[str, str, int
         raise InputError(f"{path}: is empty")
     separators = list(_SEPARATORS) if file.separator == "auto" else [file.separator]
     decimals = [".", ","] if file.decimal == "auto" else [file.decimal]
-    best, found = 0, None
     quoted = any('"' in line for line in lines)
+    options = [(_SEPARATORS[name], decimal) for name in separators for decimal in decimals]
     # only where no line is mostly numbers, lines with more texts than numbers count
     for strict in (True, False):
-        for name in separators:
-            separator = _SEPARATORS[name]
-            for decimal in decimals:
-                if decimal == separator and not quoted:
-                    continue
-                scores = [_score(_cells(line, separator), decimal, strict) for line in lines]
-                total = sum(scores)
-                if total > best:
-                    first = next(k for k, score in enumerate(scores) if score)
-                    best, found = total, (separator, decimal, first)
-        if found is not None:
-            return found
+        scores = {
+            (separator, decimal): [
+                _score(_cells(line, separator), decimal, strict) for line in lines
+            ]
+            for separator, decimal in options
+            if separator != decimal or quoted
+        }
+        best = max(scores, key=lambda option: sum(scores[option]), default=None)
+        if best is not None and any(scores[best]):
+            return *best, next(k for k, score in enumerate(scores[best]) if score)
     if any(re.search(r"[\[(]\s*[+-]?\d[^\])]*[,;\s][^\])]*[\])]", line) for line in lines):
         raise InputError(
             f"{path}: has cells that hold lists of numbers; write one column for each axis"

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from faultgen.errors import InputError, StorageFailed, one_line
-from faultgen.system.files import named_failures, rename, temporary_name
+from faultgen.errors import InputError, one_line
+from faultgen.system.files import named_failures, removed_on_failure, rename, temporary_name
 from faultgen.system.hdf5 import new_hdf5
 
 _CONTENT = "content_sha256"
@@ -54,15 +53,8 @@ def write_arrays(
             file[name].attrs.update({"units": units, "long_name": long_name})
         file.attrs.update(attributes)
         file.attrs[_CONTENT] = _sum_up(arrays, attributes, told)
-    try:
-        read_arrays(temporary)
-        with named_failures(path):
-            rename(temporary, path)
-    except InputError as error:
-        raise StorageFailed(f"{path}: differs from what was written ({error})") from None
-    finally:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
+    with removed_on_failure(temporary), named_failures(path):
+        rename(temporary, path)
 
 
 def read_arrays(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

@@ -70,11 +70,14 @@ class _Content:
         if last in self._sums or last in self._recent:
             self._block(last)[inside:] = bytes(BLOCK - inside)
 
-    def compare(self, size: int) -> None:
+    def compare(self, size: int) -> str:
         """Read the whole file from the disk and compare it.
 
         Args:
             size: The size that it should have [bytes].
+
+        Returns:
+            Its SHA-256 checksum.
 
         Raises:
             StorageFailed: It differs.
@@ -84,8 +87,10 @@ class _Content:
             self._forget_oldest()
         if os.fstat(self._handle).st_size != size:
             raise self._differs
-        for number in range(-(-size // BLOCK)):
-            self._read(number)
+        whole = hashlib.sha256()
+        for start in range(0, size, BLOCK):
+            whole.update(self._read(start // BLOCK)[: size - start])
+        return whole.hexdigest()
 
     def _block(self, number: int) -> bytearray:
         content = self._recent.pop(number, None)
@@ -231,6 +236,8 @@ class Sink(_File):
         differs = StorageFailed(f"{final or path}: differs from what was written")
         handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | BINARY, 0o666)
         super().__init__(handle, 0, _Content(handle, {}, differs))
+        self.checksum = ""
+        """SHA-256 checksum of the file, once it was synced and compared."""
 
     def writable(self) -> bool:  # noqa: D102
         return True
@@ -270,5 +277,5 @@ class Sink(_File):
         self.check()
         os.fsync(self._handle)
         forget_cached(self._handle)
-        self._content.compare(self._size)
+        self.checksum = self._content.compare(self._size)
         self.close()

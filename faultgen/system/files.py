@@ -5,7 +5,7 @@ compared with what should have been written. Only after that does it get its fin
 write therefore never leaves a damaged file behind, and it is never silent.
 
     write_text(Path("out/notes.txt"), "text")
-    checksum = publish(temporary, Path("out/run.h5"))  # also writes out/run.h5.sha256
+    publish(temporary, Path("out/run.h5"), checksum)   # also writes out/run.h5.sha256
     verify(Path("out/run.h5"))                         # raises if the file has changed
 """
 
@@ -107,32 +107,37 @@ def named_failures(path: Path) -> Iterator[None]:
         raise StorageFailed(f"{path}: cannot be written ({reason})") from None
 
 
-def publish(temporary: Path, path: Path) -> str:
+def publish(temporary: Path, path: Path, checksum: str) -> None:
     """Give a synced file its final name and write ``<path>.sha256`` beside it.
 
     Args:
         temporary: The file under its temporary name.
         path: The final name.
-
-    Returns:
-        The checksum.
+        checksum: Its checksum, from reading it back when it was compared with what was written.
 
     Raises:
         StorageFailed: A step failed. The temporary file has then been removed, and an older file of
             that name and its checksum are as before.
     """
     note = checksum_path(path)
+    with removed_on_failure(temporary), named_failures(path), _restored(note, "before"):
+        write_text(note, checksum + "\n")
+        rename(temporary, path)
+
+
+@contextmanager
+def removed_on_failure(temporary: Path) -> Iterator[None]:
+    """Remove a temporary file if the code in the context fails.
+
+    Args:
+        temporary: The file, which need not exist.
+    """
     try:
-        with named_failures(path):
-            checksum = file_sha256(temporary)
-            with _restored(note, "before"):
-                write_text(note, checksum + "\n")
-                rename(temporary, path)
+        yield
     except BaseException:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
         raise
-    return checksum
 
 
 @contextmanager
@@ -188,7 +193,7 @@ def write_bytes(path: Path, content: bytes) -> None:
     Raises:
         StorageFailed: The file cannot be written. An older file of that name is unchanged.
     """
-    with _written(path, content) as temporary, named_failures(path):
+    with _written(path, content) as (temporary, _), named_failures(path):
         rename(temporary, path)
 
 
@@ -202,15 +207,15 @@ def write_checked(path: Path, content: bytes) -> None:
     Raises:
         StorageFailed: The file cannot be written. An older file of that name is unchanged.
     """
-    with _written(path, content) as temporary:
-        publish(temporary, path)
+    with _written(path, content) as (temporary, checksum):
+        publish(temporary, path, checksum)
 
 
 @contextmanager
-def _written(path: Path, content: bytes) -> Iterator[Path]:
-    """Write a file under its temporary name, sync it and compare it; remove it in the end."""
-    temporary = temporary_name(path)
-    try:
+def _written(path: Path, content: bytes) -> Iterator[tuple[Path, str]]:
+    """Write a file under its temporary name, sync it and compare it; that name and its checksum."""
+    temporary, checksum = temporary_name(path), hashlib.sha256(content).hexdigest()
+    with removed_on_failure(temporary):
         with named_failures(path):
             handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | BINARY, 0o666)
             try:
@@ -218,12 +223,9 @@ def _written(path: Path, content: bytes) -> Iterator[Path]:
                 os.fsync(handle)
             finally:
                 os.close(handle)
-            if file_sha256(temporary) != hashlib.sha256(content).hexdigest():
+            if file_sha256(temporary) != checksum:
                 raise StorageFailed(f"{path}: differs from what was written")
-        yield temporary
-    finally:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
+        yield temporary, checksum
 
 
 def rename(temporary: Path, path: Path) -> None:

@@ -3,7 +3,7 @@
 with new_hdf5(Path("out/run.h5")) as (file, sink):
 file["x"] = np.zeros(3)
 sink.check()
-publish(temporary_name(Path("out/run.h5")), Path("out/run.h5"))
+publish(temporary_name(Path("out/run.h5")), Path("out/run.h5"), sink.checksum)
 with open_verified(Path("out/run.h5")) as file:
 file["x"][()]
 
@@ -21,7 +21,13 @@ import h5py
 
 from faultgen.errors import InputError, StorageFailed, one_line
 from faultgen.system.checked_file import Sink, Source
-from faultgen.system.files import checksum_path, named_failures, temporary_name, verify
+from faultgen.system.files import (
+    checksum_path,
+    named_failures,
+    removed_on_failure,
+    temporary_name,
+    verify,
+)
 
 LIBRARY_VERSION = ("v108", "v108")
 """Oldest HDF5 release that can read the files. Its format has checksums of the metadata."""
@@ -38,30 +44,25 @@ def new_hdf5(path: Path) -> Iterator[tuple[h5py.File, Sink]]:
 
     Yields:
         The file, and the sink to which it writes. The method `check` of the sink raises errors of
-        the disk.
+        the disk, and its `checksum` is there when the context has ended.
 
     Raises:
         StorageFailed: The file cannot be written, or does not hold what was written.
     """
     temporary = temporary_name(path)
-    try:
-        with named_failures(path):
-            sink = Sink(temporary, path)
+    with removed_on_failure(temporary), named_failures(path):
+        sink = Sink(temporary, path)
+        try:
+            file = h5py.File(sink, "w", libver=LIBRARY_VERSION)
             try:
-                file = h5py.File(sink, "w", libver=LIBRARY_VERSION)
-                try:
-                    yield file, sink
-                finally:
-                    with _errors_of(sink):
-                        file.close()
-                sink.sync()
+                yield file, sink
             finally:
-                with suppress(OSError):
-                    sink.close()
-    except BaseException:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        raise
+                with _errors_of(sink):
+                    file.close()
+            sink.sync()
+        finally:
+            with suppress(OSError):
+                sink.close()
 
 
 @contextmanager

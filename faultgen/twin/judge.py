@@ -56,11 +56,15 @@ class Judge:
     def _read(self) -> None:
         try:
             told = json.loads(read_text(self.state, "state file"))
-            is_other = told["detector_sha256"] != self._key
+            if told["detector_sha256"] != self._key:
+                raise InputError(
+                    f"state file {self.state}: belongs to another detector; give another --state, "
+                    "or delete the file to begin anew"
+                )
             self.memory = Memory(int(told["count"]), tuple(float(x) for x in told["mean"]))
             self.answers = list(told["answers"])
             wrong = self.memory.count and len(self.memory.mean) != len(self.detector.classes.basis)
-            if (wrong and not is_other) or not np.isfinite(self.memory.mean).all():
+            if wrong or not np.isfinite(self.memory.mean).all():
                 raise ValueError("mean")
         except InputError:
             raise
@@ -68,11 +72,6 @@ class Judge:
             raise InputError(
                 f"state file {self.state}: damaged ({error}); delete it to begin anew"
             ) from None
-        if is_other:
-            raise InputError(
-                f"state file {self.state}: belongs to another detector; give another --state, or "
-                "delete the file to begin anew"
-            )
 
     def judge(self, path: str | Path) -> dict[str, Any]:
         """Judge a recording, and remember it.
