@@ -19,7 +19,9 @@ from faultgen.dataset.planning import plan_runs
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.storage import RunWriter
 from faultgen.dataset.sweep import generate
+from faultgen.discovery.read import read_recording
 from faultgen.errors import InputError, StorageFailed
+from faultgen.importing.array_file import read_arrays_of
 from faultgen.system.arrays import read_arrays, write_arrays
 from faultgen.system.files import file_sha256, write_text
 
@@ -232,6 +234,25 @@ def test_no_flipped_byte_of_arrays_is_read(tmp_path):
             noticed += 1  # the others are in free space of the file
         path.write_bytes(content)
     assert noticed > 20
+
+
+def test_a_damaged_heap_of_texts_does_not_hang(tmp_path):
+    """HDF5 itself never returns from such a file, whichever command opens it."""
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["motor_torque"] = np.zeros((5, 2))
+        file.attrs["robot"] = "arm"
+    content = path.read_bytes()
+    heap = content.index(b"GCOL") + 16
+    size = heap + 8  # of its first object
+    assert content[size : size + 11] == (3).to_bytes(8, "little") + b"arm"
+    # the next object is then looked for in empty space, where its number and its size are 0
+    path.write_bytes(content[:size] + (1027).to_bytes(8, "little") + content[size + 8 :])
+    for read in (read_arrays, read_recording, read_arrays_of):
+        with pytest.raises(InputError, match="a.h5: .*damaged"):
+            read(path)
+    with pytest.raises(InputError, match="no checksum beside it"):
+        open_dataset(path)
 
 
 @pytest.mark.slow

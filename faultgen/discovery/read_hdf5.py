@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 
 from faultgen.errors import InputError
+from faultgen.system.hdf5 import open_unverified
 
 SIDES = ("motor", "joint")
 
@@ -51,7 +52,7 @@ def read_hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
             size.
         OSError: The file is not HDF5, or damaged.
     """
-    with h5py.File(path, "r") as file:
+    with open_unverified(path) as file:
         attributes = {name: _attribute(path, file, name) for name in ATTRIBUTES}
         named = {}
         for name in NAMES if attributes["sample_period"] is not None else (*NAMES, TIME):

@@ -19,6 +19,7 @@ import pandas as pd
 
 from faultgen.errors import InputError
 from faultgen.importing.table import LARGEST_FILE, Table
+from faultgen.system.hdf5 import open_unverified
 
 _HDF5 = b"MATLAB 7.3"
 
@@ -87,7 +88,7 @@ def _named(path: Path) -> Iterator[tuple[str, np.ndarray]]:
                 if not name.startswith("__"):
                     yield from _of_matlab(name, value)
             return
-    with h5py.File(path, "r") as tree:
+    with open_unverified(path) as tree:
         yield from _of_group("", tree, path)
 
 

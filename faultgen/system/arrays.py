@@ -16,7 +16,7 @@ import numpy as np
 
 from faultgen.errors import InputError, one_line
 from faultgen.system.files import named_failures, removed_on_failure, rename, temporary_name
-from faultgen.system.hdf5 import new_hdf5
+from faultgen.system.hdf5 import new_hdf5, open_unverified
 
 _CONTENT = "content_sha256"
 
@@ -80,7 +80,7 @@ def read_arrays(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
                 told[name] = (str(item.attrs.get("units")), str(item.attrs.get("long_name")))
 
     try:
-        with h5py.File(path, "r") as file:
+        with open_unverified(path) as file:
             file.visititems(note)
             attributes = {name: plain_value(value) for name, value in file.attrs.items()}
     except (OSError, ValueError, RuntimeError) as error:

@@ -13,9 +13,12 @@ takes much less time than a comparison of all arrays and attributes.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from os import SEEK_CUR
 from pathlib import Path
+from typing import BinaryIO
 
 import h5py
 
@@ -31,6 +34,10 @@ from faultgen.system.files import (
 
 LIBRARY_VERSION = ("v108", "v108")
 """Oldest HDF5 release that can read the files. Its format has checksums of the metadata."""
+
+_HEAP = b"GCOL\1\0\0\0"  # begin of a global heap, which holds texts of variable length
+_HEADER = 16  # bytes of the header of a global heap, and of each object in it
+_READ = 1 << 20  # bytes that are read at a time
 
 
 @contextmanager
@@ -76,9 +83,64 @@ def _errors_of(file: Sink | Source) -> Iterator[None]:
     file.check()
 
 
+@contextmanager
+def open_unverified(path: Path) -> Iterator[h5py.File]:
+    """Open an HDF5 file that has no checksum beside it, for reading.
+
+    HDF5 2.0 never returns from a damaged file in which an object of a global heap claims to have no
+    size: its reader stays at this object. So these heaps are looked through first.
+
+    Args:
+        path: The file.
+
+    Yields:
+        The open file.
+
+    Raises:
+        OSError: The file cannot be read, or is damaged.
+    """
+    with path.open("rb") as content:
+        for position in _positions(content, _HEAP):
+            content.seek(position)
+            _check_heap(content.read(_HEADER), content)
+    with h5py.File(path, "r") as file:
+        yield file
+
+
+def _positions(content: BinaryIO, pattern: bytes) -> list[int]:
+    """Where a pattern begins in a file [bytes]."""
+    found, at, kept = [], 0, b""
+    while part := content.read(_READ):
+        block = kept + part
+        found += [at - len(kept) + one.start() for one in re.finditer(re.escape(pattern), block)]
+        at += len(part)
+        kept = block[1 - len(pattern) :]
+    return found
+
+
+def _check_heap(header: bytes, content: BinaryIO) -> None:
+    """Follow the objects of a global heap as HDF5 does (file format specification, III.E).
+
+    Raises:
+        OSError: One of them leads no further.
+    """
+    left = int.from_bytes(header[8:16], "little") - _HEADER
+    while left >= _HEADER:
+        one = content.read(_HEADER)
+        size = int.from_bytes(one[8:16], "little")
+        # object 0 is the free space at the end, and its size includes its header
+        step = size if one[:2] == b"\0\0" else _HEADER + -(-size // 8) * 8
+        if not 0 < step < 1 << 63:
+            raise OSError("damaged: an object in a global heap has no size")
+        if len(one) < _HEADER or step >= left:
+            return  # the end, or HDF5 notices it
+        content.seek(step - _HEADER, SEEK_CUR)
+        left -= step
+
+
 def _is_recording(path: Path) -> bool:
     """Whether an HDF5 file holds what `import` and `export` write."""
-    with suppress(OSError, RuntimeError), h5py.File(path, "r") as file:
+    with suppress(OSError, RuntimeError), open_unverified(path) as file:
         return "motor_torque" in file or "joint_torque" in file or "motor_current" in file
     return False
 
