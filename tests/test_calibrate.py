@@ -202,8 +202,11 @@ def test_a_file_as_output_of_the_command_is_refused(measured, tiny_robot_path, t
     "effects",
     [
         [("viscous_friction", 2, 1.0), ("rotor_inertia", 2, 0.5)],
-        [("coulomb_friction", 1, 2.0), ("torque_offset", 1, 0.1), ("payload_mass", 2, 1.0)],
-        [("wrist_coupling_friction", 2, 3.0)],
+        pytest.param(
+            [("coulomb_friction", 1, 2.0), ("torque_offset", 1, 0.1), ("payload_mass", 2, 1.0)],
+            marks=pytest.mark.slow,
+        ),
+        pytest.param([("wrist_coupling_friction", 2, 3.0)], marks=pytest.mark.slow),
     ],
 )
 def test_calibration_predicts_no_worse_than_classical_identification(measured, tiny_robot, effects):

@@ -194,7 +194,7 @@ def random_axis(rng, size):
     [
         (60, 0.0, 80, 5),
         pytest.param(200, 0.9, 80, 5, marks=pytest.mark.slow),
-        (2000, 0.9, 8, 50),
+        pytest.param(2000, 0.9, 8, 50, marks=pytest.mark.slow),
     ],
 )
 def test_intervals_and_false_alarms(rng, n, memory, fits, each):

@@ -85,6 +85,7 @@ def test_classifiers_learn_no_more_than_is_there():
     assert 0.4 < np.mean(chance) < 0.6
 
 
+@pytest.mark.slow
 def test_classifiers_bend_where_they_should():
     """Robots that differ in their spread only are told by SVM and RF, not by LR."""
     rng = np.random.default_rng(3)

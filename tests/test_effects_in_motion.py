@@ -284,6 +284,9 @@ def test_divergence_between_steps_is_reported(tiny_robot, control):
         list(simulate(tiny_robot, control, [plant], sample_period=0.004))
 
 
+@pytest.mark.parametrize(
+    "robot", ["puma560", pytest.param("irb6700", marks=pytest.mark.slow)], indirect=True
+)
 def test_all_effects_at_once(robot):
     """Every effect on the first axis that it takes, twice, runs; the drives' ids are looked up."""
     control = control_signal(plan(load_task(robot.name, "spot_weld"), robot), 0.0005)

@@ -367,6 +367,7 @@ def test_a_fleet_holds_what_monitoring_stores(fleet):
         assert np.ptp(torque, axis=0) / torque.mean(axis=0) == pytest.approx(0.0, abs=0.3)
 
 
+@pytest.mark.slow
 def test_cycles_serve_plans_that_differ_in_what_befalls_robots(failing):
     """Records from another plan's cycles are those that the plan itself gives."""
     plan, other = (

@@ -40,6 +40,9 @@ def relative(error: np.ndarray, signal: np.ndarray) -> np.ndarray:
     return np.sqrt((error**2).mean(axis=0) / (signal**2).mean(axis=0))
 
 
+ROBOTS = ["irb6700", pytest.param("puma560", marks=pytest.mark.slow)]
+
+
 @lru_cache
 def both(name: str, wear: bool) -> tuple[Cycle, Cycle]:
     """The first seconds of a motion as simulated, and as integrated independently."""
@@ -58,7 +61,7 @@ def both(name: str, wear: bool) -> tuple[Cycle, Cycle]:
     "wear",
     [pytest.param(False, id="healthy", marks=pytest.mark.slow), pytest.param(True, id="worn")],
 )
-@pytest.mark.parametrize("name", ["irb6700", "puma560"])
+@pytest.mark.parametrize("name", ROBOTS)
 def test_simulation_agrees(name: str, wear: bool) -> None:
     """At the model's own step torques agree within 0.5 % RMS on every axis.
 
@@ -81,7 +84,7 @@ def test_simulation_agrees(name: str, wear: bool) -> None:
         assert (error < limit).all(), f"{channel}: {error}"
 
 
-@pytest.mark.parametrize("name", ["irb6700", "puma560"])
+@pytest.mark.parametrize("name", ROBOTS)
 def test_wear_is_seen_alike(name: str) -> None:
     """The change of motor torque on the worn axis agrees within 1 % RMS."""
     torque = [[c.motor_torque[:, WORN_AXIS] for c in both(name, wear)] for wear in (False, True)]
@@ -89,7 +92,7 @@ def test_wear_is_seen_alike(name: str) -> None:
     assert relative(seen - change, change) < 0.01
 
 
-@pytest.mark.parametrize("name", ["irb6700", "puma560"])
+@pytest.mark.parametrize("name", ROBOTS)
 def test_independent_integration_has_converged(name: str) -> None:
     """A tenth of its tolerance changes the independent motor torque by less than 1e-4 RMS."""
     motion = motion_of(name)

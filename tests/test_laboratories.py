@@ -42,6 +42,8 @@ from faultgen.discovery import check_recording, read_recording
 from faultgen.robot import load_robot
 from faultgen.simulation.arm import Arm
 
+pytestmark = pytest.mark.slow  # its simulator has to be compiled
+
 MASS, LENGTH, GRAVITY = 2.0, 0.5, 9.81
 
 

@@ -85,7 +85,7 @@ EXCLUDED = ("transmission_error", "backlash", "gear_stiffness")
     ("effect", "named"),
     [
         (("payload_mass", 2, 0.2), [("payload_mass", 2)]),
-        (("friction_wear", 2, 1.0), []),
+        pytest.param(("friction_wear", 2, 1.0), [], marks=pytest.mark.slow),
     ],
 )
 def test_what_the_sensor_sees_is_named(link, tiny_robot_path, tmp_path, effect, named):

@@ -112,7 +112,7 @@ def test_a_changed_torque_constant_is_named_against_a_healthy_recording(asked):
     assert named(asked("weak", True)) == [("torque_constant", 1)]
 
 
-@pytest.mark.parametrize("name", ["clean", "weak"])
+@pytest.mark.parametrize("name", [pytest.param("clean", marks=pytest.mark.slow), "weak"])
 def test_an_unknown_constant_is_no_effect(asked, name):
     """Without a healthy recording, a weak motor is one with another torque constant."""
     result = asked(name, False)
@@ -124,6 +124,7 @@ def test_an_unknown_constant_is_no_effect(asked, name):
     assert why.startswith("torque_constant and torque_offset are not named: ")
 
 
+@pytest.mark.slow
 def test_other_effects_are_named_without_a_healthy_recording(asked):
     """Twice the friction of axis 2 is no other torque constant."""
     result = asked("rough", False)

@@ -217,8 +217,18 @@ def test_what_is_no_method_is_refused():
 @pytest.mark.parametrize(
     ("study", "method", "message"),
     [
-        ("events", "Second", "study 'events' compares no methods of this kind"),
-        ("isolation", "Always", "must be a subclass of faultgen.evaluation.Isolator"),
+        pytest.param(
+            "events",
+            "Second",
+            "study 'events' compares no methods of this kind",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            "isolation",
+            "Always",
+            "must be a subclass of faultgen.evaluation.Isolator",
+            marks=pytest.mark.slow,
+        ),
         ("isolation", "Labels", "learns from labelled runs, which a study does not have"),
     ],
 )
@@ -230,6 +240,7 @@ def test_studies_refuse_what_they_cannot_compare(tmp_path, study, method, messag
     assert not (tmp_path / "study-out").exists()
 
 
+@pytest.mark.slow
 def test_worker_processes_know_the_methods_of_a_study(tmp_path):
     """`use` passes the classes on: a new process lists them, and finds their module by name."""
     import subprocess
@@ -279,8 +290,8 @@ class Failing(Isolator):
     ("function", "change", "line"),
     [
         ("__init__", ("n_axes / 1", "n_axes / 0"), 10),
-        ("fit", ("len(torque) / 1", "len(torque) / 0"), 13),
-        ("isolate", ("/ len(torque)\n", "/ 0\n"), 17),
+        pytest.param("fit", ("len(torque) / 1", "len(torque) / 0"), 13, marks=pytest.mark.slow),
+        pytest.param("isolate", ("/ len(torque)\n", "/ 0\n"), 17, marks=pytest.mark.slow),
     ],
 )
 def test_a_method_whose_code_fails_is_named_in_one_line(made, tmp_path, function, change, line):

@@ -118,7 +118,7 @@ def test_the_module_of_an_effect_can_be_imported_in_any_order(package, first):
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("text", [None, "1 / 0"])
+@pytest.mark.parametrize("text", [None, pytest.param("1 / 0", marks=pytest.mark.slow)])
 def test_a_package_without_its_module_is_named_where_it_is_needed(package, text, tmp_path):
     """One line names the package; commands that need no effects work."""
     (package / "my_rust.py").unlink()

@@ -105,6 +105,7 @@ def test_friction_at_another_temperature_is_no_effect(measured, asked):
     assert found.effects[0].effect in ("coulomb_friction", "friction_wear")
 
 
+@pytest.mark.slow
 def test_an_effect_beside_it_is_named(measured, runs, asked):
     """The friction of the runs does not hide another effect."""
     worn = measured([("coulomb_friction", 2, 0.05), ("viscous_friction", 1, 0.3)], 4)

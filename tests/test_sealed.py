@@ -178,6 +178,7 @@ def oracle(
     return {"verdict": verdict, "effects": [], "alternatives": []}
 
 
+@pytest.mark.slow
 def test_files_carry_no_label_and_runs_resume(tmp_path: Path) -> None:
     """A case is read and checked like any recording; answers are kept; failures are verdicts."""
     effect = Effect("coulomb_friction", 2, 0.3)

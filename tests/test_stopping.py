@@ -63,6 +63,7 @@ def writers(out):
         pytest.param(signal.SIGKILL, -9, marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.slow
 def test_workers_end_with_the_program(tiny_robot_path, tiny_task_path, tmp_path, how, status):
     """Only the program gets the signal; its workers end too, release stdout and stop writing."""
     process = start(tiny_robot_path, tiny_task_path, tmp_path / "out")
@@ -132,7 +133,10 @@ INTERRUPTED = "faultgen: interrupted; run the same command again to continue\n"
 
 @pytest.mark.parametrize(
     ("where", "number", "status", "told"),
-    [(SWALLOWED, signal.SIGINT, 130, INTERRUPTED), (FINALISED, signal.SIGTERM, 143, "")],
+    [
+        (SWALLOWED, signal.SIGINT, 130, INTERRUPTED),
+        pytest.param(FINALISED, signal.SIGTERM, 143, "", marks=pytest.mark.slow),
+    ],
 )
 def test_signals_are_not_lost(
     tiny_robot_path, tiny_task_path, tmp_path, where, number, status, told

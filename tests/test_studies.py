@@ -122,6 +122,7 @@ def test_isolation_study(cycles, small, tmp_path):
     assert isolated(cycles, small, tmp_path / "other", seed=2)["severity"] != result["severity"]
 
 
+@pytest.mark.slow
 def test_isolation_study_does_not_depend_on_workers(cycles, small, tmp_path):
     """One process or two: the same results."""
     one, two = (isolated(cycles, small, tmp_path / str(n), seed=3, workers=n) for n in (1, 2))
