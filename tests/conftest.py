@@ -24,16 +24,15 @@ from faultgen.tasks import load_task
 HANG = 1800
 """A process that takes longer hangs [s]; no test may depend on how fast or busy the machine is."""
 
+os.environ["TQDM_DISABLE"] = "1"  # whether a line tells the progress depends on the speed too
+
 
 def faultgen(*arguments, cwd=None, variables=None) -> subprocess.CompletedProcess[str]:
-    """Run the command faultgen, in a folder and with further environment variables.
-
-    Lines about the progress depend on how fast the machine is, so they are off unless asked for.
-    """
+    """Run the command faultgen, in a folder and with further environment variables."""
     return subprocess.run(
         [sys.executable, "-m", "faultgen.cli", *map(str, arguments)],
         cwd=cwd,
-        env=os.environ | {"TQDM_DISABLE": "1"} | (variables or {}),
+        env=os.environ | (variables or {}),
         capture_output=True,
         text=True,
         timeout=HANG,
