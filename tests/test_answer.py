@@ -153,7 +153,11 @@ def closest(problem, own, values, rivals, replay):
     ("own", "rivals"),
     [
         (("viscous_friction", 2, 0.1), [("coulomb_friction", 2)]),
-        (("torque_offset", 2, 0.02), [("gravity_spring", 2), ("friction_asymmetry", 2)]),
+        pytest.param(
+            ("torque_offset", 2, 0.02),
+            [("gravity_spring", 2), ("friction_asymmetry", 2)],
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_the_next_experiment_is_the_motion_that_tells_most(posed, monkeypatch, own, rivals):

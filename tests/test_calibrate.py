@@ -135,6 +135,7 @@ def test_a_torque_constant_becomes_a_gain_of_the_log(tiny_robot):
     assert np.all(tiny_robot.torque_gain == 1)
 
 
+@pytest.mark.slow
 def test_changed_models_keep_the_tasks_of_the_folder(measured, tiny_robot):
     """A folder that `robot build` wrote has tasks, with which datasets are made afterwards."""
     given = replace(tiny_robot, tasks={"weld": "start = 1"})
@@ -238,6 +239,7 @@ def test_calibration_predicts_no_worse_than_classical_identification(measured, t
     assert errors[0] <= 1.15 * errors[1] < 0.01
 
 
+@pytest.mark.slow
 def test_a_model_without_friction_is_calibrated(measured, tiny_robot, tmp_path):
     """It is accepted, and its friction is found."""
     recording = measured([], 3)
@@ -277,7 +279,14 @@ def test_a_model_that_diverges_is_not_a_result(measured, tiny_robot):
     assert replaying(recording, tiny_robot, []) is tiny_robot
 
 
-@pytest.mark.parametrize(("failing", "share"), [(0, 1.0), (2, 0.25), (99, 0.0)])
+@pytest.mark.parametrize(
+    ("failing", "share"),
+    [
+        pytest.param(0, 1.0, marks=pytest.mark.slow),
+        (2, 0.25),
+        pytest.param(99, 0.0, marks=pytest.mark.slow),
+    ],
+)
 def test_the_largest_share_of_the_changes_that_can_be_simulated_is_kept(
     measured, tiny_robot, monkeypatch, failing, share
 ):

@@ -272,6 +272,7 @@ def test_probabilities_are_calibrated(rng, n, memory, fits, each, prior, largest
         assert within(worn[chosen].mean(), probability[chosen].mean(), chosen.sum(), extra)
 
 
+@pytest.mark.slow
 def test_intervals_hold_uncertain_directions(rng):
     """If directions differ by draws of the stated spread, intervals cover, and only then."""
     size, each = 0.3 / np.sqrt(10), 8

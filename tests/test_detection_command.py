@@ -42,6 +42,7 @@ def test_wear_is_detected_and_the_healthy_robot_stands_beside(made):
     assert "300 cycles" in text and "| 20 % (n = 4)" in re.sub(" +", " ", text)
 
 
+@pytest.mark.slow
 def test_stored_noise_learns_from_other_seeds(made):
     """With realistic noise a run is judged by healthy runs of other seeds only."""
     dataset = made("stored", sensors="realistic", repetitions=3, paired=True)

@@ -173,6 +173,7 @@ def test_the_order_of_the_catalogue_does_not_matter(files, tiny_robot_path, monk
         )  # the rounding of sums in another order goes through medians
 
 
+@pytest.mark.slow
 def test_without_a_twin(files, tiny_robot_path, measured, tmp_path):
     """A clean recording has no missing effect; a strong one is named against the model alone."""
     clean = faultgen.discover(files / "clean.h5", tiny_robot_path)

@@ -48,6 +48,7 @@ def test_a_dry_run_writes_nothing(entries, tmp_path):
     assert (told["runs"], told["cycles"], told["workers"]) == (3, 45, 2)
 
 
+@pytest.mark.slow
 def test_flags_say_what_a_file_can_say(entries, tmp_path):
     """--signals and --no-healthy, as the entries signals and healthy."""
     flags = [part for name, value in entries.items() for part in (f"--{name}", value)]

@@ -65,6 +65,7 @@ def test_the_emps_is_replayed_closed_loop(measured, data):
         assert gap(recording, robot)[0] < 1.1 * published
 
 
+@pytest.mark.slow
 def test_the_ur10e_is_replayed_with_published_parameters(measured, data):
     robot = model("ur10e")
     recording = measured.read_ur10e(data / "ur10e", "train_40s_feb12")

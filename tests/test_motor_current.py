@@ -107,6 +107,7 @@ def test_against_a_healthy_recording(asked):
     assert "how much friction differs from day to day" in friction
 
 
+@pytest.mark.slow
 def test_a_changed_torque_constant_is_named_against_a_healthy_recording(asked):
     """Both recordings have the same unknown constant, so that its change is seen."""
     assert named(asked("weak", True)) == [("torque_constant", 1)]

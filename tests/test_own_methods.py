@@ -91,6 +91,7 @@ def test_a_class_of_a_file_is_a_row_of_the_table(made, tmp_path):
     assert [row["total"] for row in rows if row["level"] == 0] == [tested]
 
 
+@pytest.mark.slow
 def test_a_method_of_ones_own_is_in_the_report(made, tmp_path):
     folder = Path(shutil.copytree(made, tmp_path / "out"))
     (tmp_path / "their_report_method.py").write_text(MODULE)

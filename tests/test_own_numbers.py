@@ -38,6 +38,7 @@ def test_a_model_is_fitted_to_the_healthy_robot(puma, other):
     assert "fitted to the healthy recording" in told
 
 
+@pytest.mark.slow
 def test_only_links_are_fitted_to_a_robot_that_may_be_worn(puma, other):
     recording = record_cycle(other, [Applied("friction_wear", 1, 0.3)])
     made = with_own_links(recording, puma)

@@ -287,18 +287,11 @@ def test_isolators_that_cannot_be_used_are_named(methods, change, message):
     ("change", "message"),
     [
         ((".max(axis=1)", ""), r"my_methods.Level: score must return shape (12,), not (12, 2)"),
-        pytest.param(
-            ("self.limit_", "self.limit"),
-            "my_methods.Level: fit must set limit_ to a number",
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            ("np.nan_to_num(torque).max", "np.nan * torque.max"),
-            "score must not return nan",
-            marks=pytest.mark.slow,
-        ),
+        (("self.limit_", "self.limit"), "my_methods.Level: fit must set limit_ to a number"),
+        (("np.nan_to_num(torque).max", "np.nan * torque.max"), "score must not return nan"),
     ],
 )
+@pytest.mark.slow
 def test_wrong_scores_are_named(
     methods, change, message, tiny_robot_path, tiny_task_path, tmp_path_factory
 ):

@@ -57,7 +57,7 @@ def test_each_axis_has_its_own_window():
     [
         ("puma560", "spot_weld", []),
         ("irb6700", "spot_weld", []),
-        ("puma560", "chapter3_task2", [1, 2, 3, 4, 5]),
+        pytest.param("puma560", "chapter3_task2", [1, 2, 3, 4, 5], marks=pytest.mark.slow),
     ],
 )
 def test_tasks_of_chapter_6_keep_the_window_of_the_thesis(robot, task, slow):

@@ -57,11 +57,7 @@ def writers(out):
 
 @pytest.mark.parametrize(
     ("how", "status"),
-    [
-        (signal.SIGTERM, 143),
-        pytest.param(signal.SIGINT, 130, marks=pytest.mark.slow),
-        pytest.param(signal.SIGKILL, -9, marks=pytest.mark.slow),
-    ],
+    [(signal.SIGTERM, 143), (signal.SIGINT, 130), (signal.SIGKILL, -9)],
 )
 @pytest.mark.slow
 def test_workers_end_with_the_program(tiny_robot_path, tiny_task_path, tmp_path, how, status):
