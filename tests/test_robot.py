@@ -67,3 +67,20 @@ def test_joints_may_be_without_limits_and_without_friction(tiny_robot, tiny_task
     limits = nominal(str(path), tiny_task_path, 0.004).limits
     low, high = np.degrees(limits.angle[0])
     assert (low, high) == pytest.approx((-48, 48), abs=0.5)  # 20 % more than the swing to 40 deg
+
+
+def test_what_a_task_needs_does_not_depend_on_the_controller(tiny_robot, tiny_task_path, tmp_path):
+    """Noise, windows and histograms are also right where only positions are commanded."""
+    path = tmp_path / "plain.xml"
+    numbers = '<numeric name="servo_set_points" data="1 0 0"/></custom>'
+    path.write_text(tiny_robot.xml.replace("</custom>", numbers))
+    assert load_robot(str(path)).set_points.tolist() == [1, 0, 0]
+    (tmp_path / "full.xml").write_text(tiny_robot.xml)
+    only, full = (
+        nominal(str(tmp_path / f"{one}.xml"), tiny_task_path, 0.004) for one in ("plain", "full")
+    )
+    for name in ("mean_torque", "speed", "position"):
+        np.testing.assert_array_equal(getattr(only, name), getattr(full, name))
+    assert (only.mean_torque > 0).all() and not only.control.any(axis=0).all()
+    for name in ("angle", "speed", "torque"):
+        np.testing.assert_array_equal(getattr(only.limits, name), getattr(full.limits, name))

@@ -17,7 +17,7 @@ from faultgen.monitoring.reductions import Limits, default_window
 from faultgen.robot import Robot, load_robot
 from faultgen.simulation.motion import plan, shifted
 from faultgen.simulation.operation import AS_PROGRAMMED, Operation
-from faultgen.simulation.servo import control_signal
+from faultgen.simulation.servo import commanded, planned
 from faultgen.tasks import load_task
 
 _MOST_STEPS = 5e6  # in a cycle; bounds the memory
@@ -87,22 +87,23 @@ def nominal(
             f"task {task_name}: a cycle of {motion.period:g} s has more than {_MOST_STEPS:g} steps "
             f"of {timestep:g} s; make the task shorter or the step longer"
         )
-    control = control_signal(motion, timestep)
-    feed_forward = robot.model.actuator_ctrladr[robot.ids("actuator", "drive")] + 2
+    needed = planned(motion, timestep)
+    control = commanded(robot, needed)
     every = round(sample_period / timestep)
     if len(control) < 2 * every:
         raise InputError(
             f"sample_period: must be well below the cycle of {motion.period:g} s, "
             f"not {sample_period:g} s"
         )
-    speed, torque = np.abs(control[:, feed_forward - 1]), np.abs(control[:, feed_forward])
-    angle = control[:, feed_forward - 2] / robot.gear_ratio
+    # not the set points: a controller may command positions only
+    speed, torque = np.abs(needed.speed), np.abs(needed.torque)
+    angle = needed.angle / robot.gear_ratio
     return Nominal(
         robot=robot,
         control=control,
         mean_torque=torque.mean(axis=0),
         samples=-(-len(control) // every),
-        position=robot.gearing.joints(control[::every, feed_forward - 2]),
+        position=robot.gearing.joints(needed.angle[::every]),
         speed=speed[::every],
         limits=_limits(robot, angle, speed.max(axis=0), torque.max(axis=0)),
     )
