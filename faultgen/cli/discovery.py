@@ -249,6 +249,7 @@ def calibrate(
 
     from faultgen.discovery.calibrate import calibrate as run_calibrate
     from faultgen.discovery.inputs import read_together
+    from faultgen.discovery.limits import with_limits_of
     from faultgen.discovery.workflow import dump
     from faultgen.robot import load_robot
     from faultgen.system.files import write_text
@@ -258,7 +259,8 @@ def calibrate(
     model = load_robot(robot)
     given = read_together(measured, model, low_pass=low_pass)
     recording = given.recording
-    for warning in given.warnings:
+    model, raised = with_limits_of([recording], model)
+    for warning in [*given.warnings, *raised]:
         print(f"faultgen: {warning}", file=sys.stderr)
     with threadpool_limits(limits=1):
         found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))

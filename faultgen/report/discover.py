@@ -18,6 +18,7 @@ from threadpoolctl import threadpool_limits
 from faultgen.discovery.candidates import FREE_GAINS, Term, check_names, names_by_use
 from faultgen.discovery.gap import gap
 from faultgen.discovery.inputs import check_positive, read_together, usable
+from faultgen.discovery.limits import with_limits_of
 from faultgen.discovery.own_friction import with_own_friction
 from faultgen.discovery.own_numbers import with_own_numbers
 from faultgen.discovery.own_servo import with_own_servo
@@ -104,6 +105,8 @@ def discover(
     model = load_robot(str(robot))
     given = read_together(_paths(measured), model, _paths(healthy), low_pass)
     recording, runs, warnings = given.recording, given.runs, given.warnings
+    model, more = with_limits_of([recording, *runs], model)
+    warnings += more
     before = mean_of(runs) if runs else recording
     model, more = with_own_friction(before, model, healthy=bool(runs))
     warnings += more

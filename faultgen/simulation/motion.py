@@ -27,7 +27,8 @@ from faultgen.tasks import Move, Pose, Task
 _TICK = 0.02  # a cycle lasts a whole number of these [s], so that samples fall alike in each
 _SAME = 1e-6  # difference of equal joint angles [rad]
 _NEAR = np.radians(0.2)  # by which the end of a planned cycle may miss its start
-_OVER = 0.02  # share of a limit by which a recorded motion may exceed it
+OVER = 0.02
+"""Share of a limit of speed or position by which a recorded motion may exceed it."""
 
 
 @dataclass(frozen=True)
@@ -192,17 +193,37 @@ def _sampled(
         raise InputError(f"{where}: the samples must be finite")
     if np.abs(way[0] - here).max() > _SAME:
         raise InputError(f"{where}: the samples must begin where the move before them ends")
-    times = np.arange(len(way)) * move.sample_period
-    spline = CubicSpline(times, way, bc_type="clamped")
-    fine = np.arange(0, times[-1], GRID)
-    q, qd, qdd = spline(fine), spline(fine, 1), spline(fine, 2)
+    spline = _curve(move, robot)
+    q, qd, qdd = sampled_path(move, robot)
     _check_sampled(arm, q, qd, qdd, where)
 
     def timing(at: np.ndarray) -> np.ndarray:
         return np.stack([at, np.ones_like(at), np.zeros_like(at)])
 
-    piece = _Piece(clock, float(times[-1]), lambda at, order: spline(at, order), timing, True)
+    piece = _Piece(clock, float(spline.x[-1]), lambda at, order: spline(at, order), timing, True)
     return piece, way[-1]
+
+
+def _curve(move: Move, robot: Robot) -> CubicSpline:
+    """The smooth curve through the samples of a recorded move, from rest to rest."""
+    assert move.samples is not None and move.sample_period is not None
+    way = robot.from_degrees(move.samples)
+    return CubicSpline(np.arange(len(way)) * move.sample_period, way, bc_type="clamped")
+
+
+def sampled_path(move: Move, robot: Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Interpolate a recorded move.
+
+    Args:
+        move: A move with samples.
+        robot: The robot that does it.
+
+    Returns:
+        Joint positions, speeds and accelerations every `GRID` seconds, shape (times, n_axes) each.
+    """
+    curve = _curve(move, robot)
+    fine = np.arange(0, curve.x[-1], GRID)
+    return curve(fine), curve(fine, 1), curve(fine, 2)
 
 
 def _check_sampled(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, where: str) -> None:
@@ -212,8 +233,8 @@ def _check_sampled(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, whe
     speed = np.abs(robot.gearing.outputs(qd) * robot.gear_ratio)
     torque = np.abs(motor_torque(arm, q, qd, qdd))
     for what, excess in (
-        ("leaves its range", np.maximum(low - q, q - high) - _OVER * np.abs(high - low)),
-        ("is faster than motor_velocity_limit", speed - (1 + _OVER) * robot.motor_velocity_limit),
+        ("leaves its range", np.maximum(low - q, q - high) - OVER * np.abs(high - low)),
+        ("is faster than motor_velocity_limit", speed - (1 + OVER) * robot.motor_velocity_limit),
         ("needs more torque than its drive has", torque - robot.motor_torque_limit),
     ):
         beyond = np.nan_to_num(excess, nan=-1.0).max(axis=0)

@@ -25,6 +25,7 @@ from faultgen.discovery.calibrate import calibrate
 from faultgen.discovery.following import suited_replay
 from faultgen.discovery.in_step import in_step
 from faultgen.discovery.inputs import read_all
+from faultgen.discovery.limits import with_limits_for, with_limits_of
 from faultgen.discovery.recorded_task import recorded_task
 from faultgen.discovery.recording import Recording, mean_of, write_recording
 from faultgen.discovery.several import check_own_noise, check_same_motion
@@ -89,6 +90,8 @@ def make_twin(
     check_seed(seed)
     model = load_robot(robot)
     recordings, warnings = _read(healthy, model)
+    model, more = with_limits_of(recordings, model)
+    warnings += more
     for warning in warnings:
         print(f"faultgen: {warning}", file=sys.stderr)
     if len(recordings) == 1:
@@ -143,6 +146,9 @@ def furnish(
     mean = mean_of(recordings)
     replay, following = suited_replay(mean, robot)
     text = recorded_task(mean, robot, TASK)
+    robot, raised = with_limits_for(load_task(robot.name, TASK, {TASK: text}), robot)
+    for line in raised:
+        say(line)
     robot = replace(robot, tasks={**robot.tasks, TASK: text})
     robot.write(out)
     period = _period(mean.sample_period, robot)
