@@ -124,7 +124,10 @@ def test_recordings_are_judged(twin, tmp_path):
     assert (worn["verdict"], worn["effect"], worn["axes"]) == ("fault", "friction_wear", [2])
     assert worn["severity"] == pytest.approx(0.15, rel=0.3) and worn["probability"] > 0.9
     assert "friction_wear on axis 2" in line(worn)
-    assert answers["heavy"]["verdict"] == "unknown change" and answers["heavy"]["alarm"]
+    heavy = answers["heavy"]
+    assert heavy["verdict"] == "unknown change" and heavy["alarm"] and heavy["probability"] is None
+    over = max(heavy["over_limit"].values())
+    assert over > 1 and f"unknown change, {over:.2g} times the limit" in line(heavy)
 
 
 def test_what_was_judged_is_remembered(twin, tmp_path):

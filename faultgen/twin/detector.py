@@ -177,7 +177,8 @@ class Detector:
         source = "running" if over["running"] >= over["single"] else "single"
         belief = many if source == "running" else one
         rest = float(outside[0])
-        strange = rest > self.limits["rest"]
+        over["rest"] = rest / self.limits["rest"]
+        strange = over["rest"] > 1
         alarm = over[source] > 1
         # a fault that is as large as what it leaves is a fault; otherwise something else changed
         excess = max(rest - float(self.classes.rest[0]), 0.0)
@@ -216,7 +217,7 @@ class Detector:
             return {**told, "verdict": "fault", **named[0], "alternatives": likely}
         if alarm or strange:
             likely = [one for one in named if alarm and one["probability"] > _LIKELY]
-            told |= {"verdict": "unknown change", "probability": 1 - belief.healthy}
+            told |= {"verdict": "unknown change", "probability": None}
             return {**told, "alternatives": likely}
         return told
 

@@ -195,7 +195,6 @@ def _wait(seconds: float) -> bool:
 def line(answer: dict[str, Any]) -> str:
     """Return an answer as one line of text."""
     name = Path(answer["recording"]).name
-    probability = f"probability {answer['probability']:.2f}"
     count = answer.get("recordings", 1)  # answers of an older version do not tell
     mean = f" (running mean of {count} recordings)" if count > 1 else ""
     again = " (judged before)" if answer.get("again") else ""
@@ -205,10 +204,12 @@ def line(answer: dict[str, Any]) -> str:
         unit = "" if answer["unit"] == "1" else f" {answer['unit']}"
         told = (
             f"{answer['effect']} on axis {axes}, severity {answer['severity']:.3g} "
-            f"[{low:.3g}, {high:.3g}]{unit}, {probability}"
+            f"[{low:.3g}, {high:.3g}]{unit}, probability {answer['probability']:.2f}"
         )
+    elif answer["verdict"] == "healthy":
+        told = f"healthy, probability {answer['probability']:.2f}"
     else:
-        told = f"{answer['verdict']}, {probability}"
+        told = f"unknown change, {max(answer['over_limit'].values()):.2g} times the limit"
     others = ", ".join(
         f"{one['effect']} on axis {'+'.join(map(str, one['axes']))} ({one['probability']:.2f})"
         for one in answer["alternatives"]
