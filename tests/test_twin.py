@@ -122,27 +122,30 @@ def test_noise_is_measured(tiny_robot, tiny_task_path):
     assert noise.growth == [[0.0, 0.0], [0.0, 0.0]]
 
 
-def test_equal_data_look_alike_and_other_data_do_not(known):
+@pytest.mark.parametrize("count", [3, 12])
+def test_equal_data_look_alike_and_other_data_do_not(known, count):
     """The AUC is near 0.5 for cycles of one kind, and near 1 if one kind has more noise."""
     rng = np.random.default_rng(0)
     shape = known.path.shape
     mean = np.cumsum(rng.standard_normal(shape), axis=0)
 
-    def cycles(count, size):
-        return mean + size * rng.standard_normal((count, *shape))
+    def cycles(number, size):
+        return mean + size * rng.standard_normal((number, *shape))
+
+    def lacking(measured, _=None):
+        """As a twin does: what the model lacks, without the noise of the recordings."""
+        apart = (measured - mean).T
+        return np.stack([np.convolve(one, np.ones(25) / 25, "same") for one in apart], axis=1)
 
     def compared(size):
-        measured = cycles(12, size)
-        # as a twin does, the generated cycles have the mean of the measured ones, without noise
-        apart = measured.mean(axis=0) - mean
-        smooth = [np.convolve(column, np.ones(25) / 25, "same") for column in apart.T]
-        generated = cycles(48, 1.0) + np.stack(smooth, axis=1)
-        return likeness([[one] for one in measured], generated, known)
+        measured = cycles(count, size)
+        generated = cycles(48, 1.0) + lacking(measured.mean(axis=0))
+        return likeness([[one] for one in measured], generated, known, lacking)
 
     same, other = compared(1.0), compared(1.3)
     assert abs(same["auc"] - 0.5) < 3 * same["standard_error"]
     assert other["auc"] > 0.95
-    assert likeness([[mean]], cycles(4, 1.0), known)["auc"] is None
+    assert likeness([[mean]], cycles(4, 1.0), known, lacking)["auc"] is None
 
 
 def test_a_furnished_robot_generates_what_was_measured(recordings, tiny_robot, tmp_path):

@@ -7,7 +7,7 @@ under the ROC curve (AUC) of 0.5 says that it cannot; 1 says that it always can.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +66,10 @@ def generated_cycles(robot: Path, task: str, cycles: int, seed: int) -> np.ndarr
 
 
 def likeness(
-    measured: Sequence[Sequence[np.ndarray]], generated: np.ndarray, known: KnownMotion
+    measured: Sequence[Sequence[np.ndarray]],
+    generated: np.ndarray,
+    known: KnownMotion,
+    lacking: Callable[[np.ndarray, int], np.ndarray],
 ) -> dict[str, Any]:
     """Test whether generated and measured cycles differ.
 
@@ -79,6 +82,8 @@ def likeness(
         measured: Cycles of each recording, shape (samples, n_axes) each, in [N m].
         generated: Generated cycles, shape (cycles, samples, n_axes), in [N m].
         known: The motion.
+        lacking: Function that learns what the model lacks from the mean cycle of some recordings,
+            shape (samples, n_axes), and their number; it returns the same shape in [N m].
 
     Returns:
         The AUC, its standard error (Hanley and McNeil 1982), and the numbers of cycles. The AUC is
@@ -97,8 +102,8 @@ def likeness(
     means = np.stack([mean_cycle(own) for own in measured])
     pairs: list[float] = []
     for number in range(count):
-        # what the model lacks, as if it had been learned without the recording that is left out
-        moved = np.delete(means, number, axis=0).mean(axis=0) - means.mean(axis=0)
+        others = np.delete(means, number, axis=0).mean(axis=0)
+        moved = lacking(others, count - 1) - lacking(means.mean(axis=0), count)
         made = np.stack([_numbers(cycle + moved, known) for cycle in generated])
         real = np.stack(
             [_numbers(c, known) for k, own in enumerate(measured) if k != number for c in own]

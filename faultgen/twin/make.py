@@ -161,8 +161,11 @@ def furnish(
     deviation = noise.deviation / np.abs(side)
     by_recording = [find_cycles(one, known) for one in recordings]
     means = [mean_cycle(cycles) for cycles in by_recording]
-    lacks = np.mean(means, axis=0) - clean
-    remainder = _remainder(lacks, known, deviation, len(recordings))
+
+    def lacking(mean: np.ndarray, count: int) -> np.ndarray:
+        return _remainder(mean - clean, known, deviation, count)
+
+    remainder = lacking(np.mean(means, axis=0), len(recordings))
     colour = _recoloured(noise.colour, mean.sample_period, period)
     sensors = Sensors(
         description=f"learned from {len(recordings)} recordings of {robot.name}",
@@ -198,7 +201,7 @@ def furnish(
     if compare:
         say("comparing generated with measured data")
         made = generated_cycles(out, TASK, CYCLES, seed)
-        told = likeness(by_recording, made, known)
+        told = likeness(by_recording, made, known, lacking)
         result["likeness"] = told
         page = twin_page(robot.name, result, by_recording, list(made), known.compared, period)
         write_text(out / "report.html", page)
