@@ -75,6 +75,38 @@ def test_false_alarms_are_as_rare_as_stated(fitted):
     assert wide["running"] > 0
 
 
+@pytest.mark.parametrize("recordings", [3, 5, 20])
+def test_few_cycles_and_recordings_raise_no_more_alarms(recordings):
+    """With 70 features, 60 cycles and a robot that varies twice as much as generated data."""
+    alarms: list[bool] = []
+    for seed in range(30):
+        rng = np.random.default_rng([recordings, seed])
+        fault = np.repeat([-1, 0], 30)
+        severity = np.where(fault < 0, 0.0, rng.uniform(0, 1, 60))
+        x = rng.standard_normal((60, 70))
+        x[:, 0] += 5 * severity
+        fitted = fit_classes(x, fault, severity, 1)
+        fitted = fitted.fitted_to(2 * rng.standard_normal((recordings, 70)))
+        limits = find_limits(fitted, recordings, 0.03, np.zeros(0), np.zeros(0), rng)
+        places, rest = fitted.place(2 * rng.standard_normal((100, 70)))
+        variance = 1 + 1 / recordings
+        alarms += (rest > limits["rest"]).tolist()
+        alarms += (gains(fitted, places, variance) > limits["single"]).tolist()
+    assert np.mean(alarms) < 0.015  # each limit stands for 1 %
+
+
+def test_faults_that_span_all_features_leave_no_rest():
+    """Rounding is no unknown change."""
+    rng = np.random.default_rng(3)
+    fault = np.repeat([-1, 0], 40)
+    severity = np.where(fault < 0, 0.0, rng.uniform(0, 1, 80))
+    x = rng.standard_normal((80, 2)) + np.outer(severity, [3, 1]) + np.outer(severity**2, [1, 4])
+    fitted = fit_classes(x, fault, severity, 1)
+    limits = find_limits(fitted, 5, 0.01, np.zeros(0), np.zeros(0), rng)
+    _, rest = fitted.place(rng.standard_normal((1000, 2)))
+    assert not (rest > limits["rest"]).any()
+
+
 def test_the_memory_averages():
     """The first recordings have equal weights; later ones are forgotten slowly."""
     memory = Memory.empty()

@@ -23,6 +23,7 @@ GRID = np.linspace(0.02, 1.5, 75)
 INEXACT = 0.15
 """Error of the learned directions, over their length: assumed."""
 
+_FOLDS = 5  # parts of the cycles that are left out in turn
 _RANK = 1e-6  # singular values below this share of the largest are no direction
 
 
@@ -118,6 +119,9 @@ class Classes:
 def fit_classes(x: np.ndarray, fault: np.ndarray, severity: np.ndarray, count: int) -> Classes:
     """Fit the model.
 
+    The distance from the space of the faults is that of cycles which were left out of the fit: a
+    covariance makes the cycles from which it was learned look more alike than others.
+
     Args:
         x: Features, shape (cycles, features).
         fault: Number of the fault of each cycle, from 0; -1 for healthy ones; shape (cycles,).
@@ -138,6 +142,30 @@ def fit_classes(x: np.ndarray, fault: np.ndarray, severity: np.ndarray, count: i
         design[own, 2 + 2 * number] = severity[own] ** 2
     if len(x) <= design.shape[1] + 2:
         raise ValueError(f"{len(x)} cycles are too few for {count} faults")
+    centre, whitener, curves, basis = _fit(x, design, count)
+    outside = np.zeros(len(x))
+    for fold in range(_FOLDS):
+        left = np.arange(len(x)) % _FOLDS == fold
+        if (~left).sum() <= design.shape[1] + 2:
+            raise ValueError(f"{len(x)} cycles are too few for {count} faults")
+        solution, root, _, space = _fit(x[~left], design[~left], count)
+        white = (x[left] - design[left] @ solution) @ root.T
+        outside[left] = (white**2).sum(axis=1) - ((white @ space.T) ** 2).sum(axis=1)
+    # not mean and variance: a fault whose curve is no quadratic leaves cycles far out
+    low, middle, high = np.quantile(np.maximum(outside, 0.0), (0.16, 0.5, 0.84))
+    return Classes(
+        centre=centre[0],
+        whitener=whitener,
+        basis=basis,
+        curves=curves @ basis.T,
+        rest=np.array([middle, max((high - low) ** 2 / 4, 1e-9)]),
+    )
+
+
+def _fit(
+    x: np.ndarray, design: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Least squares: coefficients, the whitener of what is left, whitened curves, their basis."""
     solution = np.linalg.lstsq(design, x, rcond=None)[0]
     apart = (x - design @ solution) * np.sqrt(len(x) / (len(x) - design.shape[1]))
     size = np.maximum(apart.std(axis=0), 1e-12)
@@ -148,15 +176,7 @@ def fit_classes(x: np.ndarray, fault: np.ndarray, severity: np.ndarray, count: i
     # directions that move at all; the rest would be noise of the fit
     _, lengths, basis = np.linalg.svd(curves.reshape(-1, curves.shape[-1]), full_matrices=False)
     basis = basis[lengths > _RANK * lengths.max(initial=1e-300)]
-    white = apart @ whitener.T
-    outside = (white**2).sum(axis=1) - ((white @ basis.T) ** 2).sum(axis=1)
-    return Classes(
-        centre=solution[0],
-        whitener=whitener,
-        basis=basis,
-        curves=curves @ basis.T,
-        rest=np.array([outside.mean(), max(float(outside.var()), 1e-9)]),
-    )
+    return solution, whitener, curves, basis
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import f as f_distribution
 
 from faultgen.discovery.recording import TorqueConstants
 from faultgen.effects import get_effect
@@ -42,7 +42,8 @@ _LARGEST = 256 * 2**20
 _UNEXPLAINED = 0.5  # size of what no fault explains over that of the best fault, of unknown changes
 _LIKELY = 0.1  # probability from which another fault is named as well
 _SEQUENCES, _LENGTH = 1000, 30  # simulated series of healthy recordings, and their lengths
-_FLOOR = 1e-6
+_FLOOR = 1e-6  # of limits
+_MANY = 1e6  # degrees of freedom of a scale that is known
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -371,29 +372,42 @@ def find_limits(
     """
     dimensions = len(classes.basis)
     offset = np.zeros((_SEQUENCES, dimensions))
+    scale = np.ones((_SEQUENCES, 1))
     if baselines:
         offset = rng.standard_normal(offset.shape) / np.sqrt(baselines)
+    if baselines > 1 and dimensions:  # the spread of few recordings is uncertain itself
+        freedom = dimensions * (baselines - 1)
+        scale = np.sqrt(freedom / rng.chisquare(freedom, scale.shape))
     share = false_alarms / 3
     running = np.zeros_like(offset)
     single, long = [], []
     extra = baseline_variance(baselines)
     for count in range(1, _LENGTH + 1):
-        place = offset + rng.standard_normal(offset.shape)
+        place = scale * (offset + rng.standard_normal(offset.shape))
         weight = newest_weight(count)
         running += weight * (place - running)
         long.append(gains(classes, running, memory_variance(count) + extra))
         if count <= 5:  # all are alike
             single.append(gains(classes, place, 1 + extra))
-    mean, variance = classes.rest * np.array([1 + extra, (1 + extra) ** 2])
-    scale = variance / (2 * mean)  # a scaled chi-squared distribution (Satterthwaite 1946)
     return {
         "single": _limit(np.concatenate(single), share, healthy_gain),
         "running": _limit(np.concatenate(long), share, np.zeros(0)),
         "rest": max(
-            float(scale * chi2.ppf(1 - share, 2 * mean**2 / variance)),
-            float(healthy_rest.max(initial=0.0)),
+            _limit_of_rest(classes, baselines, share), float(healthy_rest.max(initial=_FLOOR))
         ),
     }
+
+
+def _limit_of_rest(classes: Classes, baselines: int, share: float) -> float:
+    """Squared distance from the space of the faults that healthy recordings exceed at a rate."""
+    mean, variance = classes.rest
+    if mean < _FLOOR:  # the faults span all features
+        return _FLOOR
+    freedom = 2 * mean**2 / variance  # of a scaled chi-squared distribution (Satterthwaite 1946)
+    # a scale that comes from few recordings is uncertain itself
+    known = freedom * (baselines - 1) if baselines > 1 else np.inf
+    ratio = f_distribution.ppf(1 - share, freedom, min(known, _MANY))
+    return float(mean * (1 + baseline_variance(baselines)) * ratio)
 
 
 def _limit(drawn: np.ndarray, share: float, seen: np.ndarray) -> float:
