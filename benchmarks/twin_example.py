@@ -1,4 +1,4 @@
-"""Recordings of a robot that faultgen does not know, for the tour in docs/twin.md.
+"""Recordings of a robot that faultgen does not know: those in docs/examples/twin.
 
 python benchmarks/twin_example.py -o example   # arm.xml, healthy1.h5 to healthy5.h5, new1.h5 ...
 
