@@ -110,7 +110,8 @@ def discovered(recording: Recording, robot: Robot) -> tuple[Robot, list[str]]:
     found = investigate(recording, robot)
     told, laws = with_laws(found.problem, found.choice, found.answer)
     names = [f"{one['effect']} on axis {one['axis']}" for one in told.contract()["effects"]]
-    return told.robot, [*names, *(one.sentence for one in laws)]
+    names += [one.sentence for one in laws]
+    return told.robot if names else robot, names
 
 
 def trained(robot: Robot, recordings: Sequence[Recording], folder: Path) -> Detector:

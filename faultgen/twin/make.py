@@ -253,7 +253,9 @@ def _discovered(
         }
         for one in found["effects"]
     ]
-    return load_robot(folder / "model"), effects, str(found["verdict"])
+    # without an effect or law, the model of the discovery differs by its own calibration only
+    model = load_robot(folder / "model") if effects else robot
+    return model, effects, str(found["verdict"])
 
 
 def _period(recorded: float, robot: Robot) -> float:
