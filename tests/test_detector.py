@@ -13,8 +13,9 @@ from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
 from faultgen.discovery.recording import write_recording
 from faultgen.errors import InputError
+from faultgen.twin.alarm_limits import find_limits
 from faultgen.twin.classes import believe, fit_classes, gains
-from faultgen.twin.detector import Memory, find_limits, load_detector, memory_variance
+from faultgen.twin.detector import Memory, load_detector, memory_variance
 from faultgen.twin.folder import RESULT, TASK
 from faultgen.twin.judge import Judge, line, watch
 from faultgen.twin.make import furnish

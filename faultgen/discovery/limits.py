@@ -15,8 +15,8 @@ import numpy as np
 from faultgen.discovery.recording import Recording
 from faultgen.mjcf.edit import set_numeric
 from faultgen.robot import Robot
-from faultgen.simulation.arm import Arm, motor_torque
-from faultgen.simulation.motion import OVER, sampled_path
+from faultgen.simulation.arm import Arm
+from faultgen.simulation.motion import OVER, asked_of, recorded_curve
 from faultgen.tasks import Task
 
 _ROOM = 1.2
@@ -68,18 +68,15 @@ def with_limits_for(task: Task, robot: Robot) -> tuple[Robot, list[str]]:
         The model, the same one if nothing was exceeded, and a line for each raised limit.
     """
     arm = Arm(robot)
-    ways, speeds, torques = [], [], []
-    for move in task.move:
-        if move.path != "sampled":
-            continue
-        q, qd, qdd = sampled_path(move, robot)
-        ways.append(q)
-        speeds.append(np.abs(robot.gearing.outputs(qd) * robot.gear_ratio).max(axis=0))
-        torques.append(np.abs(motor_torque(arm, q, qd, qdd)).max(axis=0))
-    if not ways:
+    asked = [
+        asked_of(arm, recorded_curve(move, robot)) for move in task.move if move.path == "sampled"
+    ]
+    if not asked:
         return robot, []
-    speed, torque = np.max(speeds, axis=0), np.max(torques, axis=0)
-    return _raised(robot, np.concatenate(ways), speed, torque, "on the recorded motion")
+    positions, speed, torque = (np.concatenate(one) for one in zip(*asked, strict=True))
+    return _raised(
+        robot, positions, speed.max(axis=0), torque.max(axis=0), "on the recorded motion"
+    )
 
 
 def _raised(

@@ -193,9 +193,8 @@ def _sampled(
         raise InputError(f"{where}: the samples must be finite")
     if np.abs(way[0] - here).max() > _SAME:
         raise InputError(f"{where}: the samples must begin where the move before them ends")
-    spline = _curve(move, robot)
-    q, qd, qdd = sampled_path(move, robot)
-    _check_sampled(arm, q, qd, qdd, where)
+    spline = recorded_curve(move, robot)
+    _check_sampled(arm, spline, where)
 
     def timing(at: np.ndarray) -> np.ndarray:
         return np.stack([at, np.ones_like(at), np.zeros_like(at)])
@@ -204,34 +203,44 @@ def _sampled(
     return piece, way[-1]
 
 
-def _curve(move: Move, robot: Robot) -> CubicSpline:
-    """The smooth curve through the samples of a recorded move, from rest to rest."""
-    assert move.samples is not None and move.sample_period is not None
-    way = robot.from_degrees(move.samples)
-    return CubicSpline(np.arange(len(way)) * move.sample_period, way, bc_type="clamped")
-
-
-def sampled_path(move: Move, robot: Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Interpolate a recorded move.
+def recorded_curve(move: Move, robot: Robot) -> CubicSpline:
+    """Return the smooth curve through the samples of a recorded move, from rest to rest.
 
     Args:
         move: A move with samples.
         robot: The robot that does it.
 
     Returns:
-        Joint positions, speeds and accelerations every `GRID` seconds, shape (times, n_axes) each.
+        Joint positions as a function of the time since the move began [s].
     """
-    curve = _curve(move, robot)
-    fine = np.arange(0, curve.x[-1], GRID)
-    return curve(fine), curve(fine, 1), curve(fine, 2)
+    assert move.samples is not None and move.sample_period is not None
+    way = robot.from_degrees(move.samples)
+    return CubicSpline(np.arange(len(way)) * move.sample_period, way, bc_type="clamped")
 
 
-def _check_sampled(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, where: str) -> None:
+def asked_of(arm: Arm, curve: CubicSpline) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Compute what a recorded move asks of a robot.
+
+    Args:
+        arm: The rigid arm of the robot.
+        curve: The move, from `recorded_curve`.
+
+    Returns:
+        Joint position, |motor speed| [rad/s] and |motor torque| [N m] every `GRID` seconds, shape
+        (times, n_axes) each.
+    """
+    robot = arm.robot
+    times = np.arange(0, curve.x[-1], GRID)
+    q, qd, qdd = curve(times), curve(times, 1), curve(times, 2)
+    speed = np.abs(robot.gearing.outputs(qd) * robot.gear_ratio)
+    return q, speed, np.abs(motor_torque(arm, q, qd, qdd))
+
+
+def _check_sampled(arm: Arm, curve: CubicSpline, where: str) -> None:
     """Refuse a recorded motion that exceeds a limit of the model. A real robot has done it."""
     robot = arm.robot
     low, high = robot.joint_range.T
-    speed = np.abs(robot.gearing.outputs(qd) * robot.gear_ratio)
-    torque = np.abs(motor_torque(arm, q, qd, qdd))
+    q, speed, torque = asked_of(arm, curve)
     for what, excess in (
         ("leaves its range", np.maximum(low - q, q - high) - OVER * np.abs(high - low)),
         ("is faster than motor_velocity_limit", speed - (1 + OVER) * robot.motor_velocity_limit),

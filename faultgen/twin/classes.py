@@ -11,6 +11,7 @@ distance from the healthy mean.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -140,14 +141,12 @@ def fit_classes(x: np.ndarray, fault: np.ndarray, severity: np.ndarray, count: i
         own = fault == number
         design[own, 1 + 2 * number] = severity[own]
         design[own, 2 + 2 * number] = severity[own] ** 2
-    if len(x) <= design.shape[1] + 2:
+    if len(x) - math.ceil(len(x) / _FOLDS) <= design.shape[1] + 2:
         raise ValueError(f"{len(x)} cycles are too few for {count} faults")
     centre, whitener, curves, basis = _fit(x, design, count)
     outside = np.zeros(len(x))
     for fold in range(_FOLDS):
         left = np.arange(len(x)) % _FOLDS == fold
-        if (~left).sum() <= design.shape[1] + 2:
-            raise ValueError(f"{len(x)} cycles are too few for {count} faults")
         solution, root, _, space = _fit(x[~left], design[~left], count)
         white = (x[left] - design[left] @ solution) @ root.T
         outside[left] = (white**2).sum(axis=1) - ((white @ space.T) ** 2).sum(axis=1)

@@ -25,9 +25,10 @@ from faultgen.system.arrays import read_arrays
 from faultgen.system.files import file_sha256
 from faultgen.system.reading import read_text
 from faultgen.tasks import load_task
+from faultgen.twin.alarm_limits import find_limits
 from faultgen.twin.alignment import KnownMotion, stretches_of
 from faultgen.twin.classes import Classes, believe, fit_classes, gains
-from faultgen.twin.detector import Detector, Fault, baseline_variance, find_limits
+from faultgen.twin.detector import Detector, Fault, baseline_variance
 from faultgen.twin.features import KINDS, features_of
 from faultgen.twin.folder import HEALTHY, RESULT
 
