@@ -1,6 +1,7 @@
 """What is a twin worth? Detectors trained on simulated faults, judged on robots of their own.
 
 python benchmarks/twin_detectors.py run --seeds report --instances 8 -o DIR
+python benchmarks/twin_detectors.py run --seeds report --instances 8 --recordings 1 -o ANOTHER
 python benchmarks/twin_detectors.py table DIR
 
 The robots are SCARAs of the simulator in `laboratories`, which shares no code with faultgen. Every
@@ -14,13 +15,13 @@ import json
 import shutil
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from laboratories.draw import BASE, Laboratory
-from laboratories.effects import Effect
+from laboratories.effects import ORDERS, WAVES, Effect, apply, unit
 from laboratories.make import Setup, draw_session, record, set_up
 from laboratories.robots import robot_file
 from laboratories.servo import SERVOS
@@ -54,8 +55,6 @@ SEVERITIES = {"friction_wear": (0.05, 0.1, 0.2), "backlash": (0.25e-3, 0.5e-3, 1
 """Severities of the recordings that are judged."""
 LARGEST = {"friction_wear": 0.25, "backlash": 1.25e-3}
 """Final severity of the training data."""
-HEALTHY = 5
-"""Healthy recordings that everything is learned from."""
 JUDGED = 10
 """Further healthy recordings, which are judged."""
 CYCLES, REPETITIONS = 8, 2
@@ -68,11 +67,33 @@ ARMS = {
     "discovered": "(c) twin with discovered effects",
     "own": "(d) faults of that very robot",
 }
+LACKING = (
+    "transmission_error",
+    "torque_ripple",
+    "load_friction",
+    "quadratic_viscous_friction",
+    "friction_asymmetry",
+    "gravity_spring",
+    "gear_stiffness",
+)
+"""Effects that a healthy robot may have and its model lacks."""
 _SECONDS = 4.0
 _MOTIONS = ("task", "ladder", "multisine")
 
 
-def laboratory(seeds: str, number: int) -> Laboratory:
+@dataclass(frozen=True)
+class Conditions:
+    """What differs between comparisons. The same instance is the same robot in each of them."""
+
+    recordings: int = 5
+    """Healthy recordings that everything is learned from."""
+    model_error: float = 0.05
+    """Error of each parameter of the nominal model, over its value."""
+    lacking: bool = False
+    """Whether each robot has an effect that its model lacks."""
+
+
+def laboratory(seeds: str, number: int, model_error: float) -> Laboratory:
     """Draw a laboratory: servo, noise and program are random, the rest is fixed."""
     rng = np.random.default_rng([77, SEEDS[seeds] + number])
     factors = {
@@ -85,9 +106,22 @@ def laboratory(seeds: str, number: int) -> Laboratory:
         "noise": ("constant", "by_speed", "by_load", "coloured")[int(rng.integers(4))],
         "level": float((0.005, 0.01, 0.02)[int(rng.integers(3))]),
         "repeat": 0.01,
-        "model_error": 0.05,
+        "model_error": model_error,
     }
     return Laboratory(seeds, SEEDS[seeds] + number, factors, ())
+
+
+def lacking_effect(lab: Laboratory) -> Effect:
+    """Draw the effect that a healthy robot has and its model lacks."""
+    rng = np.random.default_rng([lab.seed, 9])
+    name, axis = LACKING[int(rng.integers(len(LACKING)))], AXES[int(rng.integers(len(AXES)))]
+    details = {}
+    if name in WAVES:
+        details = {
+            "order": float(ORDERS[int(rng.integers(len(ORDERS)))]),
+            "phase": float(rng.uniform(0, 2 * np.pi)),
+        }
+    return Effect(name, axis, unit(name, axis, lab.machine), details)
 
 
 def measured(setup: Setup, effects: Sequence[Effect], rng: np.random.Generator) -> Recording:
@@ -220,16 +254,22 @@ def score(
     return rows
 
 
-def run_instance(seeds: str, number: int, out: Path) -> None:
+def run_instance(seeds: str, number: int, given: Conditions, out: Path) -> None:
     """Carry out the comparison on one robot, and write its result. A result is not made again."""
     path = out / f"{seeds}_{number:03d}.json"
     if path.is_file():
         return
     started = time.monotonic()
-    lab = laboratory(seeds, number)
+    lab = laboratory(seeds, number, given.model_error)
     setup = set_up(lab)
+    told: dict[str, Any] = {"conditions": asdict(given), "factors": lab.factors, "seed": lab.seed}
+    told |= {"arms": {}, "seconds": {}}
+    if given.lacking:
+        effect = lacking_effect(lab)
+        told["lacking"] = asdict(effect)
+        setup = replace(setup, robot=apply(effect, setup.robot, lab.machine))
     rng = np.random.default_rng([lab.seed, 8])
-    healthy = [measured(setup, [], rng) for _ in range(HEALTHY)]
+    healthy = [measured(setup, [], rng) for _ in range(given.recordings)]
     healthy = [replace(one, source=f"healthy{k}") for k, one in enumerate(healthy, start=1)]
     cases: list[tuple[Effect | None, Recording]] = [
         (None, measured(setup, [], rng)) for _ in range(JUDGED)
@@ -241,7 +281,6 @@ def run_instance(seeds: str, number: int, out: Path) -> None:
                 cases.append((effect, measured(setup, [effect], rng)))
     nominal = load_robot(robot_file("scara4"))
     mean = mean_of(healthy)
-    told: dict[str, Any] = {"factors": lab.factors, "seed": lab.seed, "arms": {}, "seconds": {}}
     work = out / f"work_{seeds}_{number:03d}"
     with threadpool_limits(limits=1):
         try:
@@ -254,7 +293,9 @@ def run_instance(seeds: str, number: int, out: Path) -> None:
         told["seconds"]["calibrate"] = time.monotonic() - started
         improved, told["discovered"] = discovered(mean, calibrated.robot)
         told["seconds"]["discover"] = time.monotonic() - started
-        models = {"nominal": nominal, "calibrated": calibrated.robot, "discovered": improved}
+        models = {"nominal": nominal, "calibrated": calibrated.robot}
+        if told["discovered"]:
+            models["discovered"] = improved
         like = None
         for arm, model in models.items():
             try:
@@ -271,6 +312,8 @@ def run_instance(seeds: str, number: int, out: Path) -> None:
                 told["arms"][arm]["uncentred"] = score(uncentred(detector, work / arm), cases)
             told["seconds"][arm] = time.monotonic() - started
         assert like is not None
+        if not told["discovered"]:
+            told["arms"]["discovered"] = told["arms"]["calibrated"]
         detector = own_faults(setup, like, rng)
         told["arms"]["own"] = {"features": detector.kind, "centred": score(detector, cases)}
     told["seconds"]["all"] = time.monotonic() - started
@@ -287,9 +330,15 @@ def table(out: Path) -> str:
     """Make the table of all instances in a folder."""
     files = sorted(out.glob("*.json"))
     results = [json.loads(path.read_text()) for path in files]
+    conditions = {json.dumps(one["conditions"]) for one in results}
+    if len(conditions) != 1:
+        raise SystemExit(f"{out}: holds results of {len(conditions)} different conditions, not one")
+    given = Conditions(**results[0]["conditions"])
     lines = [
-        f"{len(results)} robots, {HEALTHY} healthy recordings of each. In percent, with 95 % Wilson"
-        " intervals over recordings.",
+        f"{len(results)} robots, {given.recordings} healthy recordings of each, parameters of the"
+        f" model {100 * given.model_error:g} % off"
+        + (", one effect that the model lacks" if given.lacking else "")
+        + ". In percent, with 95 % Wilson intervals over recordings.",
         "",
         "| trained on | healthy mean | right effect and axis | detected | false alarms "
         "| severity error, median | true severity within the interval |",
@@ -338,6 +387,11 @@ def main() -> None:
     run.add_argument("--seeds", choices=SEEDS, default="development")
     run.add_argument("--instances", type=int, default=8)
     run.add_argument("--first", type=int, default=0)
+    run.add_argument("--recordings", type=int, default=5, help="healthy ones")
+    run.add_argument("--model-error", type=float, default=0.05, help="of each parameter, relative")
+    run.add_argument(
+        "--lacking", action="store_true", help="give each robot an effect that its model lacks"
+    )
     run.add_argument("-o", "--out", type=Path, required=True)
     parts.add_parser("table").add_argument("out", type=Path)
     given = parser.parse_args()
@@ -345,8 +399,9 @@ def main() -> None:
         print(table(given.out))
         return
     given.out.mkdir(parents=True, exist_ok=True)
+    conditions = Conditions(given.recordings, given.model_error, given.lacking)
     for number in range(given.first, given.first + given.instances):
-        run_instance(given.seeds, number, given.out)
+        run_instance(given.seeds, number, conditions, given.out)
 
 
 if __name__ == "__main__":
