@@ -14,6 +14,9 @@ from faultgen.twin.detector import baseline_variance, memory_variance, newest_we
 
 _SEQUENCES, _LENGTH = 1000, 30  # simulated series of healthy recordings, and their lengths
 _FLOOR = 1e-6  # of limits
+_DIRECTIONS, _BEFORE = 2, 2
+"""Healthy recordings differ mostly in a few directions, such as the friction of all axes; and their
+spread is not unknown before. Directions, and recordings that this knowledge stands for: assumed."""
 _MANY = 1e6  # degrees of freedom of a scale that is known
 
 
@@ -48,7 +51,7 @@ def find_limits(
     if baselines:
         offset = rng.standard_normal(offset.shape) / np.sqrt(baselines)
     if baselines > 1 and dimensions:  # the spread of few recordings is uncertain itself
-        freedom = dimensions * (baselines - 1)
+        freedom = _DIRECTIONS * (baselines - 1 + _BEFORE)
         scale = np.sqrt(freedom / rng.chisquare(freedom, scale.shape))
     share = false_alarms / 3
     running = np.zeros_like(offset)

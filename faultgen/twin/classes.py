@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import ndtr
 from sklearn.covariance import ledoit_wolf
 
 GRID = np.linspace(0.02, 1.5, 75)
@@ -23,6 +24,11 @@ GRID = np.linspace(0.02, 1.5, 75)
 
 INEXACT = 0.15
 """Error of the learned directions, over their length: assumed."""
+
+SCALE = 0.3
+"""Standard deviation of the logarithm of a severity that is due to the model: a fault of some
+severity changes a real robot by more, or by less, than the same fault changes the model. Assumed;
+see docs/twin.md for how often the intervals are right."""
 
 _FOLDS = 5  # parts of the cycles that are left out in turn
 _RANK = 1e-6  # singular values below this share of the largest are no direction
@@ -144,21 +150,41 @@ def fit_classes(x: np.ndarray, fault: np.ndarray, severity: np.ndarray, count: i
     if len(x) - math.ceil(len(x) / _FOLDS) <= design.shape[1] + 2:
         raise ValueError(f"{len(x)} cycles are too few for {count} faults")
     centre, whitener, curves, basis = _fit(x, design, count)
-    outside = np.zeros(len(x))
+    inside, outside = np.zeros((len(x), len(basis))), np.zeros(len(x))
     for fold in range(_FOLDS):
         left = np.arange(len(x)) % _FOLDS == fold
         solution, root, _, space = _fit(x[~left], design[~left], count)
-        white = (x[left] - design[left] @ solution) @ root.T
+        apart = x[left] - design[left] @ solution
+        white = apart @ root.T
+        inside[left] = white @ basis.T
         outside[left] = (white**2).sum(axis=1) - ((white @ space.T) ** 2).sum(axis=1)
+    widen = _wider(inside)
     # not mean and variance: a fault whose curve is no quadratic leaves cycles far out
     low, middle, high = np.quantile(np.maximum(outside, 0.0), (0.16, 0.5, 0.84))
     return Classes(
         centre=centre[0],
-        whitener=whitener,
+        whitener=whitener + basis.T @ (widen - np.eye(len(basis))) @ basis @ whitener,
         basis=basis,
-        curves=curves @ basis.T,
+        curves=curves @ basis.T @ widen,
         rest=np.array([middle, max((high - low) ** 2 / 4, 1e-9)]),
     )
+
+
+def _wider(inside: np.ndarray) -> np.ndarray:
+    """Symmetric matrix that scales the places of cycles where they vary more than expected.
+
+    With many features, the shrunk covariance makes the few directions in which a robot varies most
+    too narrow.
+
+    Args:
+        inside: Places of cycles about their means, shape (cycles, dimensions).
+
+    Returns:
+        Shape (dimensions, dimensions). It makes no direction larger.
+    """
+    covariance, _ = ledoit_wolf(inside, assume_centered=True)
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray((vectors / np.sqrt(np.maximum(values, 1.0))) @ vectors.T)
 
 
 def _fit(
@@ -170,7 +196,8 @@ def _fit(
     size = np.maximum(apart.std(axis=0), 1e-12)
     covariance, _ = ledoit_wolf(apart / size, assume_centered=True)
     values, vectors = np.linalg.eigh(covariance)
-    whitener = (vectors / np.sqrt(np.maximum(values, 1e-9))).T / size
+    # symmetric, so that whitened features of different folds are alike
+    whitener = (vectors / np.sqrt(np.maximum(values, 1e-9))) @ vectors.T / size
     curves = (solution[1:] @ whitener.T).reshape(count, 2, -1)
     # directions that move at all; the rest would be noise of the fit
     _, lengths, basis = np.linalg.svd(curves.reshape(-1, curves.shape[-1]), full_matrices=False)
@@ -190,7 +217,7 @@ class Belief:
     severity: np.ndarray
     """Most probable severity of each fault, over the largest one in the data, shape (faults,)."""
     interval: np.ndarray
-    """95 % interval of it, shape (faults, 2)."""
+    """95 % interval of it, which allows for `SCALE`, shape (faults, 2)."""
     gain: float
     """Two times the log-likelihood ratio of the best fault and the healthy robot."""
 
@@ -212,15 +239,22 @@ def believe(classes: Classes, y: np.ndarray, variance: float) -> Belief:
     evidence = weight.mean(axis=1)
     healthy = float(np.exp(-top))
     total = 0.5 * healthy + 0.5 * evidence.mean()
-    cumulated = np.cumsum(weight, axis=1) / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300)
-    interval = np.stack([[np.interp(q, one, GRID) for q in (0.025, 0.975)] for one in cumulated])
     return Belief(
         healthy=0.5 * healthy / total,
         faults=0.5 * evidence / len(evidence) / total,
         severity=GRID[np.argmax(ratio, axis=1)],
-        interval=interval,
+        interval=_interval(weight),
         gain=2 * float(ratio.max()),
     )
+
+
+def _interval(weight: np.ndarray) -> np.ndarray:
+    """95 % interval of the severity of each fault, from the weights of `GRID`."""
+    beyond = np.exp(4 * SCALE)
+    severity = np.geomspace(GRID[0] / beyond, GRID[-1] * beyond, 400)
+    below = ndtr(np.log(severity[:, None] / GRID) / SCALE)
+    cumulated = weight @ below.T / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300)
+    return np.stack([[np.interp(q, one, severity) for q in (0.025, 0.975)] for one in cumulated])
 
 
 def gains(classes: Classes, y: np.ndarray, variance: float, chunk: int = 512) -> np.ndarray:

@@ -38,7 +38,7 @@ FORGETTING = 0.2
 """Weight of the newest recording in the running mean."""
 
 _LARGEST = 256 * 2**20
-_UNEXPLAINED = 0.5  # size of what no fault explains over that of the best fault, of unknown changes
+_UNEXPLAINED = 1.5  # size of what no fault explains over that of the best fault, of unknown changes
 _LIKELY = 0.1  # probability from which another fault is named as well
 
 
@@ -177,7 +177,7 @@ class Detector:
         over["rest"] = rest / self.limits["rest"]
         strange = over["rest"] > 1
         alarm = over[source] > 1
-        # a fault that is as large as what it leaves is a fault; otherwise something else changed
+        # a fault that is not much smaller than what it leaves is one; else something else changed
         excess = max(rest - float(self.classes.rest[0]), 0.0)
         explained = not strange or excess < _UNEXPLAINED * max(one.gain, belief.gain)
         answer = self._answer(belief, alarm, strange, explained, over, source, after.count)

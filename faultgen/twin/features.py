@@ -64,4 +64,5 @@ KINDS: dict[str, Callable[[np.ndarray, KnownMotion], np.ndarray]] = {
     "friction terms": _friction_terms,
     "mean |torque|": _mean_abs,
 }
-"""Functions from torques of shape (cycles, places, n_axes) to features, by name."""
+"""Functions from torques of shape (cycles, places, n_axes) to features, by name. Those with more
+features come first."""

@@ -36,6 +36,7 @@ FALSE_ALARMS = 0.01
 """Default rate of false alarms, per recording."""
 
 _TORQUE, _POSITION = "signals/motor_torque", "signals/motor_position"
+_AS_GOOD = 0.3  # of the mean log-probability: kinds of features that are as good as the best one
 _CLEAR = 0.25  # severity, over the largest one, from which a validation cycle should be named
 
 
@@ -68,8 +69,8 @@ def train(dataset: Dataset, *, false_alarms: float = FALSE_ALARMS, seed: int = 0
     """Train a detector.
 
     Of every fault, and of the healthy robot, the run of the last repetition is left out. Each
-    candidate, a kind of features, is fitted to the other runs and judged on these; the best one is
-    fitted again to all runs.
+    candidate, a kind of features, is fitted to the other runs and judged on these. Of those that
+    are about as good as the best one, the one with most features is fitted again to all runs.
 
     Args:
         dataset: Runs of one robot, task and sensors, each fault with at least two repetitions.
@@ -178,7 +179,9 @@ def learn(
         score = _score(own, x[outside], examples.fault[outside], examples.severity[outside])
         results.append({"features": kind, **score})
         fitted[kind] = own, x, real
-    kind = str(max(results, key=lambda one: one["log_probability"])["features"])
+    best = max(one["log_probability"] for one in results)
+    # more features also show what no example has, and tell inexact faults apart
+    kind = next(str(r["features"]) for r in results if r["log_probability"] > best - _AS_GOOD)
     trial, x, real = fitted[kind]
     healthy = outside[examples.fault[outside] < 0]
     places, rest = trial.place(x[healthy])
