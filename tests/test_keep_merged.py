@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from conftest import contents, faultgen
 
-import faultgen.dataset.sweep as sweep
+import faultgen.dataset.making as making
 from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.merge import merge, remove_run_files
 from faultgen.dataset.reader import open_dataset
@@ -108,18 +108,18 @@ def test_a_dataset_can_give_up_its_run_files_later(experiment, whole, kept, tmp_
 
 def test_failed_runs_join_the_others_later(experiment, kept, tmp_path, monkeypatch):
     """Only the missing run is made, and the runs that were already merged are kept."""
-    real, calls = sweep.make_run, []
+    real, calls = making.make_run, []
 
-    def fragile(run, folder, on_cycle):
+    def fragile(run, folder, on_cycle, stepped):
         calls.append(run.id)
         return (run, "broken") if run.axes == (1,) else real(run, folder, on_cycle)
 
-    monkeypatch.setattr(sweep, "make_run", fragile)
+    monkeypatch.setattr(making, "make_run", fragile)
     summary = generate(experiment, tmp_path, keep="merged", progress=False)
     assert (summary.done, len(summary.failed), len(calls)) == (2, 1, 3)
     assert not list(tmp_path.glob("runs/*.h5"))
     assert len(open_dataset(tmp_path).missing) == 1
-    monkeypatch.setattr(sweep, "make_run", real)
+    monkeypatch.setattr(making, "make_run", real)
     assert generate(experiment, tmp_path, keep="merged", progress=False).done == 1
     # runs that were copied twice lie at other places of the file, with the same content
     assert same_runs(tmp_path, kept) and contents(tmp_path).keys() == contents(kept).keys()

@@ -14,7 +14,7 @@ import pytest
 from conftest import contents
 from filelock import FileLock
 
-import faultgen.dataset.sweep as sweep
+import faultgen.dataset.making as making
 from faultgen.dataset.experiment import make_experiment, to_toml
 from faultgen.dataset.manifest import Manifest
 from faultgen.dataset.planning import plan_runs
@@ -353,7 +353,7 @@ def test_folders_of_other_experiments_are_refused(small, made):
 def test_runs_of_killed_workers_are_made_again(small, made, tmp_path, monkeypatch, times):
     """The run is tried once more; if that kills the worker too, it is listed and resumed later."""
     experiment = small(sensors="realistic", paired=True)
-    monkeypatch.setattr(sweep, "make_run", _die)
+    monkeypatch.setattr(making, "make_run", _die)
     out = tmp_path / "out"
     (tmp_path / "deaths").write_text("x" * times)  # worker processes may be older than this test
     summary = generate(experiment, out, workers=2, progress=False)
@@ -367,7 +367,7 @@ def test_runs_of_killed_workers_are_made_again(small, made, tmp_path, monkeypatc
     assert contents(out) == contents(made)
 
 
-def _die(run, folder, on_cycle=None):
+def _die(run, folder, on_cycle=None, stepped=None):
     """Make a run; while that of axis 2 is written, its process is killed some times."""
     deaths = folder.parents[1] / "deaths"
 

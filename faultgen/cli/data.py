@@ -187,6 +187,14 @@ def generate(
         str | None,
         typer.Option(help="Address of a Dask scheduler, such as tcp://10.0.0.1:8786."),
     ] = None,
+    device: Annotated[
+        str | None,
+        typer.Option(
+            help="Simulate all runs at once on a graphics card, such as cuda or cuda:1, with "
+            "MuJoCo Warp (pip install 'faultgen[gpu]'); the workers write the files. Single "
+            "precision changes the last digits of the torques. Default: the workers simulate."
+        ),
+    ] = None,
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
@@ -263,6 +271,7 @@ def generate(
         keep=keep,
         part=part_of(part),
         scheduler=scheduler,
+        device=device,
     )
     _print_summary(summary, as_json)
 

@@ -18,7 +18,7 @@ as well; the difference is the error. A run whose error is too large is refused.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -32,6 +32,7 @@ from faultgen.dataset.nodes import (
     nodes_of_changes,
     simulated,
 )
+from faultgen.dataset.planning import Run
 from faultgen.dataset.run_file import growth_of
 from faultgen.effects import get_effect
 from faultgen.effects.temperature import TEMPERATURE_RANGE
@@ -46,8 +47,10 @@ from faultgen.simulation.plant import Plant
 LARGEST_ERROR = 0.1
 """Largest error of the torque that is accepted, over the standard deviation of its noise."""
 
-_MEASURED = ("motor_position", "motor_velocity", "motor_torque")  # what sensors see
-_TORQUE = _MEASURED.index("motor_torque")
+MEASURED = ("motor_position", "motor_velocity", "motor_torque")
+"""Names of the channels that sensors see."""
+
+_TORQUE = MEASURED.index("motor_torque")
 _LEVELS = (3, 5)  # nodes in severity, with 0; the second number if the first one is not enough
 _SMALLEST = 1e-6  # an error below this share of a motor's torque limit is none
 _AT_ONCE = 8  # cycles that are computed together
@@ -73,28 +76,51 @@ class Interpolated:
 
     def cycles(self) -> Iterator[Cycle]:
         """Yield the cycles. Channels that are not computed are empty."""
-        missing = np.empty((0, self.nodes.shape[-1]))
         flat = self.nodes.reshape(len(self.nodes), -1)
         for start in range(0, len(self.weights), _AT_ONCE):
             for one in self.weights[start : start + _AT_ONCE] @ flat:
-                computed = dict(zip(self.channels, one.reshape(self.nodes.shape[1:]), strict=True))
-                yield Cycle(**{of.name: computed.get(of.name, missing) for of in fields(Cycle)})
+                yield cycle_of(self.channels, one.reshape(self.nodes.shape[1:]))
 
-    def plants(self, course: Course, robot: Robot) -> Iterator[Plant]:
-        """Yield what the faults of sensors need in each cycle.
 
-        Args:
-            course: What changes from cycle to cycle.
-            robot: The healthy robot.
+def channels_of(run: Run) -> tuple[str, ...]:
+    """Names of the channels of a cycle that the file of a run is made from.
 
-        Yields:
-            The robot of each cycle, or always the healthy one if no effect is a fault of sensors.
-        """
-        if any(get_effect(one.effect).sense for one in (*course.run.faults, *robot.effects)):
-            yield from course.plants(robot)
-        else:
-            plant = Plant(robot.model)
-            yield from (plant for _ in range(len(self.weights)))
+    Args:
+        run: The run.
+    """
+    needed = {name.split("/")[1] for name in run.signals if name.startswith("truth/")}
+    if not run.axes:
+        needed.add("joint_position")  # a healthy robot has to follow its task
+    return (*MEASURED, *sorted(needed.difference(MEASURED)))
+
+
+def cycle_of(channels: Sequence[str], values: np.ndarray) -> Cycle:
+    """Put channels together to a cycle, in which all other channels are empty.
+
+    Args:
+        channels: Their names.
+        values: Their values, shape (channels, samples, n_axes), in the units of `Cycle`.
+    """
+    missing = np.empty((0, values.shape[-1]))
+    computed = dict(zip(channels, values, strict=True))
+    return Cycle(**{of.name: computed.get(of.name, missing) for of in fields(Cycle)})
+
+
+def sensing_plants(course: Course, robot: Robot) -> Iterator[Plant]:
+    """Yield what the faults of sensors need in each cycle of a run that is not simulated here.
+
+    Args:
+        course: What changes from cycle to cycle.
+        robot: The healthy robot.
+
+    Yields:
+        The robot of each cycle, or always the healthy one if no effect is a fault of sensors.
+    """
+    if any(get_effect(one.effect).sense for one in (*course.run.faults, *robot.effects)):
+        yield from course.plants(robot)
+    else:
+        plant = Plant(robot.model)
+        yield from (plant for _ in range(course.run.cycles))
 
 
 def interpolated(course: Course, shared: Nominal) -> Interpolated:
@@ -112,8 +138,7 @@ def interpolated(course: Course, shared: Nominal) -> Interpolated:
         SimulationFailed: A condition could not be simulated.
     """
     run, around = course.run, course.around
-    truth = {name.split("/")[1] for name in run.signals if name.startswith("truth/")}
-    channels = (*_MEASURED, *sorted(truth.difference(_MEASURED)))
+    channels = channels_of(run)
     temperature = np.clip(around.temperature, *TEMPERATURE_RANGE)
     every = np.column_stack([temperature, around.payload_factor, growth_of(run)])
     pairs = np.hstack([every[[0, *range(len(every) - 1)]], every])  # with the cycle before
@@ -136,7 +161,7 @@ def interpolated(course: Course, shared: Nominal) -> Interpolated:
         nodes = last_of(distinct, channels)
         return Interpolated(channels, nodes, weights, 0 * noise, noise)
     _check_size((len(grids[-1].nodes) + len(of_changes.nodes)) * len(channels), shared)
-    (true,) = last_of(pairs[checked], _MEASURED[_TORQUE:]).swapaxes(0, 1)
+    (true,) = last_of(pairs[checked], MEASURED[_TORQUE:]).swapaxes(0, 1)
     limit = np.maximum(LARGEST_ERROR * noise, _SMALLEST * shared.limits.torque)
     worst, over = 0, np.inf
     for grid in dict.fromkeys(grids):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from itertools import tee
 from pathlib import Path
 
@@ -10,14 +11,15 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from faultgen.dataset.conditions import Course
-from faultgen.dataset.interpolated import interpolated
+from faultgen.dataset.interpolated import channels_of, cycle_of, interpolated, sensing_plants
 from faultgen.dataset.planning import Run
-from faultgen.dataset.run_file import create_arrays, run_attributes
+from faultgen.dataset.run_file import create_arrays, run_attributes, run_provenance
 from faultgen.dataset.storage import RunWriter
 from faultgen.errors import InputError, SimulationFailed, one_line
 from faultgen.monitoring.environment import differences, surroundings
 from faultgen.monitoring.reductions import monitor
-from faultgen.monitoring.sensors import get_sensors, measure
+from faultgen.monitoring.sensors import Sensors, get_sensors, measure
+from faultgen.provenance import Provenance
 from faultgen.simulation.cycle import Cycle
 from faultgen.simulation.nominal import Nominal, nominal
 from faultgen.simulation.plant import Plant
@@ -27,8 +29,56 @@ _LARGEST_LAG = 0.3
 """Distance from the commanded motion at which a healthy robot does not do its task [rad], [m]."""
 
 
+@dataclass(frozen=True, eq=False)
+class Stepped:
+    """The cycles of a run, if they were simulated elsewhere."""
+
+    cycles: np.ndarray
+    """Shape (cycles, channels, samples, n_axes), with the channels of `channels_of`."""
+    made_by: Provenance
+    """What simulated them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """What is known of a run before it is simulated."""
+
+    shared: Nominal
+    """What it shares with other runs of its robot and task."""
+    sensors: Sensors
+    """Its sensors."""
+    course: Course
+    """What changes from cycle to cycle."""
+    rng_sensors: np.random.Generator
+    """Random numbers of the noise."""
+    rng_faults: np.random.Generator
+    """Random numbers of faults of sensors."""
+
+
+def prepare(run: Run) -> Prepared:
+    """Plan a run, and draw what changes from cycle to cycle.
+
+    Args:
+        run: The run.
+
+    Returns:
+        What is known of it. All random numbers depend on the seed of the run only.
+    """
+    shared = nominal(run.robot, run.task, run.sample_period, run.operation)
+    sensors = get_sensors(run.sensors)
+    rngs = np.random.default_rng(run.seed).spawn(4)
+    rng_surroundings, rng_sensors, rng_faults, rng_runs = rngs
+    healthy = differences(sensors, run.cycles, rng_runs)
+    mean = shared.robot.friction_temperature if run.temperature is None else run.temperature
+    around = surroundings(sensors, run.cycles, mean, rng_surroundings)
+    return Prepared(shared, sensors, Course(run, around, healthy), rng_sensors, rng_faults)
+
+
 def make_run(
-    run: Run, folder: Path, on_cycle: Callable[[int], object] | None = None
+    run: Run,
+    folder: Path,
+    on_cycle: Callable[[int], object] | None = None,
+    stepped: Stepped | None = None,
 ) -> tuple[Run, str | None]:
     """Simulate one run and write its file.
 
@@ -37,6 +87,7 @@ def make_run(
         folder: The folder ``runs`` of the dataset.
         on_cycle: Function that is called with the number of cycles that have been done since its
             last call, or None. The numbers add up to the cycles of the run, also if it fails.
+        stepped: Its cycles, if they were simulated before.
 
     Returns:
         The run, and either None or the reason why it failed.
@@ -54,7 +105,7 @@ def make_run(
 
     try:
         with threadpool_limits(limits=1):  # sums in another order would differ in their last digits
-            _simulate_and_write(run, folder, count)
+            _simulate_and_write(run, folder, count, stepped)
     except (SimulationFailed, InputError, ValueError, ArithmeticError) as error:
         if on_cycle:
             on_cycle(left)
@@ -62,31 +113,32 @@ def make_run(
     return run, None
 
 
-def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], None]) -> None:
-    shared = nominal(run.robot, run.task, run.sample_period, run.operation)
-    robot, sensors = shared.robot, get_sensors(run.sensors)
-    rngs = np.random.default_rng(run.seed).spawn(4)
-    rng_surroundings, rng_sensors, rng_faults, rng_runs = rngs
-    healthy = differences(sensors, run.cycles, rng_runs)
+def _simulate_and_write(
+    run: Run, folder: Path, on_cycle: Callable[[], None], stepped: Stepped | None
+) -> None:
+    ready = prepare(run)
+    shared, sensors, course = ready.shared, ready.sensors, ready.course
+    robot = shared.robot
     lacks = None
     if run.speed is None and run.payload is None:  # it was learned on the task as programmed
         lacks = sensors.missing_torque(run.task_sha256, shared.samples, run.sample_period)
-    mean = robot.friction_temperature if run.temperature is None else run.temperature
-    around = surroundings(sensors, run.cycles, mean, rng_surroundings)
-    course = Course(run, around, healthy)
     window = shared.speed_window(run.speed_window)
-    attributes = run_attributes(run, shared)
+    attributes = run_attributes(run, shared, stepped.made_by if stepped else run_provenance())
     cycles: Iterable[Cycle]
     plants: Iterable[Plant]
-    if run.interpolated:
+    if stepped is not None:
+        channels = channels_of(run)
+        cycles = (cycle_of(channels, one.astype(float)) for one in stepped.cycles)
+        plants = sensing_plants(course, robot)
+    elif run.interpolated:
         found = interpolated(course, shared)
-        cycles, plants = found.cycles(), found.plants(course, robot)
+        cycles, plants = found.cycles(), sensing_plants(course, robot)
         attributes |= {"interpolation_error": found.error, "interpolation_noise": found.noise}
     else:
         plants, to_simulate = tee(course.plants(robot))
         cycles = simulate(robot, shared.control, to_simulate, sample_period=run.sample_period)
     with RunWriter(folder, run.id, attributes, robot.xml) as writer:
-        create_arrays(writer, run, shared, around)
+        create_arrays(writer, run, shared, course.around)
         for index, (plant, cycle) in enumerate(zip(plants, cycles, strict=True)):
             if index == 0 and not run.axes:
                 _check_lag(cycle, shared)
@@ -99,9 +151,9 @@ def _simulate_and_write(run: Run, folder: Path, on_cycle: Callable[[], None]) ->
                 encoder_counts=robot.encoder_counts,
                 mean_torque=shared.mean_torque,
                 sample_period=run.sample_period,
-                rng=rng_sensors,
+                rng=ready.rng_sensors,
             )
-            seen = plant.sense(seen, run.sample_period, rng_faults)
+            seen = plant.sense(seen, run.sample_period, ready.rng_faults)
             reduced = monitor(
                 seen.motor_position, seen.motor_velocity, seen.motor_torque, shared.limits, window
             )

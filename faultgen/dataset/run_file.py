@@ -88,12 +88,13 @@ def _labels(run: Run, robot: Robot) -> dict[str, tuple[np.ndarray, str]]:
     return labels
 
 
-def run_attributes(run: Run, nominal: Nominal) -> dict[str, Any]:
+def run_attributes(run: Run, nominal: Nominal, made_by: Provenance) -> dict[str, Any]:
     """Return the root attributes of a run's file.
 
     Args:
         run: The run.
         nominal: The nominal cycle of the run's robot and task.
+        made_by: The versions and the code that make the run.
 
     Returns:
         Values of the attributes by name.
@@ -142,7 +143,7 @@ def run_attributes(run: Run, nominal: Nominal) -> dict[str, Any]:
         "motor_torque_limit": nominal.limits.torque,
         "motor_velocity_limit": nominal.limits.speed,
         "speed_window": nominal.speed_window(run.speed_window),
-        **asdict(run_provenance()),
+        **asdict(made_by),
         "model_sha256": run.model_sha256,
         "task_sha256": run.task_sha256,
         "asset_sha256": json.dumps(

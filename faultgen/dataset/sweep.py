@@ -8,30 +8,26 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from filelock import FileLock, Timeout
-from joblib import delayed
 
 from faultgen.dataset.experiment import Experiment, load_experiment, to_toml
 from faultgen.dataset.inputs import INPUTS, keep_inputs
+from faultgen.dataset.making import clear_temporary, made, on_device
 from faultgen.dataset.manifest import EXPERIMENT, FLEET, Manifest, OtherLayout
 from faultgen.dataset.merged_file import MERGED, only_in
 from faultgen.dataset.planning import Run, check_runs, plan_runs
 from faultgen.dataset.reader import Dataset, open_dataset
-from faultgen.dataset.run import make_run
 from faultgen.dataset.run_file import run_provenance
 from faultgen.dataset.splits import make_splits
-from faultgen.errors import InputError, WorkerKilled
-from faultgen.system.files import unfinished, write_text, writer_of
-from faultgen.system.parallel import check_workers, in_parallel
-from faultgen.system.progress import Progress
+from faultgen.errors import InputError
+from faultgen.system.files import unfinished, write_text
+from faultgen.system.parallel import check_workers
 
 KEEP = ("all", "merged")
 """Which files of the runs can be kept."""
@@ -62,6 +58,7 @@ def generate(
     keep: str = "all",
     part: tuple[int, int] | None = None,
     scheduler: str | None = None,
+    device: str | None = None,
     progress: bool = True,
 ) -> Summary:
     """Generate a dataset, or finish one that was interrupted.
@@ -82,6 +79,9 @@ def generate(
             the folder. `merge_parts` ends the work.
         scheduler: Address of a Dask scheduler, whose workers then make the runs instead of local
             processes. They need the folder under the same path.
+        device: Name of a graphics card that simulates all runs at once, such as "cuda"; the workers
+            then write their files. None: the workers simulate. A dataset is finished with the same
+            kind of device, because its single precision changes the last digits of torques.
         progress: Whether to show on stderr how far the simulation is.
 
     Returns:
@@ -102,7 +102,11 @@ def generate(
         raise InputError(f"part: must be K/N with K from 1 to N, not {part[0]}/{part[1]}")
     if part is not None and keep != "all":
         raise InputError("keep: give it to 'faultgen merge', because a part merges nothing")
+    if device is not None and scheduler is not None:
+        raise InputError("device: cannot be combined with a scheduler; give one of them")
     runs = plan_runs(experiment)
+    if device is not None:
+        on_device().check_runs_for(device, runs)
     for line in check_runs(runs):  # what cannot be is refused before anything is written
         if progress:
             print(f"faultgen: {line}", file=sys.stderr)
@@ -112,10 +116,10 @@ def generate(
         dataset = _prepare(folder, experiment, runs, None if part is None else own)
         summary = Summary(str(folder), planned=len(own))
         again = {*dataset.missing, *(Path(name).stem for name in dataset.damaged())}
-        again |= _outdated(dataset, again, regenerate)
+        again |= _outdated(dataset, again, regenerate, device)
         todo = [run for run in own if run.id in again]
         summary.kept = len(own) - len(todo)
-        for run, reason in _made(todo, folder, workers, scheduler, progress):
+        for run, reason in made(todo, folder, workers, scheduler, device, progress):
             note = folder / "runs" / f"{run.id}.failed.json"
             if reason is None:
                 summary.done += 1
@@ -172,63 +176,13 @@ def _merge(folder: Path, keep: str) -> None:
         remove_run_files(dataset)
 
 
-def _made(
-    runs: list[Run], folder: Path, workers: int, scheduler: str | None, progress: bool
-) -> Iterator[tuple[Run, str | None]]:
-    """Make runs here or on a cluster."""
-    if scheduler is None:
-        return _make_all(runs, folder / "runs", workers, progress)
-    from faultgen.dataset.cluster import make_on_cluster
-
-    return make_on_cluster(runs, folder, scheduler, progress)
-
-
-def _make_all(
-    runs: list[Run], folder: Path, workers: int, progress: bool
-) -> Iterator[tuple[Run, str | None]]:
-    """Make runs in parallel. Yield each run with None, or with the reason why it failed.
-
-    If a worker process is killed, the runs that it may have been making are made again, one by one.
-    """
-    workers = min(workers, max(len(runs), 1))
-    left = {run.id: run for run in runs}
-    cycles = sum(run.cycles for run in runs)
-    with Progress("simulating", cycles, "cycle", progress) as shown:
-        while left:
-            calls = (delayed(make_run)(run, folder, shown.counter) for run in [*left.values()])
-            try:
-                for run, reason in in_parallel(calls, workers, ordered=False):
-                    del left[run.id]
-                    yield run, reason
-            except WorkerKilled:
-                # calls begin in their order, so that the killed one is among the first
-                for run in list(left.values())[:workers]:
-                    del left[run.id]
-                    yield _make_alone(run, folder)
-
-
-def _make_alone(run: Run, folder: Path) -> tuple[Run, str | None]:
-    """Make a run again, whose worker process may have been killed, while no other run is made.
-
-    Its cycles are not counted, because the killed process had counted some of them.
-    """
-    _clear_temporary(unfinished(folder, {run.id}))
-    try:
-        # with two workers it has a process of its own
-        (made,) = in_parallel([delayed(make_run)(run, folder)], 2)
-    except WorkerKilled:
-        _clear_temporary(unfinished(folder, {run.id}))
-        return run, "its worker process was killed twice, perhaps because memory ran out"
-    return made
-
-
-def _outdated(dataset: Dataset, again: set[str], regenerate: bool) -> set[str]:
+def _outdated(dataset: Dataset, again: set[str], regenerate: bool, device: str | None) -> set[str]:
     """Ids of the intact runs that another version of the code has made.
 
     Raises:
         InputError: There are such runs, and `regenerate` is false.
     """
-    now = run_provenance()
+    now = run_provenance() if device is None else on_device().device_provenance()
     others = {
         run_id: made_by
         for made_by, ids in dataset.versions().items()
@@ -285,7 +239,7 @@ def _prepare(
         left += (folder / INPUTS).glob("**/.*.tmp")
     else:
         left = unfinished(folder / "runs", {run.id for run in part})
-    _clear_temporary(left)
+    clear_temporary(left)
     return open_dataset(folder)
 
 
@@ -306,28 +260,6 @@ def _manifest_of(folder: Path) -> Manifest | None:
 def _differs(path: Path, text: str) -> bool:
     """Whether a file exists and holds a different text."""
     return path.is_file() and path.read_bytes() != text.encode()
-
-
-def _clear_temporary(files: list[Path]) -> None:
-    """Remove unfinished files after the processes that write them have ended."""
-    for _ in range(50):
-        if not any(_is_running(writer_of(file)) for file in files):
-            break
-        time.sleep(0.2)  # workers of a killed program end by themselves
-    for file in files:
-        file.unlink(missing_ok=True)
-
-
-def _is_running(process: int | None) -> bool:
-    if process is None or process == os.getpid() or os.name == "nt":
-        return False
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        pass
-    return True
 
 
 @contextmanager

@@ -136,7 +136,7 @@ class _Stepper:
             self.batch = Batch(model, 1, 1)
             self.out: dict[int, dict[str, np.ndarray]] = {}
             if before is not None:
-                _carry(before, self.batch)
+                carry(before, self.batch)
         else:
             self.batch.set_models(model)
         self.plant = plant
@@ -295,7 +295,7 @@ class _Stepper:
         return self.channels.cycle(kept, damping)
 
 
-def _carry(before: Batch, after: Batch) -> None:
+def carry(before: Batch, after: Batch) -> None:
     """Copy the state to a batch whose model may have more or fewer actuators and joints."""
     if before.model.names == after.model.names:
         after.state[:] = before.state

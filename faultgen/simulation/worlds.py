@@ -1,0 +1,420 @@
+"""Stepping many robots at once, on a graphics card, with MuJoCo Warp.
+
+Every robot is a world of a batch, with a model of its own. As in `stepping`, wear may change the
+models from one cycle to the next. Warp computes in single precision, which resolves 1e-5 rad of a
+motor that has turned by 100 rad, more than a slow motor turns in a step. The positions are
+therefore summed up in double precision, and rounded for the computation of the forces only.
+
+MuJoCo Warp is installed by ``pip install 'faultgen[gpu]'``.
+
+    for cycles in simulate_together(robot, control, courses, sample_period=0.004, device="cuda"):
+        cycles[0].motor_torque.shape  # (samples, n_axes), of the first robot
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import fields
+from typing import Any
+
+import mujoco
+import mujoco_warp
+import numpy as np
+import warp
+from mujoco.batch import MODEL_FIELDS, Batch
+
+from faultgen.errors import InputError, SimulationFailed, one_line
+from faultgen.robot import Robot
+from faultgen.simulation.channels import RECORD, Channels
+from faultgen.simulation.cycle import Cycle
+from faultgen.simulation.plant import Plant
+from faultgen.simulation.starting import start_on_reference
+from faultgen.simulation.stepping import LEAD_IN, carry, decimation
+
+OWN = tuple(
+    field.name
+    for field in fields(mujoco_warp.Model)
+    if getattr(field.type, "shape", ())[:1] == ("*",)
+)
+"""Names of the fields of a model that each world may have for itself."""
+
+_SHARED = ("names",) + tuple(
+    sorted({field.name for field in fields(mujoco_warp.Model)} & set(MODEL_FIELDS) - set(OWN))
+)
+_SAMPLES = 250  # that are stepped at once; bounds the memory on the device
+_LARGEST = 1e10  # state from which MuJoCo, too, counts a simulation as diverged
+
+warp.config.quiet = True
+
+
+def check_device(name: str) -> str:
+    """Check that a device can be used.
+
+    Args:
+        name: Name of the device, as Warp knows it: "cuda", "cuda:1", or "cpu".
+
+    Returns:
+        The same name.
+
+    Raises:
+        InputError: There is no such device.
+    """
+    try:
+        warp.get_device(name)
+    except (RuntimeError, ValueError):
+        known = ", ".join(str(device) for device in warp.get_devices())
+        raise InputError(f"device: no '{name}' here; Warp finds {known}") from None
+    return name
+
+
+def version() -> str:
+    """What steps the worlds, for the provenance of runs."""
+    return f"Warp {mujoco_warp.__version__} in single precision, {warp.__version__}"
+
+
+def simulate_together(
+    robot: Robot,
+    control: np.ndarray,
+    courses: Sequence[Iterable[Plant]],
+    *,
+    sample_period: float,
+    device: str,
+    lead_in: float = LEAD_IN,
+) -> Iterator[list[Cycle | SimulationFailed | None]]:
+    """Simulate cycles of many robots, each as one uninterrupted run.
+
+    Args:
+        robot: The healthy robot.
+        control: Control signal of one cycle, shape (steps, n_controls).
+        courses: For every robot, its plant in each cycle; all have the same number of cycles.
+        sample_period: Time between samples [s].
+        device: Name of the device, such as "cuda".
+        lead_in: Time that is simulated before the first cycle and not recorded [s].
+
+    Yields:
+        For each cycle, what `simulate` yields for every robot. A robot that fails yields the error
+        once, and None from then on.
+
+    Raises:
+        InputError: The device does not exist, a plant has an effect that acts between steps, or the
+            sample period is not a whole number of steps.
+    """
+    check_device(device)
+    timestep = robot.model.opt.timestep
+    every = decimation(timestep, sample_period)
+    lead = min(len(control), round(lead_in / timestep))
+    states: list[Batch | None] = [None] * len(courses)
+    failed = np.zeros(len(courses), dtype=bool)
+    known: list[tuple[Plant, bytes] | None] = [None] * len(courses)
+    groups: dict[tuple[Any, ...], _Worlds] = {}
+    for number, plants in enumerate(zip(*courses, strict=True), start=1):
+        told: list[Cycle | SimulationFailed | None] = [None] * len(courses)
+        members: dict[bytes, list[int]] = {}
+        for k in np.flatnonzero(~failed).tolist():
+            last = known[k]
+            if last is None or last[0] is not plants[k]:
+                last = known[k] = plants[k], _structure(plants[k])
+            members.setdefault(last[1], []).append(k)
+            states[k] = _at(robot, plants[k], states[k], control, lead)
+        groups = {key: groups.get(key) for key in _keys(members)}  # others free their memory
+        for key in groups:
+            chosen = [plants[k] for k in key[1:]]
+            own = [states[k] for k in key[1:]]
+            worlds = groups[key] or _Worlds(chosen, device)
+            groups[key] = worlds
+            worlds.use(chosen)
+            commands = [np.ascontiguousarray(one.command(control, lead > 0)) for one in chosen]
+            worlds.put_states(own)
+            if number == 1 and lead:
+                worlds.run([one[len(one) - lead :] for one in commands], every)
+            recorded = worlds.run(commands, every)
+            worlds.get_states(own)
+            for place, k in enumerate(key[1:]):
+                kept = {name: values[:, place].astype(float) for name, values in recorded.items()}
+                told[k] = _cycle(robot, chosen[place], kept, number, sample_period)
+                failed[k] = isinstance(told[k], SimulationFailed)
+        yield told
+
+
+def _keys(members: dict[bytes, list[int]]) -> list[tuple[Any, ...]]:
+    return [(structure, *numbers) for structure, numbers in members.items()]
+
+
+def _at(robot: Robot, plant: Plant, before: Batch | None, control: np.ndarray, lead: int) -> Batch:
+    """The state of a robot at the begin of a cycle, in a batch of one, whose model is the plant."""
+    if before is not None and before.model is plant.model:
+        return before
+    state = Batch(plant.model, 1, 1)
+    if before is None:
+        command = np.ascontiguousarray(plant.command(control, lead > 0))
+        start_on_reference(robot, state, command[-lead])
+    else:
+        carry(before, state)
+    return state
+
+
+def _structure(plant: Plant) -> bytes:
+    """A hash of all that worlds of one batch must have in common.
+
+    Warp leaves out elements without stiffness, friction and so on, so that worlds of one batch also
+    have the same zeros.
+    """
+    if plant.updates:
+        names = sorted({effect.name for effect, _ in plant.effects if effect.between is not None})
+        raise InputError(
+            f"device: {', '.join(names)} acts between the steps of the simulation, which a device "
+            "cannot do; generate without a device"
+        )
+    model = plant.model
+    told = hashlib.sha256()
+    for name in _SHARED:
+        told.update(np.asarray(getattr(model, name)).tobytes())
+    for name in OWN:
+        told.update((np.asarray(getattr(model, name)) != 0).tobytes())
+    for name in dir(model.opt):
+        if not name.startswith("_"):
+            told.update(np.asarray(getattr(model.opt, name)).tobytes())
+    return told.digest()
+
+
+def _cycle(
+    robot: Robot, plant: Plant, kept: dict[str, np.ndarray], number: int, sample_period: float
+) -> Cycle | SimulationFailed:
+    """The cycle of a robot from its records, or what went wrong."""
+    channels = Channels(robot, plant.model)
+    position = kept["actuator_length"][:, channels.drive]
+    sizes = np.abs(np.stack([position, kept["actuator_velocity"][:, channels.drive]]))
+    bad = ~(sizes < _LARGEST).all(axis=0)
+    if bad.any():
+        sample = int(np.argmax(bad.any(axis=1)))
+        axis = int(np.argmax(bad[sample])) + 1
+        return SimulationFailed(
+            f"cycle {number}: the simulation diverged before {sample * sample_period:.3f} s of the "
+            f"cycle, on {robot.label('axis ', axis)}: bad state"
+        )
+    damping = plant.model.actuator_damping[channels.friction]
+    cycle = channels.cycle(kept, np.tile(damping, (len(position), 1)))
+    return plant.log(cycle)
+
+
+@warp.kernel
+def _command(
+    control: warp.array3d(dtype=float),
+    which: warp.array(dtype=int),
+    at: warp.array(dtype=int),
+    out: warp.array2d(dtype=float),
+) -> None:
+    world, k = warp.tid()
+    out[world, k] = control[which[world], at[0], k]
+
+
+@warp.kernel
+def _move(
+    velocity: warp.array2d(dtype=float),
+    timestep: warp.float64,
+    exact: warp.array2d(dtype=warp.float64),
+    position: warp.array2d(dtype=float),
+) -> None:
+    world, k = warp.tid()
+    exact[world, k] += timestep * warp.float64(velocity[world, k])
+    position[world, k] = float(exact[world, k])
+
+
+@warp.kernel
+def _keep(
+    values: warp.array2d(dtype=float),
+    at: warp.array(dtype=int),
+    every: int,
+    out: warp.array3d(dtype=float),
+) -> None:
+    world, k = warp.tid()
+    out[at[0] // every, world, k] = values[world, k]
+
+
+@warp.kernel
+def _count(at: warp.array(dtype=int)) -> None:
+    at[0] = at[0] + 1
+
+
+class _Worlds:
+    """Robots whose models have the same structure, on a device."""
+
+    def __init__(self, plants: Sequence[Plant], device: str) -> None:
+        model = plants[0].model
+        if model.nhistory or model.nq != model.nv:
+            raise InputError(
+                "device: joints with more coordinates than degrees of freedom, and delays of "
+                "actuators in the MJCF, cannot be simulated there; generate without a device"
+            )
+        self.device = warp.get_device(device)
+        self.count = len(plants)
+        self.timestep = float(model.opt.timestep)
+        with warp.ScopedDevice(self.device):
+            try:
+                self.model = mujoco_warp.put_model(model)
+            except NotImplementedError as error:
+                raise InputError(
+                    f"device: MuJoCo Warp cannot simulate this model: {one_line(error)}"
+                ) from None
+            self.data = mujoco_warp.make_data(model, nworld=self.count)
+            self.exact = warp.zeros((self.count, model.nv), dtype=warp.float64)
+            self.at = warp.zeros(1, dtype=int)
+            self.which = warp.zeros(self.count, dtype=int)
+        self.expanded: set[str] = set()
+        self.used: tuple[mujoco.MjModel, ...] = ()
+        self.buffers: tuple[Any, ...] = ()
+        self.graph: Any = None
+
+    def use(self, plants: Sequence[Plant]) -> None:
+        """Give every world the numbers of its plant."""
+        models = tuple(plant.model for plant in plants)
+        if models == self.used:
+            return
+        for name in OWN:
+            values = [np.asarray(getattr(model, name)) for model in models]
+            if values[0].size == 0:
+                continue
+            stacked = np.stack(values).astype(getattr(self.model, name).numpy().dtype)
+            array = getattr(self.model, name)
+            if name not in self.expanded and (stacked == stacked[0]).all():
+                array.assign(stacked[:1].reshape(array.numpy().shape))
+                continue
+            if name not in self.expanded:
+                self.expanded.add(name)
+                self.graph = None  # it holds the address of the shared numbers
+                array = warp.empty(
+                    (self.count, *array.shape[1:]), dtype=array.dtype, device=self.device
+                )
+                setattr(self.model, name, array)
+            array.assign(stacked.reshape(array.numpy().shape))
+        self.used = models
+
+    def put_states(self, states: Sequence[Batch]) -> None:
+        """Set the state of every world."""
+        position = np.concatenate([one.qpos for one in states])
+        self.exact.assign(position)
+        self.data.qpos.assign(position.astype(np.float32))
+        for name in ("qvel", "act", "qacc_warmstart"):
+            values = np.concatenate([getattr(one, name) for one in states])
+            if values.size:
+                getattr(self.data, name).assign(values.astype(np.float32))
+
+    def get_states(self, states: Sequence[Batch]) -> None:
+        """Read the state of every world."""
+        position = self.exact.numpy()
+        for k, one in enumerate(states):
+            one.qpos[0] = position[k]
+        for name in ("qvel", "act", "qacc_warmstart"):
+            values = getattr(self.data, name).numpy()
+            for k, one in enumerate(states):
+                getattr(one, name)[0] = values[k]
+
+    def run(self, commands: Sequence[np.ndarray], every: int) -> dict[str, np.ndarray]:
+        """Step all worlds through their control signals.
+
+        Args:
+            commands: Control signal of each world, shape (steps, n_controls); the number of steps
+                is a multiple of `every`, but for the end of the signal.
+            every: Number of steps from one sample to the next.
+
+        Returns:
+            The recorded fields by name, each of shape (samples, worlds, elements).
+        """
+        different: dict[bytes, int] = {}
+        signals, which = [], []
+        for one in commands:
+            key = hashlib.sha256(one).digest()
+            if key not in different:
+                different[key] = len(signals)
+                signals.append(one.astype(np.float32))
+            which.append(different[key])
+        self.which.assign(np.array(which, dtype=np.int32))
+        steps = len(signals[0])
+        kept: dict[str, list[np.ndarray]] = {name: [] for name in RECORD}
+        for start in range(0, steps, _SAMPLES * every):
+            part = np.stack([one[start : start + _SAMPLES * every] for one in signals])
+            count = part.shape[1]
+            control, records = self._buffers(len(signals), every, part.shape[2])
+            padded = np.zeros(control.shape, dtype=np.float32)
+            padded[:, :count] = part
+            control.assign(padded)
+            self.at.zero_()
+            whole, left = divmod(count, every)
+            for _ in range(whole):
+                self._sample(control, records, every)
+            if left:
+                self._steps(control, records, every, left)
+            for name in RECORD:
+                kept[name].append(records[name].numpy()[: whole + (left > 0)].copy())
+        return {name: np.concatenate(parts) for name, parts in kept.items()}
+
+    def _buffers(self, signals: int, every: int, controls: int) -> tuple[Any, dict[str, Any]]:
+        """Arrays on the device for a part of the control signals and for the samples of it."""
+        if not self.buffers or self.buffers[0] != (signals, every):
+            self.graph = None
+            control = warp.zeros(
+                (signals, _SAMPLES * every, controls), dtype=float, device=self.device
+            )
+            records = {
+                name: warp.zeros(
+                    (_SAMPLES, *getattr(self.data, name).shape), dtype=float, device=self.device
+                )
+                for name in RECORD
+            }
+            self.buffers = (signals, every), control, records
+        return self.buffers[1], self.buffers[2]
+
+    def _sample(self, control: Any, records: dict[str, Any], every: int) -> None:
+        """Step from one sample to the next; on a graphics card, by a graph that is made once."""
+        if not self.device.is_cuda:
+            self._steps(control, records, every, every)
+            return
+        if self.graph is None:
+            self._load(control, records, every)
+            with warp.ScopedCapture(device=self.device) as capture:
+                self._steps(control, records, every, every)
+            self.graph = capture.graph
+        warp.capture_launch(self.graph)
+
+    def _load(self, control: Any, records: dict[str, Any], every: int) -> None:
+        """Compile and load what a step needs, which cannot be done while a graph is made."""
+        data = self.data
+        arrays = (self.exact, data.qpos, data.qvel, data.act, data.qacc_warmstart, self.at)
+        before = [array.numpy().copy() for array in arrays]
+        self._steps(control, records, every, 1)
+        for array, values in zip(arrays, before, strict=True):
+            if values.size:
+                array.assign(values)
+
+    def _steps(self, control: Any, records: dict[str, Any], every: int, steps: int) -> None:
+        """Make steps, the first of which is a sample."""
+        data, both = self.data, {"device": self.device}
+        for step in range(steps):
+            warp.launch(
+                _command,
+                dim=data.ctrl.shape,
+                inputs=[control, self.which, self.at],
+                outputs=[data.ctrl],
+                **both,
+            )
+            mujoco_warp.step(self.model, data)
+            if step == 0:  # these fields describe the state before the step
+                for name in RECORD:
+                    values = getattr(data, name)
+                    if values.size:
+                        warp.launch(
+                            _keep,
+                            dim=values.shape,
+                            inputs=[values, self.at, every],
+                            outputs=[records[name]],
+                            **both,
+                        )
+            warp.launch(
+                _move,
+                dim=data.qvel.shape,
+                inputs=[data.qvel, self.timestep],
+                outputs=[self.exact, data.qpos],
+                **both,
+            )
+            warp.launch(_count, dim=1, inputs=[self.at], **both)
