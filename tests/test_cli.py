@@ -1,6 +1,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -99,6 +100,20 @@ def test_info_tells_what_is_there(dataset):
     told = faultgen_here("info", dataset)
     assert told.returncode == 0
     assert "complete and intact" in told.stdout
+
+
+def test_info_puts_many_runs_together(dataset, tmp_path, monkeypatch):
+    """Runs that differ in their seeds only are one row; a run that is missing has a row as well."""
+    monkeypatch.setattr("faultgen.cli.info._MOST_ROWS", 2)
+    told = re.sub(" +", " ", faultgen_here("info", dataset).stdout)
+    assert "friction_wear 2 0.2 12 none 1 1 ok" in told
+    assert "--json lists every run" in told
+    folder = Path(shutil.copytree(dataset, tmp_path / "copy"))
+    lost = sorted((folder / "runs").glob("*.h5"))[0]
+    lost.unlink()
+    told = re.sub(" +", " ", faultgen_here("info", folder).stdout)
+    assert "1 1 missing" in told
+    assert re.search(rf"{lost.stem}.* missing", told)
 
 
 def test_info_tells_of_damage(tiny_robot_path, tiny_task_path, tmp_path):

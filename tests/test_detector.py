@@ -14,7 +14,7 @@ from faultgen.dataset.sweep import generate
 from faultgen.discovery.recording import write_recording
 from faultgen.errors import InputError
 from faultgen.twin.alarm_limits import find_limits
-from faultgen.twin.classes import believe, fit_classes, gains
+from faultgen.twin.classes import SCALE, believe, fit_classes, gains
 from faultgen.twin.detector import Memory, load_detector, memory_variance
 from faultgen.twin.folder import RESULT, TASK
 from faultgen.twin.judge import Judge, line, watch
@@ -58,6 +58,20 @@ def test_fault_and_severity_are_found(fitted):
     assert np.mean(inside) > 0.9
     for one in told:
         assert one.healthy + one.faults.sum() == pytest.approx(1)
+
+
+def test_intervals_allow_for_a_model_whose_faults_are_too_weak_or_strong(fitted):
+    """The real robot may be changed by 30 % more or less than the model, as is assumed."""
+    rng = np.random.default_rng(2)
+    fault = np.repeat([0, 1], 200)
+    severity = rng.uniform(0.4, 0.8, len(fault))
+    as_seen = severity * np.exp(SCALE * rng.standard_normal(len(fault)))
+    places, _ = fitted.place(drawn(rng, fault, as_seen))
+    told = [believe(fitted, place, 1.0).interval[k] for place, k in zip(places, fault, strict=True)]
+    low, high = np.transpose(told)
+    share = np.mean((low <= severity) & (severity <= high))
+    assert 0.9 < share < 0.99
+    assert np.all(low > 0)
 
 
 def test_false_alarms_are_as_rare_as_stated(fitted):

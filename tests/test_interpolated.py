@@ -55,6 +55,12 @@ def test_all_cycles_together_are_as_close_as_is_accepted(both):
         assert np.all(np.sqrt(np.mean(error**2, axis=0)) < 0.1 * run["interpolation_noise"])
 
 
+def test_runs_without_signals_are_made(told, tmp_path):
+    """Also the healthy one, of which it is checked that it follows its task."""
+    few = make_experiment({**told, "cycles": 3, "fidelity": "interpolated", "signals": "none"})
+    assert generate(few, tmp_path / "out", progress=False).failed == {}
+
+
 @pytest.mark.xfail(
     strict=True, reason="single cycles of the worn axis are off by 0.22 of the noise"
 )

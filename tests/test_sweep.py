@@ -343,6 +343,18 @@ def test_no_failing_system_call_leaves_a_half_written_file(small, tmp_path, monk
     assert number > 4
 
 
+def test_a_device_needs_its_package_and_stands_alone(small, tmp_path, monkeypatch):
+    """Both are told before anything is written."""
+    monkeypatch.setitem(sys.modules, "mujoco_warp", None)
+    monkeypatch.delitem(sys.modules, "faultgen.dataset.on_device", raising=False)
+    monkeypatch.delitem(sys.modules, "faultgen.simulation.worlds", raising=False)
+    with pytest.raises(InputError, match=r"pip install 'faultgen\[gpu\]'"):
+        generate(small(), tmp_path / "out", device="cuda", progress=False)
+    with pytest.raises(InputError, match="cannot be combined with a scheduler"):
+        generate(small(), tmp_path / "out", device="cuda", scheduler="tcp://x:1", progress=False)
+    assert not (tmp_path / "out").exists()
+
+
 def test_folders_of_other_experiments_are_refused(small, made):
     """Another experiment never mixes into a dataset."""
     with pytest.raises(InputError, match="holds another dataset"):

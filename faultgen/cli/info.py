@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +10,16 @@ import typer
 
 from faultgen.cli.app import Folder, Json, app, print_json, print_table
 
+_MOST_ROWS = 60  # of runs that are listed one by one
+
 
 @app.command()
 def info(folder: Folder, as_json: Json = False) -> None:
     """List the runs of a dataset, or the robots of a fleet, and check all of its files.
 
-    The command reports whether the dataset is complete and intact. The exit status is 1 if runs are
-    missing or damaged, or were made by different versions of faultgen.
+    Of more than 60 runs, those with the same fault are one row. The command reports whether the
+    dataset is complete and intact. The exit status is 1 if runs are missing or damaged, or were
+    made by different versions of faultgen.
     """
     from faultgen.dataset.interpolation_error import interpolation_error
     from faultgen.dataset.manifest import is_fleet
@@ -78,7 +82,12 @@ def info(folder: Folder, as_json: Json = False) -> None:
     if as_json:
         print_json(result)
     else:
-        print_table(rows)
+        if len(rows) <= _MOST_ROWS:
+            print_table(rows)
+        else:
+            print_table(_groups(rows))
+            print("--json lists every run")
+            print_table([row for row in rows if row["state"] != "ok"])
         print(f"{len(rows)} runs planned, {len(dataset.missing)} missing, {len(damaged)} damaged")
         for by, counts in result["splits"].items():
             print(f"split by {by}: " + ", ".join(f"{n} {part}" for part, n in counts.items()))
@@ -109,6 +118,19 @@ def info(folder: Folder, as_json: Json = False) -> None:
         )
     if not whole:
         raise typer.Exit(1)
+
+
+def _groups(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One row for all runs that differ in their seeds only, with the number of runs by state."""
+    states: dict[tuple[tuple[str, Any], ...], Counter[str]] = {}
+    for row in rows:
+        same = tuple((k, v) for k, v in row.items() if k not in ("run", "seed", "state"))
+        states.setdefault(same, Counter())[row["state"]] += 1
+    return [
+        dict(same)
+        | {"runs": sum(counts.values()), "state": ", ".join(f"{n} {s}" for s, n in counts.items())}
+        for same, counts in states.items()
+    ]
 
 
 def _fleet_info(folder: Path, as_json: bool) -> None:

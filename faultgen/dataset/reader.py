@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -38,6 +39,8 @@ from faultgen.system.hdf5 import open_verified
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+
+_READERS = 8  # threads that read files at a time
 
 
 @dataclass(frozen=True)
@@ -255,7 +258,9 @@ class Dataset:
         files = [run.path for run in self.runs if run.own_file]
         if merged.is_file():
             files.append(merged)
-        reasons = {str(path.relative_to(self.path)): damage(path) for path in files}
+        names = [str(path.relative_to(self.path)) for path in files]
+        with ThreadPoolExecutor(_READERS) as pool:  # a disk answers many questions at once
+            reasons = dict(zip(names, pool.map(damage, files), strict=True))
         if self.file is None:
             reasons[EXPERIMENT] = self._experiment_damage()
             reasons |= self._input_damage()

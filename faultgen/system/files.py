@@ -270,10 +270,14 @@ def file_sha256(path: Path) -> str:
     Args:
         path: The file.
     """
-    with path.open("rb") as file:
+    with path.open("rb", buffering=0) as file:
         forget_cached(file.fileno())
+        if os.fstat(file.fileno()).st_size <= _AT_ONCE:  # most are small: `file_digest` is slow
+            return hashlib.sha256(file.readall()).hexdigest()
         return hashlib.file_digest(file, "sha256").hexdigest()
 
+
+_AT_ONCE = 2**20  # bytes
 
 _verified: dict[str, tuple[int, int, str]] = {}
 """Size [bytes], date [ns] and checksum of files that were found intact."""
