@@ -177,8 +177,8 @@ class Detector:
         over["rest"] = rest / self.limits["rest"]
         strange = over["rest"] > 1
         alarm = over[source] > 1
-        # a fault that is not much smaller than what it leaves is one; else something else changed
-        excess = max(rest - float(self.classes.rest[0]), 0.0)
+        # beyond what healthy robots show, a fault may leave as much as it explains, and half more
+        excess = max(rest - self.limits["rest"], 0.0)
         explained = not strange or excess < _UNEXPLAINED * max(one.gain, belief.gain)
         answer = self._answer(belief, alarm, strange, explained, over, source, after.count)
         return answer, after
