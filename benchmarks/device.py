@@ -16,6 +16,7 @@ import json
 import os
 import platform
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +87,7 @@ def speed(robot_name: str, task: str, device: str, worlds: int) -> dict[str, flo
         plan: Any = [[plant, plant] for plant in (plants if kind == "device" else plants[:1])]
         started = time.perf_counter()
         if kind == "device":
-            stepped = simulate_together(
+            stepped: Iterator[object] = simulate_together(
                 robot, shared.control, plan, sample_period=SAMPLE_PERIOD, device=device
             )
         else:

@@ -15,7 +15,7 @@ import numpy as np
 from faultgen.dataset.interpolated import channels_of
 from faultgen.dataset.planning import Run
 from faultgen.dataset.run import Prepared, Stepped, prepare
-from faultgen.effects import EFFECTS, Effect
+from faultgen.effects import get_effect
 from faultgen.errors import InputError, SimulationFailed, one_line
 from faultgen.provenance import Provenance, provenance
 from faultgen.robot import load_robot
@@ -56,21 +56,14 @@ def check_runs_for(device: str, runs: list[Run]) -> None:
     check_device(device)
     if any(run.interpolated for run in runs):
         raise InputError("device: interpolated runs are not simulated on a device; leave one out")
-    refused = set()
-    for run in runs:
-        robot = load_robot(run.robot)
-        for one in (*robot.effects, *run.faults):
-            if _acts_between_steps(EFFECTS[one.effect]):
-                refused.add(one.effect)
+    used = {one.effect for run in runs for one in run.faults}
+    used |= {one.effect for name in {run.robot for run in runs} for one in load_robot(name).effects}
+    refused = sorted(name for name in used if get_effect(name).between is not None)
     if refused:
         raise InputError(
-            f"device: {', '.join(sorted(refused))} acts between the steps of the simulation, which "
+            f"device: {', '.join(refused)} acts between the steps of the simulation, which "
             "a device cannot do; generate these runs without --device"
         )
-
-
-def _acts_between_steps(effect: Effect) -> bool:
-    return effect.between is not None
 
 
 def simulate_on(

@@ -11,6 +11,8 @@ MuJoCo Warp is installed by ``pip install 'faultgen[gpu]'``.
         cycles[0].motor_torque.shape  # (samples, n_axes), of the first robot
 """
 
+# mypy: disable-error-code="valid-type"
+# (arguments of Warp's kernels are annotated with arrays)
 from __future__ import annotations
 
 import hashlib
@@ -29,7 +31,7 @@ from faultgen.robot import Robot
 from faultgen.simulation.channels import RECORD, Channels
 from faultgen.simulation.cycle import Cycle
 from faultgen.simulation.plant import Plant
-from faultgen.simulation.starting import start_on_reference
+from faultgen.simulation.starting import start_in_equilibrium, start_on_reference
 from faultgen.simulation.stepping import LEAD_IN, carry, decimation
 
 OWN = tuple(
@@ -104,7 +106,7 @@ def simulate_together(
     timestep = robot.model.opt.timestep
     every = decimation(timestep, sample_period)
     lead = min(len(control), round(lead_in / timestep))
-    states: list[Batch | None] = [None] * len(courses)
+    states: dict[int, Batch] = {}
     failed = np.zeros(len(courses), dtype=bool)
     known: list[tuple[Plant, bytes] | None] = [None] * len(courses)
     groups: dict[tuple[Any, ...], _Worlds] = {}
@@ -116,13 +118,13 @@ def simulate_together(
             if last is None or last[0] is not plants[k]:
                 last = known[k] = plants[k], _structure(plants[k])
             members.setdefault(last[1], []).append(k)
-            states[k] = _at(robot, plants[k], states[k], control, lead)
-        groups = {key: groups.get(key) for key in _keys(members)}  # others free their memory
-        for key in groups:
-            chosen = [plants[k] for k in key[1:]]
-            own = [states[k] for k in key[1:]]
-            worlds = groups[key] or _Worlds(chosen, device)
-            groups[key] = worlds
+            states[k] = _at(robot, plants[k], states.get(k), control, lead)
+        before, groups = groups, {}
+        for structure, numbers in members.items():
+            chosen = [plants[k] for k in numbers]
+            own = [states[k] for k in numbers]
+            key = structure, *numbers
+            worlds = groups[key] = before.get(key) or _Worlds(chosen, device)
             worlds.use(chosen)
             commands = [np.ascontiguousarray(one.command(control, lead > 0)) for one in chosen]
             worlds.put_states(own)
@@ -130,15 +132,11 @@ def simulate_together(
                 worlds.run([one[len(one) - lead :] for one in commands], every)
             recorded = worlds.run(commands, every)
             worlds.get_states(own)
-            for place, k in enumerate(key[1:]):
+            for place, k in enumerate(numbers):
                 kept = {name: values[:, place].astype(float) for name, values in recorded.items()}
                 told[k] = _cycle(robot, chosen[place], kept, number, sample_period)
                 failed[k] = isinstance(told[k], SimulationFailed)
         yield told
-
-
-def _keys(members: dict[bytes, list[int]]) -> list[tuple[Any, ...]]:
-    return [(structure, *numbers) for structure, numbers in members.items()]
 
 
 def _at(robot: Robot, plant: Plant, before: Batch | None, control: np.ndarray, lead: int) -> Batch:
@@ -148,7 +146,10 @@ def _at(robot: Robot, plant: Plant, before: Batch | None, control: np.ndarray, l
     state = Batch(plant.model, 1, 1)
     if before is None:
         command = np.ascontiguousarray(plant.command(control, lead > 0))
-        start_on_reference(robot, state, command[-lead])
+        if lead == 0:
+            start_in_equilibrium(robot, state, command)
+        else:
+            start_on_reference(robot, state, command[-lead])
     else:
         carry(before, state)
     return state
@@ -322,32 +323,38 @@ class _Worlds:
             The recorded fields by name, each of shape (samples, worlds, elements).
         """
         different: dict[bytes, int] = {}
-        signals, which = [], []
+        signals: list[np.ndarray] = []
+        which: list[int] = []
         for one in commands:
-            key = hashlib.sha256(one).digest()
+            key = hashlib.sha256(one.tobytes()).digest()
             if key not in different:
                 different[key] = len(signals)
                 signals.append(one.astype(np.float32))
             which.append(different[key])
         self.which.assign(np.array(which, dtype=np.int32))
-        steps = len(signals[0])
+        steps, size = len(signals[0]), _SAMPLES * every
         kept: dict[str, list[np.ndarray]] = {name: [] for name in RECORD}
-        for start in range(0, steps, _SAMPLES * every):
-            part = np.stack([one[start : start + _SAMPLES * every] for one in signals])
-            count = part.shape[1]
-            control, records = self._buffers(len(signals), every, part.shape[2])
-            padded = np.zeros(control.shape, dtype=np.float32)
-            padded[:, :count] = part
-            control.assign(padded)
-            self.at.zero_()
-            whole, left = divmod(count, every)
-            for _ in range(whole):
-                self._sample(control, records, every)
-            if left:
-                self._steps(control, records, every, left)
-            for name in RECORD:
-                kept[name].append(records[name].numpy()[: whole + (left > 0)].copy())
+        with warp.ScopedDevice(self.device):
+            for start in range(0, steps, size):
+                part = np.stack([one[start : start + size] for one in signals])
+                for name, values in self._part(part, every).items():
+                    kept[name].append(values)
         return {name: np.concatenate(parts) for name, parts in kept.items()}
+
+    def _part(self, signals: np.ndarray, every: int) -> dict[str, np.ndarray]:
+        """Step through a part of the control signals, of shape (signals, steps, n_controls)."""
+        control, records = self._buffers(len(signals), every, signals.shape[2])
+        padded = np.zeros(control.shape, dtype=np.float32)
+        padded[:, : signals.shape[1]] = signals
+        control.assign(padded)
+        self.at.zero_()
+        whole, left = divmod(signals.shape[1], every)
+        for _ in range(whole):
+            self._sample(control, records, every)
+        if left:
+            self._steps(control, records, every, left)
+        # a copy: on a processor these are the arrays themselves
+        return {name: records[name].numpy()[: whole + (left > 0)].copy() for name in RECORD}
 
     def _buffers(self, signals: int, every: int, controls: int) -> tuple[Any, dict[str, Any]]:
         """Arrays on the device for a part of the control signals and for the samples of it."""
