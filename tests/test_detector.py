@@ -58,6 +58,8 @@ def test_fault_and_severity_are_found(fitted):
     assert np.mean(inside) > 0.9
     for one in told:
         assert one.healthy + one.faults.sum() == pytest.approx(1)
+    exact = fitted.means[1, 40]
+    assert believe(fitted, exact, 1.0).explained == pytest.approx((exact**2).sum(), rel=0.01)
 
 
 def test_intervals_allow_for_a_model_whose_faults_are_too_weak_or_strong(fitted):

@@ -220,6 +220,8 @@ class Belief:
     """95 % interval of it, which allows for `SCALE`, shape (faults, 2)."""
     gain: float
     """Two times the log-likelihood ratio of the best fault and the healthy robot."""
+    explained: float
+    """By how much the squared distance from the healthy mean exceeds that from the best fault."""
 
 
 def believe(classes: Classes, y: np.ndarray, variance: float) -> Belief:
@@ -234,6 +236,7 @@ def believe(classes: Classes, y: np.ndarray, variance: float) -> Belief:
         The probabilities. Severities are equally probable within `GRID` before there are data.
     """
     ratio = classes.log_ratio(y[None], variance)[0]
+    best = classes.means[np.unravel_index(np.argmax(ratio), ratio.shape)]
     top = max(float(ratio.max()), 0.0)
     weight = np.exp(ratio - top)
     evidence = weight.mean(axis=1)
@@ -245,6 +248,7 @@ def believe(classes: Classes, y: np.ndarray, variance: float) -> Belief:
         severity=GRID[np.argmax(ratio, axis=1)],
         interval=_interval(weight),
         gain=2 * float(ratio.max()),
+        explained=float((y**2).sum() - ((y - best) ** 2).sum()),
     )
 
 

@@ -179,7 +179,7 @@ class Detector:
         alarm = over[source] > 1
         # beyond what healthy robots show, a fault may leave as much as it explains, and half more
         excess = max(rest - self.limits["rest"], 0.0)
-        explained = not strange or excess < _UNEXPLAINED * max(one.gain, belief.gain)
+        explained = not strange or excess < _UNEXPLAINED * max(one.explained, belief.explained)
         answer = self._answer(belief, alarm, strange, explained, over, source, after.count)
         return answer, after
 
