@@ -326,6 +326,30 @@ def _share(rows: Sequence[bool]) -> str:
     return f"{100 * np.mean(rows):.0f} [{100 * low:.0f}, {100 * high:.0f}]"
 
 
+def _differences(results: Sequence[dict[str, Any]]) -> list[str]:
+    """Differences between detectors on the same robots, with intervals by bootstrap over robots."""
+    told, names = [], list(ARMS)
+    for first, second in zip(names, names[1:], strict=False):
+        pairs = [
+            [
+                np.mean([r["right"] for r in one["arms"][arm]["centred"] if r["severity"] > 0])
+                for arm in (first, second)
+            ]
+            for one in results
+            if all("centred" in one["arms"].get(arm, {}) for arm in (first, second))
+        ]
+        if len(pairs) < 2:
+            continue
+        change = 100 * np.diff(np.array(pairs), axis=1)[:, 0]
+        drawn = np.random.default_rng(0).choice(change, (10000, len(change))).mean(axis=1)
+        low, high = np.quantile(drawn, (0.025, 0.975))
+        told.append(
+            f"{ARMS[second]} minus {ARMS[first]}: {change.mean():+.0f} [{low:+.0f}, {high:+.0f}] "
+            f"on {len(pairs)} robots"
+        )
+    return told
+
+
 def table(out: Path) -> str:
     """Make the table of all instances in a folder."""
     files = sorted(out.glob("*.json"))
@@ -359,6 +383,12 @@ def table(out: Path) -> str:
                 f"| {_share([r['alarm'] for r in faulty])} | {_share([r['alarm'] for r in fine])} "
                 f"| {100 * np.median(error) if error else float('nan'):.0f} | {within} |"
             )
+    lines += [
+        "",
+        "Differences of the share of right answers, measured mean, in percentage points:",
+        "",
+    ]
+    lines += [f"- {one}" for one in _differences(results)]
     lines += ["", "Right effect and axis by severity, measured mean:", ""]
     sizes = [(name, size) for name, all_ in SEVERITIES.items() for size in all_]
     lines.append("| trained on | " + " | ".join(f"{n} {s:g}" for n, s in sizes) + " |")
