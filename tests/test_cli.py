@@ -104,7 +104,7 @@ def test_info_tells_what_is_there(dataset):
 
 def test_info_puts_many_runs_together(dataset, tmp_path, monkeypatch):
     """Runs that differ in their seeds only are one row; a run that is missing has a row as well."""
-    monkeypatch.setattr("faultgen.cli.info._MOST_ROWS", 2)
+    monkeypatch.setattr("faultgen.cli.info.MOST_ROWS", 2)
     told = re.sub(" +", " ", faultgen_here("info", dataset).stdout)
     assert "friction_wear 2 0.2 12 none 1 1 ok" in told
     assert "--json lists every run" in told

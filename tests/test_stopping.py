@@ -102,7 +102,7 @@ def test_resuming_waits_for_writers_of_a_killed_program(
             writer.kill()
             writer.wait()
 
-    monkeypatch.setattr("faultgen.dataset.sweep.time.sleep", wait)
+    monkeypatch.setattr("faultgen.dataset.making.time.sleep", wait)
     generate(make_experiment(given), tmp_path, progress=False)
     assert len(waits) == 3
     assert not unfinished.exists()

@@ -10,7 +10,8 @@ import typer
 
 from faultgen.cli.app import Folder, Json, app, print_json, print_table
 
-_MOST_ROWS = 60  # of runs that are listed one by one
+MOST_ROWS = 60
+"""Runs that are listed one by one; more are put together."""
 
 
 @app.command()
@@ -82,7 +83,7 @@ def info(folder: Folder, as_json: Json = False) -> None:
     if as_json:
         print_json(result)
     else:
-        if len(rows) <= _MOST_ROWS:
+        if len(rows) <= MOST_ROWS:
             print_table(rows)
         else:
             print_table(_groups(rows))

@@ -62,7 +62,8 @@ def prepare(run: Run) -> Prepared:
         run: The run.
 
     Returns:
-        What is known of it. All random numbers depend on the seed of the run only.
+        What is known of it; its fields state the shapes of arrays. All random numbers depend on the
+        seed of the run only.
     """
     shared = nominal(run.robot, run.task, run.sample_period, run.operation)
     sensors = get_sensors(run.sensors)

@@ -296,7 +296,12 @@ class _Stepper:
 
 
 def carry(before: Batch, after: Batch) -> None:
-    """Copy the state to a batch whose model may have more or fewer actuators and joints."""
+    """Copy the state to a batch whose model may have more or fewer actuators and joints.
+
+    Args:
+        before: A batch of one simulation.
+        after: Another one, whose state is set.
+    """
     if before.model.names == after.model.names:
         after.state[:] = before.state
         return
