@@ -79,8 +79,10 @@ def _limit_of_rest(classes: Classes, baselines: int, share: float) -> float:
     if mean < _FLOOR:  # the faults span all features
         return _FLOOR
     freedom = 2 * mean**2 / variance  # of a scaled chi-squared distribution (Satterthwaite 1946)
-    # a scale that comes from few recordings is uncertain itself
-    known = freedom * (baselines - 1) if baselines > 1 else np.inf
+    # a scale that comes from few recordings is uncertain itself; one alone shows none
+    known = freedom * (baselines - 1) if baselines else np.inf
+    if baselines == 1:
+        known = _DIRECTIONS * _BEFORE
     ratio = f_distribution.ppf(1 - share, freedom, min(known, _MANY))
     return float(mean * (1 + baseline_variance(baselines)) * ratio)
 
