@@ -85,7 +85,6 @@ def speed(robot_name: str, task: str, device: str, worlds: int) -> dict[str, flo
     times = []
     for kind in ("device", "processor"):
         plan: Any = [[plant, plant] for plant in (plants if kind == "device" else plants[:1])]
-        started = time.perf_counter()
         if kind == "device":
             stepped: Iterator[object] = simulate_together(
                 robot, shared.control, plan, sample_period=SAMPLE_PERIOD, device=device
@@ -101,7 +100,7 @@ def speed(robot_name: str, task: str, device: str, worlds: int) -> dict[str, flo
 
 def table(results: dict[str, Any]) -> str:
     """Make the table of docs/speed.md."""
-    told = [one for one in results["errors"].values()]
+    told = list(results["errors"].values())
     lines = ["| effect | largest error, in percent of the mean torque | robot and task |"]
     lines += ["| --- | --- | --- |"]
     for effect in told[0]["error"]:

@@ -15,11 +15,10 @@ import numpy as np
 from faultgen.dataset.interpolated import channels_of
 from faultgen.dataset.planning import Run
 from faultgen.dataset.run import Prepared, Stepped, prepare
-from faultgen.effects import get_effect
 from faultgen.errors import InputError, SimulationFailed, one_line
 from faultgen.provenance import Provenance, provenance
 from faultgen.robot import load_robot
-from faultgen.simulation.worlds import check_device, simulate_together, version
+from faultgen.simulation.worlds import check_device, refuse_effects, simulate_together, version
 
 _MOST_BYTES = 2**31
 """Of the cycles that are kept in memory until their files are written."""
@@ -58,12 +57,7 @@ def check_runs_for(device: str, runs: list[Run]) -> None:
         raise InputError("device: interpolated runs are not simulated on a device; leave one out")
     used = {one.effect for run in runs for one in run.faults}
     used |= {one.effect for name in {run.robot for run in runs} for one in load_robot(name).effects}
-    refused = sorted(name for name in used if get_effect(name).between is not None)
-    if refused:
-        raise InputError(
-            f"device: {', '.join(refused)} acts between the steps of the simulation, which "
-            "a device cannot do; generate these runs without --device"
-        )
+    refuse_effects(used)
 
 
 def simulate_on(

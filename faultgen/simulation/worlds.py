@@ -26,6 +26,7 @@ import numpy as np
 import warp
 from mujoco.batch import MODEL_FIELDS, Batch
 
+from faultgen.effects import get_effect
 from faultgen.errors import InputError, SimulationFailed, one_line
 from faultgen.robot import Robot
 from faultgen.simulation.channels import RECORD, Channels
@@ -68,6 +69,23 @@ def check_device(name: str) -> str:
         known = ", ".join(str(device) for device in warp.get_devices())
         raise InputError(f"device: no '{name}' here; Warp finds {known}") from None
     return name
+
+
+def refuse_effects(names: Iterable[str]) -> None:
+    """Refuse effects that act between the steps of the simulation.
+
+    Args:
+        names: Names of effects.
+
+    Raises:
+        InputError: Some of them do.
+    """
+    refused = sorted(name for name in names if get_effect(name).between is not None)
+    if refused:
+        raise InputError(
+            f"device: {', '.join(refused)} acts between the steps of the simulation, which "
+            "a device cannot do; generate these runs without --device"
+        )
 
 
 def version() -> str:
@@ -118,19 +136,20 @@ def simulate_together(
             if last is None or last[0] is not plants[k]:
                 last = known[k] = plants[k], _structure(plants[k])
             members.setdefault(last[1], []).append(k)
-            states[k] = _at(robot, plants[k], states.get(k), control, lead)
         before, groups = groups, {}
         for structure, numbers in members.items():
             chosen = [plants[k] for k in numbers]
+            commands = [np.ascontiguousarray(one.command(control, lead > 0)) for one in chosen]
+            for k, command in zip(numbers, commands, strict=True):
+                states[k] = _at(robot, plants[k], states.get(k), command, lead)
             own = [states[k] for k in numbers]
             key = structure, *numbers
             worlds = groups[key] = before.get(key) or _Worlds(chosen, device)
-            worlds.use(chosen)
-            commands = [np.ascontiguousarray(one.command(control, lead > 0)) for one in chosen]
+            worlds.use(chosen, commands)
             worlds.put_states(own)
             if number == 1 and lead:
-                worlds.run([one[len(one) - lead :] for one in commands], every)
-            recorded = worlds.run(commands, every)
+                worlds.run(len(control) - lead, every)
+            recorded = worlds.run(0, every)
             worlds.get_states(own)
             for place, k in enumerate(numbers):
                 kept = {name: values[:, place].astype(float) for name, values in recorded.items()}
@@ -139,13 +158,12 @@ def simulate_together(
         yield told
 
 
-def _at(robot: Robot, plant: Plant, before: Batch | None, control: np.ndarray, lead: int) -> Batch:
+def _at(robot: Robot, plant: Plant, before: Batch | None, command: np.ndarray, lead: int) -> Batch:
     """The state of a robot at the begin of a cycle, in a batch of one, whose model is the plant."""
     if before is not None and before.model is plant.model:
         return before
     state = Batch(plant.model, 1, 1)
     if before is None:
-        command = np.ascontiguousarray(plant.command(control, lead > 0))
         if lead == 0:
             start_in_equilibrium(robot, state, command)
         else:
@@ -162,11 +180,7 @@ def _structure(plant: Plant) -> bytes:
     have the same zeros.
     """
     if plant.updates:
-        names = sorted({effect.name for effect, _ in plant.effects if effect.between is not None})
-        raise InputError(
-            f"device: {', '.join(names)} acts between the steps of the simulation, which a device "
-            "cannot do; generate without a device"
-        )
+        refuse_effects({effect.name for effect, _ in plant.effects})
     model = plant.model
     told = hashlib.sha256()
     for name in _SHARED:
@@ -263,12 +277,20 @@ class _Worlds:
             self.at = warp.zeros(1, dtype=int)
             self.which = warp.zeros(self.count, dtype=int)
         self.expanded: set[str] = set()
+        self.signals: list[np.ndarray] = []
         self.used: tuple[mujoco.MjModel, ...] = ()
         self.buffers: tuple[Any, ...] = ()
         self.graph: Any = None
 
-    def use(self, plants: Sequence[Plant]) -> None:
-        """Give every world the numbers of its plant."""
+    def use(self, plants: Sequence[Plant], commands: Sequence[np.ndarray]) -> None:
+        """Give every world the numbers of its plant, and its control signal of one cycle.
+
+        A plant that leaves the signal alone returns the same array, which is then kept once.
+        """
+        different = {id(one): one for one in commands}
+        places = {key: place for place, key in enumerate(different)}
+        self.signals = [one.astype(np.float32) for one in different.values()]
+        self.which.assign(np.array([places[id(one)] for one in commands], dtype=np.int32))
         models = tuple(plant.model for plant in plants)
         if models == self.used:
             return
@@ -311,32 +333,21 @@ class _Worlds:
             for k, one in enumerate(states):
                 getattr(one, name)[0] = values[k]
 
-    def run(self, commands: Sequence[np.ndarray], every: int) -> dict[str, np.ndarray]:
+    def run(self, first: int, every: int) -> dict[str, np.ndarray]:
         """Step all worlds through their control signals.
 
         Args:
-            commands: Control signal of each world, shape (steps, n_controls); the number of steps
-                is a multiple of `every`, but for the end of the signal.
+            first: Number of the step of the signals that comes first, from 0.
             every: Number of steps from one sample to the next.
 
         Returns:
             The recorded fields by name, each of shape (samples, worlds, elements).
         """
-        different: dict[bytes, int] = {}
-        signals: list[np.ndarray] = []
-        which: list[int] = []
-        for one in commands:
-            key = hashlib.sha256(one.tobytes()).digest()
-            if key not in different:
-                different[key] = len(signals)
-                signals.append(one.astype(np.float32))
-            which.append(different[key])
-        self.which.assign(np.array(which, dtype=np.int32))
-        steps, size = len(signals[0]), _SAMPLES * every
+        steps, size = len(self.signals[0]), _SAMPLES * every
         kept: dict[str, list[np.ndarray]] = {name: [] for name in RECORD}
         with warp.ScopedDevice(self.device):
-            for start in range(0, steps, size):
-                part = np.stack([one[start : start + size] for one in signals])
+            for start in range(first, steps, size):
+                part = np.stack([one[start : start + size] for one in self.signals])
                 for name, values in self._part(part, every).items():
                     kept[name].append(values)
         return {name: np.concatenate(parts) for name, parts in kept.items()}
