@@ -7,6 +7,7 @@ dataset = faultgen.open_dataset("out")
 
 from typing import Any
 
+from faultgen.dataset.parted import open_parts
 from faultgen.dataset.reader import open_dataset
 from faultgen.errors import InputError, SimulationFailed
 
@@ -18,6 +19,7 @@ __all__ = [
     "load_robot",
     "open_dataset",
     "open_fleet",
+    "open_parts",
 ]
 
 

@@ -53,7 +53,8 @@ def test_parts_give_the_same_dataset(experiment, tmp_path):
         ("3", "--part: must be K/N such as 3/10, not '3'"),
         ("0/2", "part: must be K/N with K from 1 to N, not 0/2"),
         ("3/2", "part: must be K/N with K from 1 to N, not 3/2"),
-        ("1/2 --keep merged", "keep: give it to 'faultgen merge'"),
+        ("1/2 --keep merged", "part: 2 parts need at least 2 repetitions"),
+        ("3/2 --keep merged", "part: must be K/N with K from 1 to N, not 3/2"),
     ],
 )
 def test_parts_that_cannot_be(tiny_robot_path, tiny_task_path, tmp_path, part, message):

@@ -172,8 +172,10 @@ def generate(
     part: Annotated[
         str | None,
         typer.Option(
-            help="K/N: make only part K of N of the runs, and merge nothing. Several machines that "
-            "share the folder can make the parts at the same time; then call faultgen merge."
+            help="K/N: make only part K of N of the runs. Several machines that share the folder "
+            "can make the parts at the same time; then call faultgen merge. With --keep merged, "
+            "each part has its share of the repetitions and a folder and dataset.h5 of its own, "
+            "so that a million runs do not become a million files."
         ),
     ] = None,
     backend: Annotated[
@@ -261,7 +263,7 @@ def generate(
                 )
         chosen = make_experiment(given)
     if dry_run:
-        _dry_run(chosen, worker_count(workers), as_json)
+        _dry_run(chosen, worker_count(workers), as_json, part_of(part) if keep != "all" else None)
         return
     summary = run_generate(
         chosen,
@@ -300,7 +302,9 @@ def merge(
     """Merge a dataset whose parts were made by 'faultgen generate --part'.
 
     Every part must be complete. The command writes dataset.h5, the table of runs and the data card,
-    as 'faultgen generate' does when it makes all parts itself.
+    as 'faultgen generate' does when it makes all parts itself. Parts with a dataset.h5 of their own
+    (--keep merged) stay as they are, and index.h5 becomes the table of all runs; parts that have
+    not changed since the last call are not read again.
     """
     from faultgen.dataset.sweep import merge_parts
 
@@ -348,8 +352,15 @@ def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = F
     print(f"\ndataset: {out / 'dataset.h5'}\nreport:  {path}")
 
 
-def _dry_run(experiment: Experiment, workers: int, as_json: bool) -> None:
-    """Print what a dataset would take."""
+def _dry_run(
+    experiment: Experiment, workers: int, as_json: bool, part: tuple[int, int] | None = None
+) -> None:
+    """Print what a dataset would take, or one part of it that is a dataset of its own."""
+    from faultgen.dataset import parts
     from faultgen.dataset.estimate import estimate
 
-    show_estimate(estimate(experiment, workers=workers), workers, as_json)
+    also = ""
+    if part is not None:
+        experiment = parts.part_of(experiment, part)
+        also = f" (part {part[0]} of {part[1]}; the others take about as much)"
+    show_estimate(estimate(experiment, workers=workers), workers, as_json, also)

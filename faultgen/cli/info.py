@@ -18,18 +18,26 @@ MOST_ROWS = 60
 def info(folder: Folder, as_json: Json = False) -> None:
     """List the runs of a dataset, or the robots of a fleet, and check all of its files.
 
+    Of a dataset in parts, only the table of all runs is read completely; give the folder of a part
+    to have all of its files checked.
+
     Of more than 60 runs, those with the same fault are one row. The command reports whether the
     dataset is complete and intact. The exit status is 1 if runs are missing or damaged, or were
     made by different versions of faultgen.
     """
     from faultgen.dataset.interpolation_error import interpolation_error
-    from faultgen.dataset.manifest import is_fleet
+    from faultgen.dataset.manifest import FILE, is_fleet, part_names
     from faultgen.dataset.merged_file import MERGED
     from faultgen.dataset.reader import open_dataset
     from faultgen.simulation.operation import Operation
 
     if is_fleet(folder):
         _fleet_info(folder, as_json)
+        return
+    if part_names(folder) and not (folder / FILE).exists():
+        from faultgen.cli.info_parts import parts_info
+
+        parts_info(folder, as_json)
         return
     dataset = open_dataset(folder)
     damaged = dataset.damaged()

@@ -114,7 +114,9 @@ Mass = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Temperature = Annotated[float, Field(ge=TEMPERATURE_RANGE[0], le=TEMPERATURE_RANGE[1])]
 
 MOST_RUNS = 100_000
-"""Largest number of runs that a dataset may have."""
+"""Largest number of runs that a dataset may have; a larger one is made in parts."""
+
+MOST_REPETITIONS = 1_000_000_000
 
 LARGEST_SEED = 2**63 - 1
 """Largest seed that run files can store."""
@@ -202,8 +204,11 @@ class Experiment(BaseModel):
     in the robot's folder, if it has any, otherwise "none"."""
     seed: int = 0
     """Seed of the first repetition. Each further repetition uses the next number."""
-    repetitions: Annotated[int, Field(ge=1, le=MOST_RUNS)] = 1
+    repetitions: Annotated[int, Field(ge=1, le=MOST_REPETITIONS)] = 1
     """Number of times that all runs are made, each time with another seed."""
+    part: Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
+    """[K, N]: only the K-th of N parts of the repetitions. `faultgen generate --part K/N --keep
+    merged` writes this entry. Default: all repetitions."""
     paired: bool = False
     """Give every run of a repetition the same seed. A faulty run and its healthy twin then share
     noise, temperature and payload, and differ only by the fault. Default: every run has a seed of
@@ -268,11 +273,24 @@ class Experiment(BaseModel):
             if not low < high:
                 raise InputError(f"speed_window: must be [low, high], not [{low:g}, {high:g}]")
         check_seed(self.seed, self.repetitions)
+        self._check_part()
         for name in ("speed", "payload", "temperature"):
             values = getattr(self, name)
             if values is not None and len(set(values)) < max(len(values), 1):
                 raise InputError(f"{name}: give each value once, and at least one")
         return self
+
+    def _check_part(self) -> None:
+        if self.part is None:
+            return
+        number, count = self.part
+        if not 1 <= number <= count:
+            raise InputError(f"part: must be K/N with K from 1 to N, not {number}/{count}")
+        if count > self.repetitions:
+            raise InputError(
+                f"part: {count} parts need at least {count} repetitions, because each part has "
+                f"repetitions of its own, and the experiment has {self.repetitions}"
+            )
 
     def _check_parameters(self) -> None:
         for name, values in self.parameters.items():
@@ -289,6 +307,12 @@ class Experiment(BaseModel):
                     f"beside: the severity of {one.effect} must be from 0 to {effect.largest:g} "
                     f"({effect.unit}), not {one.severity:g}"
                 )
+
+    @property
+    def own_repetitions(self) -> range:
+        """The repetitions that are made, from 0: all of them, or those of the part."""
+        number, count = self.part or (1, 1)
+        return range((number - 1) * self.repetitions // count, number * self.repetitions // count)
 
     @property
     def operations(self) -> list[Operation]:

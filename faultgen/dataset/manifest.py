@@ -27,6 +27,7 @@ FLEET = "fleet.json"
 EXPERIMENT = "experiment.toml"
 DATA_CARD = "DATACARD.md"
 
+_PART = re.compile(r"part-0*([1-9]\d*)-of-([1-9]\d*)")
 _RUN_ID = re.compile(r"[0-9a-f]{16}")
 _NEEDED = ("robot", "task", "seed", "effect", "axes", "severity", "cycles", "sensors")
 
@@ -59,6 +60,15 @@ def is_fleet(folder: str | Path) -> bool:
     return (Path(folder) / FLEET).is_file()
 
 
+def part_names(folder: Path) -> list[str]:
+    """Names of the folders in which the parts of a dataset are, in their order.
+
+    Args:
+        folder: The folder of the dataset, which need not exist.
+    """
+    return sorted(one.name for one in folder.glob("part-*-of-*") if _PART.fullmatch(one.name))
+
+
 def refuse_data(folder: Path) -> None:
     """Refuse a folder for results that holds a dataset or a fleet.
 
@@ -71,6 +81,8 @@ def refuse_data(folder: Path) -> None:
     for name, what in ((FILE, "a dataset"), (FLEET, "a fleet")):
         if (folder / name).is_file():
             raise InputError(f"{folder}: holds {what}; give another folder for the results")
+    if part_names(folder):
+        raise InputError(f"{folder}: holds a dataset in parts; give another folder for the results")
 
 
 @dataclass(frozen=True)

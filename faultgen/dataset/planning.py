@@ -171,15 +171,17 @@ def plan_runs(experiment: Experiment) -> list[Run]:
         faults = list_faults(experiment, robot)
         window = window_of(experiment, robot)
         operations = experiment.operations
-        count = len(faults) * experiment.repetitions * len(experiment.task) * len(operations)
+        repetitions = experiment.own_repetitions
+        count = len(faults) * len(repetitions) * len(experiment.task) * len(operations)
         if count > MOST_RUNS:
             raise InputError(
-                f"experiment: has {count} runs, but a dataset can have at most {MOST_RUNS}"
+                f"experiment: has {count} runs, but a dataset can have at most {MOST_RUNS}; make "
+                "it in parts with --part 1/N --keep merged, and so on"
             )
         for task_name in experiment.task:
             task = load_task(robot.name, task_name, robot.tasks)
             digest = task.sha256
-            every = itertools.product(operations, range(experiment.repetitions), faults)
+            every = itertools.product(operations, repetitions, faults)
             for operation, repetition, (effect, axes, severity) in every:
                 seed = experiment.seed + repetition
                 # the healthy runs of the first robot, task and operation have the seeds as given

@@ -27,7 +27,14 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from faultgen.dataset.manifest import DATA_CARD, EXPERIMENT, FILE, Manifest, check_layout
+from faultgen.dataset.manifest import (
+    DATA_CARD,
+    EXPERIMENT,
+    FILE,
+    Manifest,
+    check_layout,
+    part_names,
+)
 from faultgen.dataset.merged_file import MERGED, made_by_of, only_in
 from faultgen.dataset.splits import SCHEMES, TEST, TRAIN, UNUSED
 from faultgen.errors import InputError
@@ -429,6 +436,12 @@ def open_dataset(folder: str | Path) -> Dataset:
     path = Path(folder)
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; make a dataset with 'faultgen generate'")
+    parts = part_names(path)
+    if parts and not (path / FILE).exists():
+        raise InputError(
+            f"{path}: is a dataset in parts; give one of them, such as {path / parts[0]}, or read "
+            "all of them with faultgen.open_parts"
+        )
     # a folder with nothing else; one with run files has lost its list
     if not any((path / name).exists() for name in (FILE, "runs")) and (path / MERGED).is_file():
         path /= MERGED

@@ -19,8 +19,9 @@ from filelock import FileLock, Timeout
 from faultgen.dataset.experiment import Experiment, load_experiment, to_toml
 from faultgen.dataset.inputs import INPUTS, keep_inputs
 from faultgen.dataset.making import clear_temporary, made, on_device
-from faultgen.dataset.manifest import EXPERIMENT, FLEET, Manifest, OtherLayout
+from faultgen.dataset.manifest import EXPERIMENT, FLEET, Manifest, OtherLayout, part_names
 from faultgen.dataset.merged_file import MERGED, only_in
+from faultgen.dataset.parts import keep_whole, merge_index, part_at, part_of
 from faultgen.dataset.planning import Run, check_runs, plan_runs
 from faultgen.dataset.reader import Dataset, open_dataset
 from faultgen.dataset.run_file import run_provenance
@@ -75,8 +76,10 @@ def generate(
             when the file of all runs was found intact, which halves the disk space. Run files that
             were removed before are not made again.
         part: Number of a part, from 1, and number of all parts: only the runs of this part are
-            made, and nothing is merged. Parts may be made at the same time by machines that share
-            the folder. `merge_parts` ends the work.
+            made. Parts may be made at the same time by machines that share the folder.
+            `merge_parts` ends the work. With keep "all", the runs of all parts are in the same
+            folder, and nothing is merged before. With keep "merged", the part has its share of the
+            repetitions and is a dataset of its own in a folder such as "part-03-of-10".
         scheduler: Address of a Dask scheduler, whose workers then make the runs instead of local
             processes. They need the folder under the same path.
         device: Name of a graphics card that simulates all runs at once, such as "cuda"; the workers
@@ -100,17 +103,20 @@ def generate(
     _check_keep(keep)
     if part is not None and not 1 <= part[0] <= part[1]:
         raise InputError(f"part: must be K/N with K from 1 to N, not {part[0]}/{part[1]}")
-    if part is not None and keep != "all":
-        raise InputError("keep: give it to 'faultgen merge', because a part merges nothing")
     if device is not None and scheduler is not None:
         raise InputError("device: cannot be combined with a scheduler; give one of them")
+    folder, whole = Path(out), experiment
+    is_own = part is not None and keep == "merged"
+    if part is not None and is_own:
+        experiment, folder, part = part_of(experiment, part), part_at(folder, part), None
     runs = plan_runs(experiment)
     if device is not None:
         on_device().check_runs_for(device, runs)
     for line in check_runs(runs):  # what cannot be is refused before anything is written
         if progress:
             print(f"faultgen: {line}", file=sys.stderr)
-    folder = Path(out)
+    if is_own:
+        keep_whole(whole, folder)
     own = runs if part is None else runs[part[0] - 1 :: part[1]]
     with _locked(folder, part):
         dataset = _prepare(folder, experiment, runs, None if part is None else own)
@@ -132,12 +138,15 @@ def generate(
     return summary
 
 
-def merge_parts(out: str | Path, *, keep: str = "all") -> Summary:
+def merge_parts(out: str | Path, *, keep: str = "all", progress: bool = True) -> Summary:
     """Merge a dataset whose parts were made one by one.
+
+    Parts that are datasets of their own stay where they are, and get a common table of all runs.
 
     Args:
         out: Folder of the dataset.
-        keep: As in `generate`.
+        keep: As in `generate`, for parts whose runs are in the same folder.
+        progress: Whether to show on stderr how many parts were read.
 
     Returns:
         The runs that were merged, and those that failed.
@@ -148,6 +157,10 @@ def merge_parts(out: str | Path, *, keep: str = "all") -> Summary:
     """
     _check_keep(keep)
     folder = Path(out)
+    if part_names(folder):
+        with _locked(folder):
+            runs, failed = merge_index(folder, progress=progress)
+        return Summary(str(folder), runs + len(failed), kept=runs, failed=failed)
     dataset = open_dataset(folder)
     with _locked(folder):
         failed = dataset.failed
@@ -208,6 +221,11 @@ def _prepare(
     """
     if (folder / FLEET).is_file():
         raise InputError(f"{folder}: holds a fleet; give another folder")
+    if part_names(folder):
+        raise InputError(
+            f"{folder}: holds a dataset in parts; give another folder, or both --part and --keep "
+            "merged"
+        )
     text = to_toml(experiment)
     planned = {run.id: asdict(run) for run in runs}
     written = folder / EXPERIMENT
