@@ -16,6 +16,7 @@ not need the simulator.
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _READERS = 8  # threads that read files at a time
+_BATCH = 100  # files that a thread reads one after another
 
 
 @dataclass(frozen=True)
@@ -220,7 +222,9 @@ class Dataset:
                 held = [i for i in self.planned if i in merged["runs"]]
             return [StoredRun(i, self.file, f"runs/{i}") for i in held]
         every = {i: StoredRun(i, self.path / "runs" / f"{i}.h5") for i in self.planned}
-        lost = {i for i, run in every.items() if not run.path.is_file()}
+        folder = self.path / "runs"  # listed at once: to ask for each file would take longer
+        there = {one.name for one in os.scandir(folder)} if folder.is_dir() else set()
+        lost = {i for i in every if f"{i}.h5" not in there}
         merged_path = self.path / MERGED
         merged_only = only_in(merged_path) if lost else set()
         for i in lost:
@@ -262,16 +266,18 @@ class Dataset:
             Reasons by file name, relative to the folder; empty if no file is damaged.
         """
         merged = self.path / MERGED if self.file is None else self.file
-        files = [run.path for run in self.runs if run.own_file]
-        if merged.is_file():
-            files.append(merged)
-        names = [str(path.relative_to(self.path)) for path in files]
+        files = [merged] if merged.is_file() else []  # the largest one first
+        files += [run.path for run in self.runs if run.own_file]
+        reasons: dict[str, str | None] = {}
         with ThreadPoolExecutor(_READERS) as pool:  # a disk answers many questions at once
-            reasons = dict(zip(names, pool.map(damage, files), strict=True))
+            # some hundred files at a time: to hand over each one would take longer than to read it
+            for some in pool.map(_damage_of, _batched(files)):
+                reasons |= {str(path.relative_to(self.path)): told for path, told in some.items()}
         if self.file is None:
             reasons[EXPERIMENT] = self._experiment_damage()
             reasons |= self._input_damage()
-            reasons[DATA_CARD] = self._card_damage() if reasons.get(MERGED, "") is None else None
+            if merged.is_file() and MERGED not in reasons:
+                reasons[DATA_CARD] = self._card_damage()
         return {name: reason for name, reason in reasons.items() if reason is not None}
 
     def _input_damage(self) -> dict[str, str]:
@@ -408,6 +414,19 @@ class Dataset:
         from faultgen.system.tables import write_parquet
 
         write_parquet(self.to_dataframe(), Path(path))
+
+
+def _damage_of(files: Sequence[Path]) -> dict[Path, str]:
+    """What is wrong with each damaged file."""
+    found = {path: damage(path) for path in files}
+    return {path: reason for path, reason in found.items() if reason is not None}
+
+
+def _batched(files: list[Path]) -> Iterator[list[Path]]:
+    """The first file alone, and the others in batches."""
+    yield files[:1]
+    for start in range(1, len(files), _BATCH):
+        yield files[start : start + _BATCH]
 
 
 def _reason(note: Path) -> str:

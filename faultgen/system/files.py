@@ -262,7 +262,7 @@ def checksum_path(path: Path) -> Path:
     return path.with_name(path.name + ".sha256")
 
 
-def file_sha256(path: Path) -> str:
+def file_sha256(path: str | Path) -> str:
     """Compute the SHA-256 checksum of a file.
 
     The file is read from the disk and not from the cache, if the operating system supports this.
@@ -270,7 +270,7 @@ def file_sha256(path: Path) -> str:
     Args:
         path: The file.
     """
-    with path.open("rb", buffering=0) as file:
+    with open(path, "rb", buffering=0) as file:
         forget_cached(file.fileno())
         if os.fstat(file.fileno()).st_size <= _AT_ONCE:  # most are small: `file_digest` is slow
             return hashlib.sha256(file.readall()).hexdigest()
@@ -292,22 +292,24 @@ def damage(path: Path) -> str | None:
     Returns:
         What is wrong with the file, or None if it is intact.
     """
-    note = checksum_path(path)
-    _verified.pop(os.path.abspath(path), None)
+    place = os.path.abspath(path)
+    note = f"{place}.sha256"
+    _verified.pop(place, None)
     try:
-        state = path.stat()
-        wanted = note.read_bytes().decode("ascii", errors="replace")
-        found = file_sha256(path)
+        state = os.stat(place)
+        with open(note, "rb", buffering=0) as file:
+            text = file.read(2 * _DIGITS).decode("ascii", errors="replace")
+        found = file_sha256(place)
     except FileNotFoundError as error:
-        return "its checksum is missing" if Path(error.filename) == note else "it is missing"
+        return "its checksum is missing" if error.filename == note else "it is missing"
     except OSError as error:
         return f"cannot be read: {error.strerror}"
-    wanted, end = wanted[:_DIGITS], wanted[_DIGITS:]
+    wanted, end = text[:_DIGITS], text[_DIGITS:]
     if len(wanted) < _DIGITS or end != "\n":
         return "its checksum is damaged"
     if found != wanted:
         return "differs from its checksum"
-    _verified[os.path.abspath(path)] = (state.st_size, state.st_mtime_ns, found)
+    _verified[place] = (state.st_size, state.st_mtime_ns, found)
     return None
 
 
