@@ -258,7 +258,9 @@ def calls(
             where.mkdir()
             told = [str(one) for one in (where, kind, error, 1, step)]
             command = [sys.executable, str(faults / "driver.py"), *told, "--", *arguments.split()]
-            environment = {"LD_PRELOAD": str(library), "PATH": "/usr/bin:/bin"}
+            # the code beside this file; if it changed meanwhile, the files would differ
+            code = str(Path(__file__).parents[1])
+            environment = {"LD_PRELOAD": str(library), "PATH": "/usr/bin:/bin", "PYTHONPATH": code}
             done = subprocess.run(
                 command, env=environment, capture_output=True, text=True, check=True
             )

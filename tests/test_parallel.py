@@ -10,7 +10,13 @@ import pytest
 from joblib import delayed
 
 from faultgen.errors import InputError, WorkerKilled
-from faultgen.system.parallel import MOST_WORKERS, check_workers, end_workers, in_parallel
+from faultgen.system.parallel import (
+    MOST_WORKERS,
+    check_workers,
+    end_workers,
+    in_parallel,
+    start_workers,
+)
 
 
 def slow(number):
@@ -114,3 +120,36 @@ def test_a_worker_that_is_killed_at_the_end_does_not_keep_the_program_waiting(wh
         timeout=120,
     )
     assert (done.returncode, done.stdout) == (0, "done\n"), done.stderr
+
+
+@pytest.mark.skipif(os.name == "nt", reason="priorities of POSIX systems")
+def test_workers_that_were_started_before_take_the_calls():
+    """What they did first has changed them, and not this process."""
+    end_workers()
+    start_workers(delayed(os.nice)(1), 2)
+    priorities = list(in_parallel([delayed(os.nice)(0)] * 4, 2))
+    assert max(priorities) > os.nice(0)
+    end_workers()
+
+
+STARTED_FOR_NOTHING = """
+from joblib import delayed
+import os, time
+from faultgen.system.parallel import end_workers, start_workers
+
+start_workers(delayed(time.sleep)(0.1), 2)
+if {end}:
+    end_workers()
+"""
+
+
+@pytest.mark.parametrize("end", [True, False])
+def test_workers_that_get_no_calls_keep_no_program_waiting(end):
+    """As when an experiment is refused after its workers were started."""
+    done = subprocess.run(
+        [sys.executable, "-c", STARTED_FOR_NOTHING.format(end=end)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert (done.returncode, done.stderr) == (0, "")

@@ -379,7 +379,7 @@ def test_runs_of_killed_workers_are_made_again(small, made, tmp_path, monkeypatc
     assert contents(out) == contents(made)
 
 
-def _die(run, folder, on_cycle=None, stepped=None):
+def _die(run, folder, on_cycle=None, stepped=None, made_by=None):
     """Make a run; while that of axis 2 is written, its process is killed some times."""
     deaths = folder.parents[1] / "deaths"
 

@@ -108,6 +108,10 @@ Split = Annotated[
 ]
 
 
+MOST_ROWS = 60
+"""Rows of a list that are shown one by one."""
+
+
 def names(text: str | None) -> list[str]:
     """Names that a user gave, separated by commas; none if the option was not given."""
     return [] if text is None else [part.strip() for part in text.split(",")]

@@ -8,10 +8,7 @@ from typing import Any
 
 import typer
 
-from faultgen.cli.app import Folder, Json, app, print_json, print_table
-
-MOST_ROWS = 60
-"""Runs that are listed one by one; more are put together."""
+from faultgen.cli.app import MOST_ROWS, Folder, Json, app, print_json, print_table
 
 
 @app.command()

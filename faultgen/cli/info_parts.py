@@ -7,8 +7,7 @@ from typing import Any
 
 import typer
 
-from faultgen.cli.app import print_json, print_table
-from faultgen.cli.info import MOST_ROWS
+from faultgen.cli.app import MOST_ROWS, print_json, print_table
 
 _SAME = ("robot", "task", "effect", "axes", "severity", "cycles", "sensors")
 

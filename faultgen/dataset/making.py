@@ -12,6 +12,7 @@ from joblib import delayed
 
 from faultgen.dataset.planning import Run
 from faultgen.dataset.run import Stepped, make_run
+from faultgen.dataset.run_file import run_provenance
 from faultgen.errors import InputError, WorkerKilled
 from faultgen.system.files import unfinished, writer_of
 from faultgen.system.parallel import in_parallel
@@ -94,11 +95,11 @@ def _make_all(
     workers = min(workers, max(len(runs), 1))
     left = {run.id: run for run in runs}
     there = {run.id: cycles for run, cycles in stepped}
-    cycles = sum(run.cycles for run in runs)
+    cycles, made_by = sum(run.cycles for run in runs), run_provenance()
     with Progress("simulating", cycles, "cycle", progress) as shown:
         while left:
             calls = (
-                delayed(make_run)(run, folder, shown.counter, there.get(run.id))
+                delayed(make_run)(run, folder, shown.counter, there.get(run.id), made_by)
                 for run in [*left.values()]
             )
             try:

@@ -188,21 +188,21 @@ def _known(folder: Path) -> dict[str, tuple[Part, pd.DataFrame]]:
 def _read(folder: Path, name: str, known: dict[str, tuple[Part, pd.DataFrame]]) -> _Read:
     path = folder / name / MERGED
     dataset = open_dataset(folder / name)
-    failed = dataset.failed
     made_from = {
         tuple(Path(str(run.get(key, ""))).stem for key in _FILES)
         for run in dataset.planned.values()
     }
     part, table = known.get(name, (None, pd.DataFrame()))
-    if part is None or not _is_unchanged(path, part):
-        checksum = verify(path)
-        with open_verified(path) as file:
-            complete = int(file.attrs["n_runs"]) + len(failed) == len(dataset.planned)
-            table = _table_of(file)
-        if not complete:
-            raise InputError(f"{folder / name}: is unfinished; run its generate command again")
-        cycles = int(table["cycles"].sum()) if len(table) else 0
-        part = Part(name, len(table), cycles, len(failed), path.stat().st_size, checksum)
+    if part is not None and _is_unchanged(path, part):
+        return _Read(part, table, dataset.failed if part.failed else {}, made_from)
+    checksum, failed = verify(path), dataset.failed
+    with open_verified(path) as file:
+        complete = int(file.attrs["n_runs"]) + len(failed) == len(dataset.planned)
+        table = _table_of(file)
+    if not complete:
+        raise InputError(f"{folder / name}: is unfinished; run its generate command again")
+    cycles = int(table["cycles"].sum()) if len(table) else 0
+    part = Part(name, len(table), cycles, len(failed), path.stat().st_size, checksum)
     return _Read(part, table, failed, made_from)
 
 

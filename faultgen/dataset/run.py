@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import tee
 from pathlib import Path
@@ -75,11 +76,22 @@ def prepare(run: Run) -> Prepared:
     return Prepared(shared, sensors, Course(run, around, healthy), rng_sensors, rng_faults)
 
 
+def get_ready(run: Run) -> None:
+    """Plan the motion of a run, so that this process has it when it makes the run.
+
+    Args:
+        run: The run. If it cannot be planned, nothing is done: to check it is left to others.
+    """
+    with suppress(InputError):
+        nominal(run.robot, run.task, run.sample_period, run.operation)
+
+
 def make_run(
     run: Run,
     folder: Path,
     on_cycle: Callable[[int], object] | None = None,
     stepped: Stepped | None = None,
+    made_by: Provenance | None = None,
 ) -> tuple[Run, str | None]:
     """Simulate one run and write its file.
 
@@ -89,6 +101,7 @@ def make_run(
         on_cycle: Function that is called with the number of cycles that have been done since its
             last call, or None. The numbers add up to the cycles of the run, also if it fails.
         stepped: Its cycles, if they were simulated before.
+        made_by: The versions and the code of this process. None: they are read, which takes long.
 
     Returns:
         The run, and either None or the reason why it failed.
@@ -106,7 +119,7 @@ def make_run(
 
     try:
         with threadpool_limits(limits=1):  # sums in another order would differ in their last digits
-            _simulate_and_write(run, folder, count, stepped)
+            _simulate_and_write(run, folder, count, stepped, made_by or run_provenance())
     except (SimulationFailed, InputError, ValueError, ArithmeticError) as error:
         if on_cycle:
             on_cycle(left)
@@ -115,7 +128,11 @@ def make_run(
 
 
 def _simulate_and_write(
-    run: Run, folder: Path, on_cycle: Callable[[], None], stepped: Stepped | None
+    run: Run,
+    folder: Path,
+    on_cycle: Callable[[], None],
+    stepped: Stepped | None,
+    made_by: Provenance,
 ) -> None:
     ready = prepare(run)
     shared, sensors, course = ready.shared, ready.sensors, ready.course
@@ -124,7 +141,7 @@ def _simulate_and_write(
     if run.speed is None and run.payload is None:  # it was learned on the task as programmed
         lacks = sensors.missing_torque(run.task_sha256, shared.samples, run.sample_period)
     window = shared.speed_window(run.speed_window)
-    attributes = run_attributes(run, shared, stepped.made_by if stepped else run_provenance())
+    attributes = run_attributes(run, shared, stepped.made_by if stepped else made_by)
     cycles: Iterable[Cycle]
     plants: Iterable[Plant]
     if stepped is not None:

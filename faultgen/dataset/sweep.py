@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from filelock import FileLock, Timeout
+from joblib import delayed
 
 from faultgen.dataset.experiment import Experiment, load_experiment, to_toml
 from faultgen.dataset.inputs import INPUTS, keep_inputs
@@ -24,11 +25,12 @@ from faultgen.dataset.merged_file import MERGED, only_in
 from faultgen.dataset.parts import keep_whole, merge_index, part_at, part_of
 from faultgen.dataset.planning import Run, check_runs, plan_runs
 from faultgen.dataset.reader import Dataset, open_dataset
+from faultgen.dataset.run import get_ready
 from faultgen.dataset.run_file import run_provenance
 from faultgen.dataset.splits import make_splits
 from faultgen.errors import InputError
 from faultgen.system.files import unfinished, write_text
-from faultgen.system.parallel import check_workers
+from faultgen.system.parallel import check_workers, start_workers
 
 KEEP = ("all", "merged")
 """Which files of the runs can be kept."""
@@ -112,12 +114,15 @@ def generate(
     runs = plan_runs(experiment)
     if device is not None:
         on_device().check_runs_for(device, runs)
+    own = runs if part is None else runs[part[0] - 1 :: part[1]]
+    if scheduler is None and device is None and not all(_is_made(run, folder) for run in own):
+        # they import modules while this process makes its checks
+        start_workers(delayed(get_ready)(own[0]), min(workers, len(own)))
     for line in check_runs(runs):  # what cannot be is refused before anything is written
         if progress:
             print(f"faultgen: {line}", file=sys.stderr)
     if is_own:
         keep_whole(whole, folder)
-    own = runs if part is None else runs[part[0] - 1 :: part[1]]
     with _locked(folder, part):
         dataset = _prepare(folder, experiment, runs, None if part is None else own)
         summary = Summary(str(folder), planned=len(own))
@@ -173,6 +178,10 @@ def merge_parts(out: str | Path, *, keep: str = "all", progress: bool = True) ->
         _merge(folder, keep)
     kept = len(dataset.planned) - len(failed)
     return Summary(str(folder), len(dataset.planned), kept=kept, failed=failed)
+
+
+def _is_made(run: Run, folder: Path) -> bool:
+    return (folder / "runs" / f"{run.id}.h5").is_file()
 
 
 def _check_keep(keep: str) -> None:

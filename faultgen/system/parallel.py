@@ -9,6 +9,7 @@ at once, so that they never write to a folder that another process may already u
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import threading
@@ -16,7 +17,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from multiprocessing import resource_tracker
 from typing import Any
 
@@ -70,6 +71,38 @@ def in_parallel(calls: Iterable[Call], workers: int, *, ordered: bool = True) ->
     Raises:
         WorkerKilled: A worker process was killed.
     """
+    if workers > 1:
+        while _starting:
+            _wait_for(_starting.pop())
+    results = _begun(calls, workers, ordered)
+    try:
+        yield from results
+    except BrokenProcessPool:
+        raise WorkerKilled(
+            "a worker process was killed, perhaps because memory ran out; "
+            "run the same command again to continue"
+        ) from None
+    finally:
+        _close(results)
+
+
+def start_workers(call: Call, workers: int) -> None:
+    """Start worker processes for later calls, without waiting for them.
+
+    `in_parallel` with the same number of workers then finds them ready.
+
+    Args:
+        call: What each worker does first, such as computing what all later calls need.
+        workers: Number of processes. With 1, nothing is done.
+    """
+    if workers > 1:
+        if not _starting:
+            atexit.register(_forget_started)
+        _starting.append(_begun([call] * workers, workers, ordered=False))
+
+
+def _begun(calls: Iterable[Call], workers: int, ordered: bool) -> Any:
+    """Begin to make calls; an iterator over their results."""
     own = os.getpid()
     if workers > 1:
         _started.add(own)
@@ -79,21 +112,34 @@ def in_parallel(calls: Iterable[Call], workers: int, *, ordered: bool = True) ->
         batch_size=1,
     )
     with _interrupts_held() if workers > 1 else nullcontext():
-        results = jobs(
+        return jobs(
             joblib.delayed(_make_call)(own, function, given, named)
             for function, given, named in calls
         )
+
+
+def _forget_started() -> None:
+    """Let go of workers that were started, and of what they do first."""
+    atexit.unregister(_forget_started)
+    while _starting:
+        _close(_starting.pop())
+
+
+def _close(results: Any) -> None:
+    """Stop asking for results."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that not all results were asked for
+        results.close()
+
+
+def _wait_for(results: Any) -> None:
+    """Let calls end whose results nobody needs. A killed worker is replaced later."""
     try:
-        yield from results
-    except BrokenProcessPool:
-        raise WorkerKilled(
-            "a worker process was killed, perhaps because memory ran out; "
-            "run the same command again to continue"
-        ) from None
+        with suppress(BrokenProcessPool):
+            for _ in results:
+                pass
     finally:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # that not all results were asked for
-            results.close()
+        _close(results)
 
 
 @contextmanager
@@ -120,6 +166,7 @@ def end_workers() -> None:
     Workers take turns in waiting for calls. If the one whose turn it is were killed while the
     program ends, the others would wait for it, and the program for them.
     """
+    _forget_started()
     if os.getpid() in _started:
         get_reusable_executor(reuse=True).shutdown(wait=True, kill_workers=True)
 
@@ -133,6 +180,7 @@ def _make_call(
 
 
 _started: set[int] = set()
+_starting: list[Any] = []  # what workers do first
 _watching: list[int] = []
 
 
