@@ -3,6 +3,7 @@
     python benchmarks/reliability.py kills --trials 100
     python benchmarks/reliability.py damage --trials 500
     python benchmarks/reliability.py calls
+    python benchmarks/reliability.py others
 
 Each command prints one row of docs/reliability.md for every kind of fault. A trial is lost if the
 dataset after one further `generate` differs in a byte from that of an undisturbed sweep, and it is
@@ -234,47 +235,71 @@ def _repair(experiment: Experiment, out: Path, row: Row) -> None:
 def calls(
     step: Annotated[int, typer.Option(help="Fail every so many-th call; 1 fails each.")] = 1,
 ) -> None:
-    """Let one system call after another fail, by the library of the tests (Linux, a C compiler)."""
-    faults = Path(__file__).parents[1] / "tests" / "faults"
+    """Let one system call of a sweep after another fail (Linux, a C compiler)."""
     arguments = "generate --robot puma560 --task pick_and_place --axis 1 --cycles 1 --workers 1"
-    rows = []
     with tempfile.TemporaryDirectory() as place:
-        library = Path(place) / "shim.so"
-        build = [
-            "cc",
-            "-shared",
-            "-fPIC",
-            "-O1",
-            "-o",
-            str(library),
-            str(faults / "shim.c"),
-            "-ldl",
-        ]
-        subprocess.run(build, check=True)
-        for kind, error in (
-            ("open", 5), ("write", 28), ("sync", 5), ("rename", 5), ("close", 5), ("truncate", 28)
-        ):  # fmt: skip
-            where = Path(place) / kind
+        shown(_failing_calls(Path(place), step, [], arguments.split(), ""))
+
+
+OTHERS = {
+    "isolate": "isolate HERE --seeds 1",
+    "detect": "detect HERE --seeds 1",
+    "report": "report HERE",
+    "export": "export HERE --parquet HERE/cycles.parquet",
+}
+"""Commands that write into the folder of a dataset."""
+
+
+@app.command()
+def others(
+    step: Annotated[int, typer.Option(help="Fail every so many-th call; 1 fails each.")] = 1,
+) -> None:
+    """Let one system call of other commands after another fail, on a dataset that is there."""
+    with tempfile.TemporaryDirectory() as place:
+        dataset = Path(place) / "dataset"
+        experiment = {**EXPERIMENT, "axis": 1, "sensors": "none", "signals": "all"}
+        generate(make_experiment(experiment), dataset, progress=False)
+        rows = []
+        for name, arguments in OTHERS.items():
+            where = Path(place) / name
             where.mkdir()
-            told = [str(one) for one in (where, kind, error, 1, step)]
-            command = [sys.executable, str(faults / "driver.py"), *told, "--", *arguments.split()]
-            # the code beside this file; if it changed meanwhile, the files would differ
-            code = str(Path(__file__).parents[1])
-            environment = {"LD_PRELOAD": str(library), "PATH": "/usr/bin:/bin", "PYTHONPATH": code}
-            done = subprocess.run(
-                command, env=environment, capture_output=True, text=True, check=True
-            )
-            rows.append(_judged(kind, done.stdout))
-            shutil.rmtree(where)
-            print(kind, file=sys.stderr)
-    shown(rows)
+            rows += _failing_calls(where, step, [str(dataset)], arguments.split(), f"{name}: ")
+        shown(rows)
 
 
-def _judged(kind: str, printed: str) -> Row:
+def _failing_calls(
+    place: Path, step: int, prepared: list[str], arguments: list[str], named: str
+) -> list[Row]:
+    """Run a command again and again, with a failing call of each kind."""
+    faults = Path(__file__).parents[1] / "tests" / "faults"
+    library = place / "shim.so"
+    build = ["cc", "-shared", "-fPIC", "-O1", "-o", str(library), str(faults / "shim.c"), "-ldl"]
+    subprocess.run(build, check=True)
+    # the code beside this file; if it changed meanwhile, the files would differ
+    code = str(Path(__file__).parents[1])
+    environment = {"LD_PRELOAD": str(library), "PATH": "/usr/bin:/bin", "PYTHONPATH": code}
+    rows = []
+    for kind, error in ERRORS.items():
+        where = place / kind
+        where.mkdir()
+        told = [str(one) for one in (where, kind, error, 1, step, *prepared)]
+        command = [sys.executable, str(faults / "driver.py"), *told, "--", *arguments]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        rows.append(_judged(f"{named}a failing {kind}", done.stdout))
+        shutil.rmtree(where)
+        print(named + kind, file=sys.stderr)
+    return rows
+
+
+ERRORS = {"open": 5, "write": 28, "sync": 5, "rename": 5, "close": 5, "truncate": 28}
+"""Error number of each kind of failing call: an input or output error, or a full disk."""
+
+
+def _judged(named: str, printed: str) -> Row:
     """Count the trials of one kind of call."""
     cases = [json.loads(line) for line in printed.splitlines()]
     intact = cases[-1]["sums_again"]
-    row = Row(f"a failing {kind}")
+    row = Row(named)
     for case in cases[:-1]:  # in the last one, no call was left
         row.trials, row.hit = row.trials + 1, row.hit + bool(case["failed"])
         row.silent += case["status"] == 0 and case["sums"] != intact

@@ -1,15 +1,18 @@
 """Runs the command line again and again, each time with another failing system call.
 
-    LD_PRELOAD=shim.so python driver.py FOLDER KIND ERROR START STEP -- ARGUMENTS
+    LD_PRELOAD=shim.so python driver.py FOLDER KIND ERROR START STEP [PREPARED] -- ARGUMENTS
 
 For each number START, START + STEP, ... the command runs in a child process, in a folder of its own
 in FOLDER, with the number-th call of that kind failing. It runs a second time without a fault. One
 line of JSON is printed for each number; the first number for which no call was left ends the loop.
+The folder begins as a copy of PREPARED, and replaces the word HERE in the arguments; without
+it, "-o" and the folder are added to them.
 """
 
 import ctypes
 import json
 import os
+import shutil
 import sys
 import traceback
 from pathlib import Path
@@ -34,7 +37,8 @@ def command(arguments: list[str], folder: Path, arm: tuple[int, int, int, str], 
         for stream in (1, 2):
             handle = os.open(f"{log}.{stream}", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
             os.dup2(handle, stream)
-        sys.argv = ["faultgen", *arguments, "-o", str(folder)]
+        own = [one.replace("HERE", str(folder)) for one in arguments]
+        sys.argv = ["faultgen", *own, *([] if own != arguments else ["-o", str(folder)])]
         shim = ctypes.CDLL(None)
         if arm[0]:
             shim.fault_arm(*arm[:3], os.fsencode(arm[3]))
@@ -54,12 +58,15 @@ def command(arguments: list[str], folder: Path, arm: tuple[int, int, int, str], 
 
 def main() -> None:
     """See the docstring of the module."""
-    where, kind, error, start, step = sys.argv[1:6]
-    arguments = sys.argv[7:]
+    end = sys.argv.index("--")
+    where, kind, error, start, step, *prepared = sys.argv[1:end]
+    arguments = sys.argv[end + 1 :]
     number = int(start)
     while True:
         folder = Path(where) / f"{kind}{number}"
         log = Path(where) / f"{kind}{number}.log"
+        if prepared:
+            shutil.copytree(prepared[0], folder)
         told = {"number": number, "folder": str(folder)}
         arm = (KINDS.index(kind), number, int(error), f"{folder}/")
         told["status"] = command(arguments, folder, arm, log)
