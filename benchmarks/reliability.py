@@ -257,7 +257,7 @@ def others(
     """Let one system call of other commands after another fail, on a dataset that is there."""
     with tempfile.TemporaryDirectory() as place:
         dataset = Path(place) / "dataset"
-        experiment = {**EXPERIMENT, "axis": 1, "sensors": "none", "signals": "all"}
+        experiment = {**EXPERIMENT, "axis": 1, "cycles": 8, "sensors": "none", "signals": "all"}
         generate(make_experiment(experiment), dataset, progress=False)
         rows = []
         for name, arguments in OTHERS.items():

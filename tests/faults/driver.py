@@ -65,7 +65,9 @@ def main() -> None:
     while True:
         folder = Path(where) / f"{kind}{number}"
         log = Path(where) / f"{kind}{number}.log"
-        if prepared:
+        if prepared:  # the same folder again, because reports name it
+            folder = Path(where) / kind
+            shutil.rmtree(folder, ignore_errors=True)
             shutil.copytree(prepared[0], folder)
         told = {"number": number, "folder": str(folder)}
         arm = (KINDS.index(kind), number, int(error), f"{folder}/")
