@@ -283,7 +283,7 @@ def test_runs_of_another_version_are_refused_or_made_again(experiment, dataset, 
     lost, kept = open_dataset(dataset).runs
     lost.path.unlink()
     monkeypatch.setattr(sweep, "run_provenance", lambda: other)
-    monkeypatch.setattr("faultgen.dataset.run.run_provenance", lambda: other)
+    monkeypatch.setattr("faultgen.dataset.making.run_provenance", lambda: other)
     with pytest.raises(InputError, match=f"1 of 2 runs, such as {kept.id}, were made by faultgen"):
         generate(experiment, dataset, progress=False)
     assert not lost.path.is_file()

@@ -110,7 +110,7 @@ def test_failed_runs_join_the_others_later(experiment, kept, tmp_path, monkeypat
     """Only the missing run is made, and the runs that were already merged are kept."""
     real, calls = making.make_run, []
 
-    def fragile(run, folder, on_cycle, stepped):
+    def fragile(run, folder, on_cycle, stepped, made_by):
         calls.append(run.id)
         return (run, "broken") if run.axes == (1,) else real(run, folder, on_cycle)
 

@@ -19,7 +19,7 @@ from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.manifest import Manifest
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.splits import make_splits
-from faultgen.dataset.sweep import generate
+from faultgen.dataset.sweep import generate, merge_parts
 from faultgen.errors import InputError
 
 
@@ -338,11 +338,13 @@ def test_the_card_of_paired_data_warns(tiny_robot_path, tiny_task_path, tmp_path
     assert set(contents(tmp_path)) >= {"DATACARD.md", "dataset.h5", "runs.json"}
 
 
-def test_the_examples_of_the_page_run(made, monkeypatch):
+def test_the_examples_of_the_page_run(experiment, made, monkeypatch):
     """The Python code of docs/datasets.md, as it stands; PyTorch is checked by its arrays."""
     page = (Path(__file__).parents[1] / "docs" / "datasets.md").read_text()
     blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     monkeypatch.chdir(made.parent)
+    generate(experiment, "campaign", part=(1, 1), keep="merged", progress=False)
+    merge_parts("campaign", progress=False)
     names = {}
     for code in blocks:
         if "import torch" not in code:
