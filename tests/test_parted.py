@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from conftest import contents, faultgen
 
+import faultgen.dataset.making as making
 import faultgen.dataset.parts as parts_module
 from faultgen import open_parts
 from faultgen.dataset.experiment import make_experiment
@@ -172,3 +173,20 @@ def test_the_commands(experiment, parted, tiny_robot_path, tiny_task_path, tmp_p
         done = faultgen("generate", *words, part, "-o", "new", cwd=tmp_path)
         assert done.returncode == 0, done.stderr
     assert faultgen("merge", "new", cwd=tmp_path).stdout.startswith("new: 4 runs")
+
+
+@pytest.mark.parametrize("broken", [1, 2])
+def test_parts_whose_runs_failed(experiment, tmp_path, monkeypatch, broken):
+    """A part without a run is merged with the others; without any run, there is no table."""
+    monkeypatch.setattr(making, "make_run", lambda run, *others: (run, "broken"))
+    for number in (1, 2):
+        if number > broken:
+            monkeypatch.undo()
+        generate(experiment, tmp_path, part=(number, 2), keep="merged", progress=False)
+    if broken == 2:
+        with pytest.raises(InputError, match="every run failed, such as .*: broken"):
+            merge_parts(tmp_path, progress=False)
+        return
+    for _ in range(2):
+        assert len(merge_parts(tmp_path, progress=False).failed) == 9
+    assert [part.runs for part in open_parts(tmp_path).parts] == [0, 12]

@@ -263,7 +263,9 @@ def generate(
                 )
         chosen = make_experiment(given)
     if dry_run:
-        _dry_run(chosen, worker_count(workers), as_json, part_of(part) if keep != "all" else None)
+        _dry_run(
+            chosen, worker_count(workers), as_json, part_of(part) if keep == "merged" else None
+        )
         return
     summary = run_generate(
         chosen,

@@ -23,7 +23,7 @@ def info(folder: Folder, as_json: Json = False) -> None:
     made by different versions of faultgen.
     """
     from faultgen.dataset.interpolation_error import interpolation_error
-    from faultgen.dataset.manifest import FILE, is_fleet, part_names
+    from faultgen.dataset.manifest import is_fleet, is_in_parts
     from faultgen.dataset.merged_file import MERGED
     from faultgen.dataset.reader import open_dataset
     from faultgen.simulation.operation import Operation
@@ -31,7 +31,7 @@ def info(folder: Folder, as_json: Json = False) -> None:
     if is_fleet(folder):
         _fleet_info(folder, as_json)
         return
-    if part_names(folder) and not (folder / FILE).exists():
+    if is_in_parts(folder):
         from faultgen.cli.info_parts import parts_info
 
         parts_info(folder, as_json)

@@ -20,10 +20,11 @@ def parts_info(folder: Path, as_json: bool) -> None:
         as_json: Whether to print JSON.
     """
     from faultgen.dataset.parted import PARTS_INDEX, open_parts
-    from faultgen.dataset.parts import lacking_parts, planned_parts
+    from faultgen.dataset.parts import planned_parts
 
-    count, lacking = len(planned_parts(folder)), lacking_parts(folder)
-    told: dict[str, Any] = {"folder": str(folder), "parts": count, "missing": lacking}
+    planned = planned_parts(folder)
+    lacking = [name for name, is_there in planned.items() if not is_there]
+    told: dict[str, Any] = {"folder": str(folder), "parts": len(planned), "missing": lacking}
     rows: list[dict[str, Any]] = []
     if (folder / PARTS_INDEX).is_file():
         parts = open_parts(folder)

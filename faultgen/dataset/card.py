@@ -103,6 +103,8 @@ def _operations(table: pd.DataFrame) -> list[str]:
 
 def _interpolation(table: pd.DataFrame) -> list[str]:
     """What is to be said about interpolated cycles."""
+    if not len(table):
+        return []
     own = table[table["fidelity"] == "interpolated"]
     if own.empty:
         return []

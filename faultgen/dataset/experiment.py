@@ -117,6 +117,7 @@ MOST_RUNS = 100_000
 """Largest number of runs that a dataset may have; a larger one is made in parts."""
 
 MOST_REPETITIONS = 1_000_000_000
+"""Largest number of repetitions of all parts of a dataset together."""
 
 LARGEST_SEED = 2**63 - 1
 """Largest seed that run files can store."""
@@ -136,6 +137,20 @@ def check_seed(seed: int, repetitions: int = 1) -> None:
         raise InputError(f"seed: must be at least 0, not {seed}")
     if seed + repetitions - 1 > LARGEST_SEED:
         raise InputError(f"seed: must be at most {LARGEST_SEED + 1 - repetitions}, not {seed}")
+
+
+def check_part(number: int, count: int) -> None:
+    """Refuse a part that cannot be.
+
+    Args:
+        number: Number of the part, from 1.
+        count: Number of all parts.
+
+    Raises:
+        InputError: There is no such part.
+    """
+    if not 1 <= number <= count:
+        raise InputError(f"part: must be K/N with K from 1 to N, not {number}/{count}")
 
 
 Numbers = dict[str, int | float | str]
@@ -284,8 +299,7 @@ class Experiment(BaseModel):
         if self.part is None:
             return
         number, count = self.part
-        if not 1 <= number <= count:
-            raise InputError(f"part: must be K/N with K from 1 to N, not {number}/{count}")
+        check_part(number, count)
         if count > self.repetitions:
             raise InputError(
                 f"part: {count} parts need at least {count} repetitions, because each part has "

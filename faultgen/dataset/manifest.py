@@ -69,6 +69,15 @@ def part_names(folder: Path) -> list[str]:
     return sorted(one.name for one in folder.glob("part-*-of-*") if _PART.fullmatch(one.name))
 
 
+def is_in_parts(folder: Path) -> bool:
+    """Whether a folder is that of a dataset in parts.
+
+    Args:
+        folder: The folder, which need not exist.
+    """
+    return not (folder / FILE).exists() and bool(part_names(folder))
+
+
 def refuse_data(folder: Path) -> None:
     """Refuse a folder for results that holds a dataset or a fleet.
 

@@ -7,6 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import h5py
+import numpy as np
 
 from faultgen.errors import InputError, StorageFailed
 from faultgen.provenance import Provenance
@@ -38,6 +39,20 @@ def only_in(merged: Path, *, whatever_it_says: bool = False) -> set[str]:
     return set()
 
 
+def values_of(stored: h5py.Dataset) -> np.ndarray:
+    """Read an array of numbers or texts.
+
+    Args:
+        stored: The array.
+
+    Returns:
+        Its values; texts as objects of type str.
+    """
+    is_text = h5py.check_string_dtype(stored.dtype) is not None
+    values: np.ndarray = stored.asstr()[()] if is_text else stored[()]
+    return values
+
+
 def index_column(merged: h5py.File, name: str) -> dict[str, str]:
     """Return a column of texts of the table of runs.
 
@@ -46,9 +61,11 @@ def index_column(merged: h5py.File, name: str) -> dict[str, str]:
         name: Name of the column.
 
     Returns:
-        The texts by id of the run.
+        The texts by id of the run; nothing if every run failed, which leaves the table empty.
     """
-    ids, texts = (merged[f"index/{column}"].asstr()[()].tolist() for column in ("run", name))
+    if "index/run" not in merged:
+        return {}
+    ids, texts = (values_of(merged[f"index/{column}"]).tolist() for column in ("run", name))
     return dict(zip(ids, texts, strict=True))
 
 

@@ -22,7 +22,7 @@ import h5py
 import numpy as np
 
 from faultgen.dataset.manifest import check_layout, part_names
-from faultgen.dataset.merged_file import MERGED
+from faultgen.dataset.merged_file import MERGED, values_of
 from faultgen.dataset.reader import Dataset, StoredRun, open_dataset
 from faultgen.errors import InputError
 from faultgen.system.arrays import plain_value
@@ -52,6 +52,24 @@ class Part:
     """Size of its file."""
     sha256: str
     """Checksum of its file."""
+
+    def change(self, folder: Path) -> str | None:
+        """Compare the size and the stored checksum of the part's file with the table.
+
+        Args:
+            folder: The folder of the dataset.
+
+        Returns:
+            What is wrong, or None if they are the same. The file is not read.
+        """
+        path = folder / self.name / MERGED
+        try:
+            found = path.stat().st_size, checksum_path(path).read_text("ascii").strip()
+        except (OSError, UnicodeDecodeError):
+            return f"has no {MERGED} with its checksum; make the part again, or copy it there"
+        if found != (self.bytes, self.sha256):
+            return "has changed; run 'faultgen merge' on the folder above it"
+        return None
 
 
 @dataclass(frozen=True)
@@ -87,7 +105,7 @@ class PartedDataset:
         if not 1 <= number <= len(self):
             raise InputError(f"{self.path}: has parts 1 to {len(self)}, not {number}")
         part = self.parts[number - 1]
-        reason = self._change(part)
+        reason = part.change(self.path)
         if reason is not None:
             raise InputError(f"{self.path / part.name}: {reason}")
         return open_dataset(self.path / part.name)
@@ -120,7 +138,7 @@ class PartedDataset:
         Returns:
             Reasons by name of the part.
         """
-        reasons = {part.name: self._change(part) for part in self.parts}
+        reasons = {part.name: part.change(self.path) for part in self.parts}
         return {name: reason for name, reason in reasons.items() if reason is not None}
 
     @cached_property
@@ -139,8 +157,9 @@ class PartedDataset:
                 if name == "run":
                     columns[name] = values.astype(str)
                 elif name in file["categories"]:
-                    known = file["categories"][name].asstr()[()]
-                    columns[name] = pd.Categorical.from_codes(values, known)
+                    columns[name] = pd.Categorical.from_codes(
+                        values, values_of(file["categories"][name])
+                    )
                 else:
                     columns[name] = values
             order = [str(name) for name in file["index"].attrs["columns"]]
@@ -150,17 +169,6 @@ class PartedDataset:
         with open_verified(self.path / PARTS_INDEX) as file:
             values: np.ndarray = file[f"index/{name}"][()]
             return values
-
-    def _change(self, part: Part) -> str | None:
-        path = self.path / part.name / MERGED
-        try:
-            same = (path.stat().st_size, checksum_path(path).read_text("ascii").strip()) == (
-                part.bytes,
-                part.sha256,
-            )
-        except (OSError, UnicodeDecodeError):
-            return f"has no {MERGED} with its checksum; make the part again, or copy it there"
-        return None if same else "has changed; run 'faultgen merge' on the folder above it"
 
 
 def open_parts(folder: str | Path) -> PartedDataset:
@@ -191,9 +199,5 @@ def open_parts(folder: str | Path) -> PartedDataset:
 
 
 def _parts_of(file: h5py.File) -> tuple[Part, ...]:
-    columns = []
-    for field in fields(Part):
-        stored = file[f"parts/{field.name}"]
-        text = h5py.check_string_dtype(stored.dtype) is not None
-        columns.append((stored.asstr()[()] if text else stored[()]).tolist())
+    columns = [values_of(file[f"parts/{field.name}"]).tolist() for field in fields(Part)]
     return tuple(Part(*row) for row in zip(*columns, strict=True))

@@ -22,13 +22,13 @@ import pandas as pd
 
 from faultgen.dataset.experiment import Experiment, make_experiment, to_toml
 from faultgen.dataset.manifest import EXPERIMENT, FILE, SCHEMA_VERSION, part_names
-from faultgen.dataset.merged_file import MERGED
+from faultgen.dataset.merged_file import MERGED, values_of
 from faultgen.dataset.parted import PARTS_INDEX, Part, open_parts
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.tables import INDEX
 from faultgen.errors import InputError
 from faultgen.system.files import (
-    checksum_path,
+    READERS,
     named_failures,
     publish,
     temporary_name,
@@ -38,10 +38,9 @@ from faultgen.system.files import (
 from faultgen.system.hdf5 import new_hdf5, open_verified
 from faultgen.system.progress import follow
 
-_READERS = 8  # files that are read at a time
 _COMPRESSED = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
 _COLUMNS = {**INDEX, "part": ("1", "number of the part that holds the run, from 1")}
-_FILES = ("robot", "model_sha256", "task", "task_sha256", "sensors", "sensors_sha256")
+_FILES = ("model_sha256", "task_sha256", "sensors_sha256")
 
 
 def part_of(experiment: Experiment, part: tuple[int, int]) -> Experiment:
@@ -103,23 +102,15 @@ def keep_whole(experiment: Experiment, own: Path) -> None:
     write_text(written, text)
 
 
-def planned_parts(folder: Path) -> list[str]:
-    """Names of the folders that all parts of a dataset should have.
-
-    Args:
-        folder: The folder of the dataset, which has at least one of them.
-    """
-    count = int(part_names(folder)[0].rpartition("-")[2])
-    return [part_at(folder, (number, count)).name for number in range(1, count + 1)]
-
-
-def lacking_parts(folder: Path) -> list[str]:
-    """Names of the parts of a dataset that do not exist or have no file of all their runs yet.
+def planned_parts(folder: Path) -> dict[str, bool]:
+    """Names of all parts that a dataset should have, and whether each has its file of all runs.
 
     Args:
         folder: The folder of the dataset, which has at least one part.
     """
-    return [name for name in planned_parts(folder) if not (folder / name / MERGED).is_file()]
+    count = int(part_names(folder)[0].rpartition("-")[2])
+    places = [part_at(folder, (number, count)) for number in range(1, count + 1)]
+    return {place.name: (place / MERGED).is_file() for place in places}
 
 
 def merge_index(folder: Path, *, progress: bool = True) -> tuple[int, dict[str, str]]:
@@ -139,16 +130,16 @@ def merge_index(folder: Path, *, progress: bool = True) -> tuple[int, dict[str, 
         StorageFailed: The table cannot be written.
     """
     expected = planned_parts(folder)
-    lacking = lacking_parts(folder)
+    lacking = [name for name, is_there in expected.items() if not is_there]
     if lacking:
-        number = expected.index(lacking[0]) + 1
+        number = list(expected).index(lacking[0]) + 1
         raise InputError(
             f"{folder}: {len(lacking)} of {len(expected)} parts are missing or unfinished, such as "
             f"{lacking[0]}; make them with 'faultgen generate --keep merged --part "
             f"{number}/{len(expected)}' and so on"
         )
     known = _known(folder)
-    with ThreadPoolExecutor(_READERS) as pool:  # a disk answers many questions at once
+    with ThreadPoolExecutor(READERS) as pool:
         reading = pool.map(lambda name: _read(folder, name, known), expected)
         read = list(follow(reading, "reading", len(expected), "part", progress))
     for one in read[1:]:
@@ -157,9 +148,14 @@ def merge_index(folder: Path, *, progress: bool = True) -> tuple[int, dict[str, 
                 f"{folder / one.part.name}: was made from another robot, task or sensors file than "
                 f"{read[0].part.name}; make one of them again in an empty folder"
             )
-    _write(folder, read)
     failed = {run_id: reason for one in read for run_id, reason in one.failed.items()}
-    return sum(one.part.runs for one in read), failed
+    runs = sum(one.part.runs for one in read)
+    if not runs:
+        raise InputError(
+            f"{folder}: every run failed, such as {': '.join(next(iter(failed.items())))}"
+        )
+    _write(folder, read)
+    return runs, failed
 
 
 @dataclass(frozen=True)
@@ -188,12 +184,9 @@ def _known(folder: Path) -> dict[str, tuple[Part, pd.DataFrame]]:
 def _read(folder: Path, name: str, known: dict[str, tuple[Part, pd.DataFrame]]) -> _Read:
     path = folder / name / MERGED
     dataset = open_dataset(folder / name)
-    made_from = {
-        tuple(Path(str(run.get(key, ""))).stem for key in _FILES)
-        for run in dataset.planned.values()
-    }
+    made_from = {tuple(run.get(key, "") for key in _FILES) for run in dataset.planned.values()}
     part, table = known.get(name, (None, pd.DataFrame()))
-    if part is not None and _is_unchanged(path, part):
+    if part is not None and part.change(folder) is None:
         return _Read(part, table, dataset.failed if part.failed else {}, made_from)
     checksum, failed = verify(path), dataset.failed
     with open_verified(path) as file:
@@ -206,30 +199,17 @@ def _read(folder: Path, name: str, known: dict[str, tuple[Part, pd.DataFrame]]) 
     return _Read(part, table, failed, made_from)
 
 
-def _is_unchanged(path: Path, part: Part) -> bool:
-    with suppress(OSError, UnicodeDecodeError):
-        same = checksum_path(path).read_text("ascii").strip() == part.sha256
-        return same and path.stat().st_size == part.bytes
-    return False
-
-
 def _table_of(file: h5py.File) -> pd.DataFrame:
     """The table of runs of a part, without the checksums of files that no longer exist."""
-    columns = {}
-    for name, stored in file["index"].items():
-        if name not in ("file_sha256", "run_number"):
-            text = h5py.check_string_dtype(stored.dtype) is not None
-            columns[name] = stored.asstr()[()] if text else stored[()]
-    order = [name for name in INDEX if name in columns]
-    return pd.DataFrame({name: columns[name] for name in [*order, *(columns.keys() - {*order})]})
+    names = [name for name in file["index"] if name not in ("file_sha256", "run_number")]
+    return pd.DataFrame({name: values_of(file["index"][name]) for name in names})
 
 
 def _write(folder: Path, read: list[_Read]) -> None:
     path = folder / PARTS_INDEX
     frames = [one.table.assign(part=np.int32(k)) for k, one in enumerate(read, start=1)]
-    table = pd.concat([frame for frame in frames if len(frame)] or frames, ignore_index=True)
-    first = [name for name in ("run", "part") if name in table]
-    table = table[[*first, *sorted(table.columns.difference(first), key=_place)]]
+    table = pd.concat([frame for frame in frames if len(frame)], ignore_index=True)
+    table = table[sorted(table.columns, key=_place)]
     with new_hdf5(path) as (file, sink):
         file.attrs["schema_version"] = SCHEMA_VERSION
         file.attrs["n_runs"] = len(table)
@@ -259,5 +239,5 @@ def _write(folder: Path, read: list[_Read]) -> None:
 
 def _place(column: str) -> tuple[int, str]:
     """Where a column of the table goes: those of `INDEX` first, then the divisions."""
-    order = list(INDEX)
+    order = ["run", "part", *INDEX]
     return (order.index(column) if column in order else len(order), column)

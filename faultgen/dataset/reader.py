@@ -18,7 +18,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -34,6 +33,7 @@ from faultgen.dataset.manifest import (
     FILE,
     Manifest,
     check_layout,
+    is_in_parts,
     part_names,
 )
 from faultgen.dataset.merged_file import MERGED, made_by_of, only_in
@@ -41,15 +41,12 @@ from faultgen.dataset.splits import SCHEMES, TEST, TRAIN, UNUSED
 from faultgen.errors import InputError
 from faultgen.provenance import Provenance
 from faultgen.system.arrays import plain_value
-from faultgen.system.files import damage, file_sha256, verify
+from faultgen.system.files import damages, file_sha256, verify
 from faultgen.system.hdf5 import open_verified
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
-
-_READERS = 8  # threads that read files at a time
-_BATCH = 100  # files that a thread reads one after another
 
 
 @dataclass(frozen=True)
@@ -223,7 +220,7 @@ class Dataset:
             return [StoredRun(i, self.file, f"runs/{i}") for i in held]
         every = {i: StoredRun(i, self.path / "runs" / f"{i}.h5") for i in self.planned}
         folder = self.path / "runs"  # listed at once: to ask for each file would take longer
-        there = {one.name for one in os.scandir(folder)} if folder.is_dir() else set()
+        there = set(os.listdir(folder)) if folder.is_dir() else set()
         lost = {i for i in every if f"{i}.h5" not in there}
         merged_path = self.path / MERGED
         merged_only = only_in(merged_path) if lost else set()
@@ -268,11 +265,9 @@ class Dataset:
         merged = self.path / MERGED if self.file is None else self.file
         files = [merged] if merged.is_file() else []  # the largest one first
         files += [run.path for run in self.runs if run.own_file]
-        reasons: dict[str, str | None] = {}
-        with ThreadPoolExecutor(_READERS) as pool:  # a disk answers many questions at once
-            # some hundred files at a time: to hand over each one would take longer than to read it
-            for some in pool.map(_damage_of, _batched(files)):
-                reasons |= {str(path.relative_to(self.path)): told for path, told in some.items()}
+        reasons: dict[str, str | None] = {
+            str(path.relative_to(self.path)): reason for path, reason in damages(files).items()
+        }
         if self.file is None:
             reasons[EXPERIMENT] = self._experiment_damage()
             reasons |= self._input_damage()
@@ -416,19 +411,6 @@ class Dataset:
         write_parquet(self.to_dataframe(), Path(path))
 
 
-def _damage_of(files: Sequence[Path]) -> dict[Path, str]:
-    """What is wrong with each damaged file."""
-    found = {path: damage(path) for path in files}
-    return {path: reason for path, reason in found.items() if reason is not None}
-
-
-def _batched(files: list[Path]) -> Iterator[list[Path]]:
-    """The first file alone, and the others in batches."""
-    yield files[:1]
-    for start in range(1, len(files), _BATCH):
-        yield files[start : start + _BATCH]
-
-
 def _reason(note: Path) -> str:
     """Why a run failed, from the note beside it."""
     try:
@@ -455,11 +437,10 @@ def open_dataset(folder: str | Path) -> Dataset:
     path = Path(folder)
     if not path.exists():
         raise InputError(f"{path}: no such file or folder; make a dataset with 'faultgen generate'")
-    parts = part_names(path)
-    if parts and not (path / FILE).exists():
+    if is_in_parts(path):
         raise InputError(
-            f"{path}: is a dataset in parts; give one of them, such as {path / parts[0]}, or read "
-            "all of them with faultgen.open_parts"
+            f"{path}: is a dataset in parts; give one of them, such as "
+            f"{path / part_names(path)[0]}, or read all of them with faultgen.open_parts"
         )
     # a folder with nothing else; one with run files has lost its list
     if not any((path / name).exists() for name in (FILE, "runs")) and (path / MERGED).is_file():

@@ -17,7 +17,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 from joblib import delayed
 
-from faultgen.dataset.experiment import Experiment, load_experiment, to_toml
+from faultgen.dataset.experiment import Experiment, check_part, load_experiment, to_toml
 from faultgen.dataset.inputs import INPUTS, keep_inputs
 from faultgen.dataset.making import clear_temporary, made, on_device
 from faultgen.dataset.manifest import EXPERIMENT, FLEET, Manifest, OtherLayout, part_names
@@ -103,8 +103,8 @@ def generate(
         experiment = load_experiment(experiment)
     check_workers(workers)
     _check_keep(keep)
-    if part is not None and not 1 <= part[0] <= part[1]:
-        raise InputError(f"part: must be K/N with K from 1 to N, not {part[0]}/{part[1]}")
+    if part is not None:
+        check_part(*part)
     if device is not None and scheduler is not None:
         raise InputError("device: cannot be combined with a scheduler; give one of them")
     folder, whole = Path(out), experiment
