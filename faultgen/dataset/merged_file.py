@@ -46,7 +46,7 @@ def values_of(stored: h5py.Dataset) -> np.ndarray:
         stored: The array.
 
     Returns:
-        Its values; texts as objects of type str.
+        Its values, of the same shape; texts as objects of type str.
     """
     is_text = h5py.check_string_dtype(stored.dtype) is not None
     values: np.ndarray = stored.asstr()[()] if is_text else stored[()]
