@@ -1,5 +1,6 @@
 """Datasets as tables for scikit-learn, pandas, xarray and Parquet."""
 
+import itertools
 import json
 import re
 import shutil
@@ -16,11 +17,14 @@ from sklearn.ensemble import RandomForestClassifier
 from sklearn.model_selection import GroupKFold, cross_val_score
 
 from faultgen.dataset.experiment import make_experiment
+from faultgen.dataset.labels import features_and_labels
 from faultgen.dataset.manifest import Manifest
 from faultgen.dataset.reader import open_dataset
-from faultgen.dataset.splits import make_splits
+from faultgen.dataset.splits import PARTS, make_splits
 from faultgen.dataset.sweep import generate, merge_parts
 from faultgen.errors import InputError
+from faultgen.evaluation.benchmark import RandomForest
+from faultgen.evaluation.isolate import isolate
 
 
 @pytest.fixture(scope="module")
@@ -102,8 +106,10 @@ def test_a_classifier_learns_from_the_training_runs(made):
     dataset = open_dataset(made)
     x, y, groups = dataset.to_xy(["mean_abs_torque"], split="train", label="axis")
     x_test, y_test, groups_test = dataset.to_xy(["mean_abs_torque"], split="test", label="axis")
-    assert not set(groups) & set(groups_test)
-    assert len(x) + len(x_test) == 60 and list(x) == ["mean_abs_torque_1", "mean_abs_torque_2"]
+    x_chosen, y_chosen, groups_chosen = dataset.to_xy(split="validation", label="axis")
+    assert not set(groups) & set(groups_test) and not set(groups_chosen) & {*groups, *groups_test}
+    assert len(x) + len(x_chosen) + len(x_test) == 60 and set(y_chosen) == {0, 1, 2}
+    assert list(x) == ["mean_abs_torque_1", "mean_abs_torque_2"]
     forest = RandomForestClassifier(random_state=0).fit(x, y)
     assert set(y_test) == {0, 1, 2} and forest.score(x_test, y_test) > 0.6
     assert len(cross_val_score(forest, x, y, groups=groups, cv=GroupKFold(3))) == 3
@@ -114,7 +120,7 @@ def test_labels_say_what_is_worn_in_each_cycle(made):
     dataset = open_dataset(made)
     told = {name: dataset.to_xy(label=name)[1] for name in ("axis", "effect", "worn", "severity")}
     assert 0 < told["worn"].sum() < 40
-    np.testing.assert_array_equal(told["worn"], told["severity"] > 0)
+    np.testing.assert_array_equal(told["worn"], told["severity"] >= 0.01)
     np.testing.assert_array_equal(told["axis"] > 0, told["worn"])
     np.testing.assert_array_equal(told["effect"] == "healthy", ~told["worn"])
     frame = dataset.to_dataframe()
@@ -122,12 +128,95 @@ def test_labels_say_what_is_worn_in_each_cycle(made):
     np.testing.assert_array_equal(beside, frame["fault_severity_backlash_2"])
 
 
+def table(**runs):
+    """A table of cycles: severities of each run, its effect and its unit."""
+    rows = []
+    for name, (effect, units, severity) in runs.items():
+        row = {"run": name, "effect": effect, "severity_units": units, "seed": 1, "axis": 2}
+        row["axis"] *= effect != "healthy"
+        rows += [row | {"cycle": k, "severity": s, "x": s} for k, s in enumerate(severity, start=1)]
+    frame = pd.DataFrame(rows)
+    frame.attrs |= {"features": ["x"], "units": {"x": "1"}}
+    return frame
+
+
+WORN = ("friction_wear", "1", [0.0, 0.00002, 0.0099, 0.01, 0.2])
+PLAY = ("backlash", "rad", [0.0, 0.000019, 0.00002, 0.0001, 0.0004])
+HEALTHY = ("healthy", "1", [0.0, 0.0, 0.0])
+
+
+def labels(frame, label, **severities):
+    return features_and_labels(frame, None, label, **severities)[1].tolist()
+
+
+def test_a_trace_of_wear_does_not_count_as_worn():
+    """From 1 % of a nominal value, or 5 % of the run's largest severity if it has a unit."""
+    frame = table(a=WORN, b=PLAY, c=HEALTHY)
+    worn = [False, False, False, True, True, False, False, True, True, True, False, False, False]
+    assert labels(frame, "worn") == worn
+    assert labels(frame, "axis") == [2 * one for one in worn]
+    effects = np.where(worn, frame["effect"], "healthy").tolist()
+    assert labels(frame, "effect") == effects
+    assert labels(frame, "severity") == frame["severity"].tolist()
+
+
+def test_the_smallest_severity_can_be_chosen():
+    """As one number, as one for each effect, or 0, with which any severity counts."""
+    alone = table(a=WORN, c=HEALTHY)
+    assert labels(alone, "worn", smallest_severity=0.1) == [False] * 4 + [True] + [False] * 3
+    assert sum(labels(alone, "worn", smallest_severity=0)) == 4
+    both = table(a=WORN, b=PLAY, c=HEALTHY)
+    chosen = labels(both, "worn", smallest_severity={"backlash": 0.0004})
+    assert chosen == [False] * 3 + [True] * 2 + [False] * 4 + [True] + [False] * 3
+    with pytest.raises(InputError, match="have the units 1, rad; give a value for each effect"):
+        labels(both, "worn", smallest_severity=0.1)
+
+
+def test_the_remaining_life_counts_the_cycles_until_failure():
+    """Until the stated severity or the last cycle; censored where nothing fails."""
+    frame = table(a=WORN, b=PLAY, c=HEALTHY)
+    assert labels(frame, "remaining_cycles") == [4, 3, 2, 1, 0, 4, 3, 2, 1, 0, 2, 1, 0]
+    nan = [np.nan] * 3
+    ends = [4, 3, 2, 1, 0, 4, 3, 2, 1, 0, *nan]
+    np.testing.assert_array_equal(labels(frame, "remaining_life"), ends)
+    at = {"friction_wear": 0.01, "backlash": 0.001}
+    chosen = labels(frame, "remaining_life", failure_severity=at)
+    np.testing.assert_array_equal(chosen, [3, 2, 1, 0, 0, *[np.nan] * 5, *nan])
+
+
+def test_the_labels_of_a_dataset_take_the_stated_severities(made):
+    """The schedule rises from 0 to 1 in five cycles; healthy runs are censored."""
+    dataset = open_dataset(made)
+    frame = dataset.to_dataframe()
+    chosen = dataset.to_xy(label="worn", smallest_severity=0.6)[1]
+    np.testing.assert_array_equal(chosen, frame["severity"] >= 0.6)
+    assert 0 < chosen.sum() < dataset.to_xy(label="worn")[1].sum()
+    life = dataset.to_xy(label="remaining_life", failure_severity=0.6)[1]
+    np.testing.assert_array_equal(np.isnan(life), frame["axis"] == 0)
+    fails = frame.loc[frame["severity"] >= 0.6, "cycle"].min()
+    faulty = frame["axis"] > 0
+    np.testing.assert_array_equal(life[faulty], (fails - frame.loc[faulty, "cycle"]).clip(lower=0))
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ({"features": ["torque"]}, "features: .* has no 'torque': choose angle_histogram"),
         ({"label": "colour"}, "label: there is no 'colour': choose worn, axis, effect"),
-        ({"split": "half"}, "split: must be 'train' or 'test', not 'half'"),
+        ({"split": "half"}, "split: must be 'train', 'validation' or 'test', not 'half'"),
+        ({"smallest_severity": -1}, "smallest_severity: must be a number of at least 0, not -1"),
+        (
+            {"smallest_severity": {"backlash": 1}},
+            "smallest_severity: no run has the effect 'backlash', only friction_wear",
+        ),
+        (
+            {"label": "severity", "smallest_severity": 0.1},
+            "smallest_severity: the label 'severity' does not use it, only worn, axis, effect",
+        ),
+        (
+            {"failure_severity": 0.1},
+            "failure_severity: the label 'axis' does not use it, only remaining_life",
+        ),
         ({"split": "train", "by": "window"}, "no division by 'window': choose run, axis"),
         ({"split": "train", "by": "task"}, "has no division by task, .* it has: run, axis"),
     ],
@@ -169,17 +258,54 @@ def test_divisions_hold_apart_what_they_name(seed, paired):
     assert set(splits) == {"run", "axis", "robot", "task"}
     for scheme, parts in splits.items():
         assert sorted(sum(parts.values(), [])) == sorted(runs)
-        assert not values(runs, parts["train"], "seed") & values(runs, parts["test"], "seed")
-        if scheme in ("robot", "task"):
-            sides = [values(runs, parts[part], scheme) for part in ("train", "test")]
-            assert not sides[0] & sides[1]
+        for one, other in itertools.combinations(("train", "validation", "test"), 2):
+            assert not values(runs, parts[one], "seed") & values(runs, parts[other], "seed")
+        for part in ("train", "validation"):
+            if scheme in ("robot", "task"):
+                assert not values(runs, parts[part], scheme) & values(runs, parts["test"], scheme)
         assert bool(parts["unused"]) == (paired and scheme != "run")
     worn = [values(runs, splits["axis"][p], "axes") - {"[]"} for p in ("train", "test")]
     assert worn[0] and worn[1] and not worn[0] & worn[1]
     for name in ("axes", "robot", "task"):
-        sides = [values(runs, splits["run"][part], name) for part in ("train", "test")]
-        assert sides[0] == sides[1] == values(runs, runs, name)
+        for part in ("train", "validation", "test"):
+            assert values(runs, splits["run"][part], name) == values(runs, runs, name)
     assert 0.2 < len(splits["run"]["test"]) / len(runs) < 0.4
+    assert 0.15 < len(splits["run"]["validation"]) / len(runs) < 0.3
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_validation_runs_come_from_the_training_part(seed):
+    """It never has the last training run of a fault, and the test part stays what it was."""
+    assert make_splits(plan(seeds=2), seed)["run"]["validation"] == []
+    runs = plan(seeds=3)
+    parts = make_splits(runs, seed)["run"]
+    for part in ("train", "validation", "test"):
+        assert sorted(str(runs[i]["axes"]) for i in parts[part]) == ["[1]", "[2]", "[3]", "[]"]
+    runs = plan(seeds=40, axes=(1, 2))
+    for number, run in enumerate(runs.values()):
+        run["severity"] *= 1 + number  # no two runs alike
+    parts = make_splits(runs, seed)["run"]
+    assert values(runs, parts["validation"], "axes") == values(runs, runs, "axes")
+    assert 0.15 < len(parts["validation"]) / len(runs) < 0.3
+
+
+def test_a_stored_division_without_validation_goes_on_working(experiment, made, tmp_path):
+    """Datasets of older versions have two parts; a validation part is refused in one line."""
+    folder = Path(shutil.copytree(made, tmp_path / "out"))
+    manifest = Manifest.read(folder)
+    older = {
+        by: {"train": parts["train"] + parts["validation"], "test": parts["test"], "unused": []}
+        for by, parts in manifest.splits.items()
+    }
+    Manifest(manifest.runs, manifest.experiment_sha256, older).write(folder)
+    generate(experiment, folder, progress=False)
+    dataset = open_dataset(folder)
+    assert Manifest.read(folder).splits == older and not dataset.damaged()
+    assert len(dataset.to_xy(split="train")[0]) + len(dataset.to_xy(split="test")[0]) == 60
+    assert set(dataset.part_of("run").values()) == {"train", "test"}
+    with pytest.raises(InputError, match="its division by run has no validation runs"):
+        dataset.to_xy(split="validation")
+    assert isolate(dataset, methods=[RandomForest], progress=False).split == "run"
 
 
 def test_divisions_come_from_the_seed():
@@ -203,7 +329,7 @@ def test_divisions_are_stored_and_stay(experiment, made, tmp_path):
     manifest = Manifest.read(folder)
     assert manifest.splits == make_splits(manifest.runs, 3)
     swapped = {
-        by: {"train": parts["test"], "test": parts["train"], "unused": parts["unused"]}
+        by: {**parts, "train": parts["test"], "test": parts["train"]}
         for by, parts in manifest.splits.items()
     }
     Manifest(manifest.runs, manifest.experiment_sha256, swapped).write(folder)
@@ -314,7 +440,7 @@ def test_the_data_card_says_what_the_data_are(made):
     assert units["`/cycle/fault_severity/backlash`"] == "rad"
     parts = open_dataset(made).manifest.splits["run"]
     (told,) = (row for row in rows if row[:1] == ["`run`"])
-    assert told[2:] == [str(len(parts[part])) for part in ("train", "test", "unused")]
+    assert told[2:] == [str(len(parts[part])) for part in PARTS]
     assert "paired" not in card
     with h5py.File(made / "dataset.h5") as file:
         assert file["DATACARD.md"].asstr()[()] == card
@@ -349,7 +475,8 @@ def test_the_examples_of_the_page_run(experiment, made, monkeypatch):
     for code in blocks:
         if "import torch" not in code:
             exec(code, names)  # noqa: S102
-    assert len(names["X"]) + len(names["X_test"]) == 60 and len(names["cycles"]) == 60
+    rows = [names[part] for part in ("X", "X_validation", "X_test")]
+    assert sum(map(len, rows)) == 60 and len(names["cycles"]) == 60
     # what torch.tensor is given: numbers without nan, and whole numbers from 0
     assert names["X"].to_numpy().dtype == np.float64 and names["X"].notna().all(axis=None)
     assert names["y"].dtype.kind == "i" and names["y"].min() == 0

@@ -26,8 +26,8 @@ TESTS = Path(__file__).parent
 VALUES = TESTS.parents[1] / "shared" / "reference" / "values"
 RTE = json.loads((TESTS / "data" / "te_rtransferentropy.json").read_text())
 
-# An edge at the lowest value turns a series of 0 and 1 into the same symbols.
-AS_IS = [0.01]
+# The two values of a series of 0 and 1 are its symbols.
+AS_IS = 2
 
 
 def reference_series(name):
@@ -90,11 +90,87 @@ def test_symbols_are_type_8_quantile_bins():
                 np.testing.assert_array_equal(symbols, np.searchsorted(edges, x, side="left"))
 
 
-def test_symbols_are_right_closed_and_ties_share_one():
-    """A value on an edge belongs to the lower bin, and equal values are never separated."""
+def test_without_ties_a_value_on_an_edge_belongs_to_the_lower_bin():
+    """Symbols count the edges below a value, also if there are fewer values than bins."""
     np.testing.assert_array_equal(quantile_symbols([3, 1, 2], 2), [1, 0, 0])
-    np.testing.assert_array_equal(quantile_symbols([1, 2, 2, 2, 2, 3], 3), [0, 0, 0, 0, 0, 2])
+    np.testing.assert_array_equal(quantile_symbols([-3, -1, -2], 2), [0, 1, 0])
+    np.testing.assert_array_equal(quantile_symbols([3, 1, 2, 4], 8), [4, 0, 3, 6])
+
+
+def test_few_distinct_values_are_the_symbols():
+    """A series with at most as many distinct values as bins loses nothing."""
+    np.testing.assert_array_equal(quantile_symbols([1, 2, 2, 2, 2, 3], 3), [0, 1, 1, 1, 1, 2])
+    np.testing.assert_array_equal(quantile_symbols([7, 0.1, 7, -4], 10), [2, 1, 2, 0])
+    np.testing.assert_array_equal(quantile_symbols([0, 1, 1, 1, 1, 1], [0.1]), [0, 1, 1, 1, 1, 1])
     np.testing.assert_array_equal(quantile_symbols([5.0] * 9, 10), [0] * 9)
+
+
+def tied_series(rng):
+    """Endless series with ties: counts, rounded numbers, few values, short and long."""
+    while True:
+        n = int(rng.integers(4, 60))
+        kinds = (
+            rng.poisson(rng.uniform(0.1, 6), n),
+            np.round(rng.normal(size=n), 1),
+            rng.integers(0, rng.integers(1, 6), n),
+            np.r_[rng.normal(size=n - 1), 9, 9],
+            np.repeat(rng.normal(size=2), n),
+        )
+        x = np.asarray(kinds[rng.integers(len(kinds))], float)
+        if len(set(x)) < len(x):
+            yield x
+
+
+def test_ties_go_to_the_nearer_side_of_an_edge():
+    """In exact arithmetic: an edge within equal values moves to the nearer end of them."""
+    series = tied_series(np.random.default_rng(40))
+    halves = 0
+    for x, _ in zip(series, range(600), strict=False):
+        bins, n, ordered = 2 + len(x) % 5, len(x), sorted(x)
+        # ends[c]: number of values up to the c-th distinct one; no edge lies at 0 or n
+        ends = [c for c in range(1, n) if ordered[c - 1] < ordered[c]]
+        if len(ends) < bins:
+            expected = np.unique(x, return_inverse=True)[1]
+        else:
+            cuts = []
+            for k in range(1, bins):
+                # an edge of rank r leaves the values of ranks up to r - 1/2 below it
+                edge = Fraction(1, 3) + Fraction(k, bins) * (n + Fraction(1, 3)) - Fraction(1, 2)
+                distances = [abs(c - edge) for c in ends]
+                nearest = [c for c, d in zip(ends, distances, strict=True) if d == min(distances)]
+                if len(nearest) == 2:
+                    halves += 1
+                    within = ordered[nearest[0]]
+                    first = next(value for value in x if value != within)
+                    nearest = nearest[1:] if first < within else nearest[:1]
+                cuts.append(nearest[0])
+            expected = [sum(np.sum(x <= value) > c for c in cuts) for value in x]
+        np.testing.assert_array_equal(quantile_symbols(x, bins), expected)
+    assert halves > 20
+
+
+def test_ties_leave_no_series_without_information():
+    """A series that is not constant has at least two symbols, also with edges in the tails."""
+    for x, _ in zip(tied_series(np.random.default_rng(41)), range(500), strict=False):
+        for bins in (2, 3, 10, (0.05, 0.95), (0.01,)):
+            assert (len(set(quantile_symbols(x, bins))) > 1) == (len(set(x)) > 1)
+
+
+def test_negated_and_relabelled_ties_change_nothing():
+    """The same values stay together, and the transfer stays what it was but for rounding."""
+    rng = np.random.default_rng(42)
+    for x, _ in zip(tied_series(rng), range(100), strict=False):
+        other = np.unique(x, return_inverse=True)[1] ** 3 - 5.0
+        y = np.roll(x, 1)
+        for bins in (2, 3, 4, 10, (0.05, 0.95)):
+            symbols = quantile_symbols(x, bins)
+            order = np.argsort(x, kind="stable")
+            negated = quantile_symbols(-x, bins)[order]
+            np.testing.assert_array_equal(np.diff(symbols[order]) > 0, np.diff(negated) < 0)
+            np.testing.assert_array_equal(quantile_symbols(other, bins), symbols)
+            te = transfer_entropy(x, y, bins)
+            assert transfer_entropy(-x, -y, bins) == pytest.approx(te, abs=1e-12)
+            assert transfer_entropy(other, y, bins) == te
 
 
 def test_levels_make_the_bins_of_their_count():
@@ -205,6 +281,54 @@ def test_exclusive_or():
     source = np.random.default_rng(5).integers(0, 2, 20_000)
     target = np.concatenate([[0], np.cumsum(source)[:-1] % 2])
     assert transfer_entropy(source, target, AS_IS) == pytest.approx(1, abs=1e-3)
+
+
+@pytest.mark.parametrize("bins", [2, 3, 10])
+def test_a_coin_transfers_one_bit(bins):
+    """Whichever side is a little more frequent, in all functions."""
+    coin = np.random.default_rng(0).integers(0, 2, 5000).astype(float)
+    for x in (coin, 1 - coin, -coin):
+        y = np.roll(x, 1)
+        assert transfer_entropy(x, y, bins) == pytest.approx(1, abs=1e-3)
+        assert transfer_entropy(y, x, bins) == pytest.approx(0, abs=1e-3)
+        net = net_transfer_entropy(np.stack([x, y], axis=1), bins)
+        assert net[0, 1] == pytest.approx(1, abs=1e-3)
+        shuffled_too = effective_transfer_entropy(x, y, bins, rng=np.random.default_rng(1))
+        assert shuffled_too.value == pytest.approx(1, abs=2e-3)
+
+
+def test_a_markov_chain_transfers_its_entropy_rate():
+    """A copy one step later gets what the chain adds in each step, sum pi_i H(P_i)."""
+    steps = np.array([[0.9, 0.1, 0.0], [0.2, 0.5, 0.3], [0.0, 0.6, 0.4]])
+    # Detailed balance: pi_0 / 10 = pi_1 / 5 and 3 pi_1 / 10 = 6 pi_2 / 10.
+    frequency = np.array([4, 2, 1]) / 7
+    added = -np.sum(steps * np.log2(np.where(steps > 0, steps, 1)), axis=1)
+    rng = np.random.default_rng(43)
+    state, states = 0, []
+    for chance in rng.random(20_000):
+        state = int(np.searchsorted(np.cumsum(steps[state]), chance))
+        states.append(state)
+    for values in ([0, 1, 2], [-3, 0, 0.5], [2, 1, 0]):
+        x = np.array(values, float)[states]
+        for bins in (3, 10):
+            # Standard error of 20 000 steps: sd(log2 p) / sqrt(n), about 0.01 bit.
+            te = transfer_entropy(x, np.roll(x, 1), bins)
+            assert te == pytest.approx(frequency @ added, abs=0.03)
+            assert transfer_entropy(np.roll(x, 1), x, bins) < 1e-3
+
+
+def test_counts_transfer_what_their_symbols_hold():
+    """Rare counts, delayed by one sample: the entropy of the symbols, whatever the sign."""
+    counts = np.minimum(np.random.default_rng(1).poisson(0.2, 5000), 2).astype(float)
+    shares = np.bincount(counts.astype(int)) / len(counts)
+    whole = -np.sum(shares * np.log2(shares))
+    lowest = shares[0]
+    in_two = -lowest * log2(lowest) - (1 - lowest) * log2(1 - lowest)
+    for x in (counts, -counts):
+        for bins, expected in ((2, in_two), (3, whole), (5, whole), (10, whole)):
+            # Independent draws: what a symbol says about the next is bias, below 1e-3 bit.
+            te = transfer_entropy(x, np.roll(x, 1), bins)
+            assert te == pytest.approx(expected, abs=2e-3)
 
 
 def test_bias_of_independent_series():

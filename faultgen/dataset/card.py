@@ -15,7 +15,7 @@ import pandas as pd
 from tabulate import tabulate
 
 from faultgen.dataset.manifest import Manifest
-from faultgen.dataset.splits import SCHEMES, TEST, TRAIN, UNUSED
+from faultgen.dataset.splits import PARTS, SCHEMES, TRAIN
 from faultgen.dataset.tables import OpenRun
 from faultgen.provenance import Provenance
 
@@ -190,15 +190,21 @@ def _randomness(table: pd.DataFrame) -> str:
     )
 
 
+_IN_WORDS = {TRAIN: "training"}
+
+
 def _divisions(manifest: Manifest, paired: bool) -> list[str]:
     rows = [
-        [f"`{scheme}`", SCHEMES[scheme], *(len(parts[part]) for part in (TRAIN, TEST, UNUSED))]
+        [f"`{scheme}`", SCHEMES[scheme], *(len(parts.get(part, [])) for part in PARTS)]
         for scheme, parts in manifest.splits.items()
     ]
     said = [
-        "These divisions into a training part and a test part are fixed, so that results can be "
-        "compared. They are stored in `runs.json` and in `/index`.",
-        _table(["division", "holds apart", "training runs", "test runs", "unused runs"], rows)
+        "These divisions into a training, a validation and a test part are fixed, so that results "
+        "can be compared. They are stored in `runs.json` and in `/index`.",
+        _table(
+            ["division", "holds apart", *(f"{_IN_WORDS.get(part, part)} runs" for part in PARTS)],
+            rows,
+        )
         if rows
         else "The dataset has too few runs for a division.",
     ]

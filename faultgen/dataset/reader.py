@@ -37,7 +37,7 @@ from faultgen.dataset.manifest import (
     part_names,
 )
 from faultgen.dataset.merged_file import MERGED, made_by_of, only_in
-from faultgen.dataset.splits import SCHEMES, TEST, TRAIN, UNUSED
+from faultgen.dataset.splits import PARTS, SCHEMES, TEST, TRAIN, VALIDATION
 from faultgen.errors import InputError
 from faultgen.provenance import Provenance
 from faultgen.system.arrays import plain_value
@@ -47,6 +47,8 @@ from faultgen.system.hdf5 import open_verified
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+
+    from faultgen.dataset.labels import SeverityLimit
 
 
 @dataclass(frozen=True)
@@ -341,17 +343,35 @@ class Dataset:
         split: str | None = None,
         by: str = "run",
         label: str = "axis",
+        smallest_severity: SeverityLimit = None,
+        failure_severity: SeverityLimit = None,
     ) -> tuple[pd.DataFrame, np.ndarray, np.ndarray]:
         """Return features and labels as scikit-learn wants them.
 
         Args:
             features: Names of arrays under ``/monitoring``, or "temperature"; one name need
                 not be in a list. Default: all of them.
-            split: "train" or "test" for one part of a division; by default all cycles.
+            split: "train", "validation" or "test" for one part of a division; by default all
+                cycles.
             by: Name of the division: "run", "axis", "robot" or "task".
-            label: "axis" (the worn axis from 1, or 0 while nothing is worn), "effect" ("healthy"
-                while nothing is worn), "worn" (whether something is worn), "severity" (in the unit
-                of the effect), or another column of `to_dataframe`.
+            label: What y holds; another column of `to_dataframe`, or:
+
+                - "worn": whether something is worn, that is, whether the severity is at least
+                  `smallest_severity`.
+                - "axis": the worn axis from 1, or 0 while nothing is worn in this sense.
+                - "effect": its name, or "healthy" while nothing is worn in this sense.
+                - "severity": the true severity, in the unit of the effect.
+                - "remaining_life": number of cycles until the first one whose severity is at least
+                  `failure_severity`; 0 in that cycle and later. It is nan (censored) in all cycles
+                  of a healthy run, and of a run that does not reach this severity.
+                - "remaining_cycles": number of recorded cycles after this one, in every run. Where
+                  the life is censored, it is longer than this.
+            smallest_severity: Severity from which a cycle counts as worn, in the unit of the
+                effect, or one for each effect by its name. Default: 0.01 where severities are
+                fractions, else 5 % of the largest severity of the run. With 0, every cycle with a
+                severity above 0 is worn.
+            failure_severity: Severity at which a robot counts as failed, in the same form.
+                Default: faulty runs fail in their last cycle.
 
         Returns:
             The features, shape (cycles, columns), without columns that have no value in the whole
@@ -359,18 +379,22 @@ class Dataset:
             run, which cross-validation must not divide. Units are those of `to_dataframe`.
 
         Raises:
-            InputError: There is no such feature, label or division.
+            InputError: There is no such feature, label or division, or a severity makes no sense.
         """
-        from faultgen.dataset.tables import features_and_labels
+        from faultgen.dataset.labels import features_and_labels
 
         self._check_division(split, by)
         return features_and_labels(
-            self.to_dataframe(features), None if split is None else (by, split), label
+            self.to_dataframe(features),
+            None if split is None else (by, split),
+            label,
+            smallest_severity,
+            failure_severity,
         )
 
     def _check_division(self, split: str | None, by: str) -> None:
-        if split not in (None, TRAIN, TEST):
-            raise InputError(f"split: must be '{TRAIN}' or '{TEST}', not '{split}'")
+        if split not in (None, TRAIN, VALIDATION, TEST):
+            raise InputError(f"split: must be '{TRAIN}', '{VALIDATION}' or '{TEST}', not '{split}'")
         if by not in SCHEMES:
             raise InputError(f"there is no division by '{by}': choose {', '.join(SCHEMES)}")
         if split is not None and by not in self.manifest.splits:
@@ -378,6 +402,12 @@ class Dataset:
             raise InputError(
                 f"{self.path}: has no division by {by}, because all of its runs would be on one "
                 f"side, or because it is of an older version; it has: {known}"
+            )
+        if split == VALIDATION and not self.manifest.splits[by].get(VALIDATION):
+            raise InputError(
+                f"{self.path}: its division by {by} has no validation runs, because it has fewer "
+                "than three runs of each fault or is of an older version; hold out some of the "
+                f"groups of its '{TRAIN}' part, or generate a dataset with --repetitions 3"
             )
 
     def part_of(self, by: str) -> dict[str, str]:
@@ -387,14 +417,14 @@ class Dataset:
             by: Name of the division.
 
         Returns:
-            "train", "test" or "unused" by id of the run.
+            "train", "validation", "test" or "unused" by id of the run.
 
         Raises:
             InputError: The dataset has no such division.
         """
         self._check_division(TRAIN, by)
         parts = self.manifest.splits[by]
-        return {i: part for part in (TRAIN, TEST, UNUSED) for i in parts.get(part, [])}
+        return {i: part for part in PARTS for i in parts.get(part, [])}
 
     def to_parquet(self, path: str | Path) -> None:
         """Write the table of `to_dataframe` to a Parquet file.

@@ -1,6 +1,8 @@
-"""Fixed divisions of the runs of a dataset into a training part and a test part.
+"""Fixed divisions of the runs of a dataset into a training, a validation and a test part.
 
 A method that learns from labels must be tested on other runs than those from which it has learned.
+The validation part is for whoever chooses a method or its settings: a choice that looks at the test
+part makes the result of the test too good. Methods without such choices learn from both.
 If all users of a dataset divide it in the same way, their results can be compared. The divisions
 are therefore drawn once, from the seed of the experiment, and stored in ``runs.json``. They never
 divide a run, because the cycles of a run share the robot, the fault and a drifting temperature.
@@ -25,13 +27,21 @@ SCHEMES = {
 }
 """What each division holds apart, by its name."""
 
-TRAIN, TEST, UNUSED = "train", "test", "unused"
-"""Parts of a division. A run is unused if it shares its seed with runs of the other part."""
+TRAIN, VALIDATION, TEST, UNUSED = "train", "validation", "test", "unused"
+"""Parts of a division. A run is unused if it shares its seed with runs of the other part. Datasets
+of older versions have no validation part; its runs are in the training part."""
+
+PARTS = (TRAIN, VALIDATION, TEST, UNUSED)
+"""All parts, in the order of tables."""
+
+LEARNED_FROM = (TRAIN, VALIDATION)
+"""Parts from which a method may learn that chooses nothing by the validation part."""
 
 RunParts = dict[str, dict[str, list[str]]]
 """Ids of the runs by division and part."""
 
 _TEST_SHARE = 0.3
+"""Share of the test part; of the rest, the validation part has the same share."""
 
 K = TypeVar("K", bound=Hashable)
 
@@ -42,7 +52,10 @@ def make_splits(runs: _Runs, seed: int) -> RunParts:
     """Draw all divisions that a dataset allows.
 
     About 30 % of the runs, axes, robots or tasks become the test part. The division by runs
-    represents every robot, task and fault in both parts if it has several runs.
+    represents every robot, task and fault in both parts if it has several runs. In every division,
+    the validation part has about 30 % of the other runs. It is drawn by runs, so that it has the
+    robots, tasks and axes of the training part, never those that are held out. It never has the
+    last training run of an effect on an axis, and may be empty.
 
     Args:
         runs: Parameters of every run by id, as in ``runs.json``.
@@ -54,6 +67,7 @@ def make_splits(runs: _Runs, seed: int) -> RunParts:
     """
     chosen = {"run": _by_run(runs, _generator(seed, "run"))}
     in_test = chosen["run"]
+    validated = _validated(runs, in_test, _generator(seed, VALIDATION))
     paired = len({run["seed"] for run in runs.values()}) < len(runs)
     for scheme, keys_of in _KEYS.items():
         keys = list(dict.fromkeys(key for run in runs.values() for key in keys_of(run)))
@@ -64,11 +78,12 @@ def make_splits(runs: _Runs, seed: int) -> RunParts:
         }
     found: RunParts = {}
     for scheme, tested in chosen.items():
-        parts: dict[str, list[str]] = {TRAIN: [], TEST: [], UNUSED: []}
+        parts: dict[str, list[str]] = {part: [] for part in PARTS}
         for i in runs:
             # twins share their noise: they must not stand on both sides
             twins = paired and tested[i] != in_test[i]
-            parts[UNUSED if twins else TEST if tested[i] else TRAIN].append(i)
+            learned = VALIDATION if i in validated else TRAIN
+            parts[UNUSED if twins else TEST if tested[i] else learned].append(i)
         if parts[TRAIN] and parts[TEST]:
             found[scheme] = parts
     # without a worn axis on each side, a division by axes is none
@@ -131,3 +146,23 @@ def _by_run(runs: _Runs, rng: np.random.Generator) -> dict[str, bool]:
     for seeds in groups.values():
         tested |= drawn(seeds, rng)
     return {i: run["seed"] in tested for i, run in runs.items()}
+
+
+def _validated(runs: _Runs, in_test: Mapping[str, bool], rng: np.random.Generator) -> set[str]:
+    """Draw the validation part of the runs that the division by runs does not test."""
+    left = {i: run for i, run in runs.items() if not in_test[i]}
+    if len({run["seed"] for run in runs.values()}) < len(runs):
+        seeds = drawn(list(dict.fromkeys(run["seed"] for run in left.values())), rng)
+        return {i for i, run in left.items() if run["seed"] in seeds}
+    groups: dict[Hashable, list[str]] = {}
+    for i, run in left.items():
+        groups.setdefault((*_place_and_fault(run), run["severity"]), []).append(i)
+    # faults of one severity that are left once are drawn from those on the same axis
+    for key in [key for key, ids in groups.items() if len(ids) == 1]:
+        (i,) = groups.pop(key)
+        groups.setdefault(_place_and_fault(runs[i]), []).append(i)
+    return set().union(*(drawn(ids, rng) for ids in groups.values()))
+
+
+def _place_and_fault(run: Mapping[str, Any]) -> tuple[Hashable, ...]:
+    return _robot(run)[0], run["task"], run["effect"], tuple(run["axes"])

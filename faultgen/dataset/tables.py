@@ -5,7 +5,6 @@ These functions need nothing but open run files, so that reading does not need t
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import asdict
@@ -17,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from faultgen.dataset.interpolation_error import interpolation_error
-from faultgen.dataset.splits import TEST, TRAIN, RunParts
+from faultgen.dataset.splits import UNUSED, RunParts
 from faultgen.errors import InputError
 from faultgen.provenance import Provenance
 from faultgen.system.tables import optional
@@ -126,7 +125,7 @@ def _run_row(run: OpenRun, part_of: dict[str, dict[str, str]]) -> dict[str, Any]
         "fidelity": told.get("fidelity", "stepped"),
         "interpolation_error": interpolation_error(told),
         **asdict(Provenance.of(told)),
-        **{column: parts[run.id] for column, parts in part_of.items()},
+        **{column: parts.get(run.id, UNUSED) for column, parts in part_of.items()},
     }
 
 
@@ -212,50 +211,6 @@ def _by_axis(name: str, array: h5py.Dataset, units: dict[str, str]) -> dict[str,
         columns[column] = values[(slice(None), *place)]
         units[column] = str(array.attrs["units"])
     return columns
-
-
-def features_and_labels(
-    frame: pd.DataFrame, part: tuple[str, str] | None, label: str
-) -> tuple[pd.DataFrame, np.ndarray, np.ndarray]:
-    """Take features, labels and groups out of a table of cycles.
-
-    Args:
-        frame: Table from `cycles_table`.
-        part: Division and its part, such as ("run", "train"); None for all cycles.
-        label: What is to be predicted; see `Dataset.to_xy`.
-
-    Returns:
-        Features, shape (cycles, columns); labels, shape (cycles,); and seeds, shape (cycles,).
-
-    Raises:
-        InputError: There is no such label.
-    """
-    features = [name for name in frame.attrs["features"] if frame[name].notna().any()]
-    worn = frame["severity"].to_numpy() > 0
-    told: dict[str, np.ndarray] = {
-        "worn": worn,
-        "axis": np.where(worn, frame["axis"], 0),
-        "effect": np.where(worn, frame["effect"], "healthy"),
-    }
-    if label not in told and label not in frame:
-        known = [*told, *(name for name in frame if name not in (*told, *frame.attrs["features"]))]
-        raise InputError(f"label: there is no '{label}': choose {', '.join(known)}")
-    y = told[label] if label in told else frame[label].to_numpy()
-    rows = np.ones(len(frame), bool)
-    if part is not None:
-        parts = frame[f"split_{part[0]}"].to_numpy()
-        rows = parts == part[1]
-        if part[0] == "run" and label in ("axis", "effect"):
-            unseen = sorted(set(y[parts == TEST].tolist()) - set(y[parts == TRAIN].tolist()))
-            if unseen:
-                warnings.warn(
-                    f"{label} {', '.join(map(str, unseen))}: only in the test part, because there "
-                    "is one run of each fault; generate the dataset with --repetitions 3",
-                    stacklevel=3,
-                )
-    x = frame.loc[rows, features].reset_index(drop=True)
-    x.attrs = {"units": {name: frame.attrs["units"][name] for name in features}}
-    return x, y[rows], frame["seed"].to_numpy()[rows]
 
 
 _COORDINATES = {"cycle_number": "cycle", "time": "time", "axis": "axis", "bin": "bin"}

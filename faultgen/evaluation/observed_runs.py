@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from faultgen.dataset.inputs import INPUTS
 from faultgen.dataset.reader import Dataset, StoredRun
-from faultgen.dataset.splits import TEST, TRAIN
+from faultgen.dataset.splits import LEARNED_FROM, TEST
 from faultgen.errors import InputError
 from faultgen.evaluation.calls import create, fit, learn
 from faultgen.evaluation.features import HOURLY_FEATURES, SIGNALS, Features, features
@@ -204,7 +204,7 @@ class Place:
         know how this robot behaves in this task while it is healthy.
         """
         found = [r for r in self.runs if not len(r["axes"]) and r["seed"] != run["seed"]]
-        trained = [r for r in found if self.parts.get(r.id) == TRAIN]
+        trained = [r for r in found if self.parts.get(r.id) in LEARNED_FROM]
         return trained or found
 
     @property
@@ -233,7 +233,7 @@ class Place:
                 )
                 for place in places_here
                 for run in place.runs
-                if self.parts.get(run.id) == TRAIN
+                if self.parts.get(run.id) in LEARNED_FROM
                 for seen in place.draws(run, names, _TRAINING_DRAWS, _REFERENCE_SEED)
             ]
             if found:
