@@ -101,8 +101,8 @@ def info(folder: Folder, as_json: Json = False) -> None:
             print(f"{result['only_copy']} runs have no file of their own; {MERGED} holds them")
         if interpolated:
             print(
-                f"{len(interpolated)} runs are interpolated: where it was measured, the error of "
-                f"their torque is at most {max(interpolated.values()):.1%} of its noise"
+                f"{len(interpolated)} runs are interpolated: the RMS error of the torque of a "
+                f"whole run is stated to be at most {max(interpolated.values()):.1%} of its noise"
             )
         for run_id, reason in failed.items():
             print(f"failed: {run_id}: {reason}")

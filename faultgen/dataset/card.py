@@ -109,9 +109,11 @@ def _interpolation(table: pd.DataFrame) -> list[str]:
     if own.empty:
         return []
     return [
-        f"The cycles of {len(own)} runs are interpolated between simulated ones. Where it was "
-        f"measured, the error of their torque is at most {own['interpolation_error'].max():.1%} of "
-        "its noise."
+        f"The cycles of {len(own)} runs are interpolated between simulated ones. The stated bound "
+        "of the error of their torque, over the standard deviation of its noise, is "
+        f"{own['interpolation_error'].max():.3f} for the RMS over a whole run, "
+        f"{own['interpolation_error_cycle'].max():.3f} for that over a single cycle, and "
+        f"{own['interpolation_error_sample'].max():.3f} for a single sample."
     ]
 
 

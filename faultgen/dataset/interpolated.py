@@ -6,11 +6,12 @@ of the run, so that no cycle is outside of it. An axis that stands still at the 
 holds a torque that depends on how it stopped. With the condition c of a cycle, and its change d
 from the cycle before:
 
-    y(c, d) = f(c) + g(d, T) - g(0, T)
+    y(c, d) = f(c) + g(d, T)
 
-f is a cycle after cycles like it, and g a healthy cycle at its temperature T after one that differs
-in temperature and payload. g is left out if it is not needed. Some cycles of the run are simulated
-as well; the difference is the error. A run whose error is too large is refused.
+f is a cycle after cycles like it. g is how a cycle differs at its temperature T if the one before
+had another temperature, payload or severity; g is 0 without a change, and left out where it is not
+needed. Some cycles of the run are simulated as well, and their differences bound the error of all
+others, see `interpolation_error`. A run whose error may be too large is refused.
 
     found = interpolated(course, nominal(run.robot, run.task, run.sample_period))
     for cycle in found.cycles(): ...
@@ -24,7 +25,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from faultgen.dataset.conditions import Course
+from faultgen.dataset.interpolation_error import Bounds, bounds, checked
 from faultgen.dataset.nodes import (
+    after_growth,
     conditions_of,
     grid_of,
     grid_of_changes,
@@ -45,7 +48,8 @@ from faultgen.simulation.nominal import Nominal
 from faultgen.simulation.plant import Plant
 
 LARGEST_ERROR = 0.1
-"""Largest error of the torque that is accepted, over the standard deviation of its noise."""
+"""Largest bound of the RMS error of a run's torque that is accepted, over the noise's standard
+deviation."""
 
 MEASURED = ("motor_position", "motor_velocity", "motor_torque")
 """Names of the channels that sensors see."""
@@ -67,9 +71,8 @@ class Interpolated:
     """Simulated cycles, shape (nodes, channels, samples, n_axes), in [rad], [rad/s] and [N m]."""
     weights: np.ndarray
     """Weight of each node in each cycle, shape (cycles, nodes)."""
-    error: np.ndarray
-    """RMS error of the torque in the cycles that were simulated as well, with the most extreme ones
-    among them; shape (n_axes,), in [N m]; 0 if every condition of the run was simulated."""
+    error: Bounds
+    """Bounds of the error of the torque; 0 if every condition of the run was simulated."""
     noise: np.ndarray
     """Standard deviation of the noise with which the error is compared, shape (n_axes,), in
     [N m]."""
@@ -144,9 +147,10 @@ def interpolated(course: Course, shared: Nominal) -> Interpolated:
     pairs = np.hstack([every[[0, *range(len(every) - 1)]], every])  # with the cycle before
     noise = noise_of(get_sensors(run.sensors), shared.mean_torque)
     grids = [grid_of(every, levels) for levels in _LEVELS]
-    changes = (every - pairs[:, :3])[:, :2]
+    changes = every - pairs[:, :3]
     of_changes = grid_of_changes(grids[0].temperatures, changes)
-    checked = _checked(every)
+    limit = np.maximum(LARGEST_ERROR * noise, _SMALLEST * shared.limits.torque)
+    rows = checked(every, changes, _between(grids[-1]))
 
     def last_of(rows: np.ndarray, channels: tuple[str, ...]) -> np.ndarray:
         before, after = (conditions_of(run, half) for half in np.hsplit(rows, 2))
@@ -154,34 +158,30 @@ def interpolated(course: Course, shared: Nominal) -> Interpolated:
         return simulated(shared, run.sample_period, sequences, channels)
 
     distinct, which = np.unique(pairs, axis=0, return_inverse=True)
-    if 2 * len(distinct) <= len(grids[0].nodes) + 2 * len(checked):
+    if 2 * len(distinct) <= len(grids[0].nodes) + 2 * len(rows):
         _check_size(len(distinct) * len(channels), shared)
         weights = np.zeros((run.cycles, len(distinct)))
         weights[np.arange(run.cycles), which.reshape(-1)] = 1.0
         nodes = last_of(distinct, channels)
-        return Interpolated(channels, nodes, weights, 0 * noise, noise)
+        return Interpolated(channels, nodes, weights, Bounds(*np.zeros((3, len(noise)))), noise)
     _check_size((len(grids[-1].nodes) + len(of_changes.nodes)) * len(channels), shared)
-    (true,) = last_of(pairs[checked], MEASURED[_TORQUE:]).swapaxes(0, 1)
-    limit = np.maximum(LARGEST_ERROR * noise, _SMALLEST * shared.limits.torque)
-    worst, over = 0, np.inf
+    _refuse_jumps(run, shared, every, limit)
+    (true,) = last_of(pairs[rows], MEASURED[_TORQUE:]).swapaxes(0, 1)
+    error = bounds(np.full(true.shape, np.inf))
     for grid in dict.fromkeys(grids):
         nodes = nodes_of(shared, run, grid, channels)
         weights = grid.weights(every[:, 0], every[:, 1], every[:, 2 : 2 + len(grid.wear)])
         for with_changes in (False, True):
             if with_changes:
-                nodes = np.concatenate([nodes, nodes_of_changes(run, of_changes, channels)])
-                change = _weights_of_changes(of_changes, every[:, 0], changes)
-                weights = np.hstack([weights, change])
-            told = np.tensordot(weights[checked], nodes[:, _TORQUE], axes=1)
-            error = np.sqrt(np.mean((told - true) ** 2, axis=(0, 1)))
-            if np.all(error <= limit):
+                after = nodes_of_changes(shared, run, of_changes, every, channels)
+                nodes = np.concatenate([nodes, after])
+                weights = np.hstack([weights, _weights_of_changes(of_changes, every, changes)])
+            told = np.tensordot(weights[rows], nodes[:, _TORQUE], axes=1)
+            error = bounds(told - true)
+            # changes are left out if they matter in no cycle
+            if np.all((error.run if with_changes else error.cycle) <= limit):
                 return Interpolated(channels, nodes, weights, error, noise)
-            worst, over = int(np.argmax(error / limit)), float(np.max(error / limit))
-    raise InputError(
-        f"fidelity: the interpolated torque of axis {worst + 1} would be off by "
-        f"{LARGEST_ERROR * over:.3g} of its noise, and at most {LARGEST_ERROR:g} is accepted; "
-        "generate this run with fidelity 'stepped'"
-    )
+    raise _too_large(error.run, limit)
 
 
 def noise_of(sensors: Sensors, mean_torque: np.ndarray) -> np.ndarray:
@@ -200,18 +200,50 @@ def noise_of(sensors: Sensors, mean_torque: np.ndarray) -> np.ndarray:
     return np.asarray(level * mean_torque)
 
 
-def _weights_of_changes(grid: Grid, temperature: np.ndarray, changes: np.ndarray) -> np.ndarray:
-    """Weights of the changes in each cycle, less those of no change, shape (cycles, nodes)."""
-    warmer, heavier = changes[:, : len(grid.wear)], changes[:, 1]
-    still = grid.weights(temperature, np.ones(len(changes)), 0 * warmer)
-    return grid.weights(temperature, 1 + heavier, warmer) - still
+def _weights_of_changes(grid: Grid, every: np.ndarray, changes: np.ndarray) -> np.ndarray:
+    """Weights of the changes in each cycle, shape (cycles, nodes of changes)."""
+    every_node = grid.weights(every[:, 0], 1 + changes[:, 1], changes[:, [0, 2]])
+    return every_node[:, len(grid.temperatures) :]
 
 
-def _checked(every: np.ndarray) -> list[int]:
-    """Cycles that are simulated as well: extreme ones, those after a large change, a middle one."""
-    change = np.abs(np.diff(every, axis=0, prepend=every[:1])).T
-    extreme = {int(np.argmax(one)) for one in (*every.T, *-every.T[:2], *change)}
-    return sorted({*extreme, len(every) // 2})
+def _between(grid: Grid) -> list[float]:
+    """Severities in the middle between neighbouring nodes."""
+    levels = np.array([0.0, *sorted(level for way in grid.wear for level in way)])
+    return ((levels[1:] + levels[:-1]) / 2).tolist()
+
+
+def _refuse_jumps(run: Run, shared: Nominal, every: np.ndarray, limit: np.ndarray) -> None:
+    """Refuse severities that jump so that cycles cannot be interpolated, before all else.
+
+    A cycle after a change of the severity is taken as proportional to the change. Here it is
+    simulated after the largest change and after half of it. What differs is the error of a cycle in
+    the middle between two nodes; towards the nodes it is taken to fall as a parabola does.
+    """
+    change = np.diff(every[:, 2])
+    if isinstance(run.schedule, str) or not np.any(change):
+        return
+    at = int(np.argmax(np.abs(change)))
+    before, after = every[at : at + 2, 2].tolist()
+    temperature = float(every[:, 0].mean())
+    whole, half = (
+        after_growth(shared, run, temperature, one, after, MEASURED[_TORQUE:])[0]
+        for one in (before, (before + after) / 2)
+    )
+    share = np.abs(change / change[at])
+    size = np.sqrt(np.mean((4 * share * (1 - share)) ** 2))
+    error = size * np.sqrt(np.mean((half - whole / 2) ** 2, axis=0))
+    if np.any(error > limit):
+        raise _too_large(error, limit, "the severity jumps from cycle to cycle, so that ")
+
+
+def _too_large(error: np.ndarray, limit: np.ndarray, why: str = "") -> InputError:
+    """The refusal of a run whose error exceeds the limit, shape (n_axes,) each, in [N m]."""
+    worst = int(np.argmax(error / limit))
+    return InputError(
+        f"fidelity: {why}the interpolated torque of axis {worst + 1} may be off by "
+        f"{LARGEST_ERROR * error[worst] / limit[worst]:.3g} of its noise, and at most "
+        f"{LARGEST_ERROR:g} is accepted; generate this run with fidelity 'stepped'"
+    )
 
 
 def _check_size(arrays: int, shared: Nominal) -> None:

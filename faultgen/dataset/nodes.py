@@ -20,6 +20,8 @@ _TEMPERATURES = 9  # nodes in temperature
 _WHOLE = 5.0  # ends of the grid in temperature are multiples of it [K], so that runs share nodes
 _LOAD = 0.01  # the same for the payload
 _CHANGE, _LOAD_CHANGE = 1.0, 0.02  # the same for changes from one cycle to the next
+_COARSER = 2  # every so many-th of the nodes in temperature is one of the grid of changes
+_GROWTH = 1  # way of the grid of changes that is a change of the severity
 
 
 def grid_of(every: np.ndarray, levels: int) -> Grid:
@@ -47,19 +49,21 @@ def grid_of_changes(temperatures: tuple[float, ...], changes: np.ndarray) -> Gri
 
     Args:
         temperatures: Nodes in temperature of the cycles themselves, ascending [deg C].
-        changes: Changes of temperature and payload factor, shape (cycles, 2).
+        changes: Changes of temperature, payload factor and severity, shape (cycles, 3).
 
     Returns:
-        The grid. Its payloads are changes of the payload factor, and its wear is the change of the
-        temperature [K].
+        The grid. Its payloads are changes of the payload factor. Its first way of wear is the
+        change of the temperature [K], and its second way that of the severity.
     """
     warmer, heavier = (
         _rounded_up(change, whole)
-        for change, whole in zip(changes.T, (_CHANGE, _LOAD_CHANGE), strict=True)
+        for change, whole in zip(changes.T, (_CHANGE, _LOAD_CHANGE), strict=False)
     )
-    few = temperatures[:: max(1, len(temperatures) // 2)]
     loads = (-heavier, -heavier / 2, heavier / 2, heavier) if heavier else ()
-    return Grid(few, loads, ((-warmer, warmer),) if warmer else ())
+    grown = changes[:, 2]
+    growth = tuple(float(one) for one in (grown.min(), grown.max()) if one != 0)
+    warmth = (-warmer, warmer) if warmer else ()
+    return Grid(temperatures[::_COARSER], loads, (warmth, growth))
 
 
 def _rounded_up(values: np.ndarray, whole: float) -> float:
@@ -98,19 +102,63 @@ def nodes_of(shared: Nominal, run: Run, grid: Grid, channels: tuple[str, ...]) -
     return np.concatenate([base, simulated(shared, run.sample_period, worn, channels)])
 
 
-def nodes_of_changes(run: Run, grid: Grid, channels: tuple[str, ...]) -> np.ndarray:
-    """Simulate healthy cycles, each after a cycle from which it differs by a change.
+def nodes_of_changes(
+    shared: Nominal, run: Run, grid: Grid, every: np.ndarray, channels: tuple[str, ...]
+) -> np.ndarray:
+    """Simulate how cycles differ that follow another condition than their own.
 
     Args:
+        shared: The nominal cycle of the run's robot and task.
         run: The run.
         grid: The grid of changes.
+        every: Temperature, payload factor and severity of each cycle of the run, shape (cycles, 3).
         channels: Names of the channels.
 
     Returns:
-        Shape (nodes, channels, samples, n_axes), in [rad], [rad/s] and [N m]. They are kept for the
-        next run.
+        A cycle after the change, less the same cycle after one like it, for every node but those of
+        the base; shape (nodes, channels, samples, n_axes), in [rad], [rad/s] and [N m]. Changes of
+        temperature and payload are those of the healthy robot, and are kept for the next run.
     """
-    return _after_changes(*_made_of(run), grid, channels)
+    warmth, growth = grid.wear
+    nodes = grid.nodes[len(grid.temperatures) :]
+    grown = np.array([node.way == _GROWTH for node in nodes], bool)
+    out = np.empty((len(nodes), len(channels), shared.samples, shared.robot.n_axes))
+    out[~grown] = _after_changes(
+        *_made_of(run), Grid(grid.temperatures, grid.loads, (warmth,)), channels
+    )
+    severity = every[:, 2]
+    for k in np.flatnonzero(grown).tolist():
+        at = int(np.argmin(np.abs(np.diff(severity) - nodes[k].wear)))
+        before, after = severity[at : at + 2].tolist()
+        out[k] = after_growth(shared, run, nodes[k].temperature, before, after, channels)
+    return out
+
+
+def after_growth(
+    shared: Nominal,
+    run: Run,
+    temperature: float,
+    before: float,
+    after: float,
+    channels: tuple[str, ...],
+) -> np.ndarray:
+    """Simulate how a cycle differs that follows one with another severity.
+
+    Args:
+        shared: The nominal cycle of the run's robot and task.
+        run: The run.
+        temperature: Temperature of both cycles [deg C].
+        before: Severity of the cycle before.
+        after: Severity of the cycle.
+        channels: Names of the channels.
+
+    Returns:
+        The cycle less the same cycle after one like it, shape (channels, samples, n_axes), in
+        [rad], [rad/s] and [N m].
+    """
+    old, new = conditions_of(run, np.array([[temperature, 1.0, one] for one in (before, after)]))
+    changed, still = simulated(shared, run.sample_period, [(old, new), (new, new)], channels)
+    return np.asarray(changed - still)
 
 
 def _made_of(run: Run) -> tuple[str, str, float, Operation, tuple[str, str]]:
@@ -145,16 +193,21 @@ def _after_changes(
     grid: Grid,
     channels: tuple[str, ...],
 ) -> np.ndarray:
-    """Simulate `nodes_of_changes`."""
+    """Simulate the changes of `nodes_of_changes` without wear."""
     shared = nominal(robot, task, sample_period, operation)
-    sequences = [
+    nodes = grid.nodes[len(grid.temperatures) :]
+    warm = sorted({node.temperature for node in nodes})
+    still = [(Condition(one), Condition(one)) for one in warm]
+    changed = [
         (
             Condition(node.temperature - node.wear, 2 - node.payload_factor),
             Condition(node.temperature),
         )
-        for node in grid.nodes
+        for node in nodes
     ]
-    return simulated(shared, sample_period, sequences, channels)
+    cycles = simulated(shared, sample_period, [*still, *changed], channels)
+    of = [warm.index(node.temperature) for node in nodes]
+    return np.asarray(cycles[len(still) :] - cycles[of])
 
 
 def simulated(

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from faultgen.dataset.conditions import Course
 from faultgen.dataset.interpolated import channels_of, cycle_of, interpolated, sensing_plants
+from faultgen.dataset.interpolation_error import BOUNDS
 from faultgen.dataset.planning import Run
 from faultgen.dataset.run_file import create_arrays, run_attributes, run_provenance
 from faultgen.dataset.storage import RunWriter
@@ -151,7 +152,8 @@ def _simulate_and_write(
     elif run.interpolated:
         found = interpolated(course, shared)
         cycles, plants = found.cycles(), sensing_plants(course, robot)
-        attributes |= {"interpolation_error": found.error, "interpolation_noise": found.noise}
+        attributes |= {BOUNDS[of]: error for of, error in found.error._asdict().items()}
+        attributes["interpolation_noise"] = found.noise
     else:
         plants, to_simulate = tee(course.plants(robot))
         cycles = simulate(robot, shared.control, to_simulate, sample_period=run.sample_period)

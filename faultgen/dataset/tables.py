@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 import pandas as pd
 
-from faultgen.dataset.interpolation_error import interpolation_error
+from faultgen.dataset.interpolation_error import BOUNDS, interpolation_error
 from faultgen.dataset.splits import UNUSED, RunParts
 from faultgen.errors import InputError
 from faultgen.provenance import Provenance
@@ -66,7 +66,9 @@ INDEX = {
     "payload_mass": ("kg", "mass of the payload; nan if the model has none"),
     "mean_temperature": ("degC", "mean temperature of the gearboxes"),
     "fidelity": ("", "stepped, or interpolated between simulated cycles"),
-    "interpolation_error": ("1", "largest error of the torque of an axis, over its noise"),
+    "interpolation_error": ("1", "bound of the RMS torque error of a run's axis, over its noise"),
+    "interpolation_error_cycle": ("1", "the same for the RMS error of any single cycle"),
+    "interpolation_error_sample": ("1", "the same for the error of any single sample"),
     "faultgen_version": ("", "version of faultgen that made the run"),
     "mujoco_version": ("", "version of MuJoCo that made the run"),
     "code_sha256": ("", "hash of the code that made the run"),
@@ -123,7 +125,7 @@ def _run_row(run: OpenRun, part_of: dict[str, dict[str, str]]) -> dict[str, Any]
         "payload_mass": float(told.get("payload_mass", np.nan)),
         "mean_temperature": float(told.get("mean_temperature", np.nan)),
         "fidelity": told.get("fidelity", "stepped"),
-        "interpolation_error": interpolation_error(told),
+        **{name: interpolation_error(told, of) for of, name in BOUNDS.items()},
         **asdict(Provenance.of(told)),
         **{column: parts.get(run.id, UNUSED) for column, parts in part_of.items()},
     }
