@@ -167,23 +167,29 @@ def test_an_arm_swings_at_its_locked_rotor_resonance(cell):
     assert measured == pytest.approx(wanted, rel=5e-3)
 
 
-@pytest.mark.parametrize(("factor", "diverges"), [(0.9, False), (1.2, True)])
-def test_the_largest_step_is_where_the_simulation_diverges(tiny_robot, factor, diverges):
-    """Below it a robot at rest stays there; above it the smallest disturbance grows."""
-    pose = zero_pose(tiny_robot)
-    step = factor * largest_step(tiny_robot, pose)
-    xml = tiny_robot.xml.replace('timestep="0.001"', f'timestep="{step!r}"')
+@pytest.mark.parametrize("bristle_damping", [(0.1, 0.07), (1.0, 0.5)])
+@pytest.mark.parametrize(("factor", "grows"), [(0.9, False), (1.2, True)])
+def test_the_largest_step_is_where_the_simulation_diverges(
+    tiny_robot, factor, grows, bristle_damping
+):
+    """Below it a robot comes to rest; above it the smallest disturbance grows.
+
+    With the larger damping of the bristles [N m s/rad], the largest step is three times smaller.
+    """
+    one, two = bristle_damping
+    xml = tiny_robot.xml.replace('"20 0.1 ', f'"20 {one} ').replace('"10 0.07 ', f'"10 {two} ')
     robot = replace(tiny_robot, xml=xml)
+    step = factor * largest_step(robot, zero_pose(robot))
+    robot = replace(robot, xml=xml.replace('timestep="0.001"', f'timestep="{step!r}"'))
     control = np.zeros((round(3 / step), robot.model.nu))
-    cycles = simulate(robot, control, [assemble(robot)], sample_period=step, lead_in=0.0)
-    if diverges:
-        with pytest.raises(SimulationFailed, match="diverged"):
-            (cycle,) = cycles
-            assert np.abs(cycle.motor_velocity).max() < 1, "diverged, but stayed finite"
-            raise AssertionError
-    else:
-        (cycle,) = cycles
-        assert np.abs(cycle.motor_velocity).max() < 1
+    try:
+        (cycle,) = simulate(robot, control, [assemble(robot)], sample_period=step, lead_in=0.0)
+    except SimulationFailed as failed:
+        assert grows and "diverged" in str(failed)
+        return
+    # friction limits what grows, and what does not grow has died away after two seconds
+    last = np.abs(cycle.motor_velocity[-len(control) // 3 :]).max()
+    assert last > 0.1 if grows else last < 1e-9, last
 
 
 def test_what_does_not_belong_to_an_arm_is_taken_out_and_told(cell, tmp_path):
