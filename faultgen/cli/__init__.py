@@ -26,6 +26,7 @@ from faultgen.cli import (
 from faultgen.cli.app import app
 from faultgen.errors import InputError, MethodFailed, SimulationFailed, StorageFailed, one_line
 from faultgen.system.interrupts import close, listen
+from faultgen.system.terminal import note
 
 __all__ = [
     "data",
@@ -107,5 +108,5 @@ def main() -> None:
 
 def _fail(message: str, status: int) -> None:
     close()
-    print(f"faultgen: {message}", file=sys.stderr)
+    note(message)
     sys.exit(status)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from faultgen.system.terminal import note, say, visible
 
 if TYPE_CHECKING:
     from faultgen.dataset.estimate import Estimate
@@ -29,7 +30,7 @@ app = typer.Typer(
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        print(f"faultgen {version('faultgen')}")
+        say(f"faultgen {version('faultgen')}")
         raise typer.Exit
 
 
@@ -119,7 +120,7 @@ def names(text: str | None) -> list[str]:
 
 def print_json(value: Any) -> None:
     """Print a result as JSON on stdout, for other programs."""
-    print(json.dumps(value, indent=1, default=lambda v: v.tolist()))
+    print(json.dumps(value, indent=1, default=lambda v: v.tolist()))  # which escapes by itself
 
 
 def print_table(rows: list[dict[str, Any]]) -> None:
@@ -130,7 +131,8 @@ def print_table(rows: list[dict[str, Any]]) -> None:
     """
     from tabulate import tabulate
 
-    print(tabulate(rows, "keys", tablefmt="plain", disable_numparse=True))
+    shown = [{name: visible(cell) for name, cell in row.items()} for row in rows]
+    print(tabulate(shown, "keys", tablefmt="plain", disable_numparse=True))
 
 
 def print_estimate(what: str, seconds: float, size: float, workers: int) -> None:
@@ -146,7 +148,7 @@ def print_estimate(what: str, seconds: float, size: float, workers: int) -> None
 
     from faultgen.system.progress import clock, plural
 
-    print(
+    say(
         f"{what}; about {clock(seconds)} with {workers} {plural('worker', workers)} on this "
         f"machine, if each has a processor core; about {tqdm.format_sizeof(size, 'B')}"
     )
@@ -182,10 +184,9 @@ def dataset_to_judge(folder: Path) -> Dataset:
     dataset = open_dataset(folder)
     lacking = len(dataset.missing)
     if lacking:
-        print(
-            f"faultgen: {folder}: {lacking} of {len(dataset.planned)} runs are missing, and the "
-            "result is about the others; to complete the dataset, run the generate command again",
-            file=sys.stderr,
+        note(
+            f"{folder}: {lacking} of {len(dataset.planned)} runs are missing, and the "
+            "result is about the others; to complete the dataset, run the generate command again"
         )
     return dataset
 

@@ -22,6 +22,7 @@ from faultgen.cli.app import (
 )
 from faultgen.cli.values import TRAINING, axes_of, numbers_of, part_of, severities_of, task_of
 from faultgen.errors import InputError, SimulationFailed
+from faultgen.system.terminal import say
 
 if TYPE_CHECKING:
     from faultgen.dataset.experiment import Experiment
@@ -285,12 +286,12 @@ def _print_summary(summary: Summary, as_json: bool) -> None:
     if as_json:
         print_json(asdict(summary))
     else:
-        print(
+        say(
             f"{summary.folder}: {summary.planned} runs, {summary.done} made now, "
             f"{summary.kept} already present, {len(summary.failed)} failed"
         )
         for run_id, reason in summary.failed.items():
-            print(f"failed: {run_id}: {reason}")
+            say(f"failed: {run_id}: {reason}")
     if summary.failed:
         raise typer.Exit(1)
 
@@ -350,8 +351,7 @@ def demo(out: Out = Path("demo-out"), workers: Workers = None, as_json: Json = F
     if as_json:
         print_json({**asdict(summary), "isolation": to_dict(result), "report": str(path)})
         return
-    print(table(result))
-    print(f"\ndataset: {out / 'dataset.h5'}\nreport:  {path}")
+    say(*table(result).split("\n"), "", f"dataset: {out / 'dataset.h5'}", f"report:  {path}")
 
 
 def _dry_run(

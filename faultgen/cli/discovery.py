@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +11,7 @@ import typer
 
 from faultgen.cli.app import Json, Out, Robot, Workers, app, out_option, print_json, worker_count
 from faultgen.errors import InputError
+from faultgen.system.terminal import note, say
 
 LowPass = Annotated[
     float | None,
@@ -139,32 +139,32 @@ def discover(
         cache=cache,
     )
     for warning in result["warnings"]:
-        print(f"faultgen: {warning}", file=sys.stderr)
+        note(warning)
     if as_json:
         print_json(result)
         return
-    print(result["verdict"])
+    say(result["verdict"])
     for one in result["effects"]:
         low, high = one["interval"]["severity"]
-        print(
+        say(
             f"{one['effect']} on axis {one['axis']}: {one['parameters']['severity']:.4g} "
             f"[{low:.4g}, {high:.4g}], {one['parameters']['unit']}; "
             f"confidence {one['confidence']:.2f}"
         )
         if "sentence" in one["parameters"]:
-            print(f"  {one['parameters']['sentence']}: {one['parameters']['formula']}")
+            say(f"  {one['parameters']['sentence']}: {one['parameters']['formula']}")
     for one in result["alternatives"]:
-        print(
+        say(
             f"also possible: {one['effect']} on axis {one['axis']}; "
             f"confidence {one['confidence']:.2f}"
         )
     if result["next_experiment"]:
-        print(f"to distinguish these effects, run the task {out / 'next_experiment.toml'}")
+        say(f"to distinguish these effects, run the task {out / 'next_experiment.toml'}")
     if result["unexplained"]:
-        print(result["unexplained"])
-    print(result["following"])
+        say(result["unexplained"])
+    say(result["following"])
     gap = result["gap"]
-    print(
+    say(
         f"gap {gap['before']:.4f}, calibrated {gap['calibrated']:.4f}, "
         f"after {gap['after']:.4f}, floor {gap['floor']:.4f}"
     )
@@ -192,19 +192,23 @@ def _plan(
         print_json(result)
         return
     for motion in result["motions"]:
-        print(f"{out / motion['file']}: {motion['description']}, {motion['duration']:.1f} s")
-    print(
-        f"\nright answers without a healthy recording, in %: {result['reference']} for "
-        f"{result['duration']:.0f} s -> these motions, which take as long\n\n{table(result)}\n"
+        say(f"{out / motion['file']}: {motion['description']}, {motion['duration']:.1f} s")
+    say(
+        "",
+        f"right answers without a healthy recording, in %: {result['reference']} for "
+        f"{result['duration']:.0f} s -> these motions, which take as long",
+        "",
+        *table(result).split("\n"),
+        "",
     )
     mean, alarms = result["mean_rate"], result["false_alarms"]
-    print(
+    say(
         f"mean {100 * mean['reference']:.0f} -> {100 * mean['plan']:.0f}; healthy robots in which "
-        f"an effect is named: {100 * alarms['reference']:.0f} -> {100 * alarms['plan']:.0f}\n"
+        f"an effect is named: {100 * alarms['reference']:.0f} -> {100 * alarms['plan']:.0f}",
         f"smallest severity that is named, of {result['reference']} over that of these motions: "
-        f"{result['smaller']:.2f} (geometric mean)\n"
+        f"{result['smaller']:.2f} (geometric mean)",
         f"These are ideal rates: effects add up, the noise is {100 * result['noise']:.0f} % of the "
-        "RMS torque, and robots differ from the model only as assumed (docs/discovery.md)."
+        "RMS torque, and robots differ from the model only as assumed (docs/discovery.md).",
     )
 
 
@@ -253,6 +257,7 @@ def calibrate(
     from faultgen.discovery.workflow import dump
     from faultgen.robot import load_robot
     from faultgen.system.files import write_text
+    from faultgen.system.sums import add_sums
 
     if out.suffix == ".xml" or out.is_file():
         raise InputError(f"out: must be a folder, not {out}; the model is written to its model.xml")
@@ -261,7 +266,7 @@ def calibrate(
     recording = given.recording
     model, raised = with_limits_of([recording], model)
     for warning in [*given.warnings, *raised]:
-        print(f"faultgen: {warning}", file=sys.stderr)
+        note(warning)
     with threadpool_limits(limits=1):
         found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))
     result = found.report()
@@ -269,19 +274,21 @@ def calibrate(
         changed = recording.constants.constant * found.robot.torque_gain / model.torque_gain
         result["torque_constants"] = replace(recording.constants, constant=changed).contract()
     found.robot.write(out)
-    write_text(out / "calibration.json", dump(result))
+    text = dump(result)
+    write_text(out / "calibration.json", text)
+    add_sums(out, {"calibration.json": text.encode()})
     for line in found.lacks:
-        print(f"faultgen: {line}", file=sys.stderr)
+        note(line)
     if as_json:
         print_json(result)
         return
     errors = {name: f"{100 * error:.1f} %" for name, error in found.errors.items()}
-    print(
+    say(
         f"torque error on motions that were not fitted: given model {errors['given']}, "
         f"classical identification {errors['classical']}, this model {errors['calibrated']}"
     )
-    print(f"assumed uncertainty of the parameters: {found.prior_scale:g} times the default")
+    say(f"assumed uncertainty of the parameters: {found.prior_scale:g} times the default")
     for one in found.couplings:
-        print(f"axes {one.axis - 1} and {one.axis} are coupled: they share friction and inertia")
+        say(f"axes {one.axis - 1} and {one.axis} are coupled: they share friction and inertia")
     for name, values in found.values.items():
-        print(f"{name}: " + ", ".join(f"axis {k} {v:+.3g}" for k, v in values.items()))
+        say(f"{name}: " + ", ".join(f"axis {k} {v:+.3g}" for k, v in values.items()))

@@ -9,6 +9,7 @@ import typer
 
 from faultgen.cli.app import Folder, Json, Methods, app, dataset_to_judge, out_option, print_json
 from faultgen.errors import InputError
+from faultgen.system.terminal import say
 
 
 @app.command()
@@ -71,7 +72,7 @@ def export(
     if as_json:
         print_json(told)
         return
-    print(f"{out}: samples: {told['samples']}, segments: {told['segments']}")
+    say(f"{out}: samples: {told['samples']}, segments: {told['segments']}")
 
 
 def _export_table(sources: list[Path], path: Path, as_json: bool) -> None:
@@ -87,7 +88,7 @@ def _export_table(sources: list[Path], path: Path, as_json: bool) -> None:
     frame = source.to_dataframe()
     write_parquet(frame, path)
     told = {"table": str(path), "rows": len(frame), "columns": len(frame.columns)}
-    print_json(told) if as_json else print(
+    print_json(told) if as_json else say(
         f"{path}: rows: {len(frame)}, columns: {len(frame.columns)}"
     )
 
@@ -107,7 +108,7 @@ def _export_layout(sources: list[Path], layout: str, out: Path, as_json: bool) -
     if as_json:
         print_json(told)
         return
-    print(
+    say(
         f"{out}: training units: {units['dev']}, test units: {units['test']}, "
         f"samples: {told['samples']}"
     )
@@ -133,4 +134,4 @@ def report(folder: Folder, method: Methods = None, as_json: Json = False) -> Non
         dataset_to_judge(folder)
         methods: list[Any] = [load(name) for name in method or ()]
         path = write_report(folder, methods=methods)
-    print_json({"report": str(path)}) if as_json else print(path)
+    print_json({"report": str(path)}) if as_json else say(path)

@@ -18,6 +18,7 @@ from faultgen.cli.app import (
     print_table,
     worker_count,
 )
+from faultgen.system.terminal import say
 
 if TYPE_CHECKING:
     from faultgen.fleet import FleetPlan
@@ -73,7 +74,7 @@ def fleet(
         print_json(told)
         return
     print_table(rows)
-    print(f"{len(rows)} robots, {made.days} days: {out}")
+    say(f"{len(rows)} robots, {made.days} days: {out}")
 
 
 def _dry_run(plan: FleetPlan, workers: int, as_json: bool) -> None:

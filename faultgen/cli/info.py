@@ -9,6 +9,7 @@ from typing import Any
 import typer
 
 from faultgen.cli.app import MOST_ROWS, Folder, Json, app, print_json, print_table
+from faultgen.system.terminal import say
 
 
 @app.command()
@@ -92,32 +93,32 @@ def info(folder: Folder, as_json: Json = False) -> None:
             print_table(rows)
         else:
             print_table(_groups(rows))
-            print("--json lists every run")
+            say("--json lists every run")
             print_table([row for row in rows if row["state"] != "ok"])
-        print(f"{len(rows)} runs planned, {len(dataset.missing)} missing, {len(damaged)} damaged")
+        say(f"{len(rows)} runs planned, {len(dataset.missing)} missing, {len(damaged)} damaged")
         for by, counts in result["splits"].items():
-            print(f"split by {by}: " + ", ".join(f"{n} {part}" for part, n in counts.items()))
+            say(f"split by {by}: " + ", ".join(f"{n} {part}" for part, n in counts.items()))
         if result["only_copy"]:
-            print(f"{result['only_copy']} runs have no file of their own; {MERGED} holds them")
+            say(f"{result['only_copy']} runs have no file of their own; {MERGED} holds them")
         if interpolated:
-            print(
+            say(
                 f"{len(interpolated)} runs are interpolated: the RMS error of the torque of a "
                 f"whole run is stated to be at most {max(interpolated.values()):.1%} of its noise"
             )
         for run_id, reason in failed.items():
-            print(f"failed: {run_id}: {reason}")
+            say(f"failed: {run_id}: {reason}")
         for name, reason in damaged.items():
-            print(f"damaged: {name}: {reason}")
+            say(f"damaged: {name}: {reason}")
         if not merged.is_file():
-            print("dataset.h5 is missing")
+            say("dataset.h5 is missing")
         if len(versions) > 1:
             for version, ids in versions.items():
-                print(f"made by {version}: {', '.join(ids)}")
-            print(
+                say(f"made by {version}: {', '.join(ids)}")
+            say(
                 "the runs were made by different versions; run the generate command again with "
                 "--regenerate to make all of them with this version"
             )
-        print(
+        say(
             "the dataset is complete and intact"
             if whole
             else "the dataset is not in order; run the generate command again to complete it"
@@ -149,7 +150,7 @@ def _fleet_info(folder: Path, as_json: bool) -> None:
         print_json({"folder": str(folder), "complete": whole, "intact": whole, "robots": rows})
     else:
         print_table(rows)
-        print(
+        say(
             "the fleet is complete and intact"
             if whole
             else "the fleet is not in order; run the fleet command again to complete it"

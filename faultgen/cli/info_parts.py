@@ -8,6 +8,7 @@ from typing import Any
 import typer
 
 from faultgen.cli.app import MOST_ROWS, print_json, print_table
+from faultgen.system.terminal import say
 
 _SAME = ("robot", "task", "effect", "axes", "severity", "cycles", "sensors")
 
@@ -53,20 +54,20 @@ def _show(told: dict[str, Any], rows: list[dict[str, Any]], whole: bool) -> None
     if rows:
         print_table(rows[:MOST_ROWS])
         if len(rows) > MOST_ROWS:
-            print(f"and {len(rows) - MOST_ROWS} more rows; --json lists them")
-        print(
+            say(f"and {len(rows) - MOST_ROWS} more rows; --json lists them")
+        say(
             f"{told['runs']} runs with {told['cycles']} cycles in {told['parts']} parts, "
             f"{told['bytes'] / 1e9:.3g} GB; {told['failed']} runs failed"
         )
     there = told["parts"] - len(told["missing"])
-    print(f"{there} of {told['parts']} parts have their file of all runs")
+    say(f"{there} of {told['parts']} parts have their file of all runs")
     for name in told["missing"][:MOST_ROWS]:
-        print(f"missing or unfinished: {name}")
+        say(f"missing or unfinished: {name}")
     for name, reason in told.get("changed", {}).items():
-        print(f"changed: {name}: {reason}")
+        say(f"changed: {name}: {reason}")
     if not rows:
-        print("the parts are not merged; run 'faultgen merge' when all of them are complete")
+        say("the parts are not merged; run 'faultgen merge' when all of them are complete")
     elif whole:
-        print("all parts are there; 'faultgen info' on the folder of a part checks all its bytes")
+        say("all parts are there; 'faultgen info' on the folder of a part checks all its bytes")
     else:
-        print("the dataset is not in order; make what is missing again, then run 'faultgen merge'")
+        say("the dataset is not in order; make what is missing again, then run 'faultgen merge'")

@@ -24,6 +24,7 @@ from faultgen.cli.app import (
     worker_count,
 )
 from faultgen.errors import InputError
+from faultgen.system.terminal import say
 
 
 @app.command()
@@ -51,7 +52,7 @@ def detect(
     methods: list[Any] = [load(name) for name in method or ()]
     result = run_detect(dataset, sensors=sensors, seeds=seeds, methods=methods, split=split)
     save_detection(result, dataset.path)
-    print_json(vars(result)) if as_json else print(detection_table(result))
+    print_json(vars(result)) if as_json else say(*detection_table(result).split("\n"))
 
 
 @app.command()
@@ -80,7 +81,7 @@ def isolate(
     methods: list[Any] = [load(name) for name in method or ()]
     result = run_isolate(dataset, sensors=sensors, seeds=seeds, methods=methods, split=split)
     save(result, dataset.path)
-    print_json(to_dict(result)) if as_json else print(table(result))
+    print_json(to_dict(result)) if as_json else say(*table(result).split("\n"))
 
 
 @app.command()
@@ -122,8 +123,8 @@ def benchmark(
     if as_json:
         print_json(result)
         return
-    print(f"{benchmark_board(result, 'isolation')}\n\n{benchmark_board(result, 'detection')}\n")
-    print(out / "benchmark.md")
+    boards = [benchmark_board(result, kind).split("\n") for kind in ("isolation", "detection")]
+    say(*boards[0], "", *boards[1], "", out / "benchmark.md")
 
 
 @app.command()
@@ -206,8 +207,8 @@ def study(
         print_json(result)
         return
     for goal in result["goals"]:
-        print(f"{goal['name']}: {goal['measured']} (goal {goal['goal']}; thesis {goal['thesis']})")
-    print(f"\ntables:  {out / 'tables.md'}\nfigures: {out / 'figures'}")
+        say(f"{goal['name']}: {goal['measured']} (goal {goal['goal']}; thesis {goal['thesis']})")
+    say("", f"tables:  {out / 'tables.md'}", f"figures: {out / 'figures'}")
 
 
 def _join_study(name: str, methods: list[str]) -> None:

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from faultgen.cli.app import Json, app, names, print_json, print_table
+from faultgen.system.terminal import say
 
 
 @app.command()
@@ -96,11 +97,11 @@ def effects(as_json: Json = False) -> None:
         print_json(rows)
         return
     for row in rows:
-        print(row.pop("effect"))
+        say(row.pop("effect"))
         row["range"] = f"{row.pop('smallest'):g} to {row.pop('largest'):g}"
         given = row.pop("parameters")
         if given:
             shown = {name: "of the gearbox" if v is None else v for name, v in given.items()}
             row["parameters"] = ", ".join(f"{name} = {value}" for name, value in shown.items())
         for name, value in row.items():
-            print(f"  {name + ':':13} {value}")
+            say(f"  {name + ':':13} {value}")

@@ -9,6 +9,7 @@ from typing import Any
 import typer
 
 from faultgen.cli.app import Json, app, print_json, print_table
+from faultgen.system.terminal import say
 
 _OLDEST_PYTHON = (3, 11)
 _LEAST_MEMORY = 2.0  # [GiB]: what a study uses at most with one process
@@ -61,7 +62,7 @@ def doctor(as_json: Json = False) -> None:
     else:
         shown = [{k: row[k] for k in ("what", "found")} for row in rows]
         print_table([{**one, "": row["remedy"]} for one, row in zip(shown, rows, strict=True)])
-        print("this machine is fit" if fit else "this machine is not fit; see the remedies")
+        say("this machine is fit" if fit else "this machine is not fit; see the remedies")
     if not fit:
         raise typer.Exit(1)
 

@@ -10,6 +10,7 @@ import typer
 
 from faultgen.cli.app import Json, app, out_option, print_json, print_table
 from faultgen.errors import InputError
+from faultgen.system.terminal import say
 
 
 @app.command("import")
@@ -115,13 +116,13 @@ def import_(
     if made.missing:
         gaps += f"; {made.missing} missing {plural('sample', made.missing)} interpolated"
     axes, segments = recording.n_axes, len(recording.segments)
-    print(
+    say(
         f"{len(recording.position)} samples of {axes} {'axis' if axes == 1 else 'axes'}, "
         f"{recording.side} side, "
         f"every {period:.6g} s ({1 / period:.6g} Hz); largest jitter "
         f"{100 * made.jitter / period:.0f} % of the period; {gaps}; "
         f"{segments} {'segment' if segments == 1 else 'segments'}"
     )
-    for note in made.notes:
-        print(note if note.startswith("warning: ") else f"note: {note}")
-    print(f"{out} and {picture} are written")
+    for remark in made.notes:
+        say(remark if remark.startswith("warning: ") else f"note: {remark}")
+    say(f"{out} and {picture} are written")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -12,6 +11,7 @@ import typer
 
 from faultgen.cli.app import Json, app, out_option, print_json, print_table
 from faultgen.errors import InputError
+from faultgen.system.terminal import note, say
 
 robot = typer.Typer(
     help="Bring your own robot: build a complete robot from a plain MJCF or URDF model of any arm, "
@@ -122,9 +122,9 @@ def build(
             for one in axes
         ]
     )
-    for note in built.notes:
-        print(f"note: {note}")
-    print(
+    for remark in built.notes:
+        say(f"note: {remark}")
+    say(
         f"{out}: {len(axes)} axes; {counts['given']} numbers given, {counts['model']} from the "
         f"model, {counts['assumed']} assumed (see {out / DRIVES}); "
         f"tasks: {', '.join(built.robot.tasks) or 'none'}"
@@ -164,21 +164,21 @@ def check(
             print_table(rows)
         for kind, values in checked.modes.items():
             listed = " ".join(f"{value:.1f}" for value in values)
-            print(f"resonances at the zero pose, rotors {kind} [Hz]: {listed}")
+            say(f"resonances at the zero pose, rotors {kind} [Hz]: {listed}")
         if checked.timestep is not None:
-            print(
+            say(
                 f"time step {checked.timestep:g} s; the largest stable one is "
                 f"{checked.largest_timestep:.3g} s"
             )
         for task, period in checked.tasks.items():
-            print(f"task {task}: a cycle takes {period:.2f} s")
+            say(f"task {task}: a cycle takes {period:.2f} s")
         for what, value in checked.trial.items():
-            print(f"one second of simulation: {what} {value:.3g}")
+            say(f"one second of simulation: {what} {value:.3g}")
         for finding in checked.findings:
-            print(f"finding: {finding}")
+            say(f"finding: {finding}")
         result = "fit" if checked.fit else f"findings: {len(checked.findings)}"
         more = f"; warnings: {len(checked.warnings)}" if checked.warnings else ""
-        print(f"{checked.robot}: {result}{more}")
+        say(f"{checked.robot}: {result}{more}")
     if not checked.fit:
         raise typer.Exit(1)
 
@@ -186,4 +186,4 @@ def check(
 def _warn(warnings: Sequence[str]) -> None:
     """Write warnings to stderr, so that they also appear beside JSON."""
     for warning in warnings:
-        print(f"faultgen: warning: {warning}", file=sys.stderr)
+        note(f"warning: {warning}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,6 +19,7 @@ from faultgen.cli.app import (
     worker_count,
 )
 from faultgen.errors import InputError
+from faultgen.system.terminal import note, say
 
 
 @app.command()
@@ -73,31 +73,31 @@ def twin(
         with_discovery=discovery,
         workers=worker_count(workers),
         seed=seed,
-        say=lambda text: print(f"faultgen: {text}", file=sys.stderr, flush=True),
+        say=note,
     )
     if as_json:
         print_json(result)
         return
     errors = result["calibration"]["errors"]
-    print(f"calibrated: relative torque error {errors['given']:.3f} -> {errors['calibrated']:.3f}")
-    print(f"effects that the model lacked: {result['discovery']['verdict']}")
+    say(f"calibrated: relative torque error {errors['given']:.3f} -> {errors['calibrated']:.3f}")
+    say(f"effects that the model lacked: {result['discovery']['verdict']}")
     for one in result["discovery"]["effects"]:
-        print(f"  {one['effect']} on axis {one['axis']}: {one['severity']:.4g}")
+        say(f"  {one['effect']} on axis {one['axis']}: {one['severity']:.4g}")
     for axis, share in enumerate(result["noise"]["over_rms_torque"], start=1):
         left = result["remainder_over_rms_torque"][axis - 1]
-        print(
+        say(
             f"axis {axis}: noise {100 * share:.2f} % of the RMS torque; the model still lacks "
             f"{100 * left:.1f} % on this motion, which is added to generated data"
         )
     told = result["likeness"]
     if told["auc"] is None:
-        print("one recording: whether generated data look like measured ones was not tested")
+        say("one recording: whether generated data look like measured ones was not tested")
     else:
-        print(
+        say(
             f"a classifier tells generated from measured cycles with AUC {told['auc']:.2f} +- "
             f"{told['standard_error']:.2f} (0.5: not at all; 1: always)"
         )
-    print(f"twin: {out}\nreport: {out / 'report.html'}")
+    say(f"twin: {out}", f"report: {out / 'report.html'}")
 
 
 @app.command()
@@ -148,11 +148,11 @@ def train(
         return
     for one in detector.made["candidates"]:
         chosen = " (chosen)" if one["features"] == detector.kind else ""
-        print(
+        say(
             f"{one['features']}: right fault in {100 * one['named']:.0f} % of the validation "
             f"cycles, severity off by {100 * one['severity_error']:.1f} % of the largest{chosen}"
         )
-    print(f"{len(detector.faults)} faults; detector: {out}")
+    say(f"{len(detector.faults)} faults; detector: {out}")
 
 
 @app.command()
@@ -175,6 +175,14 @@ def judge(
             "Delete it after a repair, to begin anew."
         ),
     ] = None,
+    settled: Annotated[
+        float,
+        typer.Option(
+            help="With --watch: how many seconds a file must not change before it is judged. HDF5 "
+            "files that faultgen has written do not wait, because their checksum shows when they "
+            "are complete."
+        ),
+    ] = 6.0,
     as_json: Json = False,
 ) -> None:
     """Judge recordings of a robot: healthy, a named fault with its severity, or an unknown change.
@@ -187,6 +195,9 @@ def judge(
     The program must be that of the healthy recordings. It is found by its positions, so that it
     does not matter when a recording begins, or how many cycles it has.
 
+    With --watch, a file that cannot be judged is reported, and tried again when it changes; if a
+    disk fails, it is tried again until the disk works. Several processes may use one --state.
+
     With --json, the answers are a JSON list, or one JSON object in each line with --watch.
     """
     import json
@@ -197,20 +208,24 @@ def judge(
     if watch is None and not recordings:
         raise InputError("give recordings to judge, or a folder with --watch")
     one = Judge(detector, state)
-    answers = []
-    for path in recordings or []:
-        answer = one.judge(path)
-        answers.append(answer)
-        if not as_json:
-            print(line(answer), flush=True)
-        elif watch is not None:
-            print(json.dumps(answer), flush=True)
+    for remark in one.notes:
+        note(remark)
     if as_json and watch is None:
-        print_json(answers)
+        print_json([one.judge(path) for path in recordings or []])
+        return
+
+    def tell(answer: dict[str, Any]) -> None:
+        try:
+            say(json.dumps(answer) if as_json else line(answer), flush=True)
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            if watch is None:
+                raise
+            # what was not written stays in the buffer of stdout, and is written with the next line
+            note(f"an answer cannot be written now ({error.strerror}); {one.state} holds it")
+
+    for path in recordings or []:
+        tell(one.judge(path))
     if watch is not None:
-        run_watch(
-            one,
-            watch,
-            lambda answer: print(json.dumps(answer) if as_json else line(answer), flush=True),
-            lambda text: print(f"faultgen: {text}", file=sys.stderr, flush=True),
-        )
+        run_watch(one, watch, tell, note, settled=settled)

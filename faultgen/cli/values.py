@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-import sys
 from pathlib import Path
 from typing import Any
 
 from faultgen.errors import InputError
+from faultgen.system.terminal import note
 
 TRAINING: dict[str, Any] = {"cycles": 24, "repetitions": 3, "schedule": "linear"}
 """Defaults of a dataset that is made to train a detector."""
@@ -37,7 +37,7 @@ def task_of(recording: Path, robot: str, out: Path) -> str:
     model = load_robot(robot)
     measured, warnings = usable(recording, model)
     for warning in warnings:
-        print(f"faultgen: {warning}", file=sys.stderr)
+        note(warning)
     known = known_task(measured, model)
     if known is not None:
         return known

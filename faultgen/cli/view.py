@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +10,7 @@ import typer
 
 from faultgen.cli.app import Json, app, print_json
 from faultgen.errors import InputError
+from faultgen.system.terminal import note, say
 
 
 @app.command()
@@ -90,17 +90,16 @@ def view(
         told["drawn_with"] = save_picture(shown, image)
         told["image"] = str(image)
     if told.get("drawn_with") == "software" and "MUJOCO_GL" not in os.environ:
-        print(
-            "faultgen: no OpenGL library works here, so the robots were drawn in software; "
-            "install the package libegl1 (or libosmesa6) for smoother pictures",
-            file=sys.stderr,
+        note(
+            "no OpenGL library works here, so the robots were drawn in software; "
+            "install the package libegl1 (or libosmesa6) for smoother pictures"
         )
     if as_json:
         print_json(told)
         return
     for path in (video, image):
         if path is not None:
-            print(f"{path}: drawn with {told['drawn_with']}")
+            say(f"{path}: drawn with {told['drawn_with']}")
 
 
 def _import_mujoco() -> None:

@@ -6,6 +6,7 @@ folders or dates, so that the same experiment gives the same card.
 
 from __future__ import annotations
 
+import html
 from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
@@ -18,6 +19,7 @@ from faultgen.dataset.manifest import Manifest
 from faultgen.dataset.splits import PARTS, SCHEMES, TRAIN
 from faultgen.dataset.tables import OpenRun
 from faultgen.provenance import Provenance
+from faultgen.system.terminal import visible
 
 LICENCE = "https://creativecommons.org/licenses/by/4.0/"
 
@@ -51,7 +53,7 @@ def data_card(runs: Sequence[OpenRun], table: pd.DataFrame, manifest: Manifest) 
     cycles = int(table["cycles"].sum()) if len(table) else 0
     paired = table["seed"].duplicated().any() if len(table) else False
     made_by = table[_VERSIONS].drop_duplicates() if len(table) else table
-    versions = sorted(str(Provenance.of(row)) for row in made_by.to_dict("records"))
+    versions = sorted(_shown(Provenance.of(row)) for row in made_by.to_dict("records"))
     parts = [
         f"# Data card: faultgen dataset {name}",
         "Simulated condition-monitoring data of industrial robots with known faults, to train and "
@@ -85,8 +87,13 @@ def data_card(runs: Sequence[OpenRun], table: pd.DataFrame, manifest: Manifest) 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     # a bar, as in |torque|, would end the cell
-    cells = [[str(cell).replace("|", "\\|") for cell in row] for row in rows]
+    cells = [[_shown(cell).replace("|", "\\|") for cell in row] for row in rows]
     return tabulate(cells, head, tablefmt="github", disable_numparse=True)
+
+
+def _shown(name: object) -> str:
+    """A name in one line, and with nothing in it that a browser would take for HTML."""
+    return html.escape(visible(name), quote=False)
 
 
 def _operations(table: pd.DataFrame) -> list[str]:
@@ -118,7 +125,7 @@ def _interpolation(table: pd.DataFrame) -> list[str]:
 
 
 def _listed(table: pd.DataFrame, column: str) -> str:
-    return ", ".join(map(str, dict.fromkeys(table[column]))) if len(table) else "no robot"
+    return ", ".join(map(_shown, dict.fromkeys(table[column]))) if len(table) else "no robot"
 
 
 def _content(table: pd.DataFrame) -> str:

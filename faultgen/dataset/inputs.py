@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from faultgen.errors import InputError
 from faultgen.system.files import file_sha256, write_text
 from faultgen.system.reading import read_text
+from faultgen.system.sums import sums_text
 
 if TYPE_CHECKING:
     from faultgen.dataset.planning import Run
@@ -61,7 +62,7 @@ def keep_inputs(folder: Path, runs: Iterable[Run]) -> None:
     for copy, file in files.items():
         copy.parent.mkdir(parents=True, exist_ok=True)
         write_text(copy, read_text(file, "file"))
-    write_text(folder / INPUTS / SUMS, _as_text(_sums(folder / INPUTS)))
+    write_text(folder / INPUTS / SUMS, sums_text(_sums(folder / INPUTS)))
 
 
 def damaged_inputs(folder: Path) -> dict[str, str]:
@@ -82,7 +83,7 @@ def damaged_inputs(folder: Path) -> dict[str, str]:
         text = (home / SUMS).read_bytes().decode(errors="replace")
     except OSError as error:
         return {f"{INPUTS}/{SUMS}": f"cannot be read ({error.strerror})"}
-    if text == _as_text(there):
+    if text == sums_text(there):
         return {}
     lines = [line.partition("  ") for line in text.splitlines()]
     told = {name: checksum for checksum, _, name in lines}
@@ -101,10 +102,6 @@ def _sums(home: Path) -> dict[str, str]:
         for path in sorted(home.rglob("*"))
         if path.is_file() and path.name != SUMS and not path.name.endswith(".tmp")
     }
-
-
-def _as_text(sums: Mapping[str, str]) -> str:
-    return "".join(f"{checksum}  {name}\n" for name, checksum in sums.items())
 
 
 def input_path(folder: Path, planned: Mapping[str, Any], what: str) -> str:

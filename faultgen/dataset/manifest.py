@@ -7,8 +7,6 @@ be restored from the experiment.
 
 from __future__ import annotations
 
-import hashlib
-import json
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +15,7 @@ from typing import Any
 from faultgen.dataset.splits import RunParts
 from faultgen.errors import InputError, one_line
 from faultgen.system.files import write_text
+from faultgen.system.sealed_json import sealed, unsealed
 
 SCHEMA_VERSION = 2
 """Version of the layout of run files."""
@@ -112,7 +111,7 @@ class Manifest:
             "runs": self.runs,
             "splits": self.splits,
         }
-        return json.dumps({"sha256": _sha256(content), **content}, indent=1) + "\n"
+        return sealed(content)
 
     def write(self, folder: Path) -> None:
         """Write the list into the folder of a dataset.
@@ -166,9 +165,7 @@ class Manifest:
                 layout.
         """
         try:
-            content = json.loads(text)
-            if content.pop("sha256") != _sha256(content):
-                raise ValueError("it differs from its checksum")
+            content, _ = unsealed(text)
             for run_id, parameters in content["runs"].items():
                 if not _RUN_ID.fullmatch(run_id):
                     raise ValueError(f"'{run_id}' is not the id of a run")
@@ -177,7 +174,7 @@ class Manifest:
             found = cls(content["runs"], content["experiment_sha256"], content.get("splits", {}))
         except KeyError as error:
             raise _damaged(path, f"it has no {error}") from None
-        except (ValueError, TypeError, AttributeError, RecursionError) as error:
+        except (ValueError, TypeError, AttributeError) as error:
             raise _damaged(path, one_line(error)) from None
         for parameters in found.runs.values():
             check_layout(parameters.get("schema_version"), path)
@@ -186,7 +183,3 @@ class Manifest:
 
 def _damaged(path: Path, reason: str) -> InputError:
     return InputError(f"{path}: damaged ({reason}); run the generate command again to restore it")
-
-
-def _sha256(content: Any) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

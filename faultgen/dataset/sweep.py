@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
@@ -29,6 +28,7 @@ from faultgen.dataset.run import get_ready
 from faultgen.dataset.run_file import run_provenance
 from faultgen.dataset.splits import make_splits
 from faultgen.errors import InputError
+from faultgen.system import terminal
 from faultgen.system.files import unfinished, write_text
 from faultgen.system.parallel import check_workers, start_workers
 
@@ -120,7 +120,7 @@ def generate(
         start_workers(delayed(get_ready)(own[0]), min(workers, len(own)))
     for line in check_runs(runs):  # what cannot be is refused before anything is written
         if progress:
-            print(f"faultgen: {line}", file=sys.stderr)
+            terminal.note(line)
     if is_own:
         keep_whole(whole, folder)
     with _locked(folder, part):

@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 
 from faultgen.errors import InputError
+from faultgen.system.arrays import is_as_written
 from faultgen.system.hdf5 import open_unverified
 
 SIDES = ("motor", "joint")
@@ -35,7 +36,7 @@ _MOST_ATTRIBUTE = 1_000_000  # values that an attribute may have
 _HOPS = 8  # links within a file that are followed
 
 
-def read_hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+def read_hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any], bool | None]:
     """Read the arrays and attributes of a recording.
 
     The claimed size of an array is checked before the array is read.
@@ -44,8 +45,9 @@ def read_hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         path: The file.
 
     Returns:
-        Arrays by name, shape (samples, n_axes) or (samples,) as the file has them, and attributes
-        by name. Shapes are not checked here.
+        Arrays by name, shape (samples, n_axes) or (samples,) as the file has them, attributes by
+        name, and whether the file is as `export` or `import` has written it: None if it has no
+        checksum, as those that others write. Shapes are not checked here.
 
     Raises:
         InputError: An array is in another file, does not hold numbers, or claims an impossible
@@ -59,7 +61,11 @@ def read_hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
             place = _place(path, file, name)
             if place is not None:
                 named[name] = _array(path, name, file[place])
-        return named, {name: value for name, value in attributes.items() if value is not None}
+        intact = None  # a dataset has no such arrays, and another checksum
+        if named:
+            intact = is_as_written(file, lambda name, item: _check_claims(path, name, item))
+        told = {name: value for name, value in attributes.items() if value is not None}
+        return named, told, intact
 
 
 def _place(path: Path, file: h5py.File, name: str, hops: int = _HOPS) -> str | None:
@@ -89,6 +95,12 @@ def _place(path: Path, file: h5py.File, name: str, hops: int = _HOPS) -> str | N
 
 
 def _array(path: Path, name: str, item: Any) -> np.ndarray:
+    _check_claims(path, name, item)
+    return np.asarray(item[()], float)
+
+
+def _check_claims(path: Path, name: str, item: Any) -> None:
+    """Refuse an array that is not in the file, or too large."""
     if not isinstance(item, h5py.Dataset):
         raise InputError(f"{path}: {name} is not an array")
     if item.is_virtual or item.external:
@@ -105,7 +117,6 @@ def _array(path: Path, name: str, item: Any) -> np.ndarray:
             )
     if item.size and not item.id.get_storage_size():
         raise InputError(f"{path}: {name} claims shape {item.shape}, but no values were written")
-    return np.asarray(item[()], float)
 
 
 def _attribute(path: Path, file: h5py.File, name: str) -> Any:

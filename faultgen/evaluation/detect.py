@@ -27,6 +27,7 @@ from faultgen.evaluation.shares import share
 from faultgen.provenance import provenance
 from faultgen.system.files import write_text
 from faultgen.system.progress import follow
+from faultgen.system.terminal import visible
 
 
 @dataclass(frozen=True)
@@ -134,15 +135,17 @@ def detection_table(result: Detection) -> str:
     names = list(dict.fromkeys(row["method"] for row in result.results))
     said = [
         "Runs with an alarm up to that severity, percent of n runs [95 % Wilson interval]; "
-        f"'{result.sensors}' noise. Healthy: over all cycles. Limits are those of one false alarm "
-        f"in {RUN_LENGTH:g} cycles if the healthy spread were known; learned from few cycles they "
-        "alarm more often. Learned from: "
-        + ", ".join(f"{where} {count} cycles" for where, count in result.healthy_cycles.items())
+        f"'{visible(result.sensors)}' noise. Healthy: over all cycles. Limits are those of one "
+        f"false alarm in {RUN_LENGTH:g} cycles if the healthy spread were known; learned from few "
+        "cycles they alarm more often. Learned from: "
+        + ", ".join(
+            visible(f"{where} {count} cycles") for where, count in result.healthy_cycles.items()
+        )
         + "."
         + tested_on(result.split),
     ]
     said += method_tables(cells, names, count)
-    said += [f"{place}: {reason}" for place, reason in result.left_out.items()]
+    said += [visible(f"{place}: {reason}") for place, reason in result.left_out.items()]
     said += other_effects(row["effect"] for row in result.results)
     return "\n\n".join(said)
 

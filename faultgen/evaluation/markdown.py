@@ -7,6 +7,8 @@ from typing import Any
 
 from tabulate import tabulate
 
+from faultgen.system.terminal import visible
+
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """Return a Markdown table whose columns are aligned, so that it is legible in a terminal too.
@@ -18,7 +20,8 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     Returns:
         The table.
     """
-    return tabulate(rows, head, tablefmt="github", disable_numparse=True)
+    shown = [[visible(cell) for cell in row] for row in rows]
+    return tabulate(shown, list(map(visible, head)), tablefmt="github", disable_numparse=True)
 
 
 def goals_table(goals: Sequence[dict[str, Any]]) -> str:

@@ -12,6 +12,7 @@ from faultgen.effects import HEALTHY, get_effect
 from faultgen.evaluation import markdown
 from faultgen.evaluation.shares import wilson
 from faultgen.system.files import write_text
+from faultgen.system.terminal import visible
 
 # Thesis table 6.2, percent right of six axes, one simulation each; columns TE 10, TE 5 and CC
 THESIS = {
@@ -180,7 +181,7 @@ def method_tables(
             ]
             body = [[name, *(cells.get((key, name), "-") for key in columns)] for name in methods]
             texts += [
-                f"**{robot}, {task}, {effect}**",
+                visible(f"**{robot}, {task}, {effect}**"),
                 markdown.table(["method \\ severity", *head], body),
             ]
     return texts
@@ -198,8 +199,10 @@ def table(result: Isolation) -> str:
         if key[0] == "irb6700" and (key[1], key[3]) in THESIS and method in THEIRS:
             cells[key, method] += f" / {thesis_value(key[1], key[3], method):g}"
     said = [
-        f"Axis isolated, percent of n answers [95 % Wilson interval]; {drawn} '{result.sensors}' "
-        "noise" + ("; thesis' figure after the slash." if beside else ".") + tested_on(result.split)
+        f"Axis isolated, percent of n answers [95 % Wilson interval]; {drawn} "
+        f"'{visible(result.sensors)}' noise"
+        + ("; thesis' figure after the slash." if beside else ".")
+        + tested_on(result.split)
     ]
     said += method_tables(cells, methods, {key: one.total for (key, _), one in by_method.items()})
     if result.too_short:
@@ -207,7 +210,7 @@ def table(result: Isolation) -> str:
     if any(key[3] == 0 for key, _ in cells):
         said.append(f"In columns '{HEALTHY}': how often an axis was named though none is worn.")
     said += [
-        f"{place}: axes {axes} never turn within the speed window; left out."
+        visible(f"{place}: axes {axes} never turn within the speed window; left out.")
         for place, axes in result.unobservable.items()
         if axes
     ]

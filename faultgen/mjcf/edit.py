@@ -123,7 +123,7 @@ def mjcf_text(spec: mujoco.MjSpec) -> str:
         return spec.to_xml()
 
 
-def write_model(path: Path, xml: str, assets: Mapping[str, bytes]) -> None:
+def write_model(path: Path, xml: str, assets: Mapping[str, bytes]) -> dict[str, bytes]:
     """Write a model and the files that it refers to into one folder.
 
     Files whose paths lead out of the folder of the model are not written.
@@ -132,16 +132,22 @@ def write_model(path: Path, xml: str, assets: Mapping[str, bytes]) -> None:
         path: The MJCF file to write.
         xml: Text of the model.
         assets: Content of the files by path, relative to the model.
+
+    Returns:
+        Content of all files by path relative to the folder, for `faultgen.system.sums`.
     """
+    written = {}
     for name, content in assets.items():
         file = Path(os.path.normpath(name))
         if file.is_absolute() or ".." in file.parts:
             continue
         target = path.parent / file
-        if not target.exists():
+        if not target.is_file() or target.read_bytes() != content:
             target.parent.mkdir(parents=True, exist_ok=True)
             write_bytes(target, content)
+        written[file.as_posix()] = content
     write_text(path, xml)
+    return {**written, path.name: xml.encode()}
 
 
 @contextmanager

@@ -1,10 +1,11 @@
 """A robot as a folder: its MJCF file, its assets, its tasks, and effects that MJCF cannot express.
 
-==============  ===================================================================================
-``model.xml``   the MJCF file, with everything that MJCF can express
-``robot.json``  the robot's name, and the effects that act outside of the model file
-``tasks/``      optional: task files of this robot (TOML), which are then known by name
-==============  ===================================================================================
+=================  ================================================================================
+``model.xml``      the MJCF file, with everything that MJCF can express
+``robot.json``     the robot's name, and the effects that act outside of the model file
+``tasks/``         optional: task files of this robot (TOML), which are then known by name
+``checksums.txt``  checksums of these files, if faultgen has written the folder
+=================  ================================================================================
 
     write_folder(Path("out/model"), "puma560", xml, assets, effects, tasks)
     name, xml, assets, effects, tasks = read_folder(Path("out/model"))
@@ -23,6 +24,7 @@ from faultgen.mjcf.compiling import read_mjcf
 from faultgen.mjcf.edit import write_model
 from faultgen.system.files import write_text
 from faultgen.system.reading import read_text
+from faultgen.system.sums import add_sums
 
 MODEL, EFFECTS, TASKS = "model.xml", "robot.json", "tasks"
 """Names of the two files of a robot's folder, and of the folder of its tasks."""
@@ -50,13 +52,16 @@ def write_folder(
         tasks: Text of the robot's own task files, by name.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    write_model(folder / MODEL, xml, assets)
+    written = write_model(folder / MODEL, xml, assets)
     content = {"format": _FORMAT, "name": name, "effects": to_json(effects)}
-    write_text(folder / EFFECTS, json.dumps(content, indent=1, allow_nan=False) + "\n")
+    texts = {EFFECTS: json.dumps(content, indent=1, allow_nan=False) + "\n"}
     if tasks:
         (folder / TASKS).mkdir(exist_ok=True)
-    for task, text in tasks.items():
-        write_text(folder / TASKS / f"{task}.toml", text)
+    texts |= {f"{TASKS}/{task}.toml": text for task, text in tasks.items()}
+    for file, text in texts.items():
+        write_text(folder / file, text)
+        written[file] = text.encode()
+    add_sums(folder, written)
 
 
 Content = tuple[str, str, dict[str, bytes], tuple[Applied, ...], dict[str, str]]

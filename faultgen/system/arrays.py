@@ -2,12 +2,14 @@
 
 write_arrays(Path("a.h5"), {"x": np.zeros(3)}, {"seed": 1})
 arrays, attributes = read_arrays(Path("a.h5"))
+with open_unverified(Path("a.h5")) as file:
+    is_as_written(file)  # without reading whole arrays into memory
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ from faultgen.system.files import named_failures, removed_on_failure, rename, te
 from faultgen.system.hdf5 import new_hdf5, open_unverified
 
 _CONTENT = "content_sha256"
+_AT_ONCE = 2**20  # values of an array that are summed up at a time: 8 MiB of memory
 
 
 def write_arrays(
@@ -45,6 +48,7 @@ def write_arrays(
     temporary = temporary_name(path)
     with named_failures(path):
         path.parent.mkdir(parents=True, exist_ok=True)
+    arrays = {name: np.asarray(values) for name, values in arrays.items()}
     with new_hdf5(path) as (file, _):
         for name, values in arrays.items():
             file.create_dataset(name, data=values)
@@ -75,9 +79,8 @@ def read_arrays(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
 
     def note(name: str, item: Any) -> None:
         if isinstance(item, h5py.Dataset):
-            arrays[name] = item[()]
-            if item.attrs:
-                told[name] = (str(item.attrs.get("units")), str(item.attrs.get("long_name")))
+            arrays[name] = np.asarray(item[()])
+            told.update(_told({name: item}))
 
     try:
         with open_unverified(path) as file:
@@ -92,24 +95,72 @@ def read_arrays(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     return arrays, attributes
 
 
+def is_as_written(
+    file: h5py.File, check: Callable[[str, h5py.Dataset], None] = lambda name, item: None
+) -> bool | None:
+    """Compare the content of an open file with the checksum that it contains.
+
+    Args:
+        file: The file. Links of it are not followed.
+        check: Called with the name of each array and the array before it is read. It raises an
+            error if the array should not be read.
+
+    Returns:
+        Whether they are the same; None if the file has no checksum.
+    """
+    if _CONTENT not in file.attrs:
+        return None
+    found: dict[str, h5py.Dataset] = {}
+
+    def note(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset):
+            check(name, item)
+            found[name] = item
+
+    file.visititems(note)
+    attributes = {name: plain_value(value) for name, value in file.attrs.items()}
+    wanted = attributes.pop(_CONTENT)
+    return bool(wanted == _sum_up(found, attributes, _told(found)))
+
+
+def _told(arrays: Mapping[str, h5py.Dataset]) -> dict[str, tuple[str, str]]:
+    """Unit and meaning of arrays, as `write_arrays` has written them."""
+    return {
+        name: (str(item.attrs.get("units")), str(item.attrs.get("long_name")))
+        for name, item in arrays.items()
+        if item.attrs
+    }
+
+
 def plain_value(value: Any) -> Any:
     """Convert a scalar of numpy to a number of Python; return any other value unchanged."""
     return value.item() if isinstance(value, np.generic) else value
 
 
 def _sum_up(
-    arrays: Mapping[str, np.ndarray],
+    arrays: Mapping[str, np.ndarray | h5py.Dataset],
     attributes: Mapping[str, Any],
     described: Mapping[str, tuple[str, str]],
 ) -> str:
     total = hashlib.sha256()
     for name in sorted(arrays):
-        values = np.asarray(arrays[name])
+        values = arrays[name]
         total.update(f"{name} {values.dtype.str} {values.shape} ".encode())
-        total.update(np.ascontiguousarray(values).data)
+        for part in _parts(values):
+            total.update(np.ascontiguousarray(part).data)
     for name in sorted(attributes):
         value = np.asarray(plain_value(attributes[name]))
         total.update(f"{name} {value.tolist()!r} ".encode())
     for name in sorted(described):
         total.update(f"{name} {described[name]!r} ".encode())
     return total.hexdigest()
+
+
+def _parts(values: np.ndarray | h5py.Dataset) -> Iterator[np.ndarray]:
+    """The values of an array in their order, some rows at a time."""
+    if not values.shape or not values.size:
+        yield np.asarray(values[()])
+        return
+    rows = max(1, _AT_ONCE * len(values) // int(values.size))
+    for start in range(0, len(values), rows):
+        yield np.asarray(values[start : start + rows])

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from faultgen.errors import StorageFailed
-from faultgen.system.files import BINARY, forget_cached, write_all
+from faultgen.system.files import BINARY, create, forget_cached, write_all
 
 BLOCK = 1 << 16
 """Size of the blocks in which a file is compared with what it should hold [bytes]."""
@@ -227,14 +227,14 @@ class Sink(_File):
         """Create the file.
 
         Args:
-            path: The file. An older file of that name is overwritten.
+            path: The file. An older file of that name is replaced.
             final: The name that it gets later, for messages.
 
         Raises:
             OSError: The file cannot be created.
         """
         differs = StorageFailed(f"{final or path}: differs from what was written")
-        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | BINARY, 0o666)
+        handle = create(path, os.O_RDWR)
         super().__init__(handle, 0, _Content(handle, {}, differs))
         self.checksum = ""
         """SHA-256 checksum of the file, once it was synced and compared."""

@@ -65,6 +65,24 @@ BINARY = getattr(os, "O_BINARY", 0)
 """Flag of files that are opened for writing: Windows would otherwise change line ends."""
 
 
+def create(path: Path, access: int = os.O_WRONLY) -> int:
+    """Create a file under its temporary name. A link of that name is replaced, and never followed.
+
+    Args:
+        path: The file. What a killed process has left there is removed.
+        access: How it is opened, such as ``os.O_RDWR``.
+
+    Returns:
+        Handle of the file.
+
+    Raises:
+        OSError: The file cannot be created.
+    """
+    path.unlink(missing_ok=True)
+    flags = os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | BINARY  # Windows lacks one
+    return os.open(path, access | flags, 0o666)
+
+
 def write_all(handle: int, content: memoryview) -> None:
     """Write all bytes to an open file.
 
@@ -219,7 +237,7 @@ def _written(path: Path, content: bytes) -> Iterator[tuple[Path, str]]:
     temporary, checksum = temporary_name(path), hashlib.sha256(content).hexdigest()
     with removed_on_failure(temporary):
         with named_failures(path):
-            handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | BINARY, 0o666)
+            handle = create(temporary)
             try:
                 write_all(handle, memoryview(content))
                 os.fsync(handle)

@@ -28,6 +28,7 @@ from tqdm import tqdm
 
 from faultgen.system.files import BINARY
 from faultgen.system.interrupts import raise_if_interrupted
+from faultgen.system.terminal import note, visible
 
 FIRST_LINE = 5.0
 """Time after which the first line is printed [s]."""
@@ -76,7 +77,7 @@ class Progress:
             unit: Name of a step in the singular, such as "cycle".
             shown: Whether anything is shown.
         """
-        self._what, self._total, self._unit = what, total, unit
+        self._what, self._total, self._unit = visible(what), total, unit
         off = os.environ.get("TQDM_DISABLE", "0") not in ("", "0")
         self._shown = shown and not off and total != 0
         self._on_terminal = sys.stderr.isatty()
@@ -192,7 +193,7 @@ def line(what: str, done: int, total: int | None, unit: str, elapsed: float) -> 
 
 def _print(text: str) -> None:
     with suppress(OSError, ValueError):  # stderr may be closed
-        print(f"faultgen: {text}", file=sys.stderr, flush=True)
+        note(text)
 
 
 def plural(unit: str, count: int) -> str:

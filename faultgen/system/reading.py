@@ -1,4 +1,7 @@
-"""Reading files that users name. They must be regular files, and not larger than a limit."""
+"""Reading files that users name. They must be regular files, and not larger than a limit.
+
+A file that `faultgen.system.sums` lists is compared with its checksum.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import os
 from pathlib import Path
 
 from faultgen.errors import InputError
+from faultgen.system.sums import check_listed
 
 LARGEST_TEXT = 16 * 2**20
 """Largest text file that is read [bytes]."""
@@ -44,7 +48,8 @@ def read_bytes(path: str | Path, what: str, largest: int) -> bytes:
         Its content.
 
     Raises:
-        InputError: The path is not a regular file, or the file is too large or cannot be read.
+        InputError: The path is not a regular file, or the file is too large, damaged or cannot be
+            read.
     """
     if os.path.exists(path) and not os.path.isfile(path):
         raise InputError(f"{what} {path}: cannot be read (not a regular file)")
@@ -56,4 +61,5 @@ def read_bytes(path: str | Path, what: str, largest: int) -> bytes:
         raise InputError(f"{what} {path}: cannot be read ({reason})") from None
     if len(content) > largest:
         raise InputError(f"{what} {path}: cannot be read (larger than {largest / 2**20:g} MiB)")
+    check_listed(path, content)
     return content

@@ -4,14 +4,13 @@
     answer, memory = detector.judge(cycles, Memory.empty())
 
 A detector is a folder with ``detector.json`` and ``arrays.npz``. The arrays are plain numbers; no
-code is stored.
+code is stored. The first file contains a checksum of its content and one of the second file.
 """
 
 from __future__ import annotations
 
 import hashlib
 import io
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,9 +20,10 @@ import numpy as np
 
 from faultgen.discovery.recording import TorqueConstants
 from faultgen.effects import get_effect
-from faultgen.errors import InputError
+from faultgen.errors import InputError, one_line
 from faultgen.system.files import write_bytes, write_text
 from faultgen.system.reading import read_bytes, read_text
+from faultgen.system.sealed_json import sealed, unsealed
 from faultgen.twin.alignment import KnownMotion
 from faultgen.twin.classes import Belief, Classes, believe
 from faultgen.twin.features import KINDS, features_of
@@ -37,6 +37,10 @@ FORMAT = 1
 FORGETTING = 0.2
 """Weight of the newest recording in the running mean."""
 
+_OLDER = (  # entries before there was a checksum
+    "format robot task features faults stretches sample_period baselines "
+    "false_alarms_per_recording limits made arrays_sha256"
+).split()
 _LARGEST = 256 * 2**20
 _UNEXPLAINED = 1.5  # size of what no fault explains over that of the best fault, of unknown changes
 _LIKELY = 0.1  # probability from which another fault is named as well
@@ -146,6 +150,8 @@ class Detector:
     """Torque of the motors over that which the drives log, shape (n_axes,)."""
     made: Mapping[str, Any]
     """Provenance: data, versions, and the results on validation runs."""
+    is_sealed: bool = True
+    """Whether its file has a checksum. Older versions wrote none."""
 
     def variance(self, count: int) -> float:
         """Variance of the running mean of healthy recordings, with that of the baseline."""
@@ -270,7 +276,7 @@ class Detector:
         }
         folder.mkdir(parents=True, exist_ok=True)
         write_bytes(folder / ARRAYS, content)
-        write_text(folder / FORM, json.dumps(told, indent=1) + "\n")
+        write_text(folder / FORM, sealed(told))
 
 
 def load_detector(folder: Path) -> Detector:
@@ -291,14 +297,17 @@ def load_detector(folder: Path) -> Detector:
         )
     content = read_bytes(folder / ARRAYS, "detector file", _LARGEST)
     try:
-        told = json.loads(read_text(folder / FORM, "detector file"))
+        told, is_sealed = unsealed(read_text(folder / FORM, "detector file"), _OLDER)
         if told["format"] != FORMAT:
             raise InputError(
                 f"{folder / FORM}: has format {told['format']}, but this version of faultgen reads "
                 f"format {FORMAT}"
             )
         if hashlib.sha256(content).hexdigest() != told["arrays_sha256"]:
-            raise InputError(f"{folder / ARRAYS}: damaged: it differs from its checksum")
+            raise InputError(
+                f"detector file {folder / ARRAYS}: damaged (it differs from its checksum in "
+                f"{FORM}); copy both files or train again"
+            )
         with np.load(io.BytesIO(content), allow_pickle=False) as stored:
             arrays = {name: stored[name].astype(float) for name in stored.files}
         if told["features"] not in KINDS:
@@ -332,10 +341,16 @@ def load_detector(folder: Path) -> Detector:
             ),
             baselines=int(told["baselines"]),
             false_alarms=float(told["false_alarms_per_recording"]),
-            limits={k: float(v) for k, v in told["limits"].items()},
+            limits={name: float(told["limits"][name]) for name in ("single", "running", "rest")},
             constants=constants,
             torque_gain=arrays["torque_gain"],
             made=told["made"],
+            is_sealed=is_sealed,
         )
+    except InputError:
+        raise
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(f"detector {folder}: damaged ({' '.join(str(error).split())})") from None
+        reason = f"it has no {error}" if isinstance(error, KeyError) else one_line(error)
+        raise InputError(
+            f"detector file {folder / FORM}: damaged ({reason}); copy it or train again"
+        ) from None

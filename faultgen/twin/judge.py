@@ -7,34 +7,30 @@ answer["verdict"], answer["probability"]
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from faultgen.discovery.read import read_recording
 from faultgen.discovery.recording import Recording
-from faultgen.errors import InputError
-from faultgen.system.files import file_sha256, write_text
-from faultgen.system.reading import read_text
+from faultgen.errors import InputError, StorageFailed
+from faultgen.system.files import file_sha256
 from faultgen.twin.alignment import find_cycles
 from faultgen.twin.detector import FORM, Detector, Memory, load_detector
+from faultgen.twin.state import State
+from faultgen.twin.watching import PAUSE, SETTLED, Watch
 
 STATE = "state.json"
 """File with the memory, in the detector's folder unless another one is named."""
 
-ENDINGS = (".h5", ".hdf5", ".csv")
-"""Endings of the files that are recordings."""
-
-_PAUSE = 2.0  # between two looks into a watched folder [s]
-
 
 class Judge:
-    """A detector with its memory. What it has answered is kept, so that nothing counts twice."""
+    """A detector with its memory. What it has answered is kept, so that nothing counts twice.
+
+    Several processes may use one memory: each of them holds it while it judges a recording.
+    """
 
     def __init__(self, folder: Path, state: Path | None = None) -> None:
         """Read the detector and its memory.
@@ -47,31 +43,35 @@ class Judge:
             InputError: A file is missing or damaged, or the memory is that of another detector.
         """
         self.detector = load_detector(folder)
-        self._key = file_sha256(folder / FORM)
-        self.state = state or folder / STATE
-        self.memory, self.answers = Memory.empty(), list[dict[str, Any]]()
-        if self.state.is_file():
-            self._read()
+        size = len(self.detector.classes.basis)
+        self._state = State(state or folder / STATE, file_sha256(folder / FORM), size)
+        self._state.read()
+        older = {
+            folder / FORM: (not self.detector.is_sealed, "train again to protect it"),
+            self._state.path: (self._state.is_older, "the next recording that is judged adds one"),
+        }
+        self.notes = tuple(
+            f"{path}: an older version of faultgen has written it without a checksum, so that "
+            f"damage would not be noticed; {what}"
+            for path, (is_older, what) in older.items()
+            if is_older
+        )
+        """One line for each file whose damage could not be noticed."""
 
-    def _read(self) -> None:
-        try:
-            told = json.loads(read_text(self.state, "state file"))
-            if told["detector_sha256"] != self._key:
-                raise InputError(
-                    f"state file {self.state}: belongs to another detector; give another --state, "
-                    "or delete the file to begin anew"
-                )
-            self.memory = Memory(int(told["count"]), tuple(float(x) for x in told["mean"]))
-            self.answers = list(told["answers"])
-            wrong = self.memory.count and len(self.memory.mean) != len(self.detector.classes.basis)
-            if wrong or not np.isfinite(self.memory.mean).all():
-                raise ValueError("mean")
-        except InputError:
-            raise
-        except (ValueError, KeyError, TypeError) as error:
-            raise InputError(
-                f"state file {self.state}: damaged ({error}); delete it to begin anew"
-            ) from None
+    @property
+    def state(self) -> Path:
+        """File of the memory."""
+        return self._state.path
+
+    @property
+    def memory(self) -> Memory:
+        """The running mean."""
+        return self._state.memory
+
+    @property
+    def answers(self) -> list[dict[str, Any]]:
+        """All answers so far, oldest first."""
+        return self._state.answers
 
     def judge(self, path: str | Path) -> dict[str, Any]:
         """Judge a recording, and remember it.
@@ -84,19 +84,19 @@ class Judge:
             with `again` set.
 
         Raises:
-            InputError: The file is no recording of the task.
+            InputError: The file is no recording of the task, or changed while it was read.
+            StateFailed: The memory cannot be used now.
+            StorageFailed: A file cannot be read or written. Nothing is remembered then.
         """
-        recording = read_recording(path)
-        digest = file_sha256(Path(path))
-        for answer in self.answers:
-            if answer["sha256"] == digest:
-                return {**answer, "recording": str(path), "again": True}
-        cycles = find_cycles(self._in_torque(recording), self.detector.motion)
-        answer, memory = self.detector.judge(cycles, self.memory)
-        answer = {"recording": str(path), "cycles": len(cycles), **answer, "sha256": digest}
-        self.memory, self.answers = memory, [*self.answers, answer]
-        told = {"detector_sha256": self._key, **asdict(memory), "answers": self.answers}
-        write_text(self.state, json.dumps(told, indent=1) + "\n")
+        recording, digest = _read(Path(path))
+        with self._state.held() as state:
+            for answer in state.answers:
+                if answer["sha256"] == digest:
+                    return {**answer, "recording": str(path), "again": True}
+            cycles = find_cycles(self._in_torque(recording), self.detector.motion)
+            answer, memory = self.detector.judge(cycles, state.memory)
+            answer = {"recording": str(path), "cycles": len(cycles), **answer, "sha256": digest}
+            state.keep(answer, memory)
         return {**answer, "again": False}
 
     def _in_torque(self, recording: Recording) -> Recording:
@@ -133,24 +133,39 @@ def _check_axes(recording: Recording, detector: Detector) -> None:
         )
 
 
+def _read(path: Path) -> tuple[Recording, str]:
+    """A recording and the checksum of its file, which is the same before and after it is read."""
+    digest = _checksum(path) if path.is_file() else ""
+    recording = read_recording(path)  # which says so if there is no such file
+    if _checksum(path) != digest:
+        raise InputError(f"{path}: changed while it was read; judge it when it is complete")
+    return recording, digest
+
+
+def _checksum(path: Path) -> str:
+    try:
+        return file_sha256(path)
+    except OSError as error:
+        raise StorageFailed(f"{path}: cannot be read ({error.strerror})") from None
+
+
 def watch(
     one: Judge,
     folder: Path,
     tell: Callable[[dict[str, Any]], None],
     complain: Callable[[str], None],
     pause: Callable[[float], bool] | None = None,
+    settled: float = SETTLED,
 ) -> None:
-    """Judge recordings as they appear in a folder.
-
-    A file is read when its size has not changed between two looks. A file that is no recording of
-    the task is reported once, and passed over.
+    """Judge recordings as they appear in a folder; `faultgen.twin.watching` says which and when.
 
     Args:
         one: The judge.
         folder: The folder.
         tell: Called with each answer.
-        complain: Called with a line for each file that cannot be judged.
+        complain: Called with a line for each file that cannot be judged, and for a disk that fails.
         pause: Waits for some seconds, and returns whether to go on. Default: it waits, and goes on.
+        settled: How long a file without a checksum must not change before it is judged [s].
 
     Raises:
         InputError: There is no such folder.
@@ -158,33 +173,11 @@ def watch(
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder to watch")
     pause = pause or _wait
-    sizes: dict[Path, int] = {}
-    done: set[Path] = set()
+    watched = Watch(one.judge, folder, tell, complain, settled)
     while True:
-        for path in sorted(folder.iterdir(), key=_by_age):
-            if path in done or path.suffix.lower() not in ENDINGS or path.name.startswith("."):
-                continue
-            size = path.stat().st_size if path.is_file() else -1
-            if sizes.get(path) != size:
-                sizes[path] = size
-                continue
-            done.add(path)
-            try:
-                answer = one.judge(path)
-            except InputError as error:
-                complain(str(error))
-                continue
-            if not answer["again"]:
-                tell(answer)
-        if not pause(_PAUSE):
+        watched.look()
+        if not pause(PAUSE):
             return
-
-
-def _by_age(path: Path) -> tuple[float, str]:
-    try:
-        return path.stat().st_mtime, path.name
-    except OSError:  # removed in between
-        return 0.0, path.name
 
 
 def _wait(seconds: float) -> bool:

@@ -10,7 +10,6 @@ motion), the recorded motion as a task, ``twin.json`` and ``report.html``.
 from __future__ import annotations
 
 import json
-import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -41,6 +40,8 @@ from faultgen.simulation.plant import Plant
 from faultgen.simulation.stepping import decimation, simulate
 from faultgen.system.arrays import write_arrays
 from faultgen.system.files import write_text
+from faultgen.system.sums import add_sums
+from faultgen.system.terminal import note
 from faultgen.tasks import load_task
 from faultgen.twin.alignment import KnownMotion, find_cycles, mean_cycle, stretches_of
 from faultgen.twin.disturbances import moving_average, run_differences, torque_noise_of
@@ -93,7 +94,7 @@ def make_twin(
     model, more = with_limits_of(recordings, model)
     warnings += more
     for warning in warnings:
-        print(f"faultgen: {warning}", file=sys.stderr)
+        note(warning)
     if len(recordings) == 1:
         say("one recording cannot show how runs differ; usual differences are assumed")
     mean = mean_of(recordings)
@@ -115,7 +116,9 @@ def make_twin(
         result |= furnish(found, recordings, out, seed=seed, say=say)
     result["warnings"] = [*warnings, *calibrated.lacks]
     result["seconds"] = round(time.monotonic() - started, 1)
-    write_text(out / RESULT, json.dumps(result, indent=1) + "\n")
+    text = json.dumps(result, indent=1) + "\n"
+    write_text(out / RESULT, text)
+    add_sums(out, {RESULT: text.encode()})
     return result
 
 
@@ -181,7 +184,9 @@ def furnish(
             torque=remainder.tolist(),
         ),
     )
-    write_text(out / FILE, sensors.to_toml())
+    toml = sensors.to_toml()
+    write_text(out / FILE, toml)
+    add_sums(out, {FILE: toml.encode()})
     write_arrays(out / HEALTHY, {"torque": np.stack(means)}, {"sample_period": period})
     rms = np.sqrt(np.nanmean(np.mean(means, axis=0) ** 2, axis=0))
     left = np.sqrt(np.nanmean((np.mean(means, axis=0) - clean)[known.compared] ** 2, axis=0))

@@ -7,7 +7,6 @@ detector.save(Path("detector"))
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ import numpy as np
 from faultgen.dataset.experiment import check_seed
 from faultgen.dataset.reader import Dataset, StoredRun
 from faultgen.discovery.recording import TorqueConstants
-from faultgen.errors import InputError
+from faultgen.errors import InputError, what_it_says
 from faultgen.provenance import provenance
 from faultgen.robot import load_robot
 from faultgen.simulation.motion import plan
@@ -337,12 +336,14 @@ def _twin_of(dataset: Dataset, run: StoredRun) -> dict[str, Any] | None:
     own = Path(dataset.input_of(run, "sensors")).parent / RESULT
     if not own.is_file():
         return None
+    text = read_text(own, "twin file")
     try:
-        told = json.loads(read_text(own, "twin file"))
+        told = json.loads(text)
         return {name: told[name] for name in ("recordings", "torque_constants")}
-    except (ValueError, KeyError, TypeError):
-        print(f"faultgen: {own}: damaged, and not used", file=sys.stderr)
-        return None
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f"{own}: damaged ({what_it_says(error)}); run the twin command again"
+        ) from None
 
 
 def _constants(told: dict[str, Any] | None) -> TorqueConstants | None:
