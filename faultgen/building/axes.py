@@ -1,13 +1,13 @@
 """Which joints of a plain model are the axes of its arm: no gripper, and nothing that only follows.
 
-chosen = choose_axes(spec, None)
+chosen = choose_axes(spec, None, {})
 chosen.names, chosen.notes, chosen.findings
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -42,13 +42,16 @@ class Axes:
     """Which hinges and slides are no axes, and what to do if one is."""
 
 
-def choose_axes(spec: mujoco.MjSpec, chosen: Sequence[str] | None) -> Axes:
+def choose_axes(
+    spec: mujoco.MjSpec, chosen: Sequence[str] | None, leaders: Mapping[str, str]
+) -> Axes:
     """Find the joints that are axes.
 
     Args:
         spec: The model, whose joints have names.
         chosen: Names of the joints that the user calls axes, from the base to the tool. None: all
             hinges and slides, except those of a gripper and those that follow another joint.
+        leaders: The joints that follow another one, with the one that each follows.
 
     Returns:
         The axes. If they do not form one chain, the findings say so.
@@ -58,7 +61,6 @@ def choose_axes(spec: mujoco.MjSpec, chosen: Sequence[str] | None) -> Axes:
         remedy = "check it with 'faultgen robot check', or give a plain model"
         what = "the model already has rotors and gearboxes"
         return Axes((), (Finding("joint 'motor1'", what, remedy),), ())
-    leaders = _leaders(spec)
     if chosen is not None:
         return _named(spec, chosen, leaders)
     movable = [joint.name for joint in spec.joints if joint.type in (HINGE, SLIDE)]
@@ -125,7 +127,7 @@ def deepest(spec: mujoco.MjSpec) -> int:
     return depth
 
 
-def _named(spec: mujoco.MjSpec, chosen: Sequence[str], leaders: dict[str, str]) -> Axes:
+def _named(spec: mujoco.MjSpec, chosen: Sequence[str], leaders: Mapping[str, str]) -> Axes:
     """The axes that the user names."""
     names = [joint.name for joint in spec.joints]
     known = [name for name in chosen if name in names]
@@ -185,15 +187,6 @@ def _carries(spec: mujoco.MjSpec, name: str, other: str) -> bool:
     """Whether one joint moves the body of another one."""
     one, two = spec.joint(name).parent, spec.joint(other).parent
     return one.name in above(two) and (one.name != two.name or name != other)
-
-
-def _leaders(spec: mujoco.MjSpec) -> dict[str, str]:
-    """The joints that follow another one, by name, with the one that each follows."""
-    return {
-        one.name1: one.name2
-        for one in spec.equalities
-        if one.type == mujoco.mjtEq.mjEQ_JOINT and one.name2 and one.name1 != one.name2
-    }
 
 
 def _of_gripper(spec: mujoco.MjSpec, names: Sequence[str]) -> list[str]:
