@@ -67,7 +67,7 @@ def choose_axes(
     own = [name for name in movable if name not in leaders]
     gripper = _of_gripper(spec, own)
     arm = [name for name in own if name not in gripper]
-    if not arm or _breaks(spec, arm):  # then all of them are told
+    if not arm:
         arm, gripper = own, []
     within = [
         Finding(
@@ -82,15 +82,24 @@ def choose_axes(
         if (carried := next((one for one in arm if _carries(spec, name, one)), None))
     ]
     findings = [*_wrong_types(spec, None), *within]
+    if _breaks(spec, arm):  # then the joints of grippers and those that follow are told too
+        arm, gripper = movable, []
     if not arm and not findings:
-        remedy = "give a model with hinge or slide joints"
-        findings = [Finding("model", "no joint of it is a hinge or a slide", remedy)]
+        what = "no joint of it is a hinge or a slide"
+        what = "each of its joints follows another one" if movable else what
+        findings = [Finding("model", what, "give a model with hinge or slide joints")]
     findings += _breaks(spec, arm)
     notes = []
     if gripper:
         notes.append(
             f"{_joints(gripper)} taken for those of a gripper and locked; if one is an axis, name "
             "all axes in drives.toml, joints = [...]"
+        )
+    elif len(arm) > 1 and _is_finger(spec, arm[-1]):
+        stroke = np.ptp(spec.joint(arm[-1]).range)
+        notes.append(
+            f"the last axis '{arm[-1]}' slides by {stroke:g} m only; if it is a finger of a "
+            "gripper, name the axes without it in drives.toml, joints = [...]"
         )
     followers = [name for name in movable if name in leaders]
     if followers and not within:

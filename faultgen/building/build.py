@@ -209,7 +209,7 @@ def _with_step(
 ) -> tuple[Robot, Value]:
     """The robot with the time step that was given, or one that is small enough."""
     resolve_inertias(spec)
-    spec.compile()
+    compiled(spec, f"robot {name}")
     robot = Robot(name, mjcf_text(spec), plain.assets)
     source = Value(0, "given")
     if given is None:
@@ -219,5 +219,5 @@ def _with_step(
         given = next((step for step in STEPS if step <= most), STEPS[-1])
         source = Value(0, "assumed", f"at most {MARGIN:g} of the largest stable step")
     spec.option.timestep = given
-    spec.compile()
+    compiled(spec, f"robot {name}")
     return replace(robot, xml=mjcf_text(spec)), source

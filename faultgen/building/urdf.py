@@ -94,8 +94,9 @@ def _empty_shapes(root: ElementTree.Element) -> list[str]:
 
 
 def _positive(text: str | None) -> bool:
+    words = (text or "").split()
     try:
-        return text is not None and all(float(word) > 0 for word in text.split())
+        return bool(words) and all(float(word) > 0 for word in words)
     except ValueError:
         return False
 
