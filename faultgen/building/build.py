@@ -16,6 +16,7 @@ import numpy as np
 from faultgen.building.chain import HOME
 from faultgen.building.drives import Coupling, Drives, check_names, drives_text
 from faultgen.building.elements import add_drives, add_payload
+from faultgen.building.findings import computable
 from faultgen.building.plain import Plain, plain_arm
 from faultgen.building.quantities import Seen, Value, disbelieved, drive_of
 from faultgen.building.ranges import mark_assumed
@@ -85,6 +86,11 @@ def build(path: Path, drives: Drives, name: str, folders: Sequence[Path] = ()) -
         raise InputError(f"'{name}' is the name of a robot that comes with faultgen; use another")
     plain = plain_arm(path, drives.joints, drives.tool, folders)
     check_names(drives, plain.joints)
+    with computable(path.name):
+        return _build(path, plain, drives, name)
+
+
+def _build(path: Path, plain: Plain, drives: Drives, name: str) -> Built:
     spec, _ = parsed(plain.xml, plain.assets, path.name)
     spec.modelname = name
     mark_assumed(spec, plain.assumed_ranges)
@@ -203,7 +209,7 @@ def _with_step(
 ) -> tuple[Robot, Value]:
     """The robot with the time step that was given, or one that is small enough."""
     resolve_inertias(spec)
-    spec.compile()
+    compiled(spec, f"robot {name}")
     robot = Robot(name, mjcf_text(spec), plain.assets)
     source = Value(0, "given")
     if given is None:
@@ -213,5 +219,5 @@ def _with_step(
         given = next((step for step in STEPS if step <= most), STEPS[-1])
         source = Value(0, "assumed", f"at most {MARGIN:g} of the largest stable step")
     spec.option.timestep = given
-    spec.compile()
+    compiled(spec, f"robot {name}")
     return replace(robot, xml=mjcf_text(spec)), source

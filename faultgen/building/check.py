@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from faultgen.building.chain import moving_links, name_elements
-from faultgen.building.findings import Finding
+from faultgen.building.findings import Finding, computable
 from faultgen.building.inertias import inertia_findings
 from faultgen.building.plain import STATED_UNITS, plain_arm, survey
 from faultgen.building.ranges import assumed_axes, range_warnings
@@ -136,10 +136,14 @@ def _check_loaded(
         remedy = "add a site of this name to the last link"
         checked.findings.append(Finding("site 'tool'", "is missing", remedy))
         return checked
-    checked.findings += _drivetrain(robot, checked)
-    checked.findings += _weight(robot)
-    checked.findings += _tasks(robot, checked)
-    checked.findings += trial(robot, sorted(checked.tasks), checked.trial)
+    try:
+        with computable(robot.name):
+            checked.findings += _drivetrain(robot, checked)
+            checked.findings += _weight(robot)
+            checked.findings += _tasks(robot, checked)
+            checked.findings += trial(robot, sorted(checked.tasks), checked.trial)
+    except InputError as error:
+        checked.findings.append(Finding("model", str(error), "correct the file"))
     return checked
 
 

@@ -26,6 +26,7 @@ from faultgen.building.numbers import MOST
 from faultgen.building.ranges import assume_ranges, range_warnings
 from faultgen.building.source import Source, read_source
 from faultgen.building.units import gravity_warnings
+from faultgen.errors import one_line
 from faultgen.mjcf.compiling import compiled
 from faultgen.mjcf.edit import forget_defaults, mjcf_text
 
@@ -102,7 +103,7 @@ def plain_arm(
     pose = _home(spec)
     assumed, unlimited = assume_ranges(spec, names, source.unstated)
     notes = [*source.notes, *axes.notes, *unlimited]
-    notes += [*strip(spec, names, pose), *repair_inertias(spec)]
+    notes += [*strip(spec, names, pose, path.name), *repair_inertias(spec)]
     place = find_flange(spec, names[-1], flange)
     if flange is None:
         others = f"; its other sites: {', '.join(place.passed_over)}" if place.passed_over else ""
@@ -114,7 +115,8 @@ def plain_arm(
     _rename(spec, names)
     forget_defaults(spec)
     spec.modelname = path.stem
-    model = compiled(spec, path.name)
+    warned: list[str] = []
+    model = compiled(spec, path.name, warned)
     ranges = np.array([model.joint(f"joint{k + 1}").range for k in range(len(names))])
     notes += _angle_notes(model, names)
     text = mjcf_text(spec)
@@ -129,7 +131,11 @@ def plain_arm(
         flange=place,
         home=tuple(pose[name] for name in names) if pose else None,
         notes=tuple(notes),
-        warnings=(*range_warnings(names, assumed, ranges, slides), *gravity_warnings(model)),
+        warnings=(
+            *range_warnings(names, assumed, ranges, slides),
+            *gravity_warnings(model),
+            *(f"MuJoCo: {one_line(line)}" for line in warned),
+        ),
     )
 
 
@@ -166,7 +172,7 @@ def survey(source: Source, joints: Sequence[str] | None) -> tuple[list[Finding],
     Returns:
         The findings, and the axes.
     """
-    axes = choose_axes(source.spec, joints)
+    axes = choose_axes(source.spec, joints, source.leaders)
     moving = moving_links(source.spec, axes.names)
     found = [*axes.findings, *inertia_findings(source.spec, moving)]
     limits = _stated(source, axes.names)
