@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike
 from faultgen.applied import Applied, to_json
 from faultgen.errors import InputError, one_line
 from faultgen.mjcf.checks import count_axes, missing_elements, wrong_elements, wrong_numbers
-from faultgen.mjcf.compiling import check_memory, mujoco_warnings, read_mjcf
+from faultgen.mjcf.compiling import check_memory, read_mjcf
 from faultgen.mjcf.dcmotor import BRISTLE_DAMPING as BRISTLE_DAMPING
 from faultgen.mjcf.dcmotor import BRISTLE_STIFFNESS as BRISTLE_STIFFNESS
 from faultgen.mjcf.dcmotor import COULOMB as COULOMB
@@ -42,6 +42,7 @@ from faultgen.mjcf.edit import forget_defaults, mjcf_text, resolve_inertias
 from faultgen.mjcf.elements import element_ids, stated_name
 from faultgen.mjcf.folder import read_folder, write_folder
 from faultgen.mjcf.gearing import Gearing, tendon_coefficients
+from faultgen.mjcf.warnings import mujoco_warnings
 
 COUPLING = "wrist_coupling"
 """Name of the elements with friction and inertia that two neighbouring axes share."""
@@ -345,12 +346,13 @@ def robot_names() -> list[str]:
     return sorted(f.name for f in folder.iterdir() if f.joinpath(f"{f.name}.xml").is_file())
 
 
-def load_robot(name_or_path: str | Path) -> Robot:
+def load_robot(name_or_path: str | Path, folders: Sequence[Path] = ()) -> Robot:
     """Load a robot by its name, from an MJCF file or from a folder.
 
     Args:
         name_or_path: One of `robot_names`, the path of an MJCF file whose elements have the names
             that the top of this module lists, or a folder that `Robot.write` wrote.
+        folders: Further folders, beside those of the model, whose files it may use.
 
     Returns:
         The robot.
@@ -370,9 +372,9 @@ def load_robot(name_or_path: str | Path) -> Robot:
             "robot's folder"
         )
     if path.is_dir():
-        name, xml, assets, effects, tasks = read_folder(path)
+        name, xml, assets, effects, tasks = read_folder(path, folders)
         check_memory(name, xml, assets)
         return Robot(name, xml, assets, effects, tasks)
-    xml, assets = read_mjcf(path)
+    xml, assets = read_mjcf(path, folders)
     check_memory(path.stem, xml, assets)
     return Robot(path.stem, xml, assets)

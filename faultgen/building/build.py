@@ -18,9 +18,11 @@ from faultgen.building.drives import Coupling, Drives, check_names, drives_text
 from faultgen.building.elements import add_drives, add_payload
 from faultgen.building.plain import Plain, plain_arm
 from faultgen.building.quantities import Seen, Value, disbelieved, drive_of
+from faultgen.building.ranges import mark_assumed
 from faultgen.building.resonance import bristle_step, largest_step, sampled_poses, zero_pose
 from faultgen.building.workplan import plan_tasks
 from faultgen.errors import InputError
+from faultgen.mjcf.compiling import compiled, parsed
 from faultgen.mjcf.edit import mjcf_text, resolve_inertias
 from faultgen.robot import Robot, robot_names
 from faultgen.system.files import write_text
@@ -50,6 +52,8 @@ class Built:
     """Text of drives.toml, with all numbers."""
     notes: tuple[str, ...]
     """What was left out, changed, or could not be done."""
+    warnings: tuple[str, ...]
+    """What is probably not what the user wants."""
 
     def write(self, folder: Path) -> None:
         """Write the robot, its tasks and drives.toml into a folder.
@@ -61,13 +65,14 @@ class Built:
         write_text(folder / DRIVES, self.drives)
 
 
-def build(path: Path, drives: Drives, name: str) -> Built:
+def build(path: Path, drives: Drives, name: str, folders: Sequence[Path] = ()) -> Built:
     """Build a robot from a plain model.
 
     Args:
         path: An MJCF or URDF file.
         drives: What is known about the drives.
         name: Name of the robot.
+        folders: Further folders, beside those of the model, whose files it may use.
 
     Returns:
         The robot, and everything that was assumed.
@@ -78,10 +83,11 @@ def build(path: Path, drives: Drives, name: str) -> Built:
     """
     if name in robot_names():
         raise InputError(f"'{name}' is the name of a robot that comes with faultgen; use another")
-    plain = plain_arm(path, drives.joints, drives.tool)
+    plain = plain_arm(path, drives.joints, drives.tool, folders)
     check_names(drives, plain.joints)
-    spec = mujoco.MjSpec.from_string(plain.xml, assets=dict(plain.assets))
+    spec, _ = parsed(plain.xml, plain.assets, path.name)
     spec.modelname = name
+    mark_assumed(spec, plain.assumed_ranges)
     payload = add_payload(spec, plain.flange, drives.payload)
     turns = turns_of(plain.joints, drives.coupling)
     seen = look(spec, plain, turns)
@@ -115,10 +121,12 @@ def build(path: Path, drives: Drives, name: str) -> Built:
         for joint, numbers, one in zip(plain.joints, values, seen, strict=True)
         for line in disbelieved(numbers, one)
     ]
-    return Built(robot, plain, values, text, (*plain.notes, *friction, *notes))
+    return Built(robot, plain, values, text, (*plain.notes, *friction, *notes), plain.warnings)
 
 
-_ASSUMED_JOINTS = Value(0, "assumed", "all hinges and slides of the model")
+_ASSUMED_JOINTS = Value(
+    0, "assumed", "the hinges and slides that are not of a gripper and follow no other joint"
+)
 
 
 def _list(names: Sequence[str]) -> str:
@@ -163,7 +171,7 @@ def look(spec: mujoco.MjSpec, plain: Plain, turns: np.ndarray) -> list[Seen]:
     Returns:
         What each drive sees.
     """
-    model = spec.copy().compile()
+    model = compiled(spec.copy(), "arm")
     data = mujoco.MjData(model)
     limited = model.jnt_limited.astype(bool)[:, None]
     joint_range = np.where(limited, model.jnt_range, [-np.inf, np.inf])

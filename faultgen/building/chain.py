@@ -1,4 +1,4 @@
-"""The chain of axes in a plain model: which joints are axes, and what is taken out of the model."""
+"""What is taken out of a plain model, so that the chain of its axes is left."""
 
 from __future__ import annotations
 
@@ -8,15 +8,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from faultgen.building.findings import Finding
-
-HINGE, SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
-FREE, BALL = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL
+from faultgen.building.axes import FREE, HINGE, SLIDE, above
+from faultgen.mjcf.compiling import compiled
 
 HOME = "home"
 """Name of the keyframe that is the pose from which tasks start."""
-
-_NAME_THEM = "name the joints that are axes in drives.toml, joints = [...]; the others are locked"
 
 
 def name_elements(spec: mujoco.MjSpec) -> None:
@@ -34,72 +30,6 @@ def name_elements(spec: mujoco.MjSpec) -> None:
                 number += 1
                 if f"{kind}_{number}" not in taken:
                     element.name = f"{kind}_{number}"
-
-
-def chain_findings(spec: mujoco.MjSpec, chosen: Sequence[str] | None) -> list[Finding]:
-    """Check that the axes form one chain.
-
-    Args:
-        spec: The model, whose joints have names.
-        chosen: Names of the joints that are axes, from the base to the tool. None: all.
-
-    Returns:
-        Findings; all of them are fatal.
-    """
-    names = [joint.name for joint in spec.joints]
-    rotors = [name for name in names if name == "motor1"]
-    if rotors and any(tendon.name == "gearbox1" for tendon in spec.tendons):
-        return [
-            Finding(
-                "joint 'motor1'",
-                "the model already has rotors and gearboxes",
-                "check it with 'faultgen robot check', or give a plain model",
-            )
-        ]
-    if chosen is not None:
-        unknown = [name for name in chosen if name not in names]
-        if unknown:
-            known = ", ".join(names)
-            return [
-                Finding(f"joint '{name}'", "is not in the model", f"it has {known}")
-                for name in unknown
-            ]
-    joints = axes_of(spec, chosen)
-    found = [
-        Finding(
-            f"joint '{joint.name}'",
-            f"is a {'ball' if joint.type == BALL else 'free'} joint, but axes are hinges or slides",
-            _NAME_THEM,
-        )
-        for joint in spec.joints
-        if (joint.type == BALL and chosen is None)
-        or (joint.type in (BALL, FREE) and chosen is not None and joint.name in chosen)
-    ]
-    if not joints and not found:
-        remedy = "give a model with hinge or slide joints"
-        return [Finding("model", "no joint of it is a hinge or a slide", remedy)]
-    for before, after in zip(joints, joints[1:], strict=False):
-        if before.parent.name not in _above(after.parent):
-            found.append(
-                Finding(
-                    f"joints '{before.name}' and '{after.name}'",
-                    "do not follow each other in one chain: the model branches or has two arms",
-                    _NAME_THEM,
-                )
-            )
-    return found
-
-
-def axes_of(spec: mujoco.MjSpec, chosen: Sequence[str] | None) -> list[mujoco.MjsJoint]:
-    """Return the joints that are axes, from the base to the tool.
-
-    Args:
-        spec: The model, whose joints have names.
-        chosen: Names of the joints that are axes. None: all hinges and slides.
-    """
-    if chosen is not None:
-        return [spec.joint(name) for name in chosen if spec.joint(name).type in (HINGE, SLIDE)]
-    return [joint for joint in spec.joints if joint.type in (HINGE, SLIDE)]
 
 
 def _of(element: Any) -> str:
@@ -137,6 +67,7 @@ def strip(spec: mujoco.MjSpec, axes: Sequence[str], pose: Mapping[str, float]) -
     for what, kind in kinds:
         elements = list(getattr(spec, kind))
         names = ", ".join(filter(None, (one.name or _of(one) for one in elements)))
+        couple = kind == "equalities" and any({o.name1, o.name2} <= set(axes) for o in elements)
         for one in elements:
             spec.delete(one)
         if kind == "keys" and pose:
@@ -145,12 +76,11 @@ def strip(spec: mujoco.MjSpec, axes: Sequence[str], pose: Mapping[str, float]) -
         if elements:
             told = what if len(elements) > 1 else what.removesuffix("s")
             notes.append(f"{len(elements)} {told} dropped" + (f": {names}" if names else ""))
-        if elements and kind == "equalities":
+        if couple:
             notes[-1] += (
-                "; if they couple two axes, as in many wrists, state a [[coupling]] in drives.toml "
-                "(joints that only follow others, as in a gripper, can be no axes)"
+                "; if they couple two axes, as in many wrists, state a [[coupling]] in drives.toml"
             )
-    moving = {body for name in axes for body in _above(spec.joint(name).parent)}
+    moving = {body for name in axes for body in above(spec.joint(name).parent)}
     for joint in [one for one in spec.joints if one.type == FREE]:
         body = joint.parent
         if body.name in moving:
@@ -175,7 +105,7 @@ def _lock(spec: mujoco.MjSpec, joints: Sequence[mujoco.MjsJoint], pose: Mapping[
     copy = spec.copy()
     copy.compiler.boundmass = copy.compiler.boundinertia = 1e-6  # wrong ones are reported later
     copy.compiler.balanceinertia = True
-    model = copy.compile()
+    model = compiled(copy, "joints to lock")
     told = []
     for joint in joints:
         name, value = joint.name, 0.0
@@ -219,12 +149,3 @@ def moving_links(spec: mujoco.MjSpec, axes: Sequence[str]) -> list[str]:
         axes: Names of the joints that are axes.
     """
     return list(dict.fromkeys(spec.joint(name).parent.name for name in axes))
-
-
-def _above(body: mujoco.MjsBody) -> list[str]:
-    """Names of a body and of all bodies that carry it."""
-    names = []
-    while body is not None and body.name != "world":
-        names.append(body.name)
-        body = body.parent
-    return names

@@ -18,6 +18,7 @@ from faultgen.building.chain import moving_links, name_elements
 from faultgen.building.findings import Finding
 from faultgen.building.inertias import inertia_findings
 from faultgen.building.plain import STATED_UNITS, plain_arm, survey
+from faultgen.building.ranges import assumed_axes, range_warnings
 from faultgen.building.resonance import (
     BRISTLE_RULE,
     bristle_step,
@@ -28,8 +29,9 @@ from faultgen.building.resonance import (
 )
 from faultgen.building.source import Source, read_source
 from faultgen.building.trial import trial
-from faultgen.building.units import unit_findings
+from faultgen.building.units import gravity_warnings, unit_findings
 from faultgen.errors import InputError
+from faultgen.mjcf.compiling import compiled, parsed
 from faultgen.mjcf.elements import stated_name
 from faultgen.robot import Robot, load_robot, robot_names
 from faultgen.simulation.arm import Arm
@@ -49,6 +51,8 @@ class Checked:
     """Whether the model is a complete robot; a plain model is not."""
     findings: list[Finding] = field(default_factory=list)
     """Everything that is wrong."""
+    warnings: list[str] = field(default_factory=list)
+    """What is assumed or unusual, so that the robot may not be what the user wants."""
     axes: list[dict[str, Any]] = field(default_factory=list)
     """Resonances and limits of each axis."""
     modes: dict[str, list[float]] = field(default_factory=dict)
@@ -68,11 +72,12 @@ class Checked:
         return not self.findings
 
 
-def check(name_or_path: str) -> Checked:
+def check(name_or_path: str, folders: Sequence[Path] = ()) -> Checked:
     """Check a robot or a plain model.
 
     Args:
         name_or_path: Name of a robot, a robot folder, or an MJCF or URDF file.
+        folders: Further folders, beside those of the model, whose files it may use.
 
     Returns:
         What was found. Nothing stops at the first finding.
@@ -82,17 +87,17 @@ def check(name_or_path: str) -> Checked:
     """
     path = Path(name_or_path)
     if name_or_path in robot_names() or path.is_dir():
-        return _check_loaded(name_or_path, path.name)
+        return _check_loaded(name_or_path, path.name, folders)
     if not path.exists():
         load_robot(name_or_path)  # says what there is
     try:
-        source = read_source(path)
+        source = read_source(path, folders)
     except InputError as error:
         return Checked(path.stem, findings=[Finding("file", str(error), "correct it")])
     name_elements(source.spec)
     if _is_meant_complete(source.spec):
-        return _check_loaded(name_or_path, path.stem, source)
-    return _check_plain(path, source)
+        return _check_loaded(name_or_path, path.stem, folders, source)
+    return _check_plain(path, source, folders)
 
 
 def _is_meant_complete(spec: mujoco.MjSpec) -> bool:
@@ -101,10 +106,12 @@ def _is_meant_complete(spec: mujoco.MjSpec) -> bool:
     return bool(names & {"motor1", "gearbox1"})
 
 
-def _check_loaded(given: str, name: str, source: Source | None = None) -> Checked:
+def _check_loaded(
+    given: str, name: str, folders: Sequence[Path], source: Source | None = None
+) -> Checked:
     checked = Checked(name)
     try:
-        robot = load_robot(given)
+        robot = load_robot(given, folders)
     except InputError as error:
         text = str(error).removeprefix(f"robot {name}: ").removesuffix(" (see docs/robots.md)")
         remedy = "docs/robots.md says what a robot needs; 'faultgen robot build' adds it"
@@ -114,13 +121,17 @@ def _check_loaded(given: str, name: str, source: Source | None = None) -> Checke
             checked.findings += inertia_findings(source.spec, moving)
         return checked
     checked.complete, checked.robot = True, robot.name
-    spec = mujoco.MjSpec.from_string(robot.xml, assets=dict(robot.assets))
+    spec, _ = parsed(robot.xml, robot.assets, f"robot {robot.name}")
     name_elements(spec)
     axes = [f"joint{k + 1}" for k in range(robot.n_axes)]
     checked.findings += inertia_findings(spec, moving_links(spec, axes))
     has_payload = any(body.name == "payload" for body in spec.bodies)
     names = [robot.label("joint", k + 1) for k in range(robot.n_axes)]
     checked.findings += unit_findings(Arm(robot).model, names, has_payload)
+    stated = [stated_name(robot.model, k + 1) or f"joint{k + 1}" for k in range(robot.n_axes)]
+    assumed = assumed_axes(robot.model, robot.n_axes)
+    checked.warnings += range_warnings(stated, assumed, robot.joint_range, robot.slides.tolist())
+    checked.warnings += gravity_warnings(robot.model)
     if not any(site.name == "tool" for site in spec.sites):
         remedy = "add a site of this name to the last link"
         checked.findings.append(Finding("site 'tool'", "is missing", remedy))
@@ -210,10 +221,12 @@ def _tasks(robot: Robot, checked: Checked) -> list[Finding]:
     return found
 
 
-def _check_plain(path: Path, source: Source) -> Checked:
+def _check_plain(path: Path, source: Source, folders: Sequence[Path]) -> Checked:
     checked = Checked(path.stem)
-    findings, names = survey(source, None)
+    findings, chosen = survey(source, None)
+    names = chosen.names
     checked.findings += findings
+    checked.warnings += chosen.notes
     n = len(names)
     if _right_names(names) < n:
         what = f"its {n} axes have other names than joint1 to joint{n}: {', '.join(names)}"
@@ -226,11 +239,12 @@ def _check_plain(path: Path, source: Source) -> Checked:
         checked.findings.append(_lacking("body 'payload'", "is missing"))
     if not any(finding.fatal for finding in findings):
         try:
-            arm = plain_arm(path)
+            arm = plain_arm(path, folders=folders)
         except InputError as error:
             checked.findings.append(Finding("model", str(error), "correct the file"))
             return checked
-        model = mujoco.MjSpec.from_string(arm.xml, assets=dict(arm.assets)).compile()
+        model = compiled(parsed(arm.xml, arm.assets, path.name)[0], path.name)
+        checked.warnings += arm.warnings
         has_payload = any(model.body(k).name == "payload" for k in range(model.nbody))
         checked.findings += unit_findings(model, names, has_payload)
         checked.axes = [

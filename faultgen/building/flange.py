@@ -61,13 +61,22 @@ def find_flange(spec: mujoco.MjSpec, last: str, wanted: str | None) -> Flange:
                 f"drives: tool: the last link has no body or site '{wanted}'; it has {known}"
             )
         return _frame(named[0], "given")
-    named = [one for one in (*sites, *bodies[1:]) if _USUAL.fullmatch(one.name)]
+    named = [one for one in (*sites, *bodies[1:]) if is_flange(one.name)]
     if named:
         found = _frame(named[-1], f"assumed: '{named[-1].name}' has the name of a flange")
     else:
         found = _frame(bodies[-1], "assumed: the outermost body of the last link")
     others = tuple(site.name for site in sites if site.name and site.name != found.name)
     return replace(found, passed_over=others)
+
+
+def is_flange(name: str) -> bool:
+    """Tell whether a body or site has a usual name of a flange, such as tool0.
+
+    Args:
+        name: Its name.
+    """
+    return bool(_USUAL.fullmatch(name))
 
 
 def _frame(one: mujoco.MjsBody | mujoco.MjsSite, why: str) -> Flange:

@@ -17,21 +17,16 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from faultgen.building.chain import (
-    HINGE,
-    HOME,
-    SLIDE,
-    axes_of,
-    chain_findings,
-    moving_links,
-    name_elements,
-    strip,
-)
+from faultgen.building.axes import HINGE, SLIDE, Axes, choose_axes
+from faultgen.building.chain import HOME, moving_links, name_elements, strip
 from faultgen.building.findings import Finding, refuse
 from faultgen.building.flange import Flange, find_flange
 from faultgen.building.inertias import inertia_findings, repair_inertias
+from faultgen.building.numbers import MOST
+from faultgen.building.ranges import assume_ranges, range_warnings
 from faultgen.building.source import Source, read_source
-from faultgen.errors import InputError, one_line
+from faultgen.building.units import gravity_warnings
+from faultgen.mjcf.compiling import compiled
 from faultgen.mjcf.edit import forget_defaults, mjcf_text
 
 _WIDEST, _NARROWEST = 30.0, 0.12  # usual ranges of a hinge [rad]: 5 turns, and 7 degrees
@@ -61,6 +56,8 @@ class Plain:
     """Names of the axes in the file, from the base to the tool."""
     slides: tuple[bool, ...]
     """Whether the axis slides."""
+    assumed_ranges: tuple[int, ...]
+    """Axes whose range the file does not state, from 1; they have an assumed one."""
     stated: Mapping[str, Mapping[str, float]]
     """What the file states about the drive of a joint, by joint: some of `STATED_UNITS`."""
     flange: Flange
@@ -69,15 +66,24 @@ class Plain:
     """Joint positions of the keyframe ``home``, in [rad] or [m]."""
     notes: tuple[str, ...]
     """What was left out or changed."""
+    warnings: tuple[str, ...]
+    """What is probably not what the user wants."""
 
 
-def plain_arm(path: Path, joints: Sequence[str] | None = None, flange: str | None = None) -> Plain:
+def plain_arm(
+    path: Path,
+    joints: Sequence[str] | None = None,
+    flange: str | None = None,
+    folders: Sequence[Path] = (),
+) -> Plain:
     """Read a plain arm.
 
     Args:
         path: An MJCF or URDF file.
-        joints: Names of the joints that are axes, from the base to the tool. Default: all.
+        joints: Names of the joints that are axes, from the base to the tool. Default: all that are
+            neither of a gripper nor follow another joint.
         flange: Name of the body or site to which the payload is attached. Default: found by name.
+        folders: Further folders, beside those of the model, whose files it may use.
 
     Returns:
         The arm.
@@ -86,14 +92,17 @@ def plain_arm(path: Path, joints: Sequence[str] | None = None, flange: str | Non
         InputError: The file cannot be read, or no robot can be built from it. The message has all
             findings, in one line.
     """
-    source = read_source(path)
+    source = read_source(path, folders)
     spec = source.spec
     name_elements(spec)
-    findings, names = survey(source, joints)
+    findings, axes = survey(source, joints)
     refuse(path.name, findings)
+    names = axes.names
     stated = _stated(source, names)
     pose = _home(spec)
-    notes = [*source.notes, *strip(spec, names, pose), *repair_inertias(spec)]
+    assumed, unlimited = assume_ranges(spec, names, source.unstated)
+    notes = [*source.notes, *axes.notes, *unlimited]
+    notes += [*strip(spec, names, pose), *repair_inertias(spec)]
     place = find_flange(spec, names[-1], flange)
     if flange is None:
         others = f"; its other sites: {', '.join(place.passed_over)}" if place.passed_over else ""
@@ -105,22 +114,22 @@ def plain_arm(path: Path, joints: Sequence[str] | None = None, flange: str | Non
     _rename(spec, names)
     forget_defaults(spec)
     spec.modelname = path.stem
-    try:
-        notes += _angle_notes(spec.compile(), names)
-        text = mjcf_text(spec)
-    except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        line = one_line(error)
-        raise InputError(f"{path.name}: MuJoCo cannot use the model: {line}") from None
+    model = compiled(spec, path.name)
+    ranges = np.array([model.joint(f"joint{k + 1}").range for k in range(len(names))])
+    notes += _angle_notes(model, names)
+    text = mjcf_text(spec)
     return Plain(
         name=source.name,
         xml=text,
         assets=source.assets,
-        joints=tuple(names),
+        joints=names,
         slides=slides,
+        assumed_ranges=tuple(assumed),
         stated=stated,
         flange=place,
         home=tuple(pose[name] for name in names) if pose else None,
         notes=tuple(notes),
+        warnings=(*range_warnings(names, assumed, ranges, slides), *gravity_warnings(model)),
     )
 
 
@@ -147,21 +156,31 @@ def _angle_notes(model: mujoco.MjModel, names: Sequence[str]) -> list[str]:
     return notes
 
 
-def survey(source: Source, joints: Sequence[str] | None) -> tuple[list[Finding], list[str]]:
+def survey(source: Source, joints: Sequence[str] | None) -> tuple[list[Finding], Axes]:
     """List what is wrong with the axes, masses and inertias of a model.
 
     Args:
         source: The model, whose elements have names.
-        joints: Names of the joints that are axes. None: all hinges and slides.
+        joints: Names of the joints that are axes. None: they are found.
 
     Returns:
-        The findings, and the names of the axes.
+        The findings, and the axes.
     """
-    found = chain_findings(source.spec, joints)
-    known = {joint.name for joint in source.spec.joints}
-    chosen = None if joints is None else [name for name in joints if name in known]
-    names = [joint.name for joint in axes_of(source.spec, chosen)]
-    return [*found, *inertia_findings(source.spec, moving_links(source.spec, names))], names
+    axes = choose_axes(source.spec, joints)
+    moving = moving_links(source.spec, axes.names)
+    found = [*axes.findings, *inertia_findings(source.spec, moving)]
+    limits = _stated(source, axes.names)
+    for name in axes.names:
+        found += [
+            Finding(
+                f"joint '{name}'",
+                f"states a {key} of {value:g}, which no drive has",
+                f"write at most {MOST:g}, or 0 if it is not known",
+            )
+            for key, value in limits[name].items()
+            if value > MOST
+        ]
+    return found, axes
 
 
 def _stated(source: Source, names: Sequence[str]) -> dict[str, dict[str, float]]:
@@ -181,7 +200,7 @@ def _stated(source: Source, names: Sequence[str]) -> dict[str, dict[str, float]]
             if actuator.target == name and actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT:
                 limit = _actuator_limit(actuator)
                 values["torque_limit"] = values["torque_limit"] or limit
-        found[name] = {key: v for key, v in values.items() if v > 0 and np.isfinite(v)}
+        found[name] = {key: v for key, v in values.items() if v > 0}
     return found
 
 

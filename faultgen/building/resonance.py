@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag, eigvals, eigvalsh
 
+from faultgen.building.ranges import half_ranges
 from faultgen.mjcf.dcmotor import POSITION_GAIN, VELOCITY_GAIN
 from faultgen.robot import BRISTLE_DAMPING, BRISTLE_STIFFNESS, Robot
 from faultgen.simulation.arm import Arm
@@ -48,7 +49,7 @@ def sampled_poses(joint_range: np.ndarray, slides: np.ndarray, count: int) -> np
         Shape (count, n_axes), in [rad] or [m]. A joint without limits turns by up to 180 deg, or
         slides by up to 1 m, to both sides.
     """
-    most = np.where(slides, 1.0, np.pi)
+    most = half_ranges(slides)
     low, high = (
         np.where(np.isfinite(x), x, s * most) for x, s in zip(joint_range.T, (-1, 1), strict=True)
     )

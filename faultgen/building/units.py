@@ -14,6 +14,7 @@ _NARROW = np.radians(15.0)  # if all ranges are below it, they were probably rad
 _LONGEST = 20.0  # arm [m]
 _BULKY = 10.0  # extent of a shape over the length of the arm
 _DENSE, _THIN = 5000.0, 0.2  # mass of an arm over the square of its length [kg/m^2]
+_GRAVITY = 9.0, 10.5  # [m/s^2]; on earth 9.78 to 9.83, and 10 in simple models
 _FAR = 1.5  # radius of gyration over the length of the arm
 
 
@@ -87,6 +88,28 @@ def unit_findings(model: mujoco.MjModel, joints: Sequence[str], payload: bool) -
                 )
             )
     return found
+
+
+def gravity_warnings(model: mujoco.MjModel) -> list[str]:
+    """Write in one line what is unusual about the gravity of a model.
+
+    Args:
+        model: The compiled model.
+    """
+    off = bool(model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY))
+    size = 0.0 if off else float(np.linalg.norm(model.opt.gravity))
+    if size == 0:
+        where = '<flag gravity="disable"/>' if off else '<option gravity="0 0 0"/>'
+        return [
+            f"gravity is 0 ({where}): the motors carry nothing, and the payload has no weight; "
+            "remove it if the arm is not planar"
+        ]
+    if not _GRAVITY[0] <= size <= _GRAVITY[1]:
+        return [f"gravity is {size:.3g} m/s^2, but 9.81 m/s^2 on earth; correct <option gravity>"]
+    compensated = [model.body(k).name for k in np.flatnonzero(model.body_gravcomp)]
+    if compensated:
+        return [f"gravcomp takes the weight of {', '.join(compensated)} off the motors; remove it"]
+    return []
 
 
 def _length(model: mujoco.MjModel) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from faultgen.building.plain import STATED_UNITS
+from faultgen.building.ranges import half_ranges
 from faultgen.building.resonance import sampled_poses
 from faultgen.errors import InputError
 from faultgen.robot import Robot
@@ -60,7 +61,7 @@ class Workspace:
         self._points(np.clip(np.zeros(robot.n_axes), *robot.joint_range.T))
         self.base = self._data.xpos[self.arm.model.body_parentid[link]].copy()
         """Position of the base, shape (3,), in [m]."""
-        spread = np.where(robot.slides, 1.0, np.pi)
+        spread = half_ranges(robot.slides)
         low, high = robot.joint_range.T
         # a joint that can turn further works within half a turn of home, and not a turn away
         middle = np.zeros(robot.n_axes) if home is None else home

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,6 +24,15 @@ robot = typer.Typer(
 app.add_typer(robot, name="robot")
 
 
+Files = Annotated[
+    list[Path] | None,
+    typer.Option(
+        help="Folder whose files the model may use, beside those in its own folder and in its "
+        "package (a folder above it with a package.xml). May be given several times."
+    ),
+]
+
+
 @robot.command()
 def build(
     model: Annotated[
@@ -40,6 +51,7 @@ def build(
     out: Annotated[Path, out_option("Folder of the robot. Its name is the robot's name.")] = Path(
         "my_robot"
     ),
+    files: Files = None,
     as_json: Json = False,
 ) -> None:
     """Build a complete robot from a plain model of an arm.
@@ -72,7 +84,7 @@ def build(
             f"{out}: is not empty, and holds no {DRIVES} of a robot; give a new folder"
         )
     known = Drives() if drives is None else read_drives(drives)
-    built = run_build(model, known, out.resolve().name)
+    built = run_build(model, known, out.resolve().name, files or ())
     if drives is None and stated.is_file() and stated.read_bytes() != built.drives.encode():
         raise InputError(
             f"{stated}: holds other numbers, which would be lost; give it as the second argument, "
@@ -92,7 +104,9 @@ def build(
         "tasks": list(built.robot.tasks),
         "timestep": float(built.robot.model.opt.timestep),
         "notes": list(built.notes),
+        "warnings": list(built.warnings),
     }
+    _warn(built.warnings)
     if as_json:
         print_json(result)
         return
@@ -123,6 +137,7 @@ def check(
         str,
         typer.Argument(help="Name of a robot, a robot folder, or an MJCF or URDF file."),
     ],
+    files: Files = None,
     as_json: Json = False,
 ) -> None:
     """Check a robot or a plain model, and report all findings at once, each with its remedy.
@@ -136,7 +151,8 @@ def check(
     """
     from faultgen.building.check import check as run_check
 
-    checked = run_check(name)
+    checked = run_check(name, files or ())
+    _warn(checked.warnings)
     if as_json:
         print_json({"fit": checked.fit, **asdict(checked)})
     else:
@@ -160,6 +176,14 @@ def check(
             print(f"one second of simulation: {what} {value:.3g}")
         for finding in checked.findings:
             print(f"finding: {finding}")
-        print(f"{checked.robot}: {'fit' if checked.fit else f'findings: {len(checked.findings)}'}")
+        result = "fit" if checked.fit else f"findings: {len(checked.findings)}"
+        more = f"; warnings: {len(checked.warnings)}" if checked.warnings else ""
+        print(f"{checked.robot}: {result}{more}")
     if not checked.fit:
         raise typer.Exit(1)
+
+
+def _warn(warnings: Sequence[str]) -> None:
+    """Write warnings to stderr, so that they also appear beside JSON."""
+    for warning in warnings:
+        print(f"faultgen: warning: {warning}", file=sys.stderr)

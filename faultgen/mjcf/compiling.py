@@ -14,15 +14,18 @@ import pickle
 import re
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from xml.etree import ElementTree
 
 import mujoco
 
-from faultgen.errors import InputError
+from faultgen.errors import InputError, one_line
+from faultgen.mjcf.including import expanded
+from faultgen.mjcf.parsing import parse_xml
+from faultgen.mjcf.reach import Reach
+from faultgen.mjcf.warnings import mujoco_warnings
 from faultgen.system.reading import read_bytes, read_text
 
 MOST_MEMORY = 2 * 2**30
@@ -32,7 +35,11 @@ MOST_COPIES = 10_000
 """Largest number of copies that the `replicate` elements of a model may make of a body."""
 
 _MOST_SECONDS = 120  # of processor time, for compiling
-_LARGEST_ASSET = 512 * 2**20  # [bytes]
+MOST_ASSETS = 256 * 2**20
+"""Largest size of all meshes, textures, ... of a model together [bytes]. Those of large arms have
+some 50 MiB; with two copies of them a command stays below 1 GB."""
+
+_FAILURES = (ValueError, RuntimeError, MemoryError, mujoco.FatalError)  # of MuJoCo
 _SIZED = re.compile(  # elements that can take far more memory than their text
     r"<(size|hfield|texture|mesh|skin|replicate|composite|flexcomp|flex|plugin)\b"
 )
@@ -41,6 +48,7 @@ _SIZED = re.compile(  # elements that can take far more memory than their text
 _COMPILE = """
 import pickle, sys
 import mujoco
+mujoco.set_mju_user_warning(lambda text: None)
 try:
     import resource
     resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[1]),) * 2)
@@ -57,11 +65,12 @@ except BaseException:
 """
 
 
-def read_mjcf(path: Path) -> tuple[str, dict[str, bytes]]:
+def read_mjcf(path: Path, folders: Sequence[Path] = ()) -> tuple[str, dict[str, bytes]]:
     """Read a model from an MJCF file.
 
     Args:
         path: The file.
+        folders: Further folders, beside those of the model, whose files it may use.
 
     Returns:
         Its text, in which the content of included files replaces the `include` elements, and the
@@ -69,22 +78,16 @@ def read_mjcf(path: Path) -> tuple[str, dict[str, bytes]]:
         out, so that MuJoCo reports it.
 
     Raises:
-        InputError: A file cannot be read or is too large, a file includes itself, elements are
-            nested too deeply, another model is attached, or `replicate` makes too many copies.
+        InputError: A file cannot be read, is too large, is not XML or lies outside of these
+            folders; a file includes itself; the model is too large or nested too deeply; another
+            model is attached; or `replicate` makes too many copies.
     """
-    where = f"robot file {path}"
+    where, reach = f"robot file {path}", Reach.of(path, folders)
     xml = read_text(path, "robot file")
-    try:
-        root = ElementTree.fromstring(xml)
-    except ElementTree.ParseError:
-        return xml, {}  # MuJoCo reports what is wrong, and with it the line
-    try:
-        if root.find(".//include") is not None:
-            _include(root, path.parent, (path.resolve(),), where)
-            xml = ElementTree.tostring(root, encoding="unicode")
-        copies = _copies(root, 1)
-    except RecursionError:
-        raise InputError(f"{where}: its elements are nested too deeply") from None
+    root = parse_xml(xml, where)
+    if root.find(".//include") is not None:
+        xml = ElementTree.tostring(expanded(root, path, reach, where), encoding="unicode")
+    copies = _copies(root, 1)
     if root.find("asset/model") is not None:
         raise InputError(
             f"{where}: attaches another model (<asset><model>), which is not supported; "
@@ -92,12 +95,84 @@ def read_mjcf(path: Path) -> tuple[str, dict[str, bytes]]:
         )
     if copies > MOST_COPIES:
         raise InputError(f"{where}: 'replicate' makes {copies} copies, more than {MOST_COPIES}")
-    assets = {}
+    assets: dict[str, bytes] = {}
     for name in _asset_names(root):
-        file = path.parent / name
-        if os.path.exists(file):
-            assets[name] = read_bytes(file, f"{where}: asset", _LARGEST_ASSET)
+        file = reach.check(path.parent / name, f"{where}: asset")
+        if file.exists() and name not in assets:
+            assets[name] = read_asset(file, f"{where}: asset", assets)
     return xml, assets
+
+
+def read_asset(file: Path, what: str, others: Mapping[str, bytes]) -> bytes:
+    """Read a mesh, texture, ... of a model.
+
+    Args:
+        file: The file.
+        what: What it is, for messages.
+        others: Content of the assets that the model has already, by name.
+
+    Returns:
+        Its content.
+
+    Raises:
+        InputError: The file cannot be read, or all assets together are too large.
+    """
+    left = MOST_ASSETS - sum(len(content) for content in others.values())
+    try:
+        return read_bytes(file, what, left)
+    except InputError:
+        if file.is_file() and file.stat().st_size > left:
+            most = f"{MOST_ASSETS / 2**20:g} MiB"
+            raise InputError(
+                f"{what} {file}: the model's files together are larger than {most}; simplify its "
+                "meshes and textures"
+            ) from None
+        raise
+
+
+def parsed(xml: str, assets: Mapping[str, bytes], where: str) -> tuple[mujoco.MjSpec, list[str]]:
+    """Let MuJoCo parse a model.
+
+    Args:
+        xml: Text of the model, MJCF or URDF.
+        assets: Content of its files by name.
+        where: What it is, for messages.
+
+    Returns:
+        The model, not compiled, and the warnings of MuJoCo.
+
+    Raises:
+        InputError: MuJoCo does not understand the model.
+    """
+    with mujoco_warnings() as warned:
+        try:
+            spec = mujoco.MjSpec.from_string(xml, assets=dict(assets))
+        except _FAILURES as error:
+            raise InputError(f"{where}: MuJoCo cannot read it: {one_line(error)}") from None
+    if any("NaN" in warning for warning in warned):
+        raise InputError(f"{where}: an attribute is NaN, not a number")
+    return spec, warned
+
+
+def compiled(spec: mujoco.MjSpec, where: str) -> mujoco.MjModel:
+    """Let MuJoCo compile a model.
+
+    Args:
+        spec: The model.
+        where: What it is, for messages.
+
+    Returns:
+        The compiled model.
+
+    Raises:
+        InputError: MuJoCo cannot compile the model.
+    """
+    with mujoco_warnings():
+        try:
+            return spec.compile()
+        except _FAILURES as error:
+            line = one_line(error) or "not enough memory"
+            raise InputError(f"{where}: MuJoCo cannot use the model: {line}") from None
 
 
 def check_memory(name: str, xml: str, assets: Mapping[str, bytes]) -> None:
@@ -137,42 +212,6 @@ def _fits(xml: str, assets: tuple[tuple[str, bytes], ...]) -> bool:
     return done.returncode == 0
 
 
-@contextmanager
-def mujoco_warnings() -> Iterator[list[str]]:
-    """Collect MuJoCo's warnings in a list instead of writing them to stderr and a log file.
-
-    Yields:
-        The list, to which the warnings are added.
-    """
-    caught: list[str] = []
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(caught.append)
-    try:
-        yield caught
-    finally:
-        mujoco.set_mju_user_warning(before)
-
-
-def _include(
-    element: ElementTree.Element, folder: Path, above: tuple[Path, ...], where: str
-) -> None:
-    """Replace the `include` elements by the content of the files that they include."""
-    for index in reversed(range(len(element))):
-        child = element[index]
-        if child.tag != "include":
-            _include(child, folder, above, where)
-            continue
-        file = folder / child.get("file", "")
-        if file.resolve() in above:
-            raise InputError(f"{where}: {file.name} includes itself")
-        try:
-            included = ElementTree.fromstring(read_text(file, f"{where}: included file"))
-        except ElementTree.ParseError as error:
-            raise InputError(f"{where}: included file {file}: not valid XML: {error}") from None
-        _include(included, folder, (*above, file.resolve()), where)
-        element[index : index + 1] = list(included)
-
-
 def _copies(element: ElementTree.Element, outside: int) -> int:
     """The largest number of copies that `replicate` makes of any element within an element."""
     if element.tag == "replicate":
@@ -183,17 +222,19 @@ def _copies(element: ElementTree.Element, outside: int) -> int:
 
 def _asset_names(root: ElementTree.Element) -> list[str]:
     """Names of the files that a model needs, relative to its own file."""
-    compiler: dict[str, str] = {}
-    for one in root.findall("compiler"):
-        compiler |= one.attrib
-    anything = compiler.get("assetdir", "")
+    folders = {"meshdir": "", "texturedir": ""}
+    strip = False
+    for one in root.findall("compiler"):  # the last one counts, as in MuJoCo
+        anything = one.get("assetdir")
+        for kind, folder in folders.items():
+            folders[kind] = one.get(kind, folder if anything is None else anything)
+        strip = one.get("strippath", str(strip).lower()) == "true"
     names = []
     for element in root.iter():
         if element.tag not in ("mesh", "hfield", "skin", "texture", "flexcomp"):
             continue
-        kind = "texturedir" if element.tag == "texture" else "meshdir"
+        folder = folders["texturedir" if element.tag == "texture" else "meshdir"]
         for attribute, value in element.attrib.items():
             if attribute.startswith("file"):
-                file = Path(value).name if compiler.get("strippath") == "true" else value
-                names.append(os.path.join(compiler.get(kind, anything), file))
+                names.append(os.path.join(folder, Path(value).name if strip else value))
     return names

@@ -51,8 +51,22 @@ def stated_name(model: mujoco.MjModel, axis: int) -> str:
     Returns:
         The name; empty if the model states none.
     """
-    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXT, f"joint{axis}")
+    return text_of(model, f"joint{axis}")
+
+
+def text_of(model: mujoco.MjModel, name: str) -> str:
+    """Return the content of a ``text`` element.
+
+    Args:
+        model: The compiled model.
+        name: Name of the element.
+
+    Returns:
+        The text; empty if the model has no such element.
+    """
+    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXT, name)
     if index < 0:
         return ""
     start = model.text_adr[index]
-    return bytes(model.text_data[start : start + model.text_size[index] - 1]).decode()
+    content = bytes(model.text_data[start : start + model.text_size[index] - 1])
+    return content.decode(errors="replace")

@@ -63,7 +63,7 @@ Content = tuple[str, str, dict[str, bytes], tuple[Applied, ...], dict[str, str]]
 """Name, text of the model, assets by path, effects, and text of the task files by name."""
 
 
-def read_folder(folder: Path) -> Content:
+def read_folder(folder: Path, folders: Sequence[Path] = ()) -> Content:
     """Read a robot from a folder.
 
     A folder without ``robot.json`` is read if it has an MJCF file of its own name, as the folders
@@ -71,6 +71,7 @@ def read_folder(folder: Path) -> Content:
 
     Args:
         folder: The folder.
+        folders: Further folders whose files the model may use.
 
     Returns:
         Name of the robot, text of its model, content of its assets by path, its effects, and the
@@ -81,7 +82,7 @@ def read_folder(folder: Path) -> Content:
     """
     plain = folder / f"{folder.resolve().name}.xml"
     if not (folder / EFFECTS).exists() and plain.is_file():
-        return plain.stem, *read_mjcf(plain), (), _tasks(folder)
+        return plain.stem, *read_mjcf(plain, folders), (), _tasks(folder)
     for name in (EFFECTS, MODEL):
         if not (folder / name).exists():
             raise InputError(
@@ -104,7 +105,7 @@ def read_folder(folder: Path) -> Content:
         effects = from_json(content["effects"])
     except InputError as error:
         raise InputError(f"robot file {file}: damaged: {error}") from None
-    return content["name"], *read_mjcf(folder / MODEL), effects, _tasks(folder)
+    return content["name"], *read_mjcf(folder / MODEL, folders), effects, _tasks(folder)
 
 
 def _tasks(folder: Path) -> dict[str, str]:

@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from faultgen.mjcf.compiling import mujoco_warnings
 from faultgen.mjcf.dcmotor import BRISTLE_STIFFNESS, INTEGRAL_GAIN, POSITION_GAIN, STICTION
 from faultgen.mjcf.gearing import tendon_coefficients
+from faultgen.mjcf.warnings import mujoco_warnings
 from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm
 

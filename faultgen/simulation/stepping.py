@@ -20,7 +20,7 @@ from mujoco.batch import Batch, SimulationError
 
 from faultgen.effects.base import Moment
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.mjcf.compiling import mujoco_warnings
+from faultgen.mjcf.warnings import mujoco_warnings
 from faultgen.robot import Robot
 from faultgen.simulation.channels import RECORD, Channels
 from faultgen.simulation.cycle import Cycle
