@@ -27,7 +27,7 @@ ARMS = Path(__file__).with_name("known_drives.toml")
 BEGIN, END = "<!-- known drives -->", "<!-- /known drives -->"
 """Between these lines the page has the tables."""
 
-STIFFNESS = "gearbox stiffness"
+TORQUE, STIFFNESS = "torque limit", "gearbox stiffness"
 
 Columns = Mapping[str, np.ndarray]
 
@@ -52,7 +52,7 @@ def _none(c: Columns) -> Sequence[np.ndarray]:
 
 LAWS = (
     Law(
-        "torque limit",
+        TORQUE,
         lambda c: np.log(c["torque_limit"] / c["largest"]),
         lambda c: (
             np.log(c["largest"] / usual.TORQUE_AT),
@@ -143,6 +143,8 @@ def ratios(law: Law, arm: Columns, numbers: Sequence[float] | np.ndarray) -> np.
     """
     known, terms = _columns(law, arm)
     off = np.exp(terms @ np.asarray(numbers) - known)
+    if law.name == TORQUE:
+        off = np.maximum(off, usual.HOLD * arm["gravity"] / arm["torque_limit"])
     return 1 / off if law.name == STIFFNESS else off  # the law is that of the wind-up
 
 
@@ -173,7 +175,7 @@ def page() -> str:
             for law in LAWS:
                 numbers = fit(law, others) if left_out else np.array(law.now())
                 errors[law.name].append(ratios(law, arm, numbers))
-            errors[names[-1]].append(errors["torque limit"][-1] * errors["Coulomb friction"][-1])
+            errors[names[-1]].append(errors[TORQUE][-1] * errors["Coulomb friction"][-1])
         rows = [
             [arm["name"], f"{arm['payload']:g}", *(_cell(errors[name][k]) for name in names)]
             for k, arm in enumerate(arms)

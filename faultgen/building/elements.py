@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
+from faultgen.building.drive_numbers import Value
 from faultgen.building.drives import Coupling, Payload
 from faultgen.building.flange import Flange
-from faultgen.building.quantities import Value
 
 PAYLOAD_SHARE = 0.1
 """Mass of an assumed payload over the mass of the links that move."""
