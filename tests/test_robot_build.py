@@ -14,9 +14,10 @@ from typer.testing import CliRunner
 
 import faultgen
 from faultgen.building.build import build
+from faultgen.building.drive_numbers import Value
 from faultgen.building.drives import Drives, read_drives
 from faultgen.building.plain import plain_arm
-from faultgen.building.quantities import QUANTITIES, Value
+from faultgen.building.quantities import QUANTITIES
 from faultgen.building.resonance import largest_step, resonances, zero_pose
 from faultgen.cli.app import app
 from faultgen.errors import InputError, SimulationFailed
