@@ -5,11 +5,18 @@ faultgen.generate("experiment.toml", "out")
 dataset = faultgen.open_dataset("out")
 """
 
-from typing import Any
+from typing import TYPE_CHECKING
 
-from faultgen.dataset.parted import open_parts
-from faultgen.dataset.reader import open_dataset
 from faultgen.errors import InputError, SimulationFailed
+from faultgen.system.lazy import lazily
+
+if TYPE_CHECKING:
+    from faultgen.dataset.parted import open_parts
+    from faultgen.dataset.reader import open_dataset
+    from faultgen.dataset.sweep import generate
+    from faultgen.fleet.data import open_fleet
+    from faultgen.report.discover import discover
+    from faultgen.robot import load_robot
 
 __all__ = [
     "InputError",
@@ -22,23 +29,15 @@ __all__ = [
     "open_parts",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    """Import names that need MuJoCo on first use, because reading a dataset does not need it."""
-    if name == "generate":
-        from faultgen.dataset.sweep import generate
-
-        return generate
-    if name == "discover":
-        from faultgen.report.discover import discover
-
-        return discover
-    if name == "load_robot":
-        from faultgen.robot import load_robot
-
-        return load_robot
-    if name == "open_fleet":
-        from faultgen.fleet import open_fleet
-
-        return open_fleet
-    raise AttributeError(f"module 'faultgen' has no attribute '{name}'")
+# reading a dataset does not need MuJoCo, and a refusal needs neither h5py nor numpy
+lazily(
+    __name__,
+    {
+        "discover": "faultgen.report.discover",
+        "generate": "faultgen.dataset.sweep",
+        "load_robot": "faultgen.robot",
+        "open_dataset": "faultgen.dataset.reader",
+        "open_fleet": "faultgen.fleet.data",
+        "open_parts": "faultgen.dataset.parted",
+    },
+)

@@ -10,8 +10,14 @@ from faultgen.discovery.candidates import ORDERS, effect_terms, periodic_terms
 from faultgen.discovery.inertia import inertia_terms
 from faultgen.discovery.replay import Replay
 from faultgen.discovery.samples import counted
-from faultgen.discovery.sensitivities import are_alone, own_sensitivities, sensitivities
-from faultgen.errors import SimulationFailed
+from faultgen.discovery.replay import replay as replayed
+from faultgen.discovery.sensitivities import (
+    are_alone,
+    impossible,
+    own_sensitivities,
+    sensitivities,
+)
+from faultgen.errors import InputError, SimulationFailed
 
 
 @pytest.fixture(scope="module")
@@ -79,3 +85,27 @@ def test_an_axis_that_diverges_does_not_spoil_the_others(recording, tiny_robot, 
     found = own_sensitivities(replay, terms, base)
     assert np.abs(found[0]).max() > 0 and not found[1].any()
     np.testing.assert_allclose(found[0], whole[0], atol=0.03 * np.abs(whole[0]).max())
+
+
+def test_a_candidate_that_the_model_cannot_have_drops_out(recording, tiny_robot):
+    """Calibration may make a payload lighter than 1 g: then nothing is loose on the flange."""
+    terms = [t for t in effect_terms(tiny_robot) if t.name in ("loose_tool", "payload_offset")]
+    assert {term.name for term in terms} == {"loose_tool", "payload_offset"}
+    spec = tiny_robot.spec()
+    spec.body("payload").mass = 5e-4
+    replay = Replay(recording, tiny_robot).on(tiny_robot.edited(spec))
+    loose = [term for term in terms if term.name == "loose_tool"]
+    _, columns = sensitivities(replay, loose)
+    assert not columns.any()
+    (note,) = impossible(replay, loose, columns)
+    assert note == (
+        "loose_tool of axis 2 is no candidate: loose_tool: the payload has no mass that could be "
+        "loose"
+    )
+    assert impossible(Replay(recording, tiny_robot), loose, columns) == []
+
+
+def test_what_the_user_asks_for_and_cannot_be_is_wrong_input(recording, tiny_robot):
+    """Only candidates drop out; an effect that a user names does not."""
+    with pytest.raises(InputError, match="unknown"):
+        replayed(recording, tiny_robot, [("lose_tool", 2, 0.01)])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from faultgen.cli.app import (
@@ -64,7 +63,7 @@ def fleet(
             "failed": one.failed,
             "axis": one.axis,
             "samples": len(one.day),
-            "production": round(float(np.mean(one.production)), 3),
+            "production": round(float(one.production.mean()), 3),
             "events_a_day": round(float(one.events.sum(axis=1).mean()), 1),
         }
         for one in made.robots

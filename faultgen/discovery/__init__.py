@@ -8,11 +8,16 @@ for finding in check_recording(recording, load_robot("puma560")):
 residual = recording.torque - replay(recording, robot)
 """
 
-from faultgen.discovery.checks import Finding, check_recording
-from faultgen.discovery.read import read_recording
-from faultgen.discovery.recording import Recording, write_recording
-from faultgen.discovery.replay import Replay, replay, settled
-from faultgen.discovery.workflow import Discovery, investigate
+from typing import TYPE_CHECKING
+
+from faultgen.system.lazy import lazily
+
+if TYPE_CHECKING:
+    from faultgen.discovery.checks import Finding, check_recording
+    from faultgen.discovery.read import read_recording
+    from faultgen.discovery.recording import Recording, write_recording
+    from faultgen.discovery.replay import Replay, replay, settled
+    from faultgen.discovery.workflow import Discovery, investigate
 
 __all__ = [
     "Discovery",
@@ -26,3 +31,20 @@ __all__ = [
     "settled",
     "write_recording",
 ]
+
+# the import of a log needs none of the modules that simulate
+lazily(
+    __name__,
+    {
+        "Discovery": "faultgen.discovery.workflow",
+        "Finding": "faultgen.discovery.checks",
+        "Recording": "faultgen.discovery.recording",
+        "Replay": "faultgen.discovery.replay",
+        "check_recording": "faultgen.discovery.checks",
+        "investigate": "faultgen.discovery.workflow",
+        "read_recording": "faultgen.discovery.read",
+        "replay": "faultgen.discovery.replay",
+        "settled": "faultgen.discovery.replay",
+        "write_recording": "faultgen.discovery.recording",
+    },
+)

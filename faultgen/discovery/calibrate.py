@@ -173,20 +173,27 @@ def _calibrated(
     assert spread is not None
     if not np.isfinite(before) and not np.isfinite(errors["physical"]):
         raise SimulationFailed("the model diverges on the recorded motion")
-    simulated = SimulatedFit(
-        recording,
-        robot if before <= errors["physical"] else physical,
-        held_out.scoring,
-        prior_scales,
-        spread.exclude,
-        known,
-        workers,
-        cache,
-    )
-    errors["simulated"] = held_out.error(simulated.predicted())
-    best = min(("simulated", "physical"), key=lambda name: errors[name])
     lacks: list[str] = []
-    if best == "simulated":
+    simulated = None
+    try:
+        simulated = SimulatedFit(
+            recording,
+            robot if before <= errors["physical"] else physical,
+            held_out.scoring,
+            prior_scales,
+            spread.exclude,
+            known,
+            workers,
+            cache,
+        )
+        errors["simulated"] = held_out.error(simulated.predicted())
+    except (InputError, SimulationFailed) as error:
+        if not np.isfinite(errors["physical"]):
+            raise
+        errors["simulated"] = np.inf
+        lacks.append(f"the fit of the simulation failed: {error}")
+    best = min(("simulated", "physical"), key=lambda name: errors[name])
+    if simulated is not None and best == "simulated":
         made, share = simulated.model()
         if share < 1:
             lacks.append(f"the model has {share:.0%} of the fitted values: {_WHY}")
@@ -207,8 +214,8 @@ def _calibrated(
         robot=made,
         method=best,
         errors=errors,
-        prior_scale=simulated.prior_scale,
-        held_out=simulated.held_out,
+        prior_scale=spread.scale if simulated is None else simulated.prior_scale,
+        held_out={} if simulated is None else simulated.held_out,
         values=_severities(given, made),
         parameters={
             name.replace(" ", "_").lower(): values.tolist()

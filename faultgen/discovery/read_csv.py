@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import re
 from collections.abc import Iterable
@@ -10,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from faultgen.discovery.read_hdf5 import NAMES
 from faultgen.errors import InputError, one_line
-from faultgen.importing.table import LARGEST_FILE, listed, parsed_rows
+from faultgen.importing.table import LARGEST_FILE, as_numbers, listed, parsed_rows, split_cells
 
 
 def read_csv(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -64,8 +62,8 @@ def _missing(path: Path, wanted: str, columns: Iterable[str]) -> InputError:
 def _columns(path: Path) -> dict[str, np.ndarray]:
     """Every column by its name."""
     text = _text(path)
-    rows = csv.reader(io.StringIO(text))
-    header = [name.strip() for name in next(rows, [])]
+    first, _, rows = text.partition("\n")
+    header = [name.strip() for name in split_cells(first, ",")]
     if len(header) < 2:
         other = next((mark for mark in (";", "\t") if mark in "".join(header)), None)
         found = f"columns are separated by {other!r}" if other else "the first row names no columns"
@@ -77,14 +75,14 @@ def _columns(path: Path) -> dict[str, np.ndarray]:
     if twice:
         raise InputError(f"{path}: column '{min(twice)}' appears more than once")
     try:
-        table = parsed_rows(text.partition("\n")[2], len(header))
-    except pd.errors.ParserError as error:
+        table = parsed_rows((line.rstrip("\r\n") for line in io.StringIO(rows)), len(header))
+    except ValueError as error:
         line = one_line(error)
         raise InputError(
             f"{path}: header has {len(header)} names, but not every row has {len(header)} values "
             f"({line})"
         ) from None
-    return {name: _numbers(path, name, table[k]) for k, name in enumerate(header)}
+    return {name: _numbers(path, name, table[k].to_numpy()) for k, name in enumerate(header)}
 
 
 def _text(path: Path) -> str:
@@ -107,14 +105,14 @@ def _text(path: Path) -> str:
         ) from None
 
 
-def _numbers(path: Path, name: str, column: pd.Series) -> np.ndarray:
-    values = pd.to_numeric(column, errors="coerce").to_numpy(float)
+def _numbers(path: Path, name: str, column: np.ndarray) -> np.ndarray:
+    values = as_numbers(column).astype(float)
     wrong = np.flatnonzero(~np.isfinite(values))
     if not len(wrong):
         return values
-    cell, row = column.iloc[wrong[0]], int(wrong[0]) + 2
+    cell, row = column[wrong[0]], int(wrong[0]) + 2
     where = f"{path}: not a table of numbers: row {row} of column '{name}'"
-    if pd.isna(cell):
+    if cell is None or cell != cell:
         raise InputError(f"{where} is blank; fill it in, or leave the column out")
     raise InputError(
         f"{where} holds {str(cell)[:30]!r}; write numbers with a point, or leave the column out"

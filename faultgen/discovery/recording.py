@@ -23,17 +23,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.signal import butter, filtfilt, savgol_filter
 
 from faultgen.discovery.fields import fields_of
-from faultgen.effects import get_effect
 from faultgen.errors import InputError
 from faultgen.importing import arranged, load_map, map_of, table_of_frame
-from faultgen.robot import Robot
 from faultgen.system.arrays import write_arrays
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from faultgen.robot import Robot
 
 OPTIONAL = ("velocity", "reference_position", "temperature")
 """Arrays that a recording may lack."""
@@ -90,6 +89,8 @@ class LogFault:
         Args:
             gap: Relative torque error of the model with all that was found.
         """
+        from faultgen.effects import get_effect
+
         return {
             "effect": self.effect,
             "axis": self.axis,
@@ -302,6 +303,8 @@ class Recording:
             Shape (3, samples, n_axes), in the unit of the position, and this unit over [s] and
             [s^2]. Parts that are shorter than the window have the position itself and zeros.
         """
+        from scipy.signal import savgol_filter
+
         window = max(5, 2 * round(_SMOOTHING / self.sample_period / 2) + 1)
         out = np.zeros((3, *position.shape))
         out[0] = position
@@ -354,6 +357,8 @@ def low_passed(recording: Recording, cut_off: float) -> Recording:
         InputError: The cut-off frequency is above half of the sample rate, or a separate recording
             is too short to be filtered.
     """
+    from scipy.signal import butter, filtfilt
+
     highest = 0.5 / recording.sample_period
     if cut_off > highest:
         raise InputError(

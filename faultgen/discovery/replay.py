@@ -179,8 +179,7 @@ class Replay:
             (samples, n_axes). For sensors behind the gearbox, it is the torque of the gearbox.
 
         Raises:
-            InputError: An effect or axis does not exist.
-            SimulationFailed: The simulation diverged.
+            SimulationFailed: The simulation diverged, or the model cannot have the changes.
         """
         if self.recording.link:
             return self._logged("gear_torque", changes, disturbance)
@@ -200,8 +199,7 @@ class Replay:
             n_axes), in [rad], or [m] for slides.
 
         Raises:
-            InputError: An effect or axis does not exist.
-            SimulationFailed: The simulation diverged.
+            SimulationFailed: The simulation diverged, or the model cannot have the changes.
         """
         position = self._logged("motor_position", changes)
         return position if self.recording.side == "motor" else position / self.robot.gear_ratio
@@ -252,6 +250,18 @@ class Replay:
             control[:, column] += np.interp(steps, times, disturbance[:, axis])
         return control
 
+    def refusal(self, changes: Changes) -> str:
+        """Say why the model cannot have changes; empty if it can.
+
+        Args:
+            changes: Changes of the model: terms and values.
+        """
+        try:
+            self._plant(changes, self.recording.parts[0])
+        except SimulationFailed as error:
+            return str(error)
+        return ""
+
     def _plant(self, changes: Changes, part: slice) -> Plant:
         recording, robot = self.recording, self.robot
         spec = robot.spec()
@@ -265,8 +275,8 @@ class Replay:
             temperature = times, recording.temperature[part]
         try:
             return assemble(robot, effects, temperature=temperature, spec=spec)
-        except InputError:
-            raise
+        except InputError as error:  # a candidate that this model cannot have, such as no payload
+            raise SimulationFailed(str(error)) from error
         except ValueError as error:  # of MuJoCo's compiler
             line = one_line(error)
             raise SimulationFailed(f"MuJoCo cannot compile the changed model: {line}") from None
@@ -297,7 +307,12 @@ def replay(
         SimulationFailed: The simulation diverged.
     """
     changes = [(Term(name, axis, 0.0, 0.0), severity) for name, axis, severity in effects]
-    return Replay(recording, robot).torque(changes)
+    try:
+        return Replay(recording, robot).torque(changes)
+    except SimulationFailed as error:
+        if isinstance(error.__cause__, InputError):  # the caller asked for what cannot be
+            raise error.__cause__ from None
+        raise
 
 
 def relative_errors(square: np.ndarray, recording: Recording, inside: np.ndarray) -> np.ndarray:

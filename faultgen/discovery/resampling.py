@@ -13,7 +13,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from faultgen.errors import InputError
 
@@ -190,6 +189,8 @@ def _interpolated(
     grids: Sequence[np.ndarray],
 ) -> np.ndarray:
     """Values at even times: positions by cubic splines, everything else linearly."""
+    from scipy.interpolate import CubicSpline
+
     out = []
     for piece, grid in zip(pieces, grids, strict=True):
         start = time[piece[0]]  # clocks may count from 1970; differences are exact

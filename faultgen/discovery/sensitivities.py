@@ -78,6 +78,27 @@ def sensitivities(
     return base, _in_order(replay, terms, by_term)
 
 
+def impossible(replay: Replay, terms: Sequence[Term], raw: np.ndarray) -> list[str]:
+    """Say which candidates drop out because the model cannot have them.
+
+    Args:
+        replay: The replay in which the terms were probed.
+        terms: The terms.
+        raw: Their columns, shape (terms, samples, n_axes). Only columns of zeros are looked at.
+
+    Returns:
+        One line for each effect and axis, with the reason.
+    """
+    told = {}
+    for term, column in zip(terms, raw, strict=True):
+        if term.is_effect and term.key not in told and not column.any():
+            reason = replay.refusal([(term, term.step)])
+            if reason:
+                name, axis = term.key
+                told[term.key] = f"{name} of axis {axis} is no candidate: {reason}"
+    return list(told.values())
+
+
 def are_alone(replay: Replay, terms: Sequence[Term]) -> list[bool]:
     """Tell which terms change the torque of their own axis only, so that axes share a simulation.
 

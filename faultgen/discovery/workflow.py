@@ -43,11 +43,11 @@ from faultgen.discovery.result import AMBIGUOUS, Answer
 from faultgen.discovery.run_to_run import between_axes, between_temperatures, differences, widened
 from faultgen.discovery.samples import counted
 from faultgen.discovery.selection import Choice, choose
-from faultgen.discovery.sensitivities import are_alone, own_sensitivities, sensitivities
+from faultgen.discovery.sensitivities import are_alone, impossible, own_sensitivities, sensitivities
 from faultgen.discovery.transients import unsettled
 from faultgen.discovery.verdict import answer
 from faultgen.effects import get_effect
-from faultgen.errors import InputError
+from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import Robot
 from faultgen.system.progress import Progress
 
@@ -74,6 +74,8 @@ class Discovery:
     they were given."""
     laws: tuple[Learned, ...] = ()
     """Laws that were learned from what effects leave unexplained."""
+    notes: tuple[str, ...] = ()
+    """One line for each candidate that dropped out, and each stage that could not be done."""
 
 
 def investigate(
@@ -133,6 +135,7 @@ def investigate(
     given_torque, raw = sensitivities(given, terms, workers=workers, cache=cache)
     base = given_torque if replay is given else None
     base, of_plays = sensitivities(replay, plays, base, workers=workers, cache=cache)
+    notes = impossible(given, terms, raw) + impossible(replay, plays, of_plays)
     if twin is None:
         replay = replay.without(unsettled(given, terms, given_torque, raw))
     discrepancy = discrepancy_terms(robot)
@@ -181,8 +184,11 @@ def investigate(
     experiment = None
     if told.verdict == AMBIGUOUS:
         with Progress("planning the next experiment", None):
-            experiment = next_experiment(problem, choice)
-    return Discovery(problem, choice, told, experiment, following, scales)
+            try:
+                experiment = next_experiment(problem, choice)
+            except (InputError, SimulationFailed) as error:  # the answer is not lost
+                notes.append(f"no next experiment was planned: {error}")
+    return Discovery(problem, choice, told, experiment, following, scales, notes=tuple(notes))
 
 
 def _check_followed(recording: Recording, twin: Recording) -> None:

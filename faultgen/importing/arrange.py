@@ -315,7 +315,7 @@ def _segments(table: Table, column_map: ColumnMap, kept: np.ndarray) -> np.ndarr
         return np.array([0])
     if name not in table.columns:
         raise table.missing(name, "segment")
-    values = table.columns[name].to_numpy()[kept]
+    values = table.columns[name][kept]
     return np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
 
 

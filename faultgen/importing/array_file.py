@@ -15,7 +15,6 @@ from typing import Any
 
 import h5py
 import numpy as np
-import pandas as pd
 
 from faultgen.errors import InputError
 from faultgen.importing.table import LARGEST_FILE, Table
@@ -62,10 +61,10 @@ def read_arrays_of(path: Path) -> Table:
         if length not in values.shape:
             left.append(name)
         elif values.ndim == 1:
-            columns[name] = pd.Series(values)
+            columns[name] = values
         else:
             rows = values if values.shape[0] == length else values.T
-            columns.update({f"{name}_{k + 1}": pd.Series(row) for k, row in enumerate(rows.T)})
+            columns.update({f"{name}_{k + 1}": row for k, row in enumerate(rows.T)})
     notes = [f"{length} samples"]
     if left:
         notes.append(f"arrays of another length were left out: {', '.join(left)}")

@@ -7,8 +7,9 @@ table.columns["actual_q_0"]
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import pandas as pd
+import numpy as np
 
 from faultgen.errors import InputError
 from faultgen.importing.array_file import read_arrays_of
@@ -17,6 +18,9 @@ from faultgen.importing.ros2 import read_bag
 from faultgen.importing.table import Table, named_with_units
 from faultgen.importing.text_log import read_text_log
 from faultgen.importing.trace import BEGIN, read_trace
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _ARRAYS = (".mat", ".npz")
 _BAGS = (".db3", ".mcap")
@@ -83,5 +87,11 @@ def table_of_frame(frame: pd.DataFrame, source: str) -> Table:
     twice = {name for name in names if names.count(name) > 1}
     if twice:
         raise InputError(f"{source}: column '{min(twice)}' appears more than once; rename one")
-    columns = {name: frame.iloc[:, k].reset_index(drop=True) for k, name in enumerate(names)}
+    columns = {name: _values(frame.iloc[:, k]) for k, name in enumerate(names)}
     return Table(source=source, columns=columns, units=units)
+
+
+def _values(column: pd.Series) -> np.ndarray:
+    if getattr(column.dtype, "tz", None) is not None:  # numpy has no time zones
+        column = column.dt.tz_convert(None)
+    return column.to_numpy()

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from faultgen.errors import InputError, one_line
 from faultgen.importing.column_map import File
@@ -67,7 +66,7 @@ def read_bag(path: Path, file: File) -> Table:
         [one.header.stamp.sec * 1_000_000_000 + one.header.stamp.nanosec for one in used], np.int64
     )
     sequence = np.argsort(stamps, kind="stable")
-    columns = {STAMP: pd.Series(stamps[sequence])}
+    columns = {STAMP: stamps[sequence]}
     for field in FIELDS:
         if all(len(getattr(one, field)) == len(one.name) for one in used):
             values = np.array(
@@ -77,7 +76,7 @@ def read_bag(path: Path, file: File) -> Table:
                 ]
             )
             for k, name in enumerate(names):
-                columns[f"{field}/{name}"] = pd.Series(values[sequence, k])
+                columns[f"{field}/{name}"] = values[sequence, k]
     return Table(source=str(path), columns=columns, axes=tuple(names), notes=tuple(notes))
 
 

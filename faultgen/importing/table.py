@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import re
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
+from itertools import islice
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from faultgen.errors import InputError
 from faultgen.importing.units import split_unit
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 LARGEST_FILE = 2_000_000_000
 """Largest file that is read [bytes]."""
@@ -33,8 +38,8 @@ class Table:
 
     source: str
     """Name of the file or other origin, for messages."""
-    columns: Mapping[str, pd.Series]
-    """Columns by name; numbers or texts."""
+    columns: Mapping[str, np.ndarray]
+    """Columns by name; numbers, texts (of type object) or dates. Shape (rows,) each."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Units that the log itself states, by column."""
     axes: tuple[str, ...] = ()
@@ -68,12 +73,12 @@ class Table:
             InputError: A cell holds something else.
         """
         column = self.columns[name]
-        values = pd.to_numeric(column, errors="coerce").to_numpy(float)
+        values = as_numbers(column).astype(float)
         wrong = np.flatnonzero(np.isnan(values) & ~is_blank(column))
         if len(wrong):
             row = int(wrong[0])
             raise InputError(
-                f"{self.source}: column '{name}' holds {str(column.iloc[row])[:30]!r} in "
+                f"{self.source}: column '{name}' holds {str(column[row])[:30]!r} in "
                 f"{self.place(row)}, which is no number; name another column in the map, or state "
                 "the separator and the decimal sign, or the beginnings of lines to leave out "
                 "(comment) or the line of the first row of numbers (first), under [file]"
@@ -112,7 +117,23 @@ class Table:
         )
 
 
-def is_blank(column: pd.Series) -> np.ndarray:
+def as_numbers(column: np.ndarray) -> np.ndarray:
+    """Return a column as numbers; NaN where a cell is none.
+
+    Args:
+        column: The column.
+
+    Returns:
+        Whole numbers as such, unless cells are blank. Shape (rows,).
+    """
+    if column.dtype.kind in "fiu":
+        return column
+    import pandas as pd
+
+    return pd.to_numeric(pd.Series(column), errors="coerce").to_numpy()
+
+
+def is_blank(column: np.ndarray) -> np.ndarray:
     """Find blank cells of a column.
 
     Args:
@@ -121,18 +142,61 @@ def is_blank(column: pd.Series) -> np.ndarray:
     Returns:
         Whether each cell is blank or "nan". Shape (rows,).
     """
-    blank = column.isna().to_numpy()
-    if column.dtype.kind in "OTU" or column.dtype == "string":
-        text = column.astype(str).str.strip().str.lower()
+    if column.dtype.kind in "fiub":
+        return np.isnan(column)
+    import pandas as pd
+
+    cells = pd.Series(column)
+    blank = cells.isna().to_numpy()
+    if column.dtype.kind in "OTU":
+        text = cells.astype(str).str.strip().str.lower()
         blank = blank | text.isin(BLANK).to_numpy()
     return blank
 
 
-def parsed_rows(text: str, count: int, separator: str = ",", decimal: str = ".") -> pd.DataFrame:
+def split_cells(line: str, separator: str) -> list[str]:
+    """Separate the cells of a line, which may be in quotes.
+
+    Args:
+        line: The line.
+        separator: Sign between cells.
+    """
+    usual = csv.field_size_limit(len(line) + 1)  # a cell may be as long as its line
+    try:
+        return next(csv.reader([line], delimiter=separator), [])
+    finally:
+        csv.field_size_limit(usual)
+
+
+class _Text(io.RawIOBase):
+    """Lines as a file of UTF-8, without a copy of all of them."""
+
+    def __init__(self, lines: Iterable[str]) -> None:
+        self._lines = iter(lines)
+        self._left = b""
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: bytearray) -> int:  # type: ignore[override]
+        while len(self._left) < len(buffer):
+            some = list(islice(self._lines, 1000))
+            if not some:
+                break
+            self._left += ("\n".join(some) + "\n").encode("utf-8", errors="replace")
+        count = min(len(buffer), len(self._left))
+        buffer[:count] = self._left[:count]
+        self._left = self._left[count:]
+        return count
+
+
+def parsed_rows(
+    lines: Iterable[str], count: int, separator: str = ",", decimal: str = "."
+) -> pd.DataFrame:
     """Read rows of cells.
 
     Args:
-        text: The rows, without names.
+        lines: The rows, without names.
         count: Number of cells of each row.
         separator: Between cells; may be a regular expression.
         decimal: Decimal sign.
@@ -143,12 +207,14 @@ def parsed_rows(text: str, count: int, separator: str = ",", decimal: str = ".")
     Raises:
         pandas.errors.ParserError: A row has more cells.
     """
+    import pandas as pd
+
     with warnings.catch_warnings():
         # rows that are all too long only cause a warning, and their last values are lost
         warnings.simplefilter("error", pd.errors.ParserWarning)
         try:
             return pd.read_csv(
-                io.StringIO(text),
+                io.BufferedReader(_Text(lines)),
                 sep=separator,
                 decimal=decimal,
                 header=None,

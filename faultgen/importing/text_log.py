@@ -7,19 +7,19 @@ which a line has the most numbers, and the names in the line above the first suc
 from __future__ import annotations
 
 import codecs
-import csv
 import gzip
+import io
 import re
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from faultgen.errors import InputError
 from faultgen.importing.column_map import File
-from faultgen.importing.table import BLANK, LARGEST_FILE, Table, named_with_units, parsed_rows
+from faultgen.importing.table import BLANK, Table, named_with_units, parsed_rows, split_cells
 from faultgen.importing.units import known_unit
 
 _SEPARATORS = {";": ";", "tab": "\t", ",": ",", "blank": " "}
@@ -30,6 +30,9 @@ _NUMBER = {
 # a cell with nothing but several numbers: split by a wrong separator
 _SEVERAL = re.compile(r"[+-]?\d[\d.,eE+-]*(\s+[+-]?\d[\d.,eE+-]*)+")
 _SWITCHES = ("true", "false", "on", "off", "yes", "no")
+LARGEST_TEXT = 150_000_000
+"""Largest log of text, unzipped [bytes]. Reading takes about five times as much memory."""
+
 _LOOKED_AT = 400  # lines in which the first row of numbers is searched for
 _MOST_LAST = 20  # lines after the rows of numbers that are left out, such as a summary
 
@@ -48,10 +51,9 @@ def read_text_log(path: Path, file: File) -> Table:
         InputError: The file is no such text. The message is one line that states where it is wrong
             and what would be right.
     """
-    text, notes = _text(path, file.encoding)
+    lines, notes = _lines(path, file.encoding)
     comments = (file.comment,) if isinstance(file.comment, str) else tuple(file.comment)
     comments = tuple(mark for mark in comments if mark)
-    lines = text.splitlines()
     kept = [
         k for k, line in enumerate(lines) if line.strip() and not line.lstrip().startswith(comments)
     ]
@@ -71,13 +73,9 @@ def read_text_log(path: Path, file: File) -> Table:
         ended = lines[rows[-behind]].strip()[:40]
         notes.append(f"lines after the rows of numbers were left out: {behind}, '{ended}'")
         rows = rows[:-behind]
-    table = _parsed(path, [lines[k] for k in rows], rows, len(names), separator, decimal)
-    filled = {
-        name: table[k]
-        for k, name in enumerate(names)
-        if name or not table[k].isna().all()  # lines may end with a separator
-    }
-    if "" in filled:
+    texts = [lines[k] for k in rows]
+    columns = _Columns(names, lambda: _parsed(path, texts, rows, len(names), separator, decimal))
+    if not all(columns.is_empty(k) for k, name in enumerate(names) if not name):
         raise InputError(
             f"{path}: column {names.index('') + 1} has no name; state all names under [file] names"
         )
@@ -85,54 +83,92 @@ def read_text_log(path: Path, file: File) -> Table:
     notes.append(f"columns are separated by {shown}, fractions by '{decimal}'")
     return Table(
         source=str(path),
-        columns=filled,
+        columns=columns,
         units=units,
         lines=np.array(rows) + 1,
         notes=tuple(notes),
     )
 
 
-def _text(path: Path, encoding: str) -> tuple[str, list[str]]:
-    """The text of a file, and a note if its encoding was guessed."""
+class _Columns(Mapping[str, np.ndarray]):
+    """Columns that are parsed when the first of them is read. A refusal needs their names only."""
+
+    def __init__(self, names: Sequence[str], parse: Callable[[], list[np.ndarray]]) -> None:
+        # lines may end with a separator: a column without a name is none
+        self._places = {name: k for k, name in enumerate(names) if name}
+        self._parse = parse
+
+    @cached_property
+    def _all(self) -> list[np.ndarray]:
+        return self._parse()
+
+    def is_empty(self, k: int) -> bool:
+        """Whether no row has anything in column k, from 0."""
+        column = self._all[k]
+        return column.dtype.kind == "f" and bool(np.isnan(column).all())
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self._all[self._places[name]]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._places)
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+
+def _lines(path: Path, encoding: str) -> tuple[list[str], list[str]]:
+    """The lines of a file, and a note if its encoding was guessed."""
     try:
         with path.open("rb") as file:
             zipped = file.read(2) == b"\x1f\x8b"
         with gzip.open(path, "rb") if zipped else path.open("rb") as file:
-            content = file.read(LARGEST_FILE + 1)
+            content = file.read(LARGEST_TEXT + 1)
     except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"{path}: cannot be read ({' '.join(str(error).split())})") from None
-    if len(content) > LARGEST_FILE:
-        raise InputError(f"{path}: larger than {LARGEST_FILE:,} bytes; give a shorter log")
+    if len(content) > LARGEST_TEXT:
+        unzipped = " when it is unzipped" if zipped else ""
+        raise InputError(
+            f"{path}: more than {LARGEST_TEXT / 1e6:.0f} MB of text{unzipped}; cut the log into "
+            "shorter ones, or export fewer columns"
+        )
     if encoding != "auto":
         try:
-            return content.decode(encoding), []
+            return _decoded(content, encoding, "strict"), []
         except LookupError:
             raise InputError(
                 f"file.encoding: '{encoding}' is unknown; give utf-8 or cp1252"
             ) from None
-        except UnicodeDecodeError as error:
-            row = content.count(b"\n", 0, error.start) + 1
+        except UnicodeError as error:
+            row = content.count(b"\n", 0, getattr(error, "start", 0)) + 1
             raise InputError(
                 f"{path}: line {row} is not {encoding}; correct file.encoding in the map"
             ) from None
     marks = {codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
     for mark, name in marks.items():
         if content.startswith(mark):
-            return content.decode(name, errors="replace"), [f"the text is {name}"]
+            return _decoded(content, name, "replace"), [f"the text is {name}"]
     if b"\0" in content[:1000]:
         raise InputError(
             f"{path}: is not text; state file.format in the map, or export the log as text"
         )
     try:
-        return content.decode("utf-8-sig"), []
+        return _decoded(content, "utf-8-sig", "strict"), []
     except UnicodeDecodeError:
-        return content.decode("cp1252", errors="replace"), ["the text is not UTF-8, read as cp1252"]
+        note = "the text is not UTF-8, read as cp1252"
+        return _decoded(content, "cp1252", "replace"), [note]
+
+
+def _decoded(content: bytes, encoding: str, errors: str) -> list[str]:
+    """The lines of a text, decoded bit by bit: a single wide character would widen all others."""
+    with io.TextIOWrapper(io.BytesIO(content), encoding, errors) as text:
+        return [line.rstrip("\n") for line in text]
 
 
 def _cells(line: str, separator: str) -> list[str]:
     if separator == " ":
         return line.split()
-    return [cell.strip() for cell in next(csv.reader([line.rstrip()], delimiter=separator), [])]
+    return [cell.strip() for cell in split_cells(line.rstrip(), separator)]
 
 
 def _is_number(cell: str, decimal: str) -> bool:
@@ -247,11 +283,16 @@ def _unique(names: list[str], units: dict[str, str]) -> tuple[list[str], dict[st
 
 
 def _parsed(
-    path: Path, lines: Sequence[str], rows: Sequence[int], count: int, separator: str, decimal: str
-) -> pd.DataFrame:
-    text = "\n".join(line.rstrip() for line in lines)
+    path: Path, lines: list[str], rows: Sequence[int], count: int, separator: str, decimal: str
+) -> list[np.ndarray]:
+    """The columns of the rows."""
     try:
-        return parsed_rows(text, count, r"\s+" if separator == " " else separator, decimal)
+        cells = parsed_rows(
+            (line.rstrip() for line in lines),
+            count,
+            r"\s+" if separator == " " else separator,
+            decimal,
+        )
     except ValueError as error:  # also of pandas
         found = re.search(r"line (\d+)", str(error))
         row = min(int(found[1]) - 1, len(rows) - 1) if found else 0
@@ -261,3 +302,5 @@ def _parsed(
             "the line, or state what begins such lines as file.comment, or the line of the first "
             "row of numbers as file.first"
         ) from None
+    lines.clear()  # a long log is not kept twice
+    return [cells[k].to_numpy() for k in range(count)]

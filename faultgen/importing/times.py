@@ -7,12 +7,10 @@ import warnings
 from typing import Any
 
 import numpy as np
-import pandas as pd
-from pandas.tseries.api import guess_datetime_format
 
 from faultgen.errors import InputError
 from faultgen.importing.column_map import ColumnMap
-from faultgen.importing.table import Table, is_blank
+from faultgen.importing.table import Table, as_numbers, is_blank
 from faultgen.importing.units import ISO, conversion, known_unit
 
 _EXACT = 9  # digits behind the point from which a float holds a time exactly enough
@@ -48,8 +46,7 @@ def times_of(
         raise table.missing(name, "time")
     column = table.columns[name]
     unit = given.unit if given.unit is not None else table.units.get(name)
-    dates = pd.api.types.is_datetime64_any_dtype(column)
-    if dates or (isinstance(unit, str) and known_unit(unit) == ISO):
+    if column.dtype.kind == "M" or (isinstance(unit, str) and known_unit(unit) == ISO):
         return _of_dates(table, name, notes), {}
     if unit is None:
         raise InputError(
@@ -59,9 +56,9 @@ def times_of(
         factor = conversion("time", unit).factor
     except InputError as error:
         raise InputError(f"{table.source}: column '{name}', time.{error}") from None
-    whole = pd.to_numeric(column, errors="coerce")
+    whole = as_numbers(column)
     if whole.dtype.kind in "iu":  # nanoseconds since 1970 have more digits than a float
-        whole = whole.to_numpy()
+        whole = whole.astype(np.int64)
         return (whole - whole[0]).astype(float) * factor, {}
     values = table.numbers(name)
     known = values[~np.isnan(values)]
@@ -75,10 +72,12 @@ def times_of(
 
 def _of_dates(table: Table, name: str, notes: list[str]) -> np.ndarray:
     """Times in [s] after the first one, NaN where a cell is blank."""
+    import pandas as pd
+
     column = table.columns[name]
-    if not pd.api.types.is_datetime64_any_dtype(column):
+    if column.dtype.kind != "M":
         blank = is_blank(column)
-        text = column.astype(str).str.strip().str.replace(",", ".", regex=False)
+        text = pd.Series(column).astype(str).str.strip().str.replace(",", ".", regex=False)
         how = _form_of(str(text[~blank].iloc[0])) if not blank.all() else ISO
         if how == _CLOCK:
             since = pd.to_timedelta(text.where(~blank), errors="coerce")
@@ -90,7 +89,7 @@ def _of_dates(table: Table, name: str, notes: list[str]) -> np.ndarray:
         if len(wrong):
             row = int(wrong[0])
             raise InputError(
-                f"{table.source}: column '{name}' holds {str(column.iloc[row])[:30]!r} in "
+                f"{table.source}: column '{name}' holds {str(column[row])[:30]!r} in "
                 f"{table.place(row)}, which is no time such as 2026-03-01T09:30:00.004 or "
                 "09:30:00.004; correct time.unit in the map"
             )
@@ -98,8 +97,9 @@ def _of_dates(table: Table, name: str, notes: list[str]) -> np.ndarray:
             notes.append(f"the times were read as {how}")
         if how == _CLOCK:
             return (times - times.min()).to_numpy(float)
-        column = times
-    return (column - column.min()).dt.total_seconds().to_numpy(float)
+    else:
+        times = pd.Series(column)
+    return (times - times.min()).dt.total_seconds().to_numpy(float)
 
 
 def _form_of(text: str) -> str:
@@ -112,6 +112,8 @@ def _form_of(text: str) -> str:
         return _CLOCK
     if _ISO_DATE.match(text):
         return ISO
+    from pandas.tseries.api import guess_datetime_format
+
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of days and months that could be exchanged
         return guess_datetime_format(text) or ISO

@@ -16,7 +16,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from faultgen.errors import InputError
 from faultgen.importing.table import LARGEST_FILE, Table
@@ -55,7 +54,7 @@ def read_trace(path: Path) -> Table:
         match = _OF_AXIS.fullmatch(other.stem)
         if match and match[1] == found[1] and other.suffix.lower() == ".dat":
             beside[match[2]] = other
-    merged: dict[str, pd.Series] = {}
+    merged: dict[str, np.ndarray] = {}
     merged_units: dict[str, str] = {}
     lengths = set()
     for axis, file in sorted(beside.items(), key=lambda item: int(item[0])):
@@ -72,13 +71,13 @@ def read_trace(path: Path) -> Table:
         notes.append(f"the files have {short} to {max(lengths)} rows; all were cut to {short}")
     return Table(
         source=str(path),
-        columns={name: values.iloc[:short] for name, values in merged.items()},
+        columns={name: values[:short] for name, values in merged.items()},
         units=merged_units,
         notes=tuple(notes),
     )
 
 
-def _channels(path: Path) -> tuple[dict[str, pd.Series], dict[str, str], set[str]]:
+def _channels(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], set[str]]:
     """Values and units of the channels of one header file, and those computed from the header."""
     text = read_bytes(path, "trace", _LARGEST_HEADER).decode("utf-8", errors="replace")
     if "�" in text:  # the sign of degrees in cp1252
@@ -92,7 +91,7 @@ def _channels(path: Path) -> tuple[dict[str, pd.Series], dict[str, str], set[str
     if not explicit:
         raise InputError(f"{path}: lists no channel with data; give the .dat file of a trace")
     data = {}
-    columns: dict[str, pd.Series] = {}
+    columns: dict[str, np.ndarray] = {}
     units = {}
     for one in headers:
         name = one.get(_NAME, "").strip()
@@ -113,15 +112,15 @@ def _channels(path: Path) -> tuple[dict[str, pd.Series], dict[str, str], set[str
                 whole = len(content) // size * size
                 data[file, kind] = np.frombuffer(content[:whole], _TYPES[kind])
             together = [two for two in explicit if two.get(_DATA) == one.get(_DATA)]
-            columns[name] = pd.Series(_values(path, name, one, data[file, kind], len(together)))
+            columns[name] = _values(path, name, one, data[file, kind], len(together))
         else:
             count, step = _whole(path, one, _COUNT), _real(path, one, _STEP, 1.0)
-            columns[name] = pd.Series(_real(path, one, _START, 0.0) + step * np.arange(count))
+            columns[name] = _real(path, one, _START, 0.0) + step * np.arange(count)
         if one.get(_UNIT, "").strip():
             units[name] = one[_UNIT].strip()
     short = min(len(values) for values in columns.values())
     implicit = {one[_NAME].strip() for one in headers if not _explicit(one)}
-    return {name: values.iloc[:short] for name, values in columns.items()}, units, implicit
+    return {name: values[:short] for name, values in columns.items()}, units, implicit
 
 
 def _explicit(header: Mapping[str, str]) -> bool:

@@ -7,10 +7,10 @@ result["verdict"], result["effects"]
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -38,6 +38,8 @@ from faultgen.effects.friction import SPEED_FRICTION
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import Robot, load_robot
 from faultgen.system.progress import Progress
+
+_T = TypeVar("_T")
 
 _MANY = 3  # axes whose friction hardly wears at the same time: assumed
 
@@ -108,20 +110,29 @@ def discover(
     model, more = with_limits_of([recording, *runs], model)
     warnings += more
     before = mean_of(runs) if runs else recording
-    model, more = with_own_friction(before, model, healthy=bool(runs))
+    stage = _Stages(warnings)
+    model, more = stage(
+        "friction that the model lacks",
+        lambda: with_own_friction(before, model, healthy=bool(runs)),
+        (model, []),
+    )
     warnings += more
     with threadpool_limits(limits=1):
-        model, servo = with_own_servo(before, model)
+        model, servo = stage(
+            "fit of the servo", lambda: with_own_servo(before, model), (model, "")
+        )
         fitted = ""
         if runs:
-            model, fitted = with_own_numbers(before, model)
+            model, fitted = stage(
+                "fit of the numbers", lambda: with_own_numbers(before, model), (model, "")
+            )
         other = None
         if validate is not None:
             other, more = usable(validate, model, low_pass, given.constants)
             warnings += more
         late = no_delays(recording)
         if DELAY not in exclude:
-            late = find_delays(recording, model, runs)
+            late = stage("search for delays", lambda: find_delays(recording, model, runs), late)
         if late.are_all:
             exclude = {*exclude, DELAY}
         given_model = model
@@ -139,7 +150,7 @@ def discover(
             white_noise=white_noise,
             cache=_path(cache),
         )
-        found = _completed(found)
+        found = stage("search for laws", lambda: _completed(found), found)
         result = _result(found)
         if late.faults and (runs or not found.problem.replay.measured):
             _put_before(result, found.problem, late.change)
@@ -171,6 +182,7 @@ def discover(
         *warnings,
         *_on_noise(found.problem),
         *friction_warnings(found),
+        *found.notes,
         *_on_search(found),
         *found.answer.lacks,
     ]
@@ -180,6 +192,27 @@ def discover(
 
         write_discovery(Path(out), result, found)
     return result
+
+
+class _Stages:
+    """Stages that improve an answer, but without which there is one."""
+
+    def __init__(self, warnings: list[str]) -> None:
+        self._warnings = warnings
+
+    def __call__(self, what: str, stage: Callable[[], _T], without: _T) -> _T:
+        """Run a stage; if it fails, warn and go on without it.
+
+        Args:
+            what: What the stage does, for the warning.
+            stage: The stage.
+            without: What holds if it fails.
+        """
+        try:
+            return stage()
+        except (InputError, SimulationFailed) as error:
+            self._warnings.append(f"{what}: left out, because it failed: {error}")
+            return without
 
 
 def _on_noise(problem: Problem) -> list[str]:
