@@ -116,12 +116,12 @@ class Recorder(Classifier):
 
 
 def test_a_classifier_never_sees_a_test_run(made):
-    """It gets exactly the training runs, with labels; all methods are asked about the others."""
+    """It gets exactly the training and validation runs; all methods are asked about the others."""
     Recorder.given.clear()
     dataset = open_dataset(made)
     result = isolate(dataset, methods=[Recorder], progress=False)
     parts = dataset.part_of("run")
-    wanted = [run for run in dataset.runs if parts[run.id] == "train"]
+    wanted = [run for run in dataset.runs if parts[run.id] in ("train", "validation")]
     for runs in Recorder.given:
         assert len(runs) == len(wanted)
         for one, run in zip(runs, wanted, strict=True):

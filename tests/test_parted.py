@@ -68,7 +68,7 @@ def test_divisions_agree(made):
     table = open_parts(made).index
     held_out = table[(table["split_axis"] == "test") & (table["axis"] > 0)]
     assert held_out["part"].nunique() > 1 and held_out["axis"].nunique() == 1
-    assert set(table["split_run"]) == {"train", "test"}
+    assert set(table["split_run"]) == {"train", "validation", "test"}
     assert (table.groupby("seed")["split_run"].nunique() == 1).all()
 
 

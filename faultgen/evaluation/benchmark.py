@@ -30,6 +30,7 @@ from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
 from faultgen.effects import Applied, get_effect
 from faultgen.errors import InputError, SimulationFailed
+from faultgen.evaluation.baselines import DETECTION_BASELINES, ISOLATION_BASELINES
 from faultgen.evaluation.classifier import Classifier
 from faultgen.evaluation.detect import detect
 from faultgen.evaluation.isolate import isolate
@@ -131,8 +132,14 @@ def run_benchmark(
     """
     out, size = Path(out), QUICK if quick else FULL
     refuse_data(out)
-    isolators: list[Any] = [RandomForest, *(one for one in methods if _is(one, Isolator))]
-    detectors: list[Any] = [one for one in methods if _is(one, Detector)]
+    isolators: list[Any] = [
+        *(RandomForest, *ISOLATION_BASELINES),
+        *(one for one in methods if _is(one, Isolator)),
+    ]
+    detectors: list[Any] = [
+        *DETECTION_BASELINES,
+        *(one for one in methods if _is(one, Detector)),
+    ]
     for one in methods:
         if one not in isolators and one not in detectors:
             raise InputError(
@@ -168,6 +175,8 @@ def run_benchmark(
                         "method": one.method,
                         "right": one.right,
                         "total": one.total,
+                        "right_by_axis": {str(k): n for k, n in one.right_by_axis.items()},
+                        "total_by_axis": {str(k): n for k, n in one.total_by_axis.items()},
                     }
                     for one in found.outcomes
                 ],

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
 
+from faultgen.evaluation.baselines import ISOLATION_BASELINES
 from faultgen.evaluation.markdown import percent, table
 from faultgen.evaluation.outcomes import shown_level
 from faultgen.evaluation.shares import share
@@ -14,43 +16,82 @@ LEVELS = (0.05, 0.10, 0.15)
 """Severities at which methods are asked about effects in fractions of nominal. About other effects
 they are asked at the end of the run."""
 
+_HEALTHY = "healthy"
+_BASELINES = {one.name for one in ISOLATION_BASELINES}
+
+_Class = tuple[str, str]
+"""Kind of data, and the worn axis or `_HEALTHY`."""
+
 
 def leaders(result: dict[str, Any], what: str) -> list[dict[str, Any]]:
-    """Rank methods by the mean of their scores.
+    """Rank methods by the mean of their scores on all kinds of data.
 
-    The score of a method on one kind of data is the mean of two shares: of right answers about worn
-    robots, and of right answers about healthy ones. A method that always names an axis, or raises
-    an alarm, therefore has at most 0.5.
+    The score on one kind of data is R - F / n. R is the share of right answers about worn robots:
+    the mean of the shares of the n axes that wear. F is the share of healthy robots of which an
+    axis is named. The score is 1 for a method that is always right. It is 0 for answers that do not
+    depend on the data, such as "none", always the same of the n axes, or one of them at random;
+    worse answers are negative. For detectors, n is 1 and R the share of worn robots with an alarm.
+
+    Where a method was left out, it counts as if it had answered "none", or raised no alarm.
+
+    Source: this is the balanced accuracy of the n + 1 classes, rescaled so that chance is 0, as
+    `balanced_accuracy_score(adjusted=True)` of scikit-learn; for n = 1 it is the J of Youden
+    (1950), Index for rating diagnostic tests, also called informedness.
 
     Args:
         result: Result of `run_benchmark`.
         what: "isolation" or "detection".
 
     Returns:
-        One row for each method, the best first: its name, score, and shares with 95 % Wilson
-        intervals for each kind of data, or None where it was left out.
+        One row for each method, the best first: its name, score, and shares of right answers with
+        95 % Wilson intervals for each kind of data, or None where it was left out.
     """
     kinds = list(dict.fromkeys(one["kind"] for one in result["sets"]))
-    counts: dict[str, dict[str, list[int]]] = {}
+    asked: Counter[_Class] = Counter()
+    answers: dict[str, dict[_Class, tuple[int, int]]] = {}
     for one in result["sets"]:
+        questions: dict[tuple[tuple[Any, ...], _Class], int] = {}
         for row in one[what]:
-            state = "worn" if row["level"] else "healthy"
-            cell = counts.setdefault(row["method"], {}).setdefault(f"{one['kind']} {state}", [0, 0])
-            cell[0] += row["right"]
-            cell[1] += row["total"]
+            mine = answers.setdefault(row["method"], {})
+            for state, (right, total) in _by_class(row).items():
+                cell = (one["kind"], state)
+                place = (tuple(row[k] for k in ("robot", "task", "effect", "level")), cell)
+                questions[place] = max(questions.get(place, 0), total)
+                before = mine.get(cell, (0, 0))
+                mine[cell] = (before[0] + right, before[1] + total)
+        for (_, cell), total in questions.items():
+            asked[cell] += total
     rows = []
-    for method, cells in counts.items():
-        shares = {
-            f"{kind} {state}": share(*cells[f"{kind} {state}"])
-            if f"{kind} {state}" in cells
-            else None
-            for kind in kinds
-            for state in ("worn", "healthy")
-        }
-        # what a method cannot answer counts as wrong
-        told = [one["share"] if one else 0.0 for one in shares.values()]
-        rows.append({"method": method, "score": float(np.mean(told)), **shares})
+    for method, mine in answers.items():
+        shares: dict[str, Any] = {}
+        scores = []
+        for kind in kinds:
+            worn = [cell for cell in asked if cell[0] == kind and cell[1] != _HEALTHY]
+            found = [mine.get(cell, (0, 0))[0] for cell in worn]
+            recall = np.mean([n / asked[cell] for n, cell in zip(found, worn, strict=True)])
+            healthy = (kind, _HEALTHY)
+            none, answered = mine.get(healthy, (0, 0))
+            false_alarms = (answered - none) / asked[healthy]
+            scores.append(float(recall - false_alarms / len(worn)))
+            told = any(cell in mine for cell in worn)
+            shares[f"{kind} worn"] = (
+                share(sum(found), sum(asked[c] for c in worn)) if told else None
+            )
+            silent = asked[healthy] - answered
+            shares[f"{kind} healthy"] = share(none + silent, asked[healthy]) if answered else None
+        rows.append({"method": method, "score": float(np.mean(scores)), **shares})
     return sorted(rows, key=lambda row: (-row["score"], row["method"]))
+
+
+def _by_class(row: dict[str, Any]) -> dict[str, tuple[int, int]]:
+    """Right answers and all answers of a row: about healthy robots, or by worn axis."""
+    if not row["level"]:
+        return {_HEALTHY: (row["right"], row["total"])}
+    if "total_by_axis" not in row:  # an alarm names no axis
+        return {"worn": (row["right"], row["total"])}
+    return {
+        axis: (row["right_by_axis"][axis], total) for axis, total in row["total_by_axis"].items()
+    }
 
 
 def benchmark_board(result: dict[str, Any], what: str) -> str:
@@ -80,7 +121,7 @@ def _details(one: dict[str, Any]) -> str:
     for row in one["isolation"]:
         key = (row["robot"], row["task"], row["effect"], row["level"])
         cells[*key, row["method"]] = (row["right"], row["total"])
-    names = list(dict.fromkeys(key[-1] for key in cells))
+    names = [name for name in dict.fromkeys(key[-1] for key in cells) if name not in _BASELINES]
     lines = sorted({key[:4] for key in cells}, key=lambda k: (k[0], k[1], k[3] == 0, k[2], k[3]))
     body = [
         [
@@ -116,7 +157,8 @@ def benchmark_page(result: dict[str, Any]) -> str:
         "# Benchmark",
         "**Which method names the worn axis best, and how do you enter one of your own?** "
         f"Of the isolators below, '{best['method']}' has the highest score: "
-        f"{100 * best['score']:.1f} of 100.",
+        f"{100 * best['score']:.1f}. The score of a perfect method is 100, and that of answers "
+        "which do not depend on the data is 0.",
         f"This page was written by `{command}`. "
         + (
             "It shows the quick version with little data, whose intervals are wide. The full "
@@ -134,13 +176,21 @@ def benchmark_page(result: dict[str, Any]) -> str:
         "Right answers in percent, with 95 % Wilson intervals. A worn robot is judged at a "
         f"severity of {levels}, or in the last cycle if the effect has a unit. The answer is right "
         "if it names the worn axis. Severities that a run reaches in fewer than 5 cycles do not "
-        "count. An answer about a healthy robot is right if it names no axis. The score is the "
-        "mean of the columns. "
-        "What a method could not answer counts as wrong.",
+        "count. An answer about a healthy robot is right if it names no axis.",
+        "The **score** on one kind of data is R − F / n. R is the share of right answers about "
+        "worn robots, and F the share of healthy robots of which an axis is named: 100 % minus the "
+        "column *healthy*. n is the number of axes that wear in these data; each of them has the "
+        "same weight in R. The score of the board is the mean over both kinds of data. It is 0 for "
+        'every answer that does not depend on the data: always "none" (R = 0, F = 0), always '
+        "the same axis (R = 1 / n, F = 1), or an axis at random. Rows with *always* or *never* "
+        "are such baselines. A negative score is worse than guessing. A method that is left out "
+        'counts as if it had answered "none". This score is the balanced accuracy, rescaled so '
+        "that chance is 0, as in scikit-learn's `balanced_accuracy_score(adjusted=True)`.",
         benchmark_board(result, "isolation"),
         "## Leader board: is anything worn?",
         "Right answers of the detectors in the same form: an alarm up to that severity, and no "
-        "alarm in any cycle of a healthy run.",
+        "alarm in any cycle of a healthy run. The score is that above with n = 1, that is, "
+        "Youden's J: the share of worn robots with an alarm minus that of healthy ones.",
         benchmark_board(result, "detection"),
         "## The data",
         "The standard data have two robots and three tasks, with friction wear of one axis and "

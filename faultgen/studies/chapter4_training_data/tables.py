@@ -59,7 +59,9 @@ def tables(result: dict[str, Any]) -> str:
         "components. OTO (one to one): the model is tested on the set that it learned from. OTM "
         "(one to many): it is tested on sets of other robots. 'Difference' means the absolute "
         "differences from day to day, 'combined' both these and the raw measurements. 'a / b' "
-        "means ours / thesis. Stars mark p < 0.05, 0.01, 0.001 and 0.0001.",
+        "means ours / thesis. Stars mark p < 0.05, 0.01, 0.001 and 0.0001. "
+        "The failing robots have worn gearboxes. Those of the thesis have failures of two "
+        "gearboxes, two motors, two brakes and a computer unit.",
         f"Each set has {TRAIN} days of training and {TEST} days of test. The last five days are "
         f"left out. Number of columns: {columns}. Sets: "
         + "; ".join(
