@@ -131,6 +131,10 @@ def begin(folder):
         time.sleep(0.01)
 
 
+def mark():
+    return os.environ.get("FAULTGEN_MARK")
+
+
 def test_workers_that_were_started_before_take_the_calls(tmp_path):
     """What they did first has changed them, and not this process.
 
@@ -138,9 +142,8 @@ def test_workers_that_were_started_before_take_the_calls(tmp_path):
     """
     end_workers()
     start_workers(delayed(begin)(tmp_path), 2)
-    marks = list(in_parallel([delayed(os.environ.get)("FAULTGEN_MARK")] * 4, 2))
-    assert marks == ["set"] * 4
-    assert "FAULTGEN_MARK" not in os.environ
+    assert list(in_parallel([delayed(mark)()] * 4, 2)) == ["set"] * 4
+    assert mark() is None
     end_workers()
 
 
@@ -165,3 +168,42 @@ def test_workers_that_get_no_calls_keep_no_program_waiting(end):
         timeout=HANG,
     )
     assert (done.returncode, done.stderr) == (0, "")
+
+
+ENDED_BEFORE_THE_FIRST_CALL = """
+import os, time
+from joblib import delayed
+from joblib.externals.loky import process_executor
+from faultgen.system.parallel import end_workers, start_workers
+
+manager = process_executor._ExecutorManagerThread
+run, wait = manager.run, manager.wait_result_broken_or_wakeup
+workers = []
+
+def run_late(self):
+    self.call_queue.full = lambda: not self.executor_flags.shutdown
+    run(self)
+
+def wait_late(self):
+    told = wait(self)
+    while not self.executor_flags.shutdown:
+        time.sleep(0.01)
+    workers.extend(self.processes.values())
+    return told
+
+manager.run, manager.wait_result_broken_or_wakeup = run_late, wait_late
+start_workers(delayed(os.getpid)(), 2)
+end_workers()
+print(len(workers), all(worker.exitcode is not None for worker in workers))
+"""
+
+
+def test_workers_end_although_no_call_was_handed_out():
+    """As on a busy machine, where the thread that hands out calls runs when the program ends."""
+    done = subprocess.run(
+        [sys.executable, "-c", ENDED_BEFORE_THE_FIRST_CALL],
+        capture_output=True,
+        text=True,
+        timeout=HANG,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "2 True\n", "")
