@@ -7,6 +7,7 @@ import sys
 import time
 
 import pytest
+from conftest import HANG
 from joblib import delayed
 
 from faultgen.errors import InputError, WorkerKilled
@@ -117,18 +118,32 @@ def test_a_worker_that_is_killed_at_the_end_does_not_keep_the_program_waiting(wh
         [sys.executable, "-c", ENDS_WHILE_A_WORKER_IS_KILLED, str(which)],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=HANG,
     )
     assert (done.returncode, done.stdout) == (0, "done\n"), done.stderr
 
 
-@pytest.mark.skipif(os.name == "nt", reason="priorities of POSIX systems")
-def test_workers_that_were_started_before_take_the_calls():
-    """What they did first has changed them, and not this process."""
+def begin(folder):
+    """Leaves a mark in the process, and waits until another process has done so."""
+    os.environ["FAULTGEN_MARK"] = "set"
+    (folder / str(os.getpid())).touch()
+    while len(list(folder.iterdir())) < 2:
+        time.sleep(0.01)
+
+
+def mark():
+    return os.environ.get("FAULTGEN_MARK")
+
+
+def test_workers_that_were_started_before_take_the_calls(tmp_path):
+    """What they did first has changed them, and not this process.
+
+    Each of the two has made one of the first calls, however late it started.
+    """
     end_workers()
-    start_workers(delayed(os.nice)(1), 2)
-    priorities = list(in_parallel([delayed(os.nice)(0)] * 4, 2))
-    assert max(priorities) > os.nice(0)
+    start_workers(delayed(begin)(tmp_path), 2)
+    assert list(in_parallel([delayed(mark)()] * 4, 2)) == ["set"] * 4
+    assert mark() is None
     end_workers()
 
 
@@ -150,6 +165,45 @@ def test_workers_that_get_no_calls_keep_no_program_waiting(end):
         [sys.executable, "-c", STARTED_FOR_NOTHING.format(end=end)],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=HANG,
     )
     assert (done.returncode, done.stderr) == (0, "")
+
+
+ENDED_BEFORE_THE_FIRST_CALL = """
+import os, time
+from joblib import delayed
+from joblib.externals.loky import process_executor
+from faultgen.system.parallel import end_workers, start_workers
+
+manager = process_executor._ExecutorManagerThread
+run, wait = manager.run, manager.wait_result_broken_or_wakeup
+workers = []
+
+def run_late(self):
+    self.call_queue.full = lambda: not self.executor_flags.shutdown
+    run(self)
+
+def wait_late(self):
+    told = wait(self)
+    while not self.executor_flags.shutdown:
+        time.sleep(0.01)
+    workers.extend(self.processes.values())
+    return told
+
+manager.run, manager.wait_result_broken_or_wakeup = run_late, wait_late
+start_workers(delayed(os.getpid)(), 2)
+end_workers()
+print(len(workers), all(worker.exitcode is not None for worker in workers))
+"""
+
+
+def test_workers_end_although_no_call_was_handed_out():
+    """As on a busy machine, where the thread that hands out calls runs when the program ends."""
+    done = subprocess.run(
+        [sys.executable, "-c", ENDED_BEFORE_THE_FIRST_CALL],
+        capture_output=True,
+        text=True,
+        timeout=HANG,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "2 True\n", "")

@@ -22,7 +22,7 @@ from multiprocessing import resource_tracker
 from typing import Any
 
 import joblib
-from joblib.externals.loky import get_reusable_executor
+from joblib.externals.loky import get_reusable_executor, process_executor
 
 from faultgen.errors import InputError, WorkerKilled
 
@@ -36,6 +36,23 @@ MOST_WORKERS = 1024
 warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
 
 _LOOK_EVERY = 0.2  # s; how soon a worker notices that the program is gone
+
+_hand_out = process_executor._ExecutorManagerThread.add_call_item_to_queue
+
+
+def _hand_out_what_is_left(manager: Any) -> None:
+    """Give calls to the workers, except for calls that were dropped when workers were ended.
+
+    The numbers of dropped calls can still wait in a queue, if the program ends its workers soon
+    after a call. Joblib's thread (loky 3.6) then failed with a KeyError: it printed a traceback and
+    did not end the workers. Each try takes one number from the queue.
+    """
+    while True:
+        with suppress(KeyError):
+            return _hand_out(manager)
+
+
+process_executor._ExecutorManagerThread.add_call_item_to_queue = _hand_out_what_is_left
 
 
 def check_workers(workers: int) -> int:
