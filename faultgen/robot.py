@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike
 from faultgen.applied import Applied, to_json
 from faultgen.errors import InputError, one_line
 from faultgen.mjcf.checks import count_axes, missing_elements, wrong_elements, wrong_numbers
-from faultgen.mjcf.compiling import check_memory, read_mjcf
+from faultgen.mjcf.compiling import read_mjcf
 from faultgen.mjcf.dcmotor import BRISTLE_DAMPING as BRISTLE_DAMPING
 from faultgen.mjcf.dcmotor import BRISTLE_STIFFNESS as BRISTLE_STIFFNESS
 from faultgen.mjcf.dcmotor import COULOMB as COULOMB
@@ -42,6 +42,7 @@ from faultgen.mjcf.edit import forget_defaults, mjcf_text, resolve_inertias
 from faultgen.mjcf.elements import element_ids, stated_name
 from faultgen.mjcf.folder import read_folder, write_folder
 from faultgen.mjcf.gearing import Gearing, tendon_coefficients
+from faultgen.mjcf.memory import check_memory
 from faultgen.mjcf.warnings import mujoco_warnings
 
 COUPLING = "wrist_coupling"

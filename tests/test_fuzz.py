@@ -195,6 +195,35 @@ def test_plain_arms(places, data):
         plain_arm(path, None, None)
 
 
+PLAIN_MJCF = """<mujoco model="demo">
+  <compiler angle="radian"/>
+  <option gravity="0 0 -9.81"/>
+  <worldbody>
+    <body name="upper" pos="0 0 0.3" euler="0 0 0.1">
+      <inertial mass="8" pos="0 0 0.15" diaginertia="0.16 0.16 0.08"/>
+      <joint name="a" axis="0 1 0" range="-1.9 1.9" damping="0.5" armature="0.1"/>
+      <geom type="box" size="0.1 0.1 0.1" pos="0 0 0" mass="1"/>
+      <body name="fore" pos="0 0 0.3">
+        <joint name="b" axis="0 1 0" range="-1.9 1.9" ref="0.1"/>
+        <geom type="capsule" fromto="0 0 0 0 0 0.3" size="0.05" density="1000"/>
+        <site name="tool0" pos="0 0 0.3" size="0.01"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor joint="a" gear="100" ctrlrange="-2 2"/></actuator>
+</mujoco>
+"""
+
+
+@fuzz()
+@given(data=st.data())
+def test_plain_arms_of_mjcf(places, data):
+    path = places / "plain.xml"
+    path.write_bytes(data.draw(changed(PLAIN_MJCF)))
+    with one_line():
+        plain_arm(path, None, None)
+
+
 DRIVES = """
 joints = ["shoulder", "elbow"]
 tool = "lower"

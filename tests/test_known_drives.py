@@ -71,7 +71,7 @@ def seen_by(arm, axis, **changes):
 
 @pytest.mark.parametrize("name", ["PUMA 560", "IRB 6700, the model here"])
 def test_a_build_assumes_what_the_supplied_robots_have(name):
-    """Torque limits within a factor of 1.8, friction of 3.2; they were 0.03 to 5 times the known."""
+    """Torque limits within a factor of 1.8, which were 0.03 to 5 times the known; friction 3.2."""
     arm = ARMS[name]
     for axis in range(6):
         values = drive_of({}, seen_by(arm, axis))

@@ -54,6 +54,7 @@ def coupled(arm_path):
 def cell(tmp_path):
     """Path of an MJCF file with a floor, loose objects, a gripper, actuators and a mesh."""
     (tmp_path / "cell").mkdir()
+    (tmp_path / "package.xml").write_text("<package/>")
     (tmp_path / "meshes").mkdir()
     (tmp_path / "meshes" / "hull.obj").write_text(TETRAHEDRON)
     path = tmp_path / "cell" / "cell.xml"
@@ -386,6 +387,7 @@ BAD = {
 @pytest.mark.parametrize("case", BAD)
 def test_bad_input_gets_one_line(case, tmp_path):
     text, toml, message = BAD[case]
+    (tmp_path / "package.xml").write_text("<package/>")
     (tmp_path / "meshes").mkdir()
     (tmp_path / "meshes" / "hull.obj").write_text(TETRAHEDRON)
     (tmp_path / "in").mkdir()

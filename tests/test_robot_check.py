@@ -26,7 +26,7 @@ def changed(robot, *changes):
 
 def test_a_supplied_robot_is_fit():
     found = check("irb6700")
-    assert found.fit and found.complete
+    assert found.fit and found.complete and not found.warnings
     assert set(found.tasks) == {"pick_and_place", "spot_weld", "arc_weld"}
     assert found.largest_timestep > found.timestep
     assert 0 < found.trial["largest torque, as a share of its limit"] < 0.85

@@ -1,13 +1,13 @@
 """Which joints of a plain model are the axes of its arm: no gripper, and nothing that only follows.
 
-chosen = choose_axes(spec, None)
+chosen = choose_axes(spec, None, {})
 chosen.names, chosen.notes, chosen.findings
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -42,13 +42,16 @@ class Axes:
     """Which hinges and slides are no axes, and what to do if one is."""
 
 
-def choose_axes(spec: mujoco.MjSpec, chosen: Sequence[str] | None) -> Axes:
+def choose_axes(
+    spec: mujoco.MjSpec, chosen: Sequence[str] | None, leaders: Mapping[str, str]
+) -> Axes:
     """Find the joints that are axes.
 
     Args:
         spec: The model, whose joints have names.
         chosen: Names of the joints that the user calls axes, from the base to the tool. None: all
             hinges and slides, except those of a gripper and those that follow another joint.
+        leaders: The joints that follow another one, with the one that each follows.
 
     Returns:
         The axes. If they do not form one chain, the findings say so.
@@ -58,14 +61,13 @@ def choose_axes(spec: mujoco.MjSpec, chosen: Sequence[str] | None) -> Axes:
         remedy = "check it with 'faultgen robot check', or give a plain model"
         what = "the model already has rotors and gearboxes"
         return Axes((), (Finding("joint 'motor1'", what, remedy),), ())
-    leaders = _leaders(spec)
     if chosen is not None:
         return _named(spec, chosen, leaders)
     movable = [joint.name for joint in spec.joints if joint.type in (HINGE, SLIDE)]
     own = [name for name in movable if name not in leaders]
     gripper = _of_gripper(spec, own)
     arm = [name for name in own if name not in gripper]
-    if not arm or _breaks(spec, arm):  # then all of them are told
+    if not arm:
         arm, gripper = own, []
     within = [
         Finding(
@@ -80,15 +82,24 @@ def choose_axes(spec: mujoco.MjSpec, chosen: Sequence[str] | None) -> Axes:
         if (carried := next((one for one in arm if _carries(spec, name, one)), None))
     ]
     findings = [*_wrong_types(spec, None), *within]
+    if _breaks(spec, arm):  # then the joints of grippers and those that follow are told too
+        arm, gripper = movable, []
     if not arm and not findings:
-        remedy = "give a model with hinge or slide joints"
-        findings = [Finding("model", "no joint of it is a hinge or a slide", remedy)]
+        what = "no joint of it is a hinge or a slide"
+        what = "each of its joints follows another one" if movable else what
+        findings = [Finding("model", what, "give a model with hinge or slide joints")]
     findings += _breaks(spec, arm)
     notes = []
     if gripper:
         notes.append(
             f"{_joints(gripper)} taken for those of a gripper and locked; if one is an axis, name "
             "all axes in drives.toml, joints = [...]"
+        )
+    elif len(arm) > 1 and _is_finger(spec, arm[-1]):
+        stroke = np.ptp(spec.joint(arm[-1]).range)
+        notes.append(
+            f"the last axis '{arm[-1]}' slides by {stroke:g} m only; if it is a finger of a "
+            "gripper, name the axes without it in drives.toml, joints = [...]"
         )
     followers = [name for name in movable if name in leaders]
     if followers and not within:
@@ -125,7 +136,7 @@ def deepest(spec: mujoco.MjSpec) -> int:
     return depth
 
 
-def _named(spec: mujoco.MjSpec, chosen: Sequence[str], leaders: dict[str, str]) -> Axes:
+def _named(spec: mujoco.MjSpec, chosen: Sequence[str], leaders: Mapping[str, str]) -> Axes:
     """The axes that the user names."""
     names = [joint.name for joint in spec.joints]
     known = [name for name in chosen if name in names]
@@ -185,15 +196,6 @@ def _carries(spec: mujoco.MjSpec, name: str, other: str) -> bool:
     """Whether one joint moves the body of another one."""
     one, two = spec.joint(name).parent, spec.joint(other).parent
     return one.name in above(two) and (one.name != two.name or name != other)
-
-
-def _leaders(spec: mujoco.MjSpec) -> dict[str, str]:
-    """The joints that follow another one, by name, with the one that each follows."""
-    return {
-        one.name1: one.name2
-        for one in spec.equalities
-        if one.type == mujoco.mjtEq.mjEQ_JOINT and one.name2 and one.name1 != one.name2
-    }
 
 
 def _of_gripper(spec: mujoco.MjSpec, names: Sequence[str]) -> list[str]:

@@ -18,6 +18,7 @@ from faultgen.building.doubts import weight_warnings
 from faultgen.building.drive_numbers import Value, disbelieved, drive_of
 from faultgen.building.drives import Coupling, Drives, check_names, drives_text, mass_entries
 from faultgen.building.elements import add_drives, add_payload
+from faultgen.building.findings import computable
 from faultgen.building.limits import disbelieved_limits, limit_warnings
 from faultgen.building.plain import Plain, plain_arm
 from faultgen.building.ranges import mark_assumed
@@ -89,6 +90,11 @@ def build(path: Path, drives: Drives, name: str, folders: Sequence[Path] = ()) -
         raise InputError(f"'{name}' is the name of a robot that comes with faultgen; use another")
     plain = plain_arm(path, drives.joints, drives.tool, folders, drives.mass)
     check_names(drives, plain.joints)
+    with computable(path.name):
+        return _build(path, plain, drives, name)
+
+
+def _build(path: Path, plain: Plain, drives: Drives, name: str) -> Built:
     spec, _ = parsed(plain.xml, plain.assets, path.name)
     spec.modelname = name
     mark_assumed(spec, plain.assumed_ranges)
@@ -98,10 +104,11 @@ def build(path: Path, drives: Drives, name: str, folders: Sequence[Path] = ()) -
     values = tuple(
         drive_of(drives.of(joint), one) for joint, one in zip(plain.joints, seen, strict=True)
     )
+    heavy = weight_warnings(compiled(spec.copy(), path.name))
     add_drives(spec, plain.joints, values, drives.coupling)
     kept = [*plain.masses.warnings, *unused_limits(plain.joints, seen, drives)]
     keep_warnings(spec, kept)
-    warnings = (*plain.warnings, *kept, *weight_warnings(spec.copy().compile()))
+    warnings = (*plain.warnings, *kept, *heavy)
     robot, step = _with_step(spec, plain, name, drives.timestep)
     home = plain.home if drives.home is None else robot.from_degrees(drives.home)
     if home is not None:
@@ -230,7 +237,7 @@ def _with_step(
 ) -> tuple[Robot, Value]:
     """The robot with the time step that was given, or one that is small enough."""
     resolve_inertias(spec)
-    spec.compile()
+    compiled(spec, f"robot {name}")
     robot = Robot(name, mjcf_text(spec), plain.assets)
     source = Value(0, "given")
     if given is None:
@@ -240,5 +247,5 @@ def _with_step(
         given = next((step for step in STEPS if step <= most), STEPS[-1])
         source = Value(0, "assumed", f"at most {MARGIN:g} of the largest stable step")
     spec.option.timestep = given
-    spec.compile()
+    compiled(spec, f"robot {name}")
     return replace(robot, xml=mjcf_text(spec)), source

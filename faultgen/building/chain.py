@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from faultgen.building.axes import FREE, HINGE, SLIDE, above
+from faultgen.building.inertias import repair_inertias
 from faultgen.mjcf.compiling import compiled
 
 HOME = "home"
@@ -38,7 +39,9 @@ def _of(element: Any) -> str:
     return f"of {target}" if target else ""
 
 
-def strip(spec: mujoco.MjSpec, axes: Sequence[str], pose: Mapping[str, float]) -> list[str]:
+def strip(
+    spec: mujoco.MjSpec, axes: Sequence[str], pose: Mapping[str, float], where: str
+) -> list[str]:
     """Take everything out of a model that a robot of faultgen gets new or does not have, in place.
 
     Args:
@@ -47,6 +50,7 @@ def strip(spec: mujoco.MjSpec, axes: Sequence[str], pose: Mapping[str, float]) -
         pose: Positions in the keyframe ``home`` by joint, in [rad] or [m]; empty if there is none.
             Joints that are no axes are locked there, and without the keyframe at zero or at the
             nearest limit.
+        where: What the model is, for messages.
 
     Returns:
         One line for each kind of element that was taken out.
@@ -91,7 +95,7 @@ def strip(spec: mujoco.MjSpec, axes: Sequence[str], pose: Mapping[str, float]) -
             spec.delete(body)
     locked = [joint for joint in spec.joints if joint.name not in axes]
     if locked:
-        notes.append(_lock(spec, locked, pose))
+        notes.append(_lock(spec, locked, pose, where))
     compensated = [body for body in spec.bodies if body.gravcomp]
     for body in compensated:
         body.gravcomp = 0.0
@@ -100,12 +104,18 @@ def strip(spec: mujoco.MjSpec, axes: Sequence[str], pose: Mapping[str, float]) -
     return notes
 
 
-def _lock(spec: mujoco.MjSpec, joints: Sequence[mujoco.MjsJoint], pose: Mapping[str, float]) -> str:
+def _lock(
+    spec: mujoco.MjSpec,
+    joints: Sequence[mujoco.MjsJoint],
+    pose: Mapping[str, float],
+    where: str,
+) -> str:
     """Replace joints by fixed links; one line that says where they are locked."""
     copy = spec.copy()
     copy.compiler.boundmass = copy.compiler.boundinertia = 1e-6  # wrong ones are reported later
     copy.compiler.balanceinertia = True
-    model = compiled(copy, "joints to lock")
+    repair_inertias(copy)
+    model = compiled(copy, where)
     told = []
     for joint in joints:
         name, value = joint.name, 0.0

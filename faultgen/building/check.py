@@ -18,7 +18,7 @@ from faultgen.building.build import look, unused_limits
 from faultgen.building.chain import moving_links, name_elements
 from faultgen.building.doubts import drive_doubts, weight_warnings
 from faultgen.building.elements import add_payload
-from faultgen.building.findings import Finding
+from faultgen.building.findings import Finding, computable
 from faultgen.building.inertias import inertia_findings
 from faultgen.building.masses import unstated_warnings
 from faultgen.building.plain import STATED_UNITS, Plain, plain_arm, survey
@@ -139,17 +139,21 @@ def _check_loaded(
     checked.warnings += gravity_warnings(robot.model)
     checked.warnings += kept_warnings(robot.model)
     checked.warnings += unstated_warnings(spec, axes)
-    doubts, doubtful = drive_doubts(robot)
-    checked.findings += doubts
-    checked.warnings += doubtful
     if not any(site.name == "tool" for site in spec.sites):
         remedy = "add a site of this name to the last link"
         checked.findings.append(Finding("site 'tool'", "is missing", remedy))
         return checked
-    checked.findings += _drivetrain(robot, checked)
-    checked.findings += _weight(robot)
-    checked.findings += _tasks(robot, checked)
-    checked.findings += trial(robot, sorted(checked.tasks), checked.trial)
+    try:
+        with computable(robot.name):
+            checked.findings += _drivetrain(robot, checked)
+            checked.findings += _weight(robot)
+            impossible, doubtful = drive_doubts(robot)
+            checked.findings += impossible
+            checked.warnings += doubtful
+            checked.findings += _tasks(robot, checked)
+            checked.findings += trial(robot, sorted(checked.tasks), checked.trial)
+    except InputError as error:
+        checked.findings.append(Finding("model", str(error), "correct the file"))
     return checked
 
 

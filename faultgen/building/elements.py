@@ -10,6 +10,7 @@ import numpy as np
 from faultgen.building.drive_numbers import Value
 from faultgen.building.drives import Coupling, Payload
 from faultgen.building.flange import Flange
+from faultgen.mjcf.compiling import compiled
 
 PAYLOAD_SHARE = 0.1
 """Mass of an assumed payload over the mass of the links that move."""
@@ -44,7 +45,7 @@ def add_payload(
     body = next((one for one in spec.bodies if one.name == "payload"), None)
     sites = [site.name for site in spec.sites]
     if body is None:
-        model = spec.copy().compile()
+        model = compiled(spec.copy(), "arm with its payload")
         mass = PAYLOAD_SHARE * float(model.body_subtreemass[_first_moving(model)])
         (mass,) = choose("mass", [_four(mass)], f"{100 * PAYLOAD_SHARE:g} % of the moving links")
         side = float(np.cbrt(mass / PAYLOAD_DENSITY))
@@ -65,7 +66,7 @@ def add_payload(
         if "tool" not in sites:
             body.add_site(name="tool", pos=[position[0], position[1], 2 * position[2]])
         return used
-    model = spec.copy().compile()
+    model = compiled(spec.copy(), "arm with its payload")
     own = model.body("payload")
     why = "the body 'payload'"
     for key, value in (("mass", own.mass), ("position", own.ipos), ("inertia", own.inertia)):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
-from faultgen.errors import InputError
+from faultgen.errors import InputError, one_line
 
 
 @dataclass(frozen=True)
@@ -38,3 +39,24 @@ def refuse(name: str, findings: Iterable[Finding]) -> None:
     fatal = [str(finding) for finding in findings if finding.fatal]
     if fatal:
         raise InputError(f"{name}: {'. '.join(fatal)}")
+
+
+@contextmanager
+def computable(name: str) -> Iterator[None]:
+    """Refuse a model whose numbers differ so much that matrices become singular or overflow.
+
+    Args:
+        name: Name of the robot or file, for the message.
+
+    Raises:
+        InputError: Computing within the context failed. The message is one line.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except (ValueError, ArithmeticError) as error:  # of linear algebra, and of huge numbers
+        raise InputError(
+            f"{name}: its masses, lengths and inertias are too different to compute with "
+            f"({one_line(error)}); they are in kg, m and kg m^2"
+        ) from None

@@ -27,6 +27,7 @@ from faultgen.building.numbers import MOST
 from faultgen.building.ranges import assume_ranges, range_warnings
 from faultgen.building.source import Source, read_source
 from faultgen.building.units import gravity_warnings
+from faultgen.errors import one_line
 from faultgen.mjcf.compiling import compiled
 from faultgen.mjcf.edit import forget_defaults, mjcf_text
 
@@ -107,7 +108,7 @@ def plain_arm(
     pose = _home(spec)
     assumed, unlimited = assume_ranges(spec, names, source.unstated)
     notes = [*source.notes, *axes.notes, *unlimited]
-    notes += strip(spec, names, pose)
+    notes += strip(spec, names, pose, path.name)
     masses = settle_masses(spec, names, mass)
     notes += [*masses.notes, *repair_inertias(spec)]
     place = find_flange(spec, names[-1], flange)
@@ -121,7 +122,8 @@ def plain_arm(
     _rename(spec, names)
     forget_defaults(spec)
     spec.modelname = path.stem
-    model = compiled(spec, path.name)
+    warned: list[str] = []
+    model = compiled(spec, path.name, warned)
     ranges = np.array([model.joint(f"joint{k + 1}").range for k in range(len(names))])
     notes += _angle_notes(model, names)
     text = mjcf_text(spec)
@@ -137,7 +139,11 @@ def plain_arm(
         home=tuple(pose[name] for name in names) if pose else None,
         notes=tuple(notes),
         masses=masses,
-        warnings=(*range_warnings(names, assumed, ranges, slides), *gravity_warnings(model)),
+        warnings=(
+            *range_warnings(names, assumed, ranges, slides),
+            *gravity_warnings(model),
+            *(f"MuJoCo: {one_line(line)}" for line in warned),
+        ),
     )
 
 
@@ -177,7 +183,7 @@ def survey(
     Returns:
         The findings, and the axes.
     """
-    axes = choose_axes(source.spec, joints)
+    axes = choose_axes(source.spec, joints, source.leaders)
     moving = moving_links(source.spec, axes.names)
     given = mass if isinstance(mass, Mapping) else {}
     found = [*axes.findings, *inertia_findings(source.spec, moving, given)]

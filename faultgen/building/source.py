@@ -22,7 +22,8 @@ from faultgen.building.axes import MOST_LINKS, deepest
 from faultgen.building.numbers import senseless_numbers
 from faultgen.building.urdf import FOLDER, Stated, asset_name, read_urdf, take_meshes
 from faultgen.errors import InputError, one_line
-from faultgen.mjcf.compiling import check_memory, parsed, read_mjcf
+from faultgen.mjcf.compiling import parsed, read_mjcf
+from faultgen.mjcf.memory import check_memory
 from faultgen.mjcf.parsing import parse_xml
 from faultgen.mjcf.reach import Reach
 from faultgen.system.reading import read_text
@@ -47,6 +48,9 @@ class Source:
     """Gear ratio that a URDF states, by joint: motor turns per joint turn, or in [rad/m]."""
     unstated: frozenset[str]
     """Joints of a URDF whose limits are no range, such as 0 and 0."""
+    leaders: Mapping[str, str]
+    """The joints that follow another one, with the one that each follows: <mimic> of a URDF, and
+    equality constraints of MJCF."""
     notes: tuple[str, ...]
     """What was left out."""
 
@@ -74,7 +78,7 @@ def read_source(path: Path, folders: Sequence[Path] = ()) -> Source:
             f"{path.name} > {path.stem.partition('.')[0]}.urdf' there, and give the URDF file"
         )
     notes: list[str] = []
-    stated = Stated({}, {}, frozenset())
+    stated = Stated({}, {}, frozenset(), {})
     if root.tag == "robot":
         stated = read_urdf(root, where)
         assets = take_meshes(root, path, Reach.of(path, folders), notes)
@@ -93,8 +97,14 @@ def read_source(path: Path, folders: Sequence[Path] = ()) -> Source:
     spec, warned = parsed(text, assets, where)
     if deepest(spec) > MOST_LINKS:
         raise InputError(f"{where}: more than {MOST_LINKS} links follow each other")
-    # those about limits are told in terms of the joint, with the range that is assumed
-    notes += [f"MuJoCo: {one_line(line)}" for line in warned if "limit ignored" not in line]
+    # those about limits and <mimic> are told in terms of the joint, with what is done about it
+    notes += [f"MuJoCo: {one_line(line)}" for line in warned if " ignored" not in line]
+    follows = {
+        one.name1: one.name2
+        for one in spec.equalities
+        if one.type == mujoco.mjtEq.mjEQ_JOINT and one.name2 and one.name1 != one.name2
+    }
+    stated = stated._replace(leaders={**follows, **stated.leaders})
     kept = _gather(spec, assets, notes)
     return Source(path.stem, spec, kept, *stated, tuple(notes))
 

@@ -37,6 +37,8 @@ class Stated(NamedTuple):
     """Gear ratio by joint: motor turns per joint turn, or in [rad/m]."""
     unstated: frozenset[str]
     """Joints whose limits are no range, such as 0 and 0."""
+    leaders: Mapping[str, str]
+    """The joints that follow another one (<mimic>), with the one that each follows."""
 
 
 def read_urdf(root: ElementTree.Element, where: str) -> Stated:
@@ -53,13 +55,13 @@ def read_urdf(root: ElementTree.Element, where: str) -> Stated:
         InputError: Names occur twice, the links are no tree, or a shape is empty. The message has
             all findings, in one line.
     """
-    wrong = [*_wrong_names(root), *_empty_shapes(root)]
+    wrong = [*_wrong_names(root), *_empty_shapes(root), *_wrong_leaders(root)]
     wrong = wrong or _wrong_tree(root)
     if root.find(".//include") is not None:
         wrong.append("<include> belongs to MJCF, not to a URDF; put the text in its place")
     if wrong:
         raise InputError(f"{where}: {'; '.join(wrong)}")
-    return Stated(_speed_limits(root), _gear_ratios(root), _unstated(root))
+    return Stated(_speed_limits(root), _gear_ratios(root), _unstated(root), _leaders(root))
 
 
 def _wrong_names(root: ElementTree.Element) -> list[str]:
@@ -92,8 +94,9 @@ def _empty_shapes(root: ElementTree.Element) -> list[str]:
 
 
 def _positive(text: str | None) -> bool:
+    words = (text or "").split()
     try:
-        return text is not None and all(float(word) > 0 for word in text.split())
+        return bool(words) and all(float(word) > 0 for word in words)
     except ValueError:
         return False
 
@@ -171,6 +174,24 @@ def _unstated(root: ElementTree.Element) -> frozenset[str]:
         if not -ENDLESS < low < high < ENDLESS:
             found.add(joint.get("name", ""))
     return frozenset(found)
+
+
+def _leaders(root: ElementTree.Element) -> dict[str, str]:
+    return {
+        joint.get("name", ""): mimic.get("joint", "")
+        for joint in root.findall("joint")
+        if (mimic := joint.find("mimic")) is not None
+    }
+
+
+def _wrong_leaders(root: ElementTree.Element) -> list[str]:
+    """Joints that follow themselves, or a joint that does not exist."""
+    names = {joint.get("name") for joint in root.findall("joint")}
+    return [
+        f"joint '{name}': follows '{leader}' (<mimic>), which is {what}"
+        for name, leader in _leaders(root).items()
+        if (what := "itself" if leader == name else "" if leader in names else "no joint")
+    ]
 
 
 def take_meshes(

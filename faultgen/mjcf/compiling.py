@@ -10,12 +10,7 @@ memory, so that every copy of the model, in any process, is made from the same b
 from __future__ import annotations
 
 import os
-import pickle
-import re
-import subprocess
-import sys
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -23,46 +18,19 @@ import mujoco
 
 from faultgen.errors import InputError, one_line
 from faultgen.mjcf.including import expanded
-from faultgen.mjcf.parsing import parse_xml
+from faultgen.mjcf.parsing import parse_xml, whole_number
 from faultgen.mjcf.reach import Reach
 from faultgen.mjcf.warnings import mujoco_warnings
 from faultgen.system.reading import read_bytes, read_text
 
-MOST_MEMORY = 2 * 2**30
-"""Largest memory that compiling a model may use [bytes]."""
-
 MOST_COPIES = 10_000
 """Largest number of copies that the `replicate` elements of a model may make of a body."""
 
-_MOST_SECONDS = 120  # of processor time, for compiling
 MOST_ASSETS = 256 * 2**20
 """Largest size of all meshes, textures, ... of a model together [bytes]. Those of large arms have
 some 50 MiB; with two copies of them a command stays below 1 GB."""
 
 _FAILURES = (ValueError, RuntimeError, MemoryError, mujoco.FatalError)  # of MuJoCo
-_SIZED = re.compile(  # elements that can take far more memory than their text
-    r"<(size|hfield|texture|mesh|skin|replicate|composite|flexcomp|flex|plugin)\b"
-)
-
-# Compiles the model that comes on stdin. Exit status 3: it takes too much memory or time.
-_COMPILE = """
-import pickle, sys
-import mujoco
-mujoco.set_mju_user_warning(lambda text: None)
-try:
-    import resource
-    resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[1]),) * 2)
-    resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[2]),) * 2)
-except (ImportError, OSError, ValueError):
-    pass
-try:
-    xml, assets = pickle.load(sys.stdin.buffer)
-    mujoco.MjData(mujoco.MjSpec.from_string(xml, assets=assets).compile())
-except ValueError as error:
-    sys.exit(3 if "allocate" in str(error) else 0)
-except BaseException:
-    sys.exit(3)
-"""
 
 
 def read_mjcf(path: Path, folders: Sequence[Path] = ()) -> tuple[str, dict[str, bytes]]:
@@ -118,16 +86,12 @@ def read_asset(file: Path, what: str, others: Mapping[str, bytes]) -> bytes:
         InputError: The file cannot be read, or all assets together are too large.
     """
     left = MOST_ASSETS - sum(len(content) for content in others.values())
-    try:
-        return read_bytes(file, what, left)
-    except InputError:
-        if file.is_file() and file.stat().st_size > left:
-            most = f"{MOST_ASSETS / 2**20:g} MiB"
-            raise InputError(
-                f"{what} {file}: the model's files together are larger than {most}; simplify its "
-                "meshes and textures"
-            ) from None
-        raise
+    if file.is_file() and file.stat().st_size > left:  # before anything is read
+        raise InputError(
+            f"{what} {file}: the model's files together are larger than {MOST_ASSETS / 2**20:g} "
+            "MiB; simplify its meshes and textures"
+        )
+    return read_bytes(file, what, left)
 
 
 def parsed(xml: str, assets: Mapping[str, bytes], where: str) -> tuple[mujoco.MjSpec, list[str]]:
@@ -154,12 +118,13 @@ def parsed(xml: str, assets: Mapping[str, bytes], where: str) -> tuple[mujoco.Mj
     return spec, warned
 
 
-def compiled(spec: mujoco.MjSpec, where: str) -> mujoco.MjModel:
+def compiled(spec: mujoco.MjSpec, where: str, warned: list[str] | None = None) -> mujoco.MjModel:
     """Let MuJoCo compile a model.
 
     Args:
         spec: The model.
         where: What it is, for messages.
+        warned: The warnings of MuJoCo are added here. None: nobody needs them.
 
     Returns:
         The compiled model.
@@ -167,56 +132,21 @@ def compiled(spec: mujoco.MjSpec, where: str) -> mujoco.MjModel:
     Raises:
         InputError: MuJoCo cannot compile the model.
     """
-    with mujoco_warnings():
+    with mujoco_warnings() as caught:
         try:
-            return spec.compile()
+            model = spec.compile()
         except _FAILURES as error:
             line = one_line(error) or "not enough memory"
             raise InputError(f"{where}: MuJoCo cannot use the model: {line}") from None
-
-
-def check_memory(name: str, xml: str, assets: Mapping[str, bytes]) -> None:
-    """Refuse a model that needs too much memory or time to compile.
-
-    A model with elements that can be large is first compiled in another process. The memory of that
-    process is limited if the operating system supports this.
-
-    Args:
-        name: Name of the robot, for the message.
-        xml: Text of the model.
-        assets: Content of its assets by name.
-
-    Raises:
-        InputError: The model needs too much memory or time.
-    """
-    if _SIZED.search(xml) and not _fits(xml, tuple(sorted(assets.items()))):
-        raise InputError(
-            f"robot {name}: the model needs more than {MOST_MEMORY / 2**30:g} GiB of memory or "
-            f"{_MOST_SECONDS} s to compile; make its height fields, textures, meshes, 'replicate' "
-            "or 'size' smaller"
-        )
-
-
-@lru_cache(maxsize=32)
-def _fits(xml: str, assets: tuple[tuple[str, bytes], ...]) -> bool:
-    command = [sys.executable, "-c", _COMPILE, str(MOST_MEMORY), str(_MOST_SECONDS)]
-    # one heap for all threads, so that the limit counts memory that is used
-    environment = os.environ | {"MALLOC_ARENA_MAX": "1", "OPENBLAS_NUM_THREADS": "1"}
-    done = subprocess.run(
-        command,
-        input=pickle.dumps((xml, dict(assets))),
-        env=environment,
-        capture_output=True,
-        check=False,
-    )
-    return done.returncode == 0
+    if warned is not None:
+        warned += caught
+    return model
 
 
 def _copies(element: ElementTree.Element, outside: int) -> int:
     """The largest number of copies that `replicate` makes of any element within an element."""
     if element.tag == "replicate":
-        count = element.get("count", "1").strip()
-        outside *= max(1, int(count)) if count.isdecimal() else 1
+        outside *= max(1, whole_number(element.get("count", "1")))
     return max([outside, *(_copies(child, outside) for child in element)])
 
 

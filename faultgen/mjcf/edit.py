@@ -16,6 +16,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from faultgen.mjcf.warnings import mujoco_warnings
 from faultgen.system.files import write_bytes, write_text
 
 _DIGITS = 17
@@ -42,7 +43,8 @@ def resolve_inertias(spec: mujoco.MjSpec) -> None:
     if not asked:
         return
     copy = spec.copy()
-    model = copy.compile()
+    with mujoco_warnings():
+        model = copy.compile()
     compiled = [body.id for body in copy.bodies]
     for k in asked:
         body, at = bodies[k], compiled[k]
@@ -119,7 +121,7 @@ def mjcf_text(spec: mujoco.MjSpec) -> str:
     Args:
         spec: The compiled model.
     """
-    with _all_digits():
+    with mujoco_warnings(), _all_digits():
         return spec.to_xml()
 
 

@@ -5,6 +5,7 @@ root = parse_xml(text, "robot file arm.urdf")
 
 from __future__ import annotations
 
+import math
 from xml.etree import ElementTree
 from xml.parsers import expat
 
@@ -79,3 +80,19 @@ def check_extent(depth: int, count: int, where: str) -> None:
         raise InputError(f"{where}: its elements are nested more than {MOST_NESTED} deep")
     if count > MOST_ELEMENTS:
         raise InputError(f"{where}: has more than {MOST_ELEMENTS} elements")
+
+
+def whole_number(text: str) -> int:
+    """Read a count, such as the attribute ``nrow``.
+
+    Args:
+        text: Its text, which may be anything.
+
+    Returns:
+        The number, 0 for what is no number, and at most 1e12.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        return 0
+    return 0 if math.isnan(value) else int(min(max(value, 0.0), 1e12))

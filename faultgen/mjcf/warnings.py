@@ -1,8 +1,8 @@
 """MuJoCo's warnings: none of them reaches the terminal or a log file in the user's folder.
 
-MuJoCo writes its warnings to stderr and into a file MUJOCO_LOG.TXT in the working folder, unless a
-function takes them. This module takes them from the moment of its import. Whoever needs them
-collects them:
+MuJoCo writes warnings to stderr and into a file MUJOCO_LOG.TXT in the working folder, unless a
+function takes them; its compiler raises them as warnings of Python. From its import on, this module
+takes all of them. Whoever needs them collects them:
 
     with mujoco_warnings() as warned:
         spec = mujoco.MjSpec.from_string(text)
@@ -10,6 +10,7 @@ collects them:
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -27,7 +28,10 @@ def mujoco_warnings() -> Iterator[list[str]]:
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(caught.append)
     try:
-        yield caught
+        with warnings.catch_warnings(record=True) as raised:
+            warnings.simplefilter("always", UserWarning)
+            yield caught
+        caught += [str(one.message) for one in raised]
     finally:
         mujoco.set_mju_user_warning(before)
 
@@ -38,3 +42,9 @@ def _drop(warning: str) -> None:
 
 if mujoco.get_mju_user_warning() is None:  # a program that imports faultgen may have its own
     mujoco.set_mju_user_warning(_drop)
+# the compiler of MuJoCo raises them where it is called; these modules raise none themselves
+warnings.filterwarnings(
+    "ignore",
+    category=UserWarning,
+    module=r"faultgen\.(mjcf|building|robot|simulation|discovery|viewing)\b",
+)

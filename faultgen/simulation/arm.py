@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from faultgen.errors import InputError
 from faultgen.mjcf.gearing import tendon_coefficients
+from faultgen.mjcf.warnings import mujoco_warnings
 from faultgen.robot import COULOMB, COUPLING, OFFSET, STICTION, STRIBECK_VELOCITY, Robot
 
 _SLOWEST = 1e-9  # Stribeck velocity of shared friction that jumps at rest [rad/s]
@@ -39,7 +40,8 @@ def _rigid(
         spec.delete(play)
     if not payload:
         spec.delete(spec.body("payload"))
-    model = spec.compile()
+    with mujoco_warnings():
+        model = spec.compile()
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     return model
 
