@@ -104,10 +104,11 @@ def _build(path: Path, plain: Plain, drives: Drives, name: str) -> Built:
     values = tuple(
         drive_of(drives.of(joint), one) for joint, one in zip(plain.joints, seen, strict=True)
     )
+    heavy = weight_warnings(compiled(spec.copy(), path.name))
     add_drives(spec, plain.joints, values, drives.coupling)
     kept = [*plain.masses.warnings, *unused_limits(plain.joints, seen, drives)]
     keep_warnings(spec, kept)
-    warnings = (*plain.warnings, *kept, *weight_warnings(spec.copy().compile()))
+    warnings = (*plain.warnings, *kept, *heavy)
     robot, step = _with_step(spec, plain, name, drives.timestep)
     home = plain.home if drives.home is None else robot.from_degrees(drives.home)
     if home is not None:

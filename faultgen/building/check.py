@@ -139,9 +139,6 @@ def _check_loaded(
     checked.warnings += gravity_warnings(robot.model)
     checked.warnings += kept_warnings(robot.model)
     checked.warnings += unstated_warnings(spec, axes)
-    doubts, doubtful = drive_doubts(robot)
-    checked.findings += doubts
-    checked.warnings += doubtful
     if not any(site.name == "tool" for site in spec.sites):
         remedy = "add a site of this name to the last link"
         checked.findings.append(Finding("site 'tool'", "is missing", remedy))
@@ -150,6 +147,9 @@ def _check_loaded(
         with computable(robot.name):
             checked.findings += _drivetrain(robot, checked)
             checked.findings += _weight(robot)
+            impossible, doubtful = drive_doubts(robot)
+            checked.findings += impossible
+            checked.warnings += doubtful
             checked.findings += _tasks(robot, checked)
             checked.findings += trial(robot, sorted(checked.tasks), checked.trial)
     except InputError as error:

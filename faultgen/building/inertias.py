@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from faultgen.building.findings import Finding
-from faultgen.building.shapes import has_shape
+from faultgen.building.shapes import Filled, has_shape
 
 DENSITY = 2700.0
 """Density of the solid sphere that a link without inertia becomes [kg/m^3]: aluminium."""
@@ -143,6 +143,38 @@ def repair_inertias(spec: mujoco.MjSpec) -> list[str]:
             f"link '{body.name}': its principal inertias {old} are impossible; assumed {now} kg m^2"
         )
     return notes
+
+
+def set_mass(body: mujoco.MjsBody, mass: float, shape: Filled | None, stated: bool) -> None:
+    """Give a link a mass, in place, with the inertia of its shapes or, if it states one, its own.
+
+    Args:
+        body: The link.
+        mass: The mass [kg].
+        shape: What its shapes fill, in its frame; None if they fill nothing.
+        stated: Whether the link states a mass, so that its inertia only grows with the mass.
+    """
+    if stated and body.explicitinertial and body.mass > 0:
+        scale = mass / body.mass
+        body.mass, body.inertia = mass, np.array(body.inertia) * scale
+        body.fullinertia = np.array(body.fullinertia) * scale
+        return
+    own = body.explicitinertial and mass > 0 and np.trace(tensor_of(body)) > 0
+    place = np.array(body.ipos) if body.explicitinertial else np.zeros(3)
+    tensor = nearest_possible(np.zeros((3, 3)), mass) if mass else np.zeros((3, 3))
+    if shape is not None:
+        place, tensor = shape.centre, shape.inertia * mass / shape.volume
+    elif own:
+        tensor = tensor_of(body)
+    body.explicitinertial, body.mass, body.ipos = True, mass, place
+    body.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    if shape is not None or not own:
+        body.iquat = [1, 0, 0, 0]
+    if mass == 0:
+        body.inertia = np.zeros(3)
+        body.fullinertia = np.append(np.nan, np.zeros(5))
+        return
+    body.fullinertia = [*np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2]]
 
 
 def _has_mass(body: mujoco.MjsBody, moving: list[str], given: Collection[str]) -> bool:

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from faultgen.building.drive_numbers import Value
-from faultgen.building.inertias import LIGHTEST, nearest_possible, tensor_of
+from faultgen.building.inertias import LIGHTEST, set_mass
 from faultgen.building.shapes import Filled, fill, has_shape
 from faultgen.errors import InputError
 from faultgen.mjcf.compiling import compiled
@@ -79,9 +79,9 @@ def settle_masses(spec: mujoco.MjSpec, axes: Sequence[str], given: Given) -> Mas
         )
     if not lacking and not table and not massless:
         return Masses()
-    resolve = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+    rescaled = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
     filled = _volumes(spec, lacking, [name for name in table if name not in lacking])
-    if resolve or spec.compiler.settotalmass > 0:
+    if rescaled or spec.compiler.settotalmass > 0:
         resolve_inertias(spec)
     empty = [*massless, *_sharing(lacking)]
     density = DENSITY if total is None else _density(spec, lacking, filled, total, empty)
@@ -89,15 +89,21 @@ def settle_masses(spec: mujoco.MjSpec, axes: Sequence[str], given: Given) -> Mas
     for name in [*lacking, *(name for name in table if name not in lacking)]:
         body, shape = spec.body(name), filled[name]
         if name in table:
-            _set_mass(body, float(table[name]), shape, stated=name not in lacking)
+            set_mass(body, float(table[name]), shape, stated=name not in lacking)
             values[name] = Value(float(table[name]), "given")
-        elif shape is not None:
+        elif shape is None:
+            if name != _base(groups):
+                raise InputError(
+                    f"link '{name}' states no mass and its shapes have no volume; state its mass "
+                    "and inertia in the file, or its mass in [mass] of drives.toml"
+                )
+        else:
             mass = (DENSITY if name == _PAYLOAD else density) * shape.volume
-            _set_mass(body, mass, shape, stated=False)
+            set_mass(body, mass, shape, stated=False)
             why = "its share of the given mass" if total else f"{DENSITY:g} kg/m^3 of its shapes"
             values[name] = Value(float(f"{mass:.4g}"), "assumed", why)
     for name in empty:
-        _set_mass(spec.body(name), 0.0, None, stated=False)
+        set_mass(spec.body(name), 0.0, None, stated=False)
     told = _assumed_line(values, total, groups)
     notes = (*_massless_notes(massless), *(told if total else ()))
     return Masses(values, total, notes, () if total else told)
@@ -233,7 +239,7 @@ def _density(
         )
     copy = spec.copy()
     for name in [*lacking, *empty]:
-        _set_mass(copy.body(name), 0.0, None, stated=False)
+        set_mass(copy.body(name), 0.0, None, stated=False)
     copy.compiler.boundmass = copy.compiler.boundinertia = 1e-6
     model = compiled(copy, "arm")
     root = model.body_rootid[model.jnt_bodyid[0]]
@@ -246,31 +252,6 @@ def _density(
             f"weigh {total:g} kg"
         )
     return (total - stated) / volume
-
-
-def _set_mass(body: mujoco.MjsBody, mass: float, shape: Filled | None, stated: bool) -> None:
-    """Give a link a mass, with the inertia of its shapes or, if it states one, its own."""
-    if stated and body.explicitinertial and body.mass > 0:
-        scale = mass / body.mass
-        body.mass, body.inertia = mass, np.array(body.inertia) * scale
-        body.fullinertia = np.array(body.fullinertia) * scale
-        return
-    own = body.explicitinertial and mass > 0 and np.trace(tensor_of(body)) > 0
-    place = np.array(body.ipos) if body.explicitinertial else np.zeros(3)
-    tensor = nearest_possible(np.zeros((3, 3)), mass) if mass else np.zeros((3, 3))
-    if shape is not None:
-        place, tensor = shape.centre, shape.inertia * mass / shape.volume
-    elif own:
-        tensor = tensor_of(body)
-    body.explicitinertial, body.mass, body.ipos = True, mass, place
-    body.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
-    if shape is not None or not own:
-        body.iquat = [1, 0, 0, 0]
-    if mass == 0:
-        body.inertia = np.zeros(3)
-        body.fullinertia = np.append(np.nan, np.zeros(5))
-        return
-    body.fullinertia = [*np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2]]
 
 
 def _massless_notes(names: Sequence[str]) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.stats import qmc
 
 _GEOM = mujoco.mjtGeom
-_POINTS, _FEWEST = 4096, 256  # in the box about a shape: of few shapes, and of many
+_POINTS, _FEWEST = 16384, 256  # in the box about a shape: of few shapes, and of many
 _TESTS = 2**24  # of points against shapes or against faces of a mesh, at once
 
 Inside = Callable[[np.ndarray], np.ndarray]
