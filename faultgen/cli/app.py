@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from faultgen.cli.checks import existing_dataset, existing_robot
+
 if TYPE_CHECKING:
     from faultgen.dataset.estimate import Estimate
     from faultgen.dataset.reader import Dataset
@@ -74,7 +76,10 @@ Workers = Annotated[
     ),
 ]
 Robot = Annotated[
-    str, typer.Option(help="Name of the robot, or the path of its MJCF file or folder.")
+    str,
+    typer.Option(
+        callback=existing_robot, help="Name of the robot, or the path of its MJCF file or folder."
+    ),
 ]
 Sensors = Annotated[
     str | None,
@@ -87,7 +92,8 @@ Seeds = Annotated[int, typer.Option(help="How often the noise is drawn anew for 
 Folder = Annotated[
     Path,
     typer.Argument(
-        help="Folder of a dataset that 'faultgen generate' has written, or its dataset.h5."
+        callback=existing_dataset,
+        help="Folder of a dataset that 'faultgen generate' has written, or its dataset.h5.",
     ),
 ]
 Methods = Annotated[

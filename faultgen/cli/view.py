@@ -10,13 +10,18 @@ from typing import Annotated, Any
 import typer
 
 from faultgen.cli.app import Json, app, print_json
+from faultgen.cli.checks import existing_robot
 from faultgen.errors import InputError
 
 
 @app.command()
 def view(
     robot: Annotated[
-        str, typer.Argument(help="Name of a robot, or the path of an MJCF file or robot folder.")
+        str,
+        typer.Argument(
+            callback=existing_robot,
+            help="Name of a robot, or the path of an MJCF file or robot folder.",
+        ),
     ],
     task: Annotated[
         str | None,

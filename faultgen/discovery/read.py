@@ -15,6 +15,7 @@ from faultgen.discovery.read_csv import read_csv
 from faultgen.discovery.read_hdf5 import read_hdf5
 from faultgen.discovery.recording import Recording
 from faultgen.errors import InputError
+from faultgen.system.reading import check_file
 
 
 def read_recording(path: str | Path) -> Recording:
@@ -31,8 +32,7 @@ def read_recording(path: str | Path) -> Recording:
             message is one line.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: {'is not a file' if path.exists() else 'no such file'}")
+    check_file(path)
     is_csv = path.suffix.lower() == ".csv"
     if not is_csv and not h5py.is_hdf5(path):
         raise InputError(
