@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -44,6 +43,8 @@ from faultgen.mjcf.folder import read_folder, write_folder
 from faultgen.mjcf.gearing import Gearing, tendon_coefficients
 from faultgen.mjcf.memory import check_memory
 from faultgen.mjcf.warnings import mujoco_warnings
+from faultgen.robot_names import check_robot
+from faultgen.robot_names import robot_names as robot_names
 
 COUPLING = "wrist_coupling"
 """Name of the elements with friction and inertia that two neighbouring axes share."""
@@ -341,12 +342,6 @@ class Robot:
         return np.full(size, default)
 
 
-def robot_names() -> list[str]:
-    """Names of the robots that come with the package."""
-    folder = resources.files("faultgen.robots")
-    return sorted(f.name for f in folder.iterdir() if f.joinpath(f"{f.name}.xml").is_file())
-
-
 def load_robot(name_or_path: str | Path, folders: Sequence[Path] = ()) -> Robot:
     """Load a robot by its name, from an MJCF file or from a folder.
 
@@ -365,13 +360,8 @@ def load_robot(name_or_path: str | Path, folders: Sequence[Path] = ()) -> Robot:
     if name in robot_names():
         text = resources.files("faultgen.robots").joinpath(name, f"{name}.xml").read_text()
         return Robot(name, text)
+    check_robot(name_or_path)
     path = Path(name_or_path)
-    if not os.path.exists(path):
-        known = ", ".join(robot_names())
-        raise InputError(
-            f"unknown robot '{name}': choose {known}, or give the path of an MJCF file or of a "
-            "robot's folder"
-        )
     if path.is_dir():
         name, xml, assets, effects, tasks = read_folder(path, folders)
         check_memory(name, xml, assets)

@@ -9,8 +9,8 @@ from faultgen.discovery import sensitivities as module
 from faultgen.discovery.candidates import ORDERS, effect_terms, periodic_terms
 from faultgen.discovery.inertia import inertia_terms
 from faultgen.discovery.replay import Replay
-from faultgen.discovery.samples import counted
 from faultgen.discovery.replay import replay as replayed
+from faultgen.discovery.samples import counted
 from faultgen.discovery.sensitivities import (
     are_alone,
     impossible,

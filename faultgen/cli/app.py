@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from faultgen.cli.checks import existing_dataset, existing_robot
 from faultgen.system.terminal import note, say, visible
 
 if TYPE_CHECKING:
@@ -75,7 +76,10 @@ Workers = Annotated[
     ),
 ]
 Robot = Annotated[
-    str, typer.Option(help="Name of the robot, or the path of its MJCF file or folder.")
+    str,
+    typer.Option(
+        callback=existing_robot, help="Name of the robot, or the path of its MJCF file or folder."
+    ),
 ]
 Sensors = Annotated[
     str | None,
@@ -88,7 +92,8 @@ Seeds = Annotated[int, typer.Option(help="How often the noise is drawn anew for 
 Folder = Annotated[
     Path,
     typer.Argument(
-        help="Folder of a dataset that 'faultgen generate' has written, or its dataset.h5."
+        callback=existing_dataset,
+        help="Folder of a dataset that 'faultgen generate' has written, or its dataset.h5.",
     ),
 ]
 Methods = Annotated[

@@ -20,6 +20,7 @@ from faultgen.cli.app import (
     show_estimate,
     worker_count,
 )
+from faultgen.cli.checks import existing_robot, readable_text
 from faultgen.cli.values import TRAINING, axes_of, numbers_of, part_of, severities_of, task_of
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.system.terminal import say
@@ -33,7 +34,10 @@ if TYPE_CHECKING:
 def generate(
     experiment: Annotated[
         Path | None,
-        typer.Argument(help="Experiment file (TOML). Without one, give --robot and --task."),
+        typer.Argument(
+            callback=readable_text("experiment file"),
+            help="Experiment file (TOML). Without one, give --robot and --task.",
+        ),
     ] = None,
     out: Out = Path("dataset"),
     robot: Annotated[
@@ -213,9 +217,6 @@ def generate(
     faultgen generate --robot irb6700 --task spot_weld --axis 3 --cycles 50 -o out
     faultgen generate experiment.toml -o out
     """  # noqa: D301
-    from faultgen.dataset.experiment import load_experiment, make_experiment
-    from faultgen.dataset.sweep import generate as run_generate
-
     if backend not in ("local", "dask"):
         raise InputError(f"--backend: must be local or dask, not '{backend}'")
     if (backend == "dask") != (scheduler is not None):
@@ -245,6 +246,8 @@ def generate(
             raise InputError("--task-from needs one --robot, and neither --task nor a file")
         given = {**TRAINING, **given}
         if dry_run:
+            from faultgen.dataset.experiment import make_experiment
+
             with tempfile.TemporaryDirectory() as place:
                 given["task"] = task_of(task_from, robot, Path(place))
                 _dry_run(make_experiment(given), worker_count(workers), as_json)
@@ -254,20 +257,24 @@ def generate(
         raise InputError(
             f"give an experiment file or flags, not both: --{next(iter(given))} was given as well"
         )
-    if experiment is not None:
-        chosen = load_experiment(experiment)
-    else:
+    if experiment is None:
         for name in ("robot", "task"):
             if name not in given:
                 raise InputError(
                     f"give an experiment file, or --robot and --task: --{name} is missing"
                 )
-        chosen = make_experiment(given)
+        for name in given["robot"]:
+            existing_robot(name)
+    from faultgen.dataset.experiment import load_experiment, make_experiment
+
+    chosen = make_experiment(given) if experiment is None else load_experiment(experiment)
     if dry_run:
         _dry_run(
             chosen, worker_count(workers), as_json, part_of(part) if keep == "merged" else None
         )
         return
+    from faultgen.dataset.sweep import generate as run_generate
+
     summary = run_generate(
         chosen,
         out,

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from faultgen.cli.app import Json, Out, Robot, Workers, app, out_option, print_json, worker_count
+from faultgen.cli.checks import readable_recordings
 from faultgen.errors import InputError
 from faultgen.system.terminal import note, say
 
@@ -29,8 +30,9 @@ def discover(
     measured: Annotated[
         list[Path] | None,
         typer.Argument(
+            callback=readable_recordings,
             help="Recordings of the robot (HDF5 or CSV); see docs/measured.md. Several are used "
-            "together. None with --plan."
+            "together. None with --plan.",
         ),
     ] = None,
     healthy: Annotated[
@@ -39,14 +41,16 @@ def discover(
             help="Recording of the same motions from before the change. It makes small changes "
             "visible. Repeat the option for several runs: they show how much the unchanged robot "
             "differs from run to run. Several recordings of different motions need equally many "
-            "healthy ones each, in any order."
+            "healthy ones each, in any order.",
+            callback=readable_recordings,
         ),
     ] = None,
     validate: Annotated[
         Path | None,
         typer.Option(
             help="Recording of other motions of the same robot. It is used only to score the "
-            "result, not to find it."
+            "result, not to find it.",
+            callback=readable_recordings,
         ),
     ] = None,
     plan: Annotated[
@@ -217,8 +221,9 @@ def calibrate(
     measured: Annotated[
         list[Path],
         typer.Argument(
+            callback=readable_recordings,
             help="Recordings of the robot (HDF5 or CSV); see docs/measured.md. Several are used "
-            "together."
+            "together.",
         ),
     ],
     robot: Robot,

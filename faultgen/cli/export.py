@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from faultgen.cli.app import Folder, Json, Methods, app, dataset_to_judge, out_option, print_json
+from faultgen.cli.checks import existing_dataset
 from faultgen.errors import InputError
 from faultgen.system.terminal import say
 
@@ -77,13 +78,14 @@ def export(
 
 def _export_table(sources: list[Path], path: Path, as_json: bool) -> None:
     """Write the table of one dataset or fleet."""
+    if len(sources) != 1:
+        raise InputError(f"give one dataset with --parquet, not {len(sources)}")
+    existing_dataset(sources[0])
     from faultgen.dataset.manifest import is_fleet
     from faultgen.dataset.reader import open_dataset
     from faultgen.fleet.data import open_fleet
     from faultgen.system.tables import write_parquet
 
-    if len(sources) != 1:
-        raise InputError(f"give one dataset with --parquet, not {len(sources)}")
     source = open_fleet(sources[0]) if is_fleet(sources[0]) else open_dataset(sources[0])
     frame = source.to_dataframe()
     write_parquet(frame, path)

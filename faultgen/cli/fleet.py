@@ -17,6 +17,7 @@ from faultgen.cli.app import (
     print_table,
     worker_count,
 )
+from faultgen.cli.checks import readable_text
 from faultgen.system.terminal import say
 
 if TYPE_CHECKING:
@@ -27,7 +28,10 @@ if TYPE_CHECKING:
 def fleet(
     plan: Annotated[
         Path | None,
-        typer.Argument(help="Plan of the fleet (TOML). Default: 26 robots, recorded for 60 days."),
+        typer.Argument(
+            callback=readable_text("fleet file"),
+            help="Plan of the fleet (TOML). Default: 26 robots, recorded for 60 days.",
+        ),
     ] = None,
     out: Out = Path("fleet"),
     workers: Workers = None,

@@ -23,6 +23,7 @@ from faultgen.cli.app import (
     show_estimate,
     worker_count,
 )
+from faultgen.cli.checks import existing_study
 from faultgen.errors import InputError
 from faultgen.system.terminal import say
 
@@ -109,11 +110,12 @@ def benchmark(
     on the test runs of fixed divisions. The leader board is written to benchmark.md, the counts to
     benchmark.json. Data that exist are used again, so that a further --method takes less time.
     """
-    from faultgen.evaluation.benchmark import estimate_benchmark, run_benchmark
-    from faultgen.evaluation.leader_board import benchmark_board
     from faultgen.plugins import load
 
     methods: list[Any] = [load(name) for name in method or ()]
+    from faultgen.evaluation.benchmark import estimate_benchmark, run_benchmark
+    from faultgen.evaluation.leader_board import benchmark_board
+
     if dry_run:
         count = worker_count(workers)
         found = estimate_benchmark(quick=quick, workers=count)
@@ -132,8 +134,9 @@ def study(
     name: Annotated[
         str,
         typer.Argument(
+            callback=existing_study,
             help="Name of the study: events, detection, training-data, classifiers, isolation or "
-            "detectability."
+            "detectability.",
         ),
     ],
     out: Out = Path("study-out"),

@@ -54,12 +54,7 @@ def import_(
     faultgen import --show-preset ur_rtde > columns.toml
     faultgen import log.csv --map columns.toml -o measured.h5
     """  # noqa: D301
-    from faultgen.discovery.import_log import import_log
-    from faultgen.discovery.recording import write_recording
-    from faultgen.importing import load_map, preset_text
-    from faultgen.report.recording_figure import recording_png
-    from faultgen.system.files import write_bytes
-    from faultgen.system.progress import plural
+    from faultgen.importing.column_map import load_map, preset_text
 
     if show_preset is not None:
         print(preset_text(show_preset), end="")
@@ -70,8 +65,19 @@ def import_(
         raise InputError(f"--out {out}: give a name that ends with .h5, because it is HDF5")
     if out.resolve() == log.resolve():
         raise InputError(f"--out {out}: is the log itself; give another name")
-    made = import_log(log, load_map(map_file, preset))
+    if not log.exists():
+        raise InputError(f"{log}: no such file")
+    column_map = load_map(map_file, preset)
+    from faultgen.discovery.import_log import import_log
+
+    made = import_log(log, column_map)
     recording = made.recording
+    # Matplotlib takes seconds, which a refused log must not
+    from faultgen.discovery.recording import write_recording
+    from faultgen.report.recording_figure import recording_png
+    from faultgen.system.files import write_bytes
+    from faultgen.system.progress import plural
+
     picture = out.with_suffix(".png")
     png = recording_png(recording)  # before anything is written
     write_recording(recording, out)

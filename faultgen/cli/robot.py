@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from faultgen.cli.app import Json, app, out_option, print_json, print_table
+from faultgen.cli.checks import existing_robot
 from faultgen.errors import InputError
 from faultgen.system.terminal import note, say
 
@@ -69,15 +70,15 @@ def build(
     faultgen robot build arm.urdf -o my_arm
     faultgen robot build arm.urdf my_arm/drives.toml -o my_arm
     """  # noqa: D301
+    if not model.exists():
+        raise InputError(f"robot file {model}: does not exist")
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out}: is a file; give a folder")
     from faultgen.building.build import DRIVES
     from faultgen.building.build import build as run_build
     from faultgen.building.drives import Drives, read_drives
     from faultgen.building.quantities import QUANTITIES
 
-    if not model.exists():
-        raise InputError(f"robot file {model}: does not exist")
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out}: is a file; give a folder")
     stated = out / DRIVES
     if out.is_dir() and any(out.iterdir()) and not stated.is_file():
         raise InputError(
@@ -135,7 +136,10 @@ def build(
 def check(
     name: Annotated[
         str,
-        typer.Argument(help="Name of a robot, a robot folder, or an MJCF or URDF file."),
+        typer.Argument(
+            callback=existing_robot,
+            help="Name of a robot, a robot folder, or an MJCF or URDF file.",
+        ),
     ],
     files: Files = None,
     as_json: Json = False,

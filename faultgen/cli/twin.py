@@ -18,6 +18,7 @@ from faultgen.cli.app import (
     print_json,
     worker_count,
 )
+from faultgen.cli.checks import existing_detector, readable_recordings
 from faultgen.errors import InputError
 from faultgen.system.terminal import note, say
 
@@ -28,7 +29,7 @@ def twin(
         list[Path],
         typer.Argument(
             help="Healthy recordings of the robot (HDF5 or CSV), all of the same program; see "
-            "docs/measured.md. Three or more show how much the robot differs from run to run."
+            "docs/measured.md. Three or more show how much the robot differs from run to run.",
         ),
     ],
     robot: Robot,
@@ -64,6 +65,8 @@ def twin(
     faultgen train data -o detector
     faultgen judge detector new1.h5 new2.h5
     """  # noqa: D301
+    if seed >= 0:  # a wrong seed is told first
+        readable_recordings(healthy)
     from faultgen.twin.make import make_twin
 
     result = make_twin(
@@ -158,7 +161,11 @@ def train(
 @app.command()
 def judge(
     detector: Annotated[
-        Path, typer.Argument(help="Folder of a detector that 'faultgen train' has written.")
+        Path,
+        typer.Argument(
+            callback=existing_detector,
+            help="Folder of a detector that 'faultgen train' has written.",
+        ),
     ],
     recordings: Annotated[
         list[Path] | None,

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from faultgen.cli.app import Json, app, print_json
+from faultgen.cli.checks import existing_robot
 from faultgen.errors import InputError
 from faultgen.system.terminal import note, say
 
@@ -16,7 +17,11 @@ from faultgen.system.terminal import note, say
 @app.command()
 def view(
     robot: Annotated[
-        str, typer.Argument(help="Name of a robot, or the path of an MJCF file or robot folder.")
+        str,
+        typer.Argument(
+            callback=existing_robot,
+            help="Name of a robot, or the path of an MJCF file or robot folder.",
+        ),
     ],
     task: Annotated[
         str | None,

@@ -77,6 +77,19 @@ def is_in_parts(folder: Path) -> bool:
     return not (folder / FILE).exists() and bool(part_names(folder))
 
 
+def check_exists(path: Path) -> None:
+    """Refuse the path of a dataset that does not exist.
+
+    Args:
+        path: Its folder or file.
+
+    Raises:
+        InputError: There is nothing.
+    """
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder; make a dataset with 'faultgen generate'")
+
+
 def refuse_data(folder: Path) -> None:
     """Refuse a folder for results that holds a dataset or a fleet.
 

@@ -32,6 +32,7 @@ from faultgen.dataset.manifest import (
     EXPERIMENT,
     FILE,
     Manifest,
+    check_exists,
     check_layout,
     is_in_parts,
     part_names,
@@ -465,8 +466,7 @@ def open_dataset(folder: str | Path) -> Dataset:
         InputError: This is not a dataset, or its list of runs is damaged.
     """
     path = Path(folder)
-    if not path.exists():
-        raise InputError(f"{path}: no such file or folder; make a dataset with 'faultgen generate'")
+    check_exists(path)
     if is_in_parts(path):
         raise InputError(
             f"{path}: is a dataset in parts; give one of them, such as "

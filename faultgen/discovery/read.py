@@ -22,6 +22,7 @@ from faultgen.discovery.read_csv import read_csv
 from faultgen.discovery.read_hdf5 import read_hdf5
 from faultgen.discovery.recording import Recording
 from faultgen.errors import InputError, StorageFailed, one_line
+from faultgen.system.reading import check_file
 
 _DIFFERS = (
     "differs from its checksum: copy, import or export it again, or delete its attribute "
@@ -60,8 +61,7 @@ def read_recording(path: str | Path) -> Recording:
         StorageFailed: The disk failed.
     """
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: {'is not a file' if path.exists() else 'no such file'}")
+    check_file(path)
     try:
         named, attributes, intact = _content(path)
     except InputError:

@@ -50,6 +50,8 @@ class Table:
     """One line for each decision that was taken while reading."""
 
     def __len__(self) -> int:
+        if self.lines is not None:
+            return len(self.lines)
         return len(next(iter(self.columns.values()), ()))
 
     def place(self, row: int) -> str:

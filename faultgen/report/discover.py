@@ -118,9 +118,7 @@ def discover(
     )
     warnings += more
     with threadpool_limits(limits=1):
-        model, servo = stage(
-            "fit of the servo", lambda: with_own_servo(before, model), (model, "")
-        )
+        model, servo = stage("fit of the servo", lambda: with_own_servo(before, model), (model, ""))
         fitted = ""
         if runs:
             model, fitted = stage(

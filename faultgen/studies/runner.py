@@ -19,18 +19,9 @@ from faultgen.monitoring.sensors import get_sensors, sensors_of
 from faultgen.provenance import provenance
 from faultgen.studies.figures import Figures, draw
 from faultgen.studies.fleets import study_fleet
+from faultgen.studies.names import STUDIES as STUDIES
 from faultgen.system.files import write_text
 from faultgen.system.parallel import check_workers
-
-STUDIES = {
-    "events": "chapter 2: event logs of a fleet before failures, PCA with T2 and Q",
-    "classifiers": "chapter 5: does preprocessing help to foresee gearbox failures, on a fleet",
-    "detection": "chapter 3: from which hour on wear is detected and located, PUMA 560",
-    "detectability": "which severity of every effect can be seen, on which axis and in which task",
-    "isolation": "chapter 6: which axis is worn, by transfer entropy, cross-correlation and ours",
-    "training-data": "chapter 4: which robot's data, and which signal, PCA learns from, on a fleet",
-}
-"""Name and content of every study."""
 
 _MODULES = {
     "events": "faultgen.studies.chapter2_events.study",

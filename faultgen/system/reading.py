@@ -15,6 +15,20 @@ LARGEST_TEXT = 16 * 2**20
 """Largest text file that is read [bytes]."""
 
 
+def check_file(path: str | Path) -> None:
+    """Refuse what is no file.
+
+    Args:
+        path: The path.
+
+    Raises:
+        InputError: There is nothing, or no file.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: {'is not a file' if path.exists() else 'no such file'}")
+
+
 def read_text(path: str | Path, what: str) -> str:
     """Read a text file in UTF-8.
 

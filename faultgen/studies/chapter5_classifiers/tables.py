@@ -87,7 +87,8 @@ def tables(result: dict[str, Any]) -> str:
         f"normal one (procedure 1). Unless a table states otherwise, it is over {DAYS} days that "
         f"end {HORIZON} days before the last day. 'a / b' means ours / thesis.",
         "LR is logistic regression, SVM a support vector machine, RF a random forest, and ES a "
-        "stack: a logistic regression that combines LR and SVM. The steps of preprocessing are estimated torque and speed (estM), "
+        "stack: a logistic regression that combines LR and SVM. The steps of preprocessing are "
+        "estimated torque and speed (estM), "
         "absolute differences from day to day (diff), windows of three days (var3) and principal "
         "components (pca). Control has no step.",
         "## Goals",
