@@ -123,6 +123,7 @@ def benchmark(
         print_json(result)
         return
     print(f"{benchmark_board(result, 'isolation')}\n\n{benchmark_board(result, 'detection')}\n")
+    print("score: 100 for a perfect method, 0 for answers that do not depend on the data")
     print(out / "benchmark.md")
 
 

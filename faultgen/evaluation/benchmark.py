@@ -165,6 +165,7 @@ def run_benchmark(
                 "runs_sha256": sha256(" ".join(sorted(dataset.planned)).encode()).hexdigest(),
                 "runs": len(dataset.runs),
                 "cycles": sum(int(run["cycles"]) for run in dataset.runs),
+                "healthy_cycles": alarms.healthy_cycles,
                 "tested": sum(part == "test" for part in dataset.part_of(split).values()),
                 "isolation": [
                     {
