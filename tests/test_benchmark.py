@@ -60,6 +60,7 @@ def result():
         *rows("always 5", (0.1, {"2": 0, "5": 4}, TWO), (0.0, 0, 10)),
     ]
     shared = {"runs_sha256": "ab", "runs": 9, "cycles": 90, "tested": 3, "left_out": {}}
+    shared |= {"healthy_cycles": {"arm, swing": 48, "arm, weld": 32}}
     shared |= {"made_by": ["faultgen", "faultgen"]}
     sets = []
     for kind, split, found in (("standard", "run", standard), ("harder", "robot", harder)):
@@ -147,6 +148,7 @@ def test_the_page_shows_every_method_with_intervals(result):
         (line,) = [line for line in board.splitlines() if f"| {name} " in line]
         assert shown in line
     assert "79.2 [59.5, 90.8]" in board
+    assert "learn from 32 to 48 healthy cycles" in page
     assert "--quick" in page and "'careful' has the highest score: 56.9" in page
 
 

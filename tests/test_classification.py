@@ -58,6 +58,16 @@ def test_nothing_of_the_tested_pair_is_trained_on():
     assert found.auc.tolist() == [[0, 0.5, 0, 0.5], [1, 1, 1, 1], [1, 1, 1, 1]]
 
 
+def test_the_stack_combines_two_classifiers():
+    """A logistic regression of LR and SVM, as in thesis figure 5-3; the forest is no part of it."""
+    x, y = np.vstack(robots(1.0)), np.repeat(FAILED, 5)
+    of_robot = np.repeat(np.arange(len(FAILED)), 5)
+    folds = grouped_splits(y, of_robot, 0)
+    stack = make_classifier("ES", Combination.of("control"), x.shape[1], folds, 0).fit(x, y).stack_
+    assert list(stack.named_estimators_) == ["LR", "SVM"]
+    assert isinstance(stack.final_estimator_, LogisticRegression)
+
+
 def test_auc_is_that_of_a_plain_loop():
     """Each pair's area, by counting ordered pairs of rows."""
     rows = robots(1.0)

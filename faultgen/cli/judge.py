@@ -126,7 +126,9 @@ def benchmark(
         print_json(result)
         return
     boards = [benchmark_board(result, kind).split("\n") for kind in ("isolation", "detection")]
-    say(*boards[0], "", *boards[1], "", out / "benchmark.md")
+    say(*boards[0], "", *boards[1], "")
+    say("score: 100 for a perfect method, 0 for answers that do not depend on the data")
+    say(out / "benchmark.md")
 
 
 @app.command()

@@ -67,7 +67,8 @@ def generate(
     """Generate a dataset, or finish one that was interrupted.
 
     Existing runs are kept unless they are damaged. The same experiment gives the same files, bit
-    for bit, for any number of workers.
+    for bit, for any number of workers, on the same kind of processor. On another kind, torques
+    differ by less than 1e-6 of their largest value, because libraries choose other instructions.
 
     Args:
         experiment: The experiment, or the path of its file.

@@ -1,6 +1,6 @@
 """The standard comparison of isolators and detectors: fixed data, fixed divisions, one table.
 
-The data are made from fixed experiments, so that everybody measures on the same bits. There are two
+The data are made from fixed experiments, so that everybody measures on the same runs. There are two
 kinds of data. In the standard data each robot behaves exactly like its model, and one axis wears.
 In the harder data robots of one model differ, several effects occur, and methods that learn from
 labels are tested on other robots than those from which they have learned.
@@ -165,6 +165,7 @@ def run_benchmark(
                 "runs_sha256": sha256(" ".join(sorted(dataset.planned)).encode()).hexdigest(),
                 "runs": len(dataset.runs),
                 "cycles": sum(int(run["cycles"]) for run in dataset.runs),
+                "healthy_cycles": alarms.healthy_cycles,
                 "tested": sum(part == "test" for part in dataset.part_of(split).values()),
                 "isolation": [
                     {

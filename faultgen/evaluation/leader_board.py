@@ -153,6 +153,8 @@ def benchmark_page(result: dict[str, Any]) -> str:
     boards = result["leaders"]
     best = boards["isolation"][0]
     levels = ", ".join(f"{100 * level:g} %" for level in LEVELS)
+    learned = sorted({n for one in result["sets"] for n in one["healthy_cycles"].values()})
+    learned_from = " to ".join(map(str, dict.fromkeys([learned[0], learned[-1]])))
     lines = [
         "# Benchmark",
         "**Which method names the worn axis best, and how do you enter one of your own?** "
@@ -176,7 +178,9 @@ def benchmark_page(result: dict[str, Any]) -> str:
         "Right answers in percent, with 95 % Wilson intervals. A worn robot is judged at a "
         f"severity of {levels}, or in the last cycle if the effect has a unit. The answer is right "
         "if it names the worn axis. Severities that a run reaches in fewer than 5 cycles do not "
-        "count. An answer about a healthy robot is right if it names no axis.",
+        "count. An answer about a healthy robot is right if it names no axis. Methods learn from "
+        f"{learned_from} healthy cycles of the same robot in the same task, which is few: the page "
+        "on [isolation](isolation.md) shows what they do after 2000.",
         "The **score** on one kind of data is R − F / n. R is the share of right answers about "
         "worn robots, and F the share of healthy robots of which an axis is named: 100 % minus the "
         "column *healthy*. n is the number of axes that wear in these data; each of them has the "

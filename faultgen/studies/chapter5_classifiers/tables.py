@@ -88,9 +88,8 @@ def tables(result: dict[str, Any]) -> str:
         f"end {HORIZON} days before the last day. 'a / b' means ours / thesis.",
         "LR is logistic regression, SVM a support vector machine, RF a random forest, and ES a "
         "stack: a logistic regression that combines LR and SVM. The steps of preprocessing are "
-        "estimated torque and speed (estM), "
-        "absolute differences from day to day (diff), windows of three days (var3) and principal "
-        "components (pca). Control has no step.",
+        "estimated torque and speed (estM), absolute differences from day to day (diff), windows "
+        "of three days (var3) and principal components (pca). Control has no step.",
         "## Goals",
         goals_table(goals(result)),
         "## Table 5.2: mean AUC (standard deviation over pairs)",
