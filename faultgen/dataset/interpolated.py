@@ -57,6 +57,7 @@ MEASURED = ("motor_position", "motor_velocity", "motor_torque")
 _TORQUE = MEASURED.index("motor_torque")
 _LEVELS = (3, 5)  # nodes in severity, with 0; the second number if the first one is not enough
 _SMALLEST = 1e-6  # an error below this share of a motor's torque limit is none
+_TRIED = 3  # cycles on which it is tried early whether a severity that jumps can be interpolated
 _AT_ONCE = 8  # cycles that are computed together
 _MOST_BYTES = 2**30  # of the simulated cycles
 
@@ -215,23 +216,26 @@ def _between(grid: Grid) -> list[float]:
 def _refuse_jumps(run: Run, shared: Nominal, every: np.ndarray, limit: np.ndarray) -> None:
     """Refuse severities that jump so that cycles cannot be interpolated, before all else.
 
-    A cycle after a change of the severity is taken as proportional to the change. Here it is
-    simulated after the largest change and after half of it. What differs is the error of a cycle in
-    the middle between two nodes; towards the nodes it is taken to fall as a parabola does.
+    The influence of the cycle before is taken as proportional to the change of the severity. This
+    is tried on some cycles of the run, of which none has the largest or the smallest change.
     """
-    change = np.diff(every[:, 2])
-    if isinstance(run.schedule, str) or not np.any(change):
+    severity = every[:, 2]
+    change = np.diff(severity)
+    order = np.argsort(np.abs(change))[np.count_nonzero(change == 0) :]
+    if isinstance(run.schedule, str) or len(order) < _TRIED:
         return
-    at = int(np.argmax(np.abs(change)))
-    before, after = every[at : at + 2, 2].tolist()
     temperature = float(every[:, 0].mean())
-    whole, half = (
-        after_growth(shared, run, temperature, one, after, MEASURED[_TORQUE:])[0]
-        for one in (before, (before + after) / 2)
-    )
-    share = np.abs(change / change[at])
-    size = np.sqrt(np.mean((4 * share * (1 - share)) ** 2))
-    error = size * np.sqrt(np.mean((half - whole / 2) ** 2, axis=0))
+
+    def carried(at: int) -> np.ndarray:
+        before, after = severity[at : at + 2].tolist()
+        return after_growth(shared, run, temperature, before, after, MEASURED[_TORQUE:])[0]
+
+    most = {int(at): carried(at) for at in (np.argmin(change), np.argmax(change))}
+    errors = []
+    for at in order[np.linspace(0, len(order) - 1, _TRIED + 2).astype(int)[1:-1]].tolist():
+        end = int(np.argmax(change) if change[at] > 0 else np.argmin(change))
+        errors.append(carried(at) - most[end] * change[at] / change[end])
+    error = np.sqrt(np.mean(np.square(errors), axis=(0, 1)) * len(order) / len(change))
     if np.any(error > limit):
         raise _too_large(error, limit, "the severity jumps from cycle to cycle, so that ")
 
