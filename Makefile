@@ -2,6 +2,9 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
+# Without compiled modules, which pip leaves out and the first import writes, each process that the
+# tests start compiles what it imports: 8 s of processor time instead of 2 s for `faultgen isolate`
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: install lock demo docs test fast-tests test-slow fuzz lint mutation benchmark pictures clean
 
