@@ -23,7 +23,7 @@ from faultgen.system.reading import read_text
 from faultgen.system.sealed_json import sealed, unsealed
 from faultgen.twin.detector import Memory
 
-_PATIENCE = 60.0
+PATIENCE = 60.0
 """How long another process may hold the file [s]. It needs less than a second for a recording."""
 
 _OLDER = ("detector_sha256", "count", "mean", "answers")  # entries before there was a checksum
@@ -64,12 +64,12 @@ class State:
                 detector.
             StorageFailed: The lock beside it cannot be written.
         """
-        lock = FileLock(self.path.with_name(f".{self.path.name}.lock"), timeout=_PATIENCE)
+        lock = FileLock(self.path.with_name(f".{self.path.name}.lock"), timeout=PATIENCE)
         try:
             lock.acquire()
         except Timeout:
             raise StateFailed(
-                f"state file {self.path}: another process has held it for {_PATIENCE:g} s; end "
+                f"state file {self.path}: another process has held it for {PATIENCE:g} s; end "
                 "that one, or give another --state"
             ) from None
         except OSError as error:
