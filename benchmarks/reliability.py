@@ -3,7 +3,7 @@
     python benchmarks/reliability.py kills --trials 100
     python benchmarks/reliability.py damage --trials 500
     python benchmarks/reliability.py calls
-    python benchmarks/reliability.py others
+    python benchmarks/reliability.py others --most 8
 
 Each command prints one row of docs/reliability.md for every kind of fault. A trial is lost if the
 dataset after one further `generate` differs in a byte from that of an undisturbed sweep, and it is
@@ -27,6 +27,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from reliability_inputs import COMMANDS, prepare
 from tabulate import tabulate
 
 from faultgen.dataset.experiment import Experiment, make_experiment, to_toml
@@ -62,6 +63,11 @@ class Row:
     silent: int = 0
     lost: int = 0
     tracebacks: int = 0
+
+    def add(self, other: Row) -> None:
+        """Count the trials of another row too."""
+        for name in ("trials", "hit", "silent", "lost", "tracebacks"):
+            setattr(self, name, getattr(self, name) + getattr(other, name))
 
 
 def contents(folder: Path) -> dict[str, str]:
@@ -241,30 +247,25 @@ def calls(
         shown(_failing_calls(Path(place), step, [], arguments.split(), ""))
 
 
-OTHERS = {
-    "isolate": "isolate HERE --seeds 1",
-    "detect": "detect HERE --seeds 1",
-    "report": "report HERE",
-    "export": "export HERE --parquet HERE/cycles.parquet",
-}
-"""Commands that write into the folder of a dataset."""
-
-
 @app.command()
 def others(
-    step: Annotated[int, typer.Option(help="Fail every so many-th call; 1 fails each.")] = 1,
+    commands: Annotated[
+        list[str] | None, typer.Argument(help="Names of the commands. Default: all.")
+    ] = None,
+    most: Annotated[int, typer.Option(help="Trials of each kind of call, evenly spread.")] = 8,
 ) -> None:
-    """Let one system call of other commands after another fail, on a dataset that is there."""
+    """Let one system call of other commands after another fail, on small inputs."""
     with tempfile.TemporaryDirectory() as place:
-        dataset = Path(place) / "dataset"
-        experiment = {**EXPERIMENT, "axis": 1, "cycles": 8, "sensors": "none", "signals": "all"}
-        generate(make_experiment(experiment), dataset, progress=False)
-        rows = []
-        for name, arguments in OTHERS.items():
+        inputs = prepare(Path(place) / "inputs")
+        for name in commands or COMMANDS:
             where = Path(place) / name
             where.mkdir()
-            rows += _failing_calls(where, step, [str(dataset)], arguments.split(), f"{name}: ")
-        shown(rows)
+            told = [str(inputs[name])]
+            rows = _failing_calls(where, -most, told, COMMANDS[name].split(), f"{name}: ")
+            whole = Row(f"`{name}`")
+            for row in rows:
+                whole.add(row)
+            shown([*rows, whole])
 
 
 def _failing_calls(

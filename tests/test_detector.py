@@ -1,6 +1,8 @@
 """From generated data to a detector, and its answers to recordings."""
 
 import json
+import re
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -261,6 +263,56 @@ def test_a_stored_detector_answers_the_same(twin, tiny_robot):
         load_detector(folder / "copy")
     with pytest.raises(InputError, match="holds no detector.json"):
         load_detector(folder / "data")
+
+
+def test_no_changed_bit_of_a_detector_is_used(twin, tmp_path):
+    """Bits at random places of both files: one line, or no change."""
+    folder, _ = twin
+    shutil.copytree(folder / "detector", tmp_path / "detector")
+    whole, refused = load_detector(tmp_path / "detector"), 0
+    rng = np.random.default_rng(0)
+    for name in ("detector.json", "arrays.npz"):
+        path = tmp_path / "detector" / name
+        content = path.read_bytes()
+        for at in rng.integers(len(content), size=150).tolist():
+            changed = bytearray(content)
+            changed[at] ^= 1 << int(rng.integers(8))
+            path.write_bytes(changed)
+            try:
+                again = load_detector(tmp_path / "detector")
+                assert (again.limits, again.made) == (whole.limits, whole.made)
+            except InputError as error:
+                assert re.fullmatch(rf".*{name}: (damaged .*train again|has format .*)", str(error))
+                refused += 1
+        path.write_bytes(content)
+    assert refused > 290 and load_detector(tmp_path / "detector").is_sealed
+
+
+def test_detectors_of_older_versions_are_used_and_told(twin, tmp_path):
+    """Without checksum, but with all entries; the command says so on stderr, also with --json."""
+    folder, files = twin
+    shutil.copytree(folder / "detector", tmp_path / "detector")
+    path = tmp_path / "detector" / "detector.json"
+    told = json.loads(path.read_text())
+    del told["sha256"]
+    path.write_text(json.dumps(told))
+    done = faultgen_here("judge", tmp_path / "detector", files["healthy"], "--json")
+    assert done.returncode == 0 and json.loads(done.stdout)[0]["verdict"] == "healthy"
+    assert re.fullmatch(r"faultgen: \S+detector.json: an older .* train again[^\n]*\n", done.stderr)
+    told["limits"] = {"single": 1.0, "running": 1.0}  # an entry is lost
+    path.write_text(json.dumps(told))
+    with pytest.raises(InputError, match=r"detector.json: damaged \(it has no 'rest'\)"):
+        load_detector(tmp_path / "detector")
+
+
+def test_a_name_forges_no_verdict(twin, tmp_path):
+    """A recording whose name has a line break and colours is one line."""
+    folder, files = twin
+    path = tmp_path / "a\nb.h5: healthy, probability 1.00\x1b[2K.h5"
+    path.write_bytes(files["worn"].read_bytes())
+    done = faultgen_here("judge", folder / "detector", path, "--state", tmp_path / "state.json")
+    assert done.returncode == 0 and done.stdout.count("\n") == 1
+    assert "friction_wear" in done.stdout and "\x1b" not in done.stdout
 
 
 def test_datasets_that_do_not_suit_are_refused(twin, tmp_path):

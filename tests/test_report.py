@@ -1,14 +1,17 @@
 """Pages of reports: every part is there, and texts from outside are shown, not interpreted."""
 
 import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import jinja2
 import matplotlib.pyplot as plt
 import pytest
 
+from faultgen.dataset.experiment import make_experiment
+from faultgen.dataset.sweep import generate
 from faultgen.evaluation.markdown import table
-from faultgen.report import discovery_report
+from faultgen.report import discovery_report, write_report
 from faultgen.report.page import image, markdown, page
 
 EFFECT = {
@@ -119,3 +122,19 @@ def test_tables_of_results_are_aligned_markdown():
         ["longer", "1e-09"],
     ]
     assert markdown(text).count("<tr>") == 3
+
+
+def test_a_robot_of_one_axis_has_a_report(tmp_path):
+    """It has no transfer entropy, which goes from one axis to another."""
+    emps = Path(__file__).parents[1] / "docs" / "examples" / "emps" / "emps.xml"
+    task = tmp_path / "move.toml"
+    task.write_text(
+        'description = "a move"\n[start]\njoints = [0.0]\n[[move]]\njoints = [0.02]\n'
+        "[[move]]\njoints = [0.0]\n"
+    )
+    experiment = make_experiment(
+        {"robot": str(emps), "task": str(task), "axis": [1], "severity": 0.3, "cycles": 4}
+    )
+    generate(experiment, tmp_path / "out", progress=False)
+    page = write_report(tmp_path / "out").read_text()
+    assert "Mean torque of each cycle" in page and "Net transfer entropy" not in page

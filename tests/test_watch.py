@@ -42,7 +42,10 @@ class Inbox:
         self.told: list[tuple[str, float]] = []
         self.complaints: list[str] = []
         self.watch = Watch(
-            self.judge, folder, lambda one: self.told.append(one["told"]), self.complaints.append
+            lambda path: self.judge(path),
+            folder,
+            lambda one: self.told.append(one["told"]),
+            self.complaints.append,
         )
 
     def judge(self, path):
@@ -174,10 +177,10 @@ def test_failing_disks_are_told_and_tried_again(inbox, whole, monkeypatch):
         def full(_, error=error):
             raise error
 
-        inbox.watch._judge = full
+        inbox.judge = full
         inbox.look(3)
         assert inbox.complaints == [f"{error}; trying again"]
-    inbox.watch._judge = judge
+    inbox.judge = judge
     inbox.look()
     assert len(inbox.told) == 1
 
@@ -241,7 +244,7 @@ def test_two_processes_on_one_state_lose_no_answer(tmp_path):
 
 def test_a_state_that_is_held_for_too_long_says_so(tmp_path, monkeypatch):
     """A line, and not a wait without end."""
-    monkeypatch.setattr(states, "_PATIENCE", 0.1)
+    monkeypatch.setattr(states, "PATIENCE", 0.1)
     path = tmp_path / "state.json"
     with State(path, "key", 1).held():
         with pytest.raises(StateFailed, match="another process has held it"):

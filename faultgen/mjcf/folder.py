@@ -24,7 +24,7 @@ from faultgen.mjcf.compiling import read_mjcf
 from faultgen.mjcf.edit import write_model
 from faultgen.system.files import write_text
 from faultgen.system.reading import read_text
-from faultgen.system.sums import add_sums
+from faultgen.system.sums import add_sums, check_listed
 
 MODEL, EFFECTS, TASKS = "model.xml", "robot.json", "tasks"
 """Names of the two files of a robot's folder, and of the folder of its tasks."""
@@ -96,7 +96,8 @@ def read_folder(folder: Path, folders: Sequence[Path] = ()) -> Content:
                 "path of an MJCF file"
             )
     file = folder / EFFECTS
-    content = _parsed(read_text(file, "robot file"), file)
+    text = read_text(file, "robot file", compared=False)
+    content = _parsed(text, file)
     if not isinstance(content, dict) or sorted(content) != sorted(_KEYS):
         raise InputError(f"robot file {file}: damaged: it must have {', '.join(_KEYS)}")
     if content["format"] != _FORMAT:
@@ -110,6 +111,7 @@ def read_folder(folder: Path, folders: Sequence[Path] = ()) -> Content:
         effects = from_json(content["effects"])
     except InputError as error:
         raise InputError(f"robot file {file}: damaged: {error}") from None
+    check_listed(file, text.encode())  # last, because the other messages say more
     return content["name"], *read_mjcf(folder / MODEL, folders), effects, _tasks(folder)
 
 

@@ -188,7 +188,7 @@ def _isolation(
         (next((run for run in runs if run["axis"] > 0), None), "worn"),
     ):
         x = None if run is None else np.nan_to_num(one_series(run))
-        if run is None or x is None or len(x) < 3:
+        if run is None or x is None or len(x) < 3 or x.shape[1] < 2:  # of one axis to itself
             continue
         net = net_transfer_entropy(x)
         if not net.any():  # too few cycles to tell anything

@@ -29,12 +29,14 @@ def check_file(path: str | Path) -> None:
         raise InputError(f"{path}: {'is not a file' if path.exists() else 'no such file'}")
 
 
-def read_text(path: str | Path, what: str) -> str:
+def read_text(path: str | Path, what: str, *, compared: bool = True) -> str:
     """Read a text file in UTF-8.
 
     Args:
         path: The file.
         what: What the file is, for error messages, such as "experiment file".
+        compared: Whether it is compared with its checksum, if one is listed. Otherwise the caller
+            does so.
 
     Returns:
         Its text.
@@ -43,20 +45,21 @@ def read_text(path: str | Path, what: str) -> str:
         InputError: The path is not a regular file, or the file is too large, cannot be read, or is
             not text.
     """
-    content = read_bytes(path, what, LARGEST_TEXT)
+    content = read_bytes(path, what, LARGEST_TEXT, compared=compared)
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{what} {path}: cannot be read as text in UTF-8 ({error})") from None
 
 
-def read_bytes(path: str | Path, what: str, largest: int) -> bytes:
+def read_bytes(path: str | Path, what: str, largest: int, *, compared: bool = True) -> bytes:
     """Read a file up to a certain size.
 
     Args:
         path: The file.
         what: What the file is, for error messages, such as "robot file".
         largest: Largest size that is allowed [bytes].
+        compared: Whether it is compared with its checksum, if one is listed.
 
     Returns:
         Its content.
@@ -75,5 +78,6 @@ def read_bytes(path: str | Path, what: str, largest: int) -> bytes:
         raise InputError(f"{what} {path}: cannot be read ({reason})") from None
     if len(content) > largest:
         raise InputError(f"{what} {path}: cannot be read (larger than {largest / 2**20:g} MiB)")
-    check_listed(path, content)
+    if compared:
+        check_listed(path, content)
     return content

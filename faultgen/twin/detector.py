@@ -22,7 +22,7 @@ from faultgen.discovery.recording import TorqueConstants
 from faultgen.effects import get_effect
 from faultgen.errors import InputError, one_line
 from faultgen.system.files import write_bytes, write_text
-from faultgen.system.reading import read_bytes, read_text
+from faultgen.system.reading import LARGEST_TEXT, read_bytes
 from faultgen.system.sealed_json import sealed, unsealed
 from faultgen.twin.alignment import KnownMotion
 from faultgen.twin.classes import Belief, Classes, believe
@@ -297,7 +297,7 @@ def load_detector(folder: Path) -> Detector:
         )
     content = read_bytes(folder / ARRAYS, "detector file", _LARGEST)
     try:
-        told, is_sealed = unsealed(read_text(folder / FORM, "detector file"), _OLDER)
+        told, is_sealed = unsealed(read_bytes(folder / FORM, "detector file", LARGEST_TEXT), _OLDER)
         if told["format"] != FORMAT:
             raise InputError(
                 f"{folder / FORM}: has format {told['format']}, but this version of faultgen reads "

@@ -19,11 +19,11 @@ from filelock import FileLock, Timeout
 
 from faultgen.errors import InputError, StorageFailed, one_line
 from faultgen.system.files import write_text
-from faultgen.system.reading import read_text
+from faultgen.system.reading import LARGEST_TEXT, read_bytes
 from faultgen.system.sealed_json import sealed, unsealed
 from faultgen.twin.detector import Memory
 
-_PATIENCE = 60.0
+PATIENCE = 60.0
 """How long another process may hold the file [s]. It needs less than a second for a recording."""
 
 _OLDER = ("detector_sha256", "count", "mean", "answers")  # entries before there was a checksum
@@ -64,12 +64,12 @@ class State:
                 detector.
             StorageFailed: The lock beside it cannot be written.
         """
-        lock = FileLock(self.path.with_name(f".{self.path.name}.lock"), timeout=_PATIENCE)
+        lock = FileLock(self.path.with_name(f".{self.path.name}.lock"), timeout=PATIENCE)
         try:
             lock.acquire()
         except Timeout:
             raise StateFailed(
-                f"state file {self.path}: another process has held it for {_PATIENCE:g} s; end "
+                f"state file {self.path}: another process has held it for {PATIENCE:g} s; end "
                 "that one, or give another --state"
             ) from None
         except OSError as error:
@@ -93,7 +93,7 @@ class State:
         self.memory, self.answers, self.is_older = Memory.empty(), [], False
         if found is not None:
             try:
-                text = read_text(self.path, "state file")
+                text = read_bytes(self.path, "state file", LARGEST_TEXT)
             except InputError as error:
                 raise StateFailed(str(error)) from None
             self._parse(text)
@@ -125,7 +125,7 @@ class State:
             raise StorageFailed(f"{self.path}: cannot be read ({error.strerror})") from None
         return state.st_ino, state.st_size, state.st_mtime_ns
 
-    def _parse(self, text: str) -> None:
+    def _parse(self, text: bytes) -> None:
         try:
             # first, because the usual reason deserves its own line
             if json.loads(text)["detector_sha256"] != self._detector:
