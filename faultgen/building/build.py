@@ -14,13 +14,17 @@ import mujoco
 import numpy as np
 
 from faultgen.building.chain import HOME
-from faultgen.building.drives import Coupling, Drives, check_names, drives_text
+from faultgen.building.doubts import weight_warnings
+from faultgen.building.drive_numbers import Value, disbelieved, drive_of
+from faultgen.building.drives import Coupling, Drives, check_names, drives_text, mass_entries
 from faultgen.building.elements import add_drives, add_payload
 from faultgen.building.findings import computable
+from faultgen.building.limits import disbelieved_limits, limit_warnings
 from faultgen.building.plain import Plain, plain_arm
-from faultgen.building.quantities import Seen, Value, disbelieved, drive_of
 from faultgen.building.ranges import mark_assumed
 from faultgen.building.resonance import bristle_step, largest_step, sampled_poses, zero_pose
+from faultgen.building.seen import Seen, loads
+from faultgen.building.told import keep_warnings
 from faultgen.building.workplan import plan_tasks
 from faultgen.errors import InputError
 from faultgen.mjcf.compiling import compiled, parsed
@@ -84,7 +88,7 @@ def build(path: Path, drives: Drives, name: str, folders: Sequence[Path] = ()) -
     """
     if name in robot_names():
         raise InputError(f"'{name}' is the name of a robot that comes with faultgen; use another")
-    plain = plain_arm(path, drives.joints, drives.tool, folders)
+    plain = plain_arm(path, drives.joints, drives.tool, folders, drives.mass)
     check_names(drives, plain.joints)
     with computable(path.name):
         return _build(path, plain, drives, name)
@@ -100,7 +104,11 @@ def _build(path: Path, plain: Plain, drives: Drives, name: str) -> Built:
     values = tuple(
         drive_of(drives.of(joint), one) for joint, one in zip(plain.joints, seen, strict=True)
     )
+    heavy = weight_warnings(compiled(spec.copy(), path.name))
     add_drives(spec, plain.joints, values, drives.coupling)
+    kept = [*plain.masses.warnings, *unused_limits(plain.joints, seen, drives)]
+    keep_warnings(spec, kept)
+    warnings = (*plain.warnings, *kept, *heavy)
     robot, step = _with_step(spec, plain, name, drives.timestep)
     home = plain.home if drives.home is None else robot.from_degrees(drives.home)
     if home is not None:
@@ -116,6 +124,7 @@ def _build(path: Path, plain: Plain, drives: Drives, name: str) -> Built:
         ("tool", f'"{plain.flange.name}"', _origin(plain.flange.why)),
         ("timestep", f"{robot.model.opt.timestep!r}", step),
         ("home", str(degrees), source),
+        *mass_entries(plain.masses),
     ]
     entries = {
         key: (str(found if len(found) > 1 else found[0]), source)
@@ -127,7 +136,28 @@ def _build(path: Path, plain: Plain, drives: Drives, name: str) -> Built:
         for joint, numbers, one in zip(plain.joints, values, seen, strict=True)
         for line in disbelieved(numbers, one)
     ]
-    return Built(robot, plain, values, text, (*plain.notes, *friction, *notes), plain.warnings)
+    return Built(robot, plain, values, text, (*plain.notes, *friction, *notes), warnings)
+
+
+def unused_limits(
+    joints: Sequence[str], seen: Sequence[Seen], drives: Drives | None = None
+) -> list[str]:
+    """Write in one line which torque limits of a plain model are not used.
+
+    Args:
+        joints: Names of the axes.
+        seen: What each drive sees.
+        drives: What the user gives; a torque limit in it makes that of the model irrelevant.
+
+    Returns:
+        One line, or none.
+    """
+    given = [() if drives is None else drives.of(joint) for joint in joints]
+    reasons = [
+        "" if "torque_limit" in numbers else one.disbelief
+        for numbers, one in zip(given, seen, strict=True)
+    ]
+    return limit_warnings(joints, [one.stated.get("torque_limit") for one in seen], reasons)
 
 
 _ASSUMED_JOINTS = Value(
@@ -178,29 +208,27 @@ def look(spec: mujoco.MjSpec, plain: Plain, turns: np.ndarray) -> list[Seen]:
         What each drive sees.
     """
     model = compiled(spec.copy(), "arm")
-    data = mujoco.MjData(model)
     limited = model.jnt_limited.astype(bool)[:, None]
     joint_range = np.where(limited, model.jnt_range, [-np.inf, np.inf])
     poses = sampled_poses(joint_range, np.array(plain.slides), _POSES)
     poses = np.vstack([np.clip(np.zeros(model.nv), *joint_range.T), poses])
-    back = np.linalg.inv(turns)
-    inertia, gravity = np.empty((2, *poses.shape))
-    for k, pose in enumerate(poses):
-        data.qpos[:], data.qvel[:] = pose, 0.0
-        mujoco.mj_forward(model, data)
-        matrix = np.zeros((model.nv, model.nv))
-        mujoco.mj_fullM(model, data, matrix)
-        inertia[k] = np.diag(back.T @ matrix @ back)
-        gravity[k] = back.T @ (data.qfrc_bias - data.qfrc_passive)
+    seen = loads(model, poses, np.linalg.inv(turns))
+    gravity = np.abs(seen.gravity).max(axis=0)
+    stated = [plain.stated[joint] for joint in plain.joints]
+    efforts = [one.get("torque_limit") for one in stated]
+    disbelief = disbelieved_limits(plain.joints, efforts, seen.weight, gravity)
     return [
         Seen(
             slide=plain.slides[k],
-            most=float(inertia[:, k].max()),
-            least=float(inertia[:, k].min()),
-            gravity=float(np.abs(gravity[:, k]).max()),
-            stated=plain.stated[joint],
+            most=float(seen.inertia[:, k].max()),
+            least=float(seen.inertia[:, k].min()),
+            gravity=float(gravity[k]),
+            weight=float(seen.weight[k]),
+            arm_weight=float(seen.weight.max()),
+            stated=stated[k],
+            disbelief=disbelief[k],
         )
-        for k, joint in enumerate(plain.joints)
+        for k in range(len(plain.joints))
     ]
 
 

@@ -14,10 +14,14 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from faultgen.building.build import look, unused_limits
 from faultgen.building.chain import moving_links, name_elements
+from faultgen.building.doubts import drive_doubts, weight_warnings
+from faultgen.building.elements import add_payload
 from faultgen.building.findings import Finding, computable
 from faultgen.building.inertias import inertia_findings
-from faultgen.building.plain import STATED_UNITS, plain_arm, survey
+from faultgen.building.masses import unstated_warnings
+from faultgen.building.plain import STATED_UNITS, Plain, plain_arm, survey
 from faultgen.building.ranges import assumed_axes, range_warnings
 from faultgen.building.resonance import (
     BRISTLE_RULE,
@@ -28,6 +32,7 @@ from faultgen.building.resonance import (
     zero_pose,
 )
 from faultgen.building.source import Source, read_source
+from faultgen.building.told import kept_warnings
 from faultgen.building.trial import trial
 from faultgen.building.units import gravity_warnings, unit_findings
 from faultgen.errors import InputError
@@ -132,6 +137,8 @@ def _check_loaded(
     assumed = assumed_axes(robot.model, robot.n_axes)
     checked.warnings += range_warnings(stated, assumed, robot.joint_range, robot.slides.tolist())
     checked.warnings += gravity_warnings(robot.model)
+    checked.warnings += kept_warnings(robot.model)
+    checked.warnings += unstated_warnings(spec, axes)
     if not any(site.name == "tool" for site in spec.sites):
         remedy = "add a site of this name to the last link"
         checked.findings.append(Finding("site 'tool'", "is missing", remedy))
@@ -140,6 +147,9 @@ def _check_loaded(
         with computable(robot.name):
             checked.findings += _drivetrain(robot, checked)
             checked.findings += _weight(robot)
+            impossible, doubtful = drive_doubts(robot)
+            checked.findings += impossible
+            checked.warnings += doubtful
             checked.findings += _tasks(robot, checked)
             checked.findings += trial(robot, sorted(checked.tasks), checked.trial)
     except InputError as error:
@@ -248,7 +258,8 @@ def _check_plain(path: Path, source: Source, folders: Sequence[Path]) -> Checked
             checked.findings.append(Finding("model", str(error), "correct the file"))
             return checked
         model = compiled(parsed(arm.xml, arm.assets, path.name)[0], path.name)
-        checked.warnings += arm.warnings
+        checked.warnings += [*arm.warnings, *arm.masses.warnings, *_placeholders(arm, path.name)]
+        checked.warnings += weight_warnings(model)
         has_payload = any(model.body(k).name == "payload" for k in range(model.nbody))
         checked.findings += unit_findings(model, names, has_payload)
         checked.axes = [
@@ -263,6 +274,14 @@ def _check_plain(path: Path, source: Source, folders: Sequence[Path]) -> Checked
             for k, name in enumerate(names)
         ]
     return checked
+
+
+def _placeholders(arm: Plain, where: str) -> list[str]:
+    """Torque limits of a plain arm that a build does not use."""
+    spec, _ = parsed(arm.xml, arm.assets, where)
+    add_payload(spec, arm.flange, None)
+    seen = look(spec, arm, np.eye(len(arm.joints)))
+    return unused_limits(arm.joints, seen)
 
 
 def _right_names(names: Sequence[str]) -> int:

@@ -13,11 +13,13 @@ import json
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from faultgen.building.quantities import QUANTITIES, Value
+from faultgen.building.drive_numbers import Value
+from faultgen.building.masses import Masses
+from faultgen.building.quantities import QUANTITIES
 from faultgen.errors import InputError, objection
 from faultgen.system.reading import read_text
 
@@ -25,6 +27,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 
+_HEAVIEST = 1e5  # mass that is believed [kg]; the largest arms weigh 10 t
 _SMALLEST, _LARGEST = 1e-12, 1e12  # of any number of a drive: its products can still be computed
 
 
@@ -69,12 +72,27 @@ class Drives(BaseModel):
     """Joint positions from which tasks start, [deg], or [m] for slides."""
     payload: Payload | None = None
     """What the arm carries."""
+    mass: float | dict[str, float] | None = None
+    """Mass of the arm with its base, or of single links by name [kg]."""
     all: dict[str, Finite] = {}
     """Numbers of the drives of all axes."""
     axis: dict[str, dict[str, Finite]] = {}
     """Numbers of the drive of one axis, by joint."""
     coupling: list[Coupling] = []
     """Gearboxes that also turn with another joint."""
+
+    @field_validator("mass", mode="before")
+    @classmethod
+    def _positive(cls, mass: Any) -> Any:
+        """Refuse masses that are no positive numbers, in one line."""
+        for name, value in mass.items() if isinstance(mass, dict) else [("", mass)]:
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not number or not 0 < value <= _HEAVIEST:
+                which = f"{name}: " if name else ""
+                raise ValueError(
+                    f"{which}must be a number of kg above 0 and up to {_HEAVIEST:g}, not {value!r}"
+                )
+        return mass
 
     def of(self, joint: str) -> dict[str, float]:
         """Return the numbers that are given for the drive of a joint, by name.
@@ -184,7 +202,10 @@ def drives_text(
         "# that remain behind a # are then determined anew.",
         "",
     ]
-    lines += [_line(key, text, source, "") for key, text, source in general]
+    lines += [
+        _line(key, text, source, "kg" if key.startswith("mass") else "")
+        for key, text, source in general
+    ]
     lines += ["", "[payload]"]
     lines += [_line(key, text, source, "") for key, (text, source) in payload.items()]
     for joint, numbers in zip(joints, values, strict=True):
@@ -194,6 +215,20 @@ def drives_text(
         lines += ["", "[[coupling]]", f"gearbox = {json.dumps(one.gearbox)}"]
         lines += [f"joint = {json.dumps(one.joint)}", f"factor = {_number(one.factor)}"]
     return "\n".join(lines) + "\n"
+
+
+def mass_entries(masses: Masses) -> list[tuple[str, str, Value | None]]:
+    """Return the entries of drives.toml for the masses of the links, as `drives_text` takes them.
+
+    Args:
+        masses: What was used for links that state no mass.
+    """
+    total = [] if masses.total is None else [("mass", _number(masses.total), Value(0, "given"))]
+    return total + [
+        (f"mass.{_key(name)}", _number(one.value), one)
+        for name, one in masses.values.items()
+        if name != "payload"  # which has a table of its own
+    ]
 
 
 def _key(name: str) -> str:

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
+from faultgen.building.drive_numbers import Value
 from faultgen.building.drives import Coupling, Payload
 from faultgen.building.flange import Flange
-from faultgen.building.quantities import Value
 from faultgen.mjcf.compiling import compiled
 
 PAYLOAD_SHARE = 0.1

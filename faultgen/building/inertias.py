@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import mujoco
 import numpy as np
 
 from faultgen.building.findings import Finding
+from faultgen.building.shapes import Filled, has_shape
 
 DENSITY = 2700.0
 """Density of the solid sphere that a link without inertia becomes [kg/m^3]: aluminium."""
 
-_HEAVIEST, _LIGHTEST = 5000.0, 1e-3  # mass of a link [kg] that is believed
+HEAVIEST, LIGHTEST = 5000.0, 1e-3
+"""Mass of a link that is believed [kg]."""
+
+_STATE_IT = "state its mass and inertia in the file, or its mass in [mass] of drives.toml"
 _SLACK = 1e-9  # relative; rounding in a file is no error
 _TINY = 1e-3  # a principal inertia below this share of the largest is raised to it
 
@@ -65,12 +71,15 @@ def nearest_possible(tensor: np.ndarray, mass: float) -> np.ndarray:
     return np.asarray(directions * values @ directions.T)
 
 
-def inertia_findings(spec: mujoco.MjSpec, moving: list[str]) -> list[Finding]:
+def inertia_findings(
+    spec: mujoco.MjSpec, moving: list[str], given: Collection[str] = ()
+) -> list[Finding]:
     """List the masses and inertias that no link can have.
 
     Args:
         spec: The model.
         moving: Names of the bodies that move.
+        given: Names of the links whose mass the user gives.
 
     Returns:
         Findings. Those about inertias are not fatal: `repair_inertias` removes them.
@@ -79,21 +88,17 @@ def inertia_findings(spec: mujoco.MjSpec, moving: list[str]) -> list[Finding]:
     for body in spec.bodies[1:]:
         where = f"link '{body.name}'"
         if not body.explicitinertial:
-            if body.name in moving and not _has_mass(body, moving):
-                found.append(
-                    Finding(where, "has no mass", "state its mass and inertia in the file")
-                )
+            if body.name in moving and not _has_mass(body, moving, given):
+                found.append(Finding(where, "has no mass and no shape", _STATE_IT))
             continue
         mass, tensor = float(body.mass), tensor_of(body)
         if not np.isfinite(mass) or not np.isfinite(tensor).all() or mass < 0:
             found.append(Finding(where, f"has the mass {mass:g} kg", "state a positive mass"))
         elif mass == 0:
-            if body.name in moving and not _has_mass(body, moving):
-                found.append(
-                    Finding(where, "has the mass 0 kg", "state its mass and inertia in the file")
-                )
-        elif body.name in moving:
-            if not _LIGHTEST <= mass <= _HEAVIEST:
+            if body.name in moving and not _has_mass(body, moving, given):
+                found.append(Finding(where, "has the mass 0 kg and no shape", _STATE_IT))
+        elif body.name in moving and not (mass < LIGHTEST and has_shape(body)):
+            if not LIGHTEST <= mass <= HEAVIEST:
                 remedy = "masses are in kg, lengths in m"
                 found.append(Finding(where, f"has the mass {mass:g} kg", remedy, fatal=False))
             if not is_possible(tensor):
@@ -140,10 +145,40 @@ def repair_inertias(spec: mujoco.MjSpec) -> list[str]:
     return notes
 
 
-def _has_mass(body: mujoco.MjsBody, moving: list[str]) -> bool:
+def set_mass(body: mujoco.MjsBody, mass: float, shape: Filled | None, stated: bool) -> None:
+    """Give a link a mass, in place, with the inertia of its shapes or, if it states one, its own.
+
+    Args:
+        body: The link.
+        mass: The mass [kg].
+        shape: What its shapes fill, in its frame; None if they fill nothing.
+        stated: Whether the link states a mass, so that its inertia only grows with the mass.
+    """
+    if stated and body.explicitinertial and body.mass > 0:
+        scale = mass / body.mass
+        body.mass, body.inertia = mass, np.array(body.inertia) * scale
+        body.fullinertia = np.array(body.fullinertia) * scale
+        return
+    own = body.explicitinertial and mass > 0 and np.trace(tensor_of(body)) > 0
+    place = np.array(body.ipos) if body.explicitinertial else np.zeros(3)
+    tensor = nearest_possible(np.zeros((3, 3)), mass) if mass else np.zeros((3, 3))
+    if shape is not None:
+        place, tensor = shape.centre, shape.inertia * mass / shape.volume
+    elif own:
+        tensor = tensor_of(body)
+    body.explicitinertial, body.mass, body.ipos = True, mass, place
+    body.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    if shape is not None or not own:
+        body.iquat = [1, 0, 0, 0]
+    if mass == 0:
+        body.inertia = np.zeros(3)
+        body.fullinertia = np.append(np.nan, np.zeros(5))
+        return
+    body.fullinertia = [*np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2]]
+
+
+def _has_mass(body: mujoco.MjsBody, moving: list[str], given: Collection[str]) -> bool:
     """Whether a link, or something that is fixed to it, has a mass or a shape that gives one."""
-    if body.explicitinertial and body.mass > 0:
+    if (body.explicitinertial and body.mass > 0) or has_shape(body) or body.name in given:
         return True
-    if not body.explicitinertial and any(geom.density > 0 or geom.mass > 0 for geom in body.geoms):
-        return True
-    return any(_has_mass(child, moving) for child in body.bodies if child.name not in moving)
+    return any(_has_mass(child, moving, given) for child in body.bodies if child.name not in moving)

@@ -22,6 +22,7 @@ from faultgen.building.chain import HOME, moving_links, name_elements, strip
 from faultgen.building.findings import Finding, refuse
 from faultgen.building.flange import Flange, find_flange
 from faultgen.building.inertias import inertia_findings, repair_inertias
+from faultgen.building.masses import Given, Masses, settle_masses
 from faultgen.building.numbers import MOST
 from faultgen.building.ranges import assume_ranges, range_warnings
 from faultgen.building.source import Source, read_source
@@ -67,6 +68,8 @@ class Plain:
     """Joint positions of the keyframe ``home``, in [rad] or [m]."""
     notes: tuple[str, ...]
     """What was left out or changed."""
+    masses: Masses
+    """What was used for links that state no mass; the robot keeps its warnings."""
     warnings: tuple[str, ...]
     """What is probably not what the user wants."""
 
@@ -76,6 +79,7 @@ def plain_arm(
     joints: Sequence[str] | None = None,
     flange: str | None = None,
     folders: Sequence[Path] = (),
+    mass: Given = None,
 ) -> Plain:
     """Read a plain arm.
 
@@ -85,6 +89,7 @@ def plain_arm(
             neither of a gripper nor follow another joint.
         flange: Name of the body or site to which the payload is attached. Default: found by name.
         folders: Further folders, beside those of the model, whose files it may use.
+        mass: Mass of the arm, or of single links by name, that the user gives [kg].
 
     Returns:
         The arm.
@@ -96,14 +101,16 @@ def plain_arm(
     source = read_source(path, folders)
     spec = source.spec
     name_elements(spec)
-    findings, axes = survey(source, joints)
+    findings, axes = survey(source, joints, mass)
     refuse(path.name, findings)
     names = axes.names
     stated = _stated(source, names)
     pose = _home(spec)
     assumed, unlimited = assume_ranges(spec, names, source.unstated)
     notes = [*source.notes, *axes.notes, *unlimited]
-    notes += [*strip(spec, names, pose, path.name), *repair_inertias(spec)]
+    notes += strip(spec, names, pose, path.name)
+    masses = settle_masses(spec, names, mass)
+    notes += [*masses.notes, *repair_inertias(spec)]
     place = find_flange(spec, names[-1], flange)
     if flange is None:
         others = f"; its other sites: {', '.join(place.passed_over)}" if place.passed_over else ""
@@ -131,6 +138,7 @@ def plain_arm(
         flange=place,
         home=tuple(pose[name] for name in names) if pose else None,
         notes=tuple(notes),
+        masses=masses,
         warnings=(
             *range_warnings(names, assumed, ranges, slides),
             *gravity_warnings(model),
@@ -162,19 +170,23 @@ def _angle_notes(model: mujoco.MjModel, names: Sequence[str]) -> list[str]:
     return notes
 
 
-def survey(source: Source, joints: Sequence[str] | None) -> tuple[list[Finding], Axes]:
+def survey(
+    source: Source, joints: Sequence[str] | None, mass: Given = None
+) -> tuple[list[Finding], Axes]:
     """List what is wrong with the axes, masses and inertias of a model.
 
     Args:
         source: The model, whose elements have names.
         joints: Names of the joints that are axes. None: they are found.
+        mass: Mass of the arm, or of single links by name, that the user gives [kg].
 
     Returns:
         The findings, and the axes.
     """
     axes = choose_axes(source.spec, joints, source.leaders)
     moving = moving_links(source.spec, axes.names)
-    found = [*axes.findings, *inertia_findings(source.spec, moving)]
+    given = mass if isinstance(mass, Mapping) else {}
+    found = [*axes.findings, *inertia_findings(source.spec, moving, given)]
     limits = _stated(source, axes.names)
     for name in axes.names:
         found += [

@@ -1,7 +1,7 @@
 """The numbers of a drive, and what is assumed for those that nobody states.
 
-The defaults come from the two supplied robots and from published data of gearboxes and arms; every
-one says why it was chosen. docs/robots.md lists them.
+The defaults come from the laws of `faultgen.building.usual` and from published data of gearboxes;
+every one says why it was chosen. docs/robots.md lists them.
 """
 
 from __future__ import annotations
@@ -11,33 +11,41 @@ from dataclasses import dataclass
 
 import numpy as np
 
-MOTOR_SPEED = 400.0
-"""Speed of a motor at the speed limit of its joint [rad/s]."""
-RATIOS, SLIDE_RATIOS = (30.0, 200.0), (60.0, 2000.0)
-"""Range of assumed gear ratios of hinges, and of slides [rad/m]."""
+from faultgen.building.seen import Seen
+from faultgen.building.usual import (
+    COULOMB,
+    MOTOR_SPEED,
+    VISCOUS,
+    WIND_UP,
+    run_up_time,
+    usual_torque,
+)
+
+RATIOS, SLIDE_RATIOS = (30.0, 220.0), (60.0, 2000.0)
+"""Range of assumed gear ratios of hinges, as in the known arms, and of slides [rad/m]."""
 JOINT_SPEED, SLIDE_SPEED = np.pi, 1.0
 """Speed limit of hinges [rad/s] and slides [m/s]."""
 RISE = 0.25
 """Time in which a joint reaches its speed limit [s]."""
-MOTOR_ACCELERATION = 8000.0
-"""Acceleration of a motor without load at its torque limit [rad/s^2]."""
-RATED = 0.5
-"""Rated torque of a drive over its torque limit."""
-COULOMB = 0.10
-"""Coulomb friction over rated torque."""
+MOVING = 0.65
+"""Share of the torque limit that holds and accelerates the arm. Friction takes up to 20 %."""
+WORST = 0.2
+"""Smallest share of the torque limit that accelerates the arm: in the worst pose, motions take
+longer, so that their torque keeps the limit."""
+SLIDE_RUN_UP = 0.03
+"""Time in which the motor of a slide reaches its speed limit without load [s]: as for hinges."""
 MOST_FRICTION = 0.5
 """Largest friction over the torque limit that is believed if a model states it. Larger values keep
 the model steady in another simulator, or are those of a model without limits."""
-STATIC = 1.2
-"""Static over Coulomb friction."""
+STATIC = 1.25
+"""Static over Coulomb friction. An ABB axis has 1.17 (Wernholt and Gunnarsson 2006), the wrist of
+the Manutec r3 1.22, 1.32 and 1.54."""
 STRIBECK = 0.015
 """Stribeck velocity over the motor's speed limit."""
-VISCOUS = 1.5
-"""Viscous friction at the motor's speed limit over Coulomb friction."""
 PRESLIDING = 0.01
 """Turn of the motor in which friction at rest grows to Coulomb friction [rad]."""
-WIND_UP, SLIDE_WIND_UP = 3e-3, 1e-4
-"""Twist of a gearbox at its torque limit [rad], and compression of a screw drive [m]."""
+SLIDE_WIND_UP = 1e-4
+"""Compression of a screw drive at its force limit [m]."""
 SLOWEST, FASTEST = 10.0, 120.0
 """Range of assumed resonances: rotor locked and largest inertia; rotor free and smallest
 inertia [Hz]."""
@@ -49,22 +57,6 @@ SERVO_SHARE = 0.4
 """Largest bandwidth of the servo over the resonance with the rotor locked."""
 COUNTS = 4096.0
 """Encoder counts per motor turn."""
-
-
-@dataclass(frozen=True)
-class Seen:
-    """What the drive of one axis sees of the arm, with payload, over many poses. Joint side."""
-
-    slide: bool
-    """Whether the axis slides."""
-    most: float
-    """Largest inertia about the axis [kg m^2]; the mass [kg] of a slide."""
-    least: float
-    """Smallest inertia."""
-    gravity: float
-    """Largest torque that holds the arm against gravity [N m]."""
-    stated: Mapping[str, float]
-    """What the plain model states, by name: some of `faultgen.building.plain.STATED_UNITS`."""
 
 
 Values = Mapping[str, float]
@@ -87,6 +79,14 @@ class Quantity:
     """Whether 0 is right."""
 
 
+def _limit(name: str, where: str) -> Callable[[Values, Seen], Assumed | None]:
+    def stated(values: Values, seen: Seen) -> Assumed | None:
+        value = seen.stated.get(name)
+        return None if value is None else (value, f"the {where} of the joint")
+
+    return stated
+
+
 def _speed(values: Values, seen: Seen) -> Assumed:
     return (SLIDE_SPEED, "1 m/s") if seen.slide else (JOINT_SPEED, "180 deg/s")
 
@@ -98,26 +98,39 @@ def _ratio(values: Values, seen: Seen) -> Assumed:
 
 
 def _torque(values: Values, seen: Seen) -> Assumed:
-    needed = seen.gravity + seen.most * values["speed_limit"] / RISE
-    return 2 * needed, f"twice the torque against gravity and to reach full speed in {RISE} s"
+    if seen.slide or seen.arm_weight <= 0:
+        needed = seen.gravity + seen.most * values["speed_limit"] / RISE
+        return 2 * needed, f"twice the torque against gravity and to reach full speed in {RISE} s"
+    why = "what drives of arms of this weight have"
+    if seen.disbelief:
+        effort = seen.stated["torque_limit"]
+        why += f"; the effort limit, {effort:g}, is not used, because {seen.disbelief}"
+    return usual_torque(seen.weight, seen.arm_weight, seen.gravity), why
+
+
+def _stated_torque(values: Values, seen: Seen) -> Assumed | None:
+    return None if seen.disbelief else _limit("torque_limit", "effort limit")(values, seen)
 
 
 def _acceleration(values: Values, seen: Seen) -> Assumed:
     full = values["speed_limit"] / RISE
     inertia = seen.most + values["rotor_inertia"] * values["gear_ratio"] ** 2
-    left = max(0.7 * values["torque_limit"] - seen.gravity, 0.0) / inertia
+    limit = values["torque_limit"]
+    left = max(MOVING * limit - seen.gravity, WORST * limit) / inertia
     if left < full:
-        least = 0.05 * full
-        return max(left, least), "what 70 % of the torque limit leave beside gravity"
+        return left, (
+            f"what {MOVING:.0%} of the torque limit leave beside gravity, at least {WORST:.0%}"
+        )
     return full, f"full speed in {RISE} s"
 
 
 def _rotor(values: Values, seen: Seen) -> Assumed:
-    inertia = values["torque_limit"] / values["gear_ratio"] / MOTOR_ACCELERATION
-    share = inertia * values["gear_ratio"] ** 2 / seen.most
-    return inertia, (
-        f"the motor alone reaches {MOTOR_ACCELERATION:g} rad/s^2; at the joint "
-        f"{100 * share:.0f} % of the largest inertia of the arm"
+    limit = values["torque_limit"]
+    time = SLIDE_RUN_UP if seen.slide else run_up_time(limit)
+    reflected = time * limit / values["speed_limit"]
+    return reflected / values["gear_ratio"] ** 2, (
+        f"the motor alone reaches full speed in {1000 * time:.2g} ms; at the joint "
+        f"{100 * reflected / seen.most:.0f} % of the largest inertia of the arm"
     )
 
 
@@ -128,7 +141,7 @@ def _stated_rotor(values: Values, seen: Seen) -> Assumed | None:
     return armature / values["gear_ratio"] ** 2, f"the armature of the joint, {armature:g}"
 
 
-def _disbelieved(name: str, values: Values, seen: Seen) -> str:
+def disbelieved_friction(name: str, values: Values, seen: Seen) -> str:
     """Why a friction that the model states is not used; empty if it is used, or not stated."""
     stated = seen.stated.get(name, 0.0)
     torque = stated * (values["speed_limit"] if name == "damping" else 1.0)
@@ -146,14 +159,14 @@ def _with(why: str, reason: str) -> str:
 
 
 def _coulomb(values: Values, seen: Seen) -> Assumed:
-    rated = RATED * values["torque_limit"] / values["gear_ratio"]
-    why = f"{100 * COULOMB:g} % of the rated torque, half the torque limit"
-    return COULOMB * rated, _with(why, _disbelieved("frictionloss", values, seen))
+    limit = values["torque_limit"] / values["gear_ratio"]
+    why = f"{100 * COULOMB:g} % of the torque limit"
+    return COULOMB * limit, _with(why, disbelieved_friction("frictionloss", values, seen))
 
 
 def _stated_coulomb(values: Values, seen: Seen) -> Assumed | None:
     loss = seen.stated.get("frictionloss")
-    if not loss or _disbelieved("frictionloss", values, seen):
+    if not loss or disbelieved_friction("frictionloss", values, seen):
         return None
     return loss / values["gear_ratio"], f"the frictionloss of the joint, {loss:g}"
 
@@ -170,13 +183,13 @@ def _stribeck(values: Values, seen: Seen) -> Assumed:
 def _viscous(values: Values, seen: Seen) -> Assumed:
     top = values["speed_limit"] * values["gear_ratio"]
     why = f"at full speed {VISCOUS:g} of Coulomb friction"
-    reason = _disbelieved("damping", values, seen)
+    reason = disbelieved_friction("damping", values, seen)
     return VISCOUS * values["coulomb_friction"] / top, _with(why, reason)
 
 
 def _stated_viscous(values: Values, seen: Seen) -> Assumed | None:
     damping = seen.stated.get("damping")
-    if not damping or _disbelieved("damping", values, seen):
+    if not damping or disbelieved_friction("damping", values, seen):
         return None
     return damping / values["gear_ratio"] ** 2, f"the damping of the joint, {damping:g}"
 
@@ -230,14 +243,6 @@ def _velocity_gain(values: Values, seen: Seen) -> Assumed:
     return 2 * SERVO_DAMPING * inertia * rate, f"damping ratio of {SERVO_DAMPING:g}"
 
 
-def _limit(name: str, where: str) -> Callable[[Values, Seen], Assumed | None]:
-    def stated(values: Values, seen: Seen) -> Assumed | None:
-        value = seen.stated.get(name)
-        return None if value is None else (value, f"the {where} of the joint")
-
-    return stated
-
-
 QUANTITIES = (
     Quantity("speed_limit", "rad/s; m/s, joint", _speed, _limit("speed_limit", "velocity limit")),
     Quantity(
@@ -246,7 +251,7 @@ QUANTITIES = (
         _ratio,
         _limit("gear_ratio", "transmission"),
     ),
-    Quantity("torque_limit", "N m; N, joint", _torque, _limit("torque_limit", "effort limit")),
+    Quantity("torque_limit", "N m; N, joint", _torque, _stated_torque),
     Quantity("rotor_inertia", "kg m^2, motor", _rotor, _stated_rotor),
     Quantity("acceleration_limit", "rad/s^2; m/s^2, joint", _acceleration),
     Quantity("coulomb_friction", "N m, motor", _coulomb, _stated_coulomb, zero=True),
@@ -262,62 +267,3 @@ QUANTITIES = (
     Quantity("encoder_counts", "per motor turn", lambda v, s: (COUNTS, "12 bits"), zero=True),
 )
 """All numbers of a drive, in the order in which they are determined."""
-
-
-@dataclass(frozen=True)
-class Value:
-    """A number of a drive and where it comes from."""
-
-    value: float
-    """In the unit of its quantity."""
-    source: str
-    """"given" (in drives.toml), "model" (in the plain model) or "assumed"."""
-    why: str = ""
-    """Where the model states it, or why it is assumed."""
-
-
-def drive_of(given: Mapping[str, float], seen: Seen) -> dict[str, Value]:
-    """Determine all numbers of one drive.
-
-    Args:
-        given: Numbers that the user states, by name.
-        seen: What the drive sees of the arm.
-
-    Returns:
-        Every quantity by name. Numbers that are not given have four digits.
-    """
-    values: dict[str, float] = {}
-    found: dict[str, Value] = {}
-    for quantity in QUANTITIES:
-        name = quantity.name
-        if name in given:
-            found[name] = Value(float(given[name]), "given")
-        else:
-            # the sign of a gear ratio is only the direction in which the motor turns
-            plain = {key: abs(value) for key, value in values.items()}
-            stated = quantity.stated(plain, seen)
-            source = "assumed" if stated is None else "model"
-            value, why = quantity.assume(plain, seen) if stated is None else stated
-            found[name] = Value(float(f"{value:.4g}"), source, why)
-        values[name] = found[name].value
-    return found
-
-
-def disbelieved(values: Mapping[str, Value], seen: Seen) -> list[str]:
-    """Tell which friction of a plain model is not used, because it would be too large.
-
-    Args:
-        values: Numbers of one drive, from `drive_of`.
-        seen: What the drive sees of the arm.
-
-    Returns:
-        One line for each friction, with the name of the number that is assumed instead.
-    """
-    numbers = {name: abs(one.value) for name, one in values.items()}
-    stated = {"coulomb_friction": "frictionloss", "viscous_friction": "damping"}
-    reasons = {
-        name: _disbelieved(of, numbers, seen)
-        for name, of in stated.items()
-        if values[name].source == "assumed"
-    }
-    return [f"{name}: {reason}" for name, reason in reasons.items() if reason]

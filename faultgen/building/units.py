@@ -50,7 +50,7 @@ def unit_findings(model: mujoco.MjModel, joints: Sequence[str], payload: bool) -
                 fatal=False,
             )
         )
-    length = _length(model)
+    length = length_of(model)
     if length > _LONGEST:
         remedy = "lengths are in metres; were millimetres meant?"
         found.append(Finding("arm", f"is {length:.3g} m long", remedy, fatal=False))
@@ -112,7 +112,7 @@ def gravity_warnings(model: mujoco.MjModel) -> list[str]:
     return []
 
 
-def _length(model: mujoco.MjModel) -> float:
+def length_of(model: mujoco.MjModel) -> float:
     """Sum of the distances from each axis to the next, and to the payload [m]."""
     last = model.jnt_bodyid.max()
     first = model.jnt_bodyid.min()

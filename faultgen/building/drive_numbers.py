@@ -1,0 +1,68 @@
+"""All numbers of one drive: given, stated by the plain model, or assumed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from faultgen.building.quantities import QUANTITIES, disbelieved_friction
+from faultgen.building.seen import Seen
+
+
+@dataclass(frozen=True)
+class Value:
+    """A number of a drive and where it comes from."""
+
+    value: float
+    """In the unit of its quantity."""
+    source: str
+    """"given" (in drives.toml), "model" (in the plain model) or "assumed"."""
+    why: str = ""
+    """Where the model states it, or why it is assumed."""
+
+
+def drive_of(given: Mapping[str, float], seen: Seen) -> dict[str, Value]:
+    """Determine all numbers of one drive.
+
+    Args:
+        given: Numbers that the user states, by name.
+        seen: What the drive sees of the arm.
+
+    Returns:
+        Every quantity by name. Numbers that are not given have four digits.
+    """
+    values: dict[str, float] = {}
+    found: dict[str, Value] = {}
+    for quantity in QUANTITIES:
+        name = quantity.name
+        if name in given:
+            found[name] = Value(float(given[name]), "given")
+        else:
+            # the sign of a gear ratio is only the direction in which the motor turns
+            plain = {key: abs(value) for key, value in values.items()}
+            stated = quantity.stated(plain, seen)
+            source = "assumed" if stated is None else "model"
+            value, why = quantity.assume(plain, seen) if stated is None else stated
+            found[name] = Value(float(f"{value:.4g}"), source, why)
+        values[name] = found[name].value
+    return found
+
+
+def disbelieved(values: Mapping[str, Value], seen: Seen) -> list[str]:
+    """Tell which friction of a plain model is not used, because it would be too large.
+
+    Args:
+        values: Numbers of one drive, from `drive_of`.
+        seen: What the drive sees of the arm.
+
+    Returns:
+        One line for each friction, with the name of the number that is assumed instead.
+    """
+    numbers = {name: abs(one.value) for name, one in values.items()}
+    stated = {"coulomb_friction": "frictionloss", "viscous_friction": "damping"}
+    reasons = {
+        name: disbelieved_friction(of, numbers, seen)
+        for name, of in stated.items()
+        if values[name].source == "assumed"
+    }
+    return [f"{name}: {reason}" for name, reason in reasons.items() if reason]
