@@ -71,7 +71,12 @@ REFUSED = {
     "limit nan": (urdf((PAN, PAN.replace("-2.6", "nan"))), "joint 'pan': <limit lower="),
     "axis of zero": (urdf(('<axis xyz="0 1 0"/>', '<axis xyz="0 0 0"/>')), "axis too small"),
     "far": (urdf(('<origin xyz="0 0 0.35"/>', '<origin xyz="0 0 1e12"/>')), "<origin xyz="),
-    "far, but finite": (urdf(('xyz="0 0 0.35"', 'xyz="0 0 9e8"')), "hold the arm|too different"),
+    "far, but finite": (
+        urdf(('xyz="0 0 0.35"', 'xyz="0 0 9e8"')),
+        "link 'elbow_link': it or its centre of mass is 9e.08 m",
+    ),
+    "heavy": (urdf(('mass value="4.0"', 'mass value="4e6"')), "link 'elbow_link': has the mass 4e"),
+    "g mm^2": (urdf(('ixx="0.05"', 'ixx="5e7"')), "link 'elbow_link': its inertia is that of"),
     "empty box": (with_shape('box size="0 0 0"'), "link 'yaw_link': the <box> of its <visual>"),
     "flat box": (with_shape('box size="1 1 -1"', "collision"), "the <box> of its <collision>"),
     "empty sphere": (with_shape('sphere radius="0"'), "has the radius '0'"),

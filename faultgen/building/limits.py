@@ -14,6 +14,9 @@ from faultgen.building.usual import usual_torque
 MOST_TORQUE = 5.0
 """Largest torque limit over the usual one that is believed. The limits of the arms whose drives are
 known are up to 3.4 times the usual ones."""
+ALIKE_TORQUE = 2.7
+"""The same if all axes have the same limit, as none of the known arms has: twice the typical error
+of the usual limits, in logarithms (1.65 when they are fitted to other arms)."""
 LEAST_TORQUE = 0.5
 """Smallest torque limit over the torque against gravity that is believed. The limits of arms with
 a balancer that the model lacks can be below 1."""
@@ -43,18 +46,17 @@ def disbelieved_limits(
     if largest <= 0:
         return reasons
     hinges = [k for k, weight in enumerate(weights) if weight > 0 and efforts[k] is not None]
+    alike = len(hinges) >= _ALIKE and len({efforts[k] for k in hinges}) == 1
     for k in hinges:
         effort = float(efforts[k] or 0.0)
         times = effort / usual_torque(float(weights[k]), largest)
-        if times > MOST_TORQUE:
+        if times > (ALIKE_TORQUE if alike else MOST_TORQUE):
             reasons[k] = f"it is {times:.2g} times what drives of such an arm have"
         elif effort < LEAST_TORQUE * gravity[k]:
             reasons[k] = f"it cannot hold the arm, which needs {gravity[k]:.3g} N m"
-    if len(hinges) >= _ALIKE and len({efforts[k] for k in hinges}) == 1:
-        wrong = next((joints[k] for k in hinges if reasons[k]), None)
-        for k in hinges:
-            if wrong and not reasons[k]:
-                reasons[k] = f"it is the same for every joint, and not that of '{wrong}'"
+    wrong = next((joints[k] for k in hinges if reasons[k]), None)
+    for k in hinges if alike and wrong else ():
+        reasons[k] = reasons[k] or f"it is the same for every joint, and not that of '{wrong}'"
     return reasons
 
 

@@ -26,7 +26,7 @@ from faultgen.building.masses import Given, Masses, settle_masses
 from faultgen.building.numbers import MOST
 from faultgen.building.ranges import assume_ranges, range_warnings
 from faultgen.building.source import Source, read_source
-from faultgen.building.units import gravity_warnings
+from faultgen.building.units import gravity_warnings, impossible_links
 from faultgen.errors import one_line
 from faultgen.mjcf.compiling import compiled
 from faultgen.mjcf.edit import forget_defaults, mjcf_text
@@ -124,6 +124,7 @@ def plain_arm(
     spec.modelname = path.stem
     warned: list[str] = []
     model = compiled(spec, path.name, warned)
+    refuse(path.name, impossible_links(model))
     ranges = np.array([model.joint(f"joint{k + 1}").range for k in range(len(names))])
     notes += _angle_notes(model, names)
     text = mjcf_text(spec)

@@ -14,6 +14,8 @@ _NARROW = np.radians(15.0)  # if all ranges are below it, they were probably rad
 _LONGEST = 20.0  # arm [m]
 _BULKY = 10.0  # extent of a shape over the length of the arm
 _DENSE, _THIN = 5000.0, 0.2  # mass of an arm over the square of its length [kg/m^2]
+_FARTHEST, _HEAVIEST = 1e3, 1e6  # [m], [kg]; beyond them it is no link of an arm, in any unit
+_SPREAD = 30.0  # radius of gyration over the length of the arm, beyond which no arm is built
 _GRAVITY = 9.0, 10.5  # [m/s^2]; on earth 9.78 to 9.83, and 10 in simple models
 _FAR = 1.5  # radius of gyration over the length of the arm
 
@@ -87,6 +89,32 @@ def unit_findings(model: mujoco.MjModel, joints: Sequence[str], payload: bool) -
                     fatal=False,
                 )
             )
+    return found
+
+
+def impossible_links(model: mujoco.MjModel) -> list[Finding]:
+    """List the links that are so large or heavy that nothing can be computed with them.
+
+    Args:
+        model: The compiled plain arm.
+
+    Returns:
+        Findings; all of them are fatal.
+    """
+    found = []
+    length = max(length_of(model), 0.1)
+    for k in range(1, model.nbody):
+        where, mass = f"link '{model.body(k).name}'", float(model.body_mass[k])
+        away = float(max(np.abs(model.body_pos[k]).max(), np.abs(model.body_ipos[k]).max()))
+        radius = np.sqrt(float(model.body_inertia[k].max()) / mass) if mass > 0 else 0.0
+        if away > _FARTHEST:
+            what = f"it or its centre of mass is {away:.3g} m away from the joint before it"
+            found.append(Finding(where, what, "lengths are in metres"))
+        elif mass > _HEAVIEST:
+            found.append(Finding(where, f"has the mass {mass:.3g} kg", "masses are in kg"))
+        elif radius > _SPREAD * length:
+            what = f"its inertia is that of its mass at a distance of {radius:.3g} m"
+            found.append(Finding(where, what, "inertias are in kg m^2"))
     return found
 
 
