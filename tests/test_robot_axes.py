@@ -134,12 +134,42 @@ def test_a_joint_that_follows_at_the_end_is_locked(tmp_path):
     np.testing.assert_allclose(small, large[:5, :5], rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.parametrize(("leader", "what"), [("nobody", "no joint"), ("elbow", "itself")])
-def test_a_joint_that_follows_nothing_is_refused(leader, what, tmp_path):
+@pytest.mark.parametrize("leader", ["nobody", "elbow"])
+def test_a_joint_that_follows_nothing_is_no_axis_either(leader, tmp_path):
+    """MuJoCo ignores such a <mimic>; within the chain the user decides, at the end it is locked."""
     path = tmp_path / "arm.urdf"
     path.write_text(following("elbow", leader))
-    with pytest.raises(InputError, match=rf"joint 'elbow': follows '{leader}' .*is {what}"):
+    with pytest.raises(InputError, match=rf"joint 'elbow': follows joint '{leader}'"):
         plain_arm(path)
+    assert plain_arm(path, NAMES).joints == NAMES
+    path.write_text(following("yaw", leader))
+    assert plain_arm(path).joints == NAMES[:-1]
+
+
+def test_many_branches_are_told_in_one_short_line(tmp_path):
+    """A legged robot has as many as legs."""
+    parts = [
+        finger(f"leg{k}", "pan_link", kind="revolute", upper=1) + finger(f"toe{k}", f"leg{k}_part")
+        for k in range(4)
+    ]
+    path = tmp_path / "arm.urdf"
+    path.write_text(with_parts(*parts))
+    with pytest.raises(InputError, match="do not follow each other in one chain") as refused:
+        plain_arm(path)
+    assert "(and 3 other neighbours)" in str(refused.value)
+    assert str(refused.value).count("drives.toml") == 1
+
+
+def test_comments_of_xacro_do_not_count(tmp_path):
+    """Expanded files often keep those of the file that they were made from."""
+    path = tmp_path / "arm.urdf"
+    comment = '<!-- <xacro:arm name="${name}"/> -->'
+    path.write_text(urdf(("</robot>", comment + "</robot>")))
+    assert plain_arm(path).joints == NAMES
+    for part in ('<xacro:arm name="x"/>', '<link name="${name}"/>'):
+        path.write_text(urdf(("</robot>", part + "</robot>")))
+        with pytest.raises(InputError, match="is a xacro file"):
+            plain_arm(path)
 
 
 def test_a_constraint_of_mjcf_makes_a_joint_follow(tmp_path):

@@ -180,16 +180,17 @@ def _wrong_types(spec: mujoco.MjSpec, chosen: Sequence[str] | None) -> list[Find
 
 
 def _breaks(spec: mujoco.MjSpec, names: Sequence[str]) -> list[Finding]:
-    """Neighbouring axes of which the second one is not carried by the first one."""
-    return [
-        Finding(
-            f"joints '{first}' and '{second}'",
-            "do not follow each other in one chain: the model branches or has two arms",
-            _NAME_THEM,
-        )
+    """Where the second one of two neighbouring axes is not carried by the first one."""
+    pairs = [
+        (first, second)
         for first, second in zip(names, names[1:], strict=False)
         if spec.joint(first).parent.name not in above(spec.joint(second).parent)
     ]
+    if not pairs:
+        return []
+    what = "do not follow each other in one chain: the model branches or has two arms"
+    more = f" (and {len(pairs) - 1} other neighbours)" if len(pairs) > 1 else ""
+    return [Finding("joints '{}' and '{}'".format(*pairs[0]), what + more, _NAME_THEM)]
 
 
 def _carries(spec: mujoco.MjSpec, name: str, other: str) -> bool:

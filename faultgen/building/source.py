@@ -10,7 +10,6 @@ reports nothing that it leaves out. This module finds the meshes, and keeps the 
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,9 +26,6 @@ from faultgen.mjcf.memory import check_memory
 from faultgen.mjcf.parsing import parse_xml
 from faultgen.mjcf.reach import Reach
 from faultgen.system.reading import read_text
-
-_XACRO = re.compile(r"<xacro:|=\s*[\"'][^\"']*\$[{(]")
-"""What a file has that has to be expanded by xacro first."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +68,7 @@ def read_source(path: Path, folders: Sequence[Path] = ()) -> Source:
     where = f"robot file {path}"
     text = read_text(path, "robot file")
     root = parse_xml(text, where)
-    if _XACRO.search(text):
+    if _is_xacro(root):
         raise InputError(
             f"{where}: is a xacro file, which only ROS can expand; write 'xacro "
             f"{path.name} > {path.stem.partition('.')[0]}.urdf' there, and give the URDF file"
@@ -107,6 +103,15 @@ def read_source(path: Path, folders: Sequence[Path] = ()) -> Source:
     stated = stated._replace(leaders={**follows, **stated.leaders})
     kept = _gather(spec, assets, notes)
     return Source(path.stem, spec, kept, *stated, tuple(notes))
+
+
+def _is_xacro(root: ElementTree.Element) -> bool:
+    """Whether xacro has to expand a model first; what stands in comments does not count."""
+    return any(
+        str(element.tag).startswith("xacro:")
+        or any("${" in value or "$(" in value for value in element.attrib.values())
+        for element in root.iter()
+    )
 
 
 def _gather(spec: mujoco.MjSpec, assets: Mapping[str, bytes], notes: list[str]) -> dict[str, bytes]:

@@ -55,7 +55,7 @@ def read_urdf(root: ElementTree.Element, where: str) -> Stated:
         InputError: Names occur twice, the links are no tree, or a shape is empty. The message has
             all findings, in one line.
     """
-    wrong = [*_wrong_names(root), *_empty_shapes(root), *_wrong_leaders(root)]
+    wrong = [*_wrong_names(root), *_empty_shapes(root)]
     wrong = wrong or _wrong_tree(root)
     if root.find(".//include") is not None:
         wrong.append("<include> belongs to MJCF, not to a URDF; put the text in its place")
@@ -182,16 +182,6 @@ def _leaders(root: ElementTree.Element) -> dict[str, str]:
         for joint in root.findall("joint")
         if (mimic := joint.find("mimic")) is not None
     }
-
-
-def _wrong_leaders(root: ElementTree.Element) -> list[str]:
-    """Joints that follow themselves, or a joint that does not exist."""
-    names = {joint.get("name") for joint in root.findall("joint")}
-    return [
-        f"joint '{name}': follows '{leader}' (<mimic>), which is {what}"
-        for name, leader in _leaders(root).items()
-        if (what := "itself" if leader == name else "" if leader in names else "no joint")
-    ]
 
 
 def take_meshes(
