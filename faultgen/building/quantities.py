@@ -104,7 +104,7 @@ def _torque(values: Values, seen: Seen) -> Assumed:
     why = "what drives of arms of this weight have"
     if seen.disbelief:
         effort = seen.stated["torque_limit"]
-        why += f"; the effort limit, {effort:g}, is not used, because {seen.disbelief}"
+        why += f"; the limit of the model, {effort:g}, is not used, because {seen.disbelief}"
     return usual_torque(seen.weight, seen.arm_weight, seen.gravity), why
 
 
