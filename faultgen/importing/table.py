@@ -20,9 +20,6 @@ from faultgen.importing.units import split_unit
 if TYPE_CHECKING:
     import pandas as pd
 
-LARGEST_FILE = 2_000_000_000
-"""Largest file that is read [bytes]."""
-
 BLANK = (
     *("", "nan", "-nan", "null", "none", "na", "n/a", "#n/a", "#nv", "#wert!", "#value!"),
     *("-", "--", "?", "missing"),
