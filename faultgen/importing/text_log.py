@@ -20,6 +20,7 @@ import numpy as np
 from faultgen.errors import InputError
 from faultgen.importing.column_map import File
 from faultgen.importing.sizes import LARGEST_TEXT, check_size, check_text
+from faultgen.importing.structured import read_structured, structure_of, without_lists
 from faultgen.importing.table import BLANK, Table, named_with_units, parsed_rows, split_cells
 from faultgen.importing.units import known_unit
 
@@ -50,6 +51,12 @@ def read_text_log(path: Path, file: File) -> Table:
             and what would be right.
     """
     lines, notes = _lines(path, file.encoding)
+    kind = structure_of(lines)
+    if kind in ("xml", "json"):
+        return read_structured(path, lines, kind)
+    if kind == "lists":
+        lines = without_lists(path, lines)
+        notes.append("cells hold lists: their numbers were written into columns NAME_1, NAME_2, …")
     comments = (file.comment,) if isinstance(file.comment, str) else tuple(file.comment)
     comments = tuple(mark for mark in comments if mark)
     kept = [
@@ -84,6 +91,7 @@ def read_text_log(path: Path, file: File) -> Table:
         source=str(path),
         columns=columns,
         units=units,
+        lists=kind == "lists",
         lines=np.array(rows) + 1,
         notes=tuple(notes),
     )
@@ -200,10 +208,6 @@ def _layout(path: Path, lines: Sequence[str], file: File) -> tuple[str, str, int
         best = max(scores, key=lambda option: sum(scores[option]), default=None)
         if best is not None and any(scores[best]):
             return *best, next(k for k, score in enumerate(scores[best]) if score)
-    if any(re.search(r"[\[(]\s*[+-]?\d[^\])]*[,;\s][^\])]*[\])]", line) for line in lines):
-        raise InputError(
-            f"{path}: has cells that hold lists of numbers; write one column for each axis"
-        )
     raise InputError(
         f"{path}: no line with two or more numbers among the first {len(lines)}; state the "
         "separator and the decimal sign under [file] in the map"
