@@ -12,7 +12,8 @@ import numpy as np
 
 from faultgen.discovery.read_hdf5 import NAMES
 from faultgen.errors import InputError, one_line
-from faultgen.importing.table import LARGEST_FILE, as_numbers, listed, parsed_rows, split_cells
+from faultgen.importing.sizes import LARGEST_TEXT, check_size, check_text
+from faultgen.importing.table import as_numbers, listed, parsed_rows, split_cells
 
 
 def read_csv(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -74,6 +75,7 @@ def _columns(path: Path) -> dict[str, np.ndarray]:
     twice = {name for name in header if header.count(name) > 1}
     if twice:
         raise InputError(f"{path}: column '{min(twice)}' appears more than once")
+    check_size(path, np.dtype(float).itemsize * len(header) * rows.count("\n"))
     try:
         table = parsed_rows((line.rstrip("\r\n") for line in io.StringIO(rows)), len(header))
     except ValueError as error:
@@ -91,9 +93,9 @@ def _text(path: Path) -> str:
     Raises:
         InputError: It is too large, or not UTF-8.
     """
-    if path.stat().st_size > LARGEST_FILE:
-        raise InputError(f"{path}: larger than {LARGEST_FILE:,} bytes; give a shorter recording")
-    content = path.read_bytes()
+    with path.open("rb") as file:
+        content = file.read(LARGEST_TEXT + 1)
+    check_text(path, content)
     if content[:2] in (b"\xff\xfe", b"\xfe\xff") or b"\0" in content[:1000]:
         raise InputError(f"{path}: is not UTF-8 text, perhaps UTF-16; save it as UTF-8")
     try:

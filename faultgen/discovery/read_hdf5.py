@@ -29,8 +29,9 @@ TIME = "time"
 ATTRIBUTES = ("robot", "sample_period", "segments", "payload_mass", "torque_sensor")
 """Attributes that a recording may have."""
 
-MOST = 100_000_000
-"""Largest number of values in an array: 800 MB in memory."""
+MOST = 40_000_000
+"""Largest number of values in all arrays together: 320 MB in memory. That is an hour of six axes at
+400 Hz with all arrays; checks and resampling take copies of some of them, and stay below 1 GB."""
 
 _MOST_ATTRIBUTE = 1_000_000  # values that an attribute may have
 _HOPS = 8  # links within a file that are followed
@@ -56,14 +57,15 @@ def read_hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any], bool |
     """
     with open_unverified(path) as file:
         attributes = {name: _attribute(path, file, name) for name in ATTRIBUTES}
-        named = {}
+        named: dict[str, np.ndarray] = {}
         for name in NAMES if attributes["sample_period"] is not None else (*NAMES, TIME):
             place = _place(path, file, name)
             if place is not None:
-                named[name] = _array(path, name, file[place])
+                used = sum(values.size for values in named.values())
+                named[name] = _array(path, name, file[place], MOST - used)
         intact = None  # a dataset has no such arrays, and another checksum
         if named:
-            intact = is_as_written(file, lambda name, item: _check_claims(path, name, item))
+            intact = is_as_written(file, lambda name, item: _check_claims(path, name, item, MOST))
         told = {name: value for name, value in attributes.items() if value is not None}
         return named, told, intact
 
@@ -94,13 +96,13 @@ def _place(path: Path, file: h5py.File, name: str, hops: int = _HOPS) -> str | N
     return at
 
 
-def _array(path: Path, name: str, item: Any) -> np.ndarray:
-    _check_claims(path, name, item)
+def _array(path: Path, name: str, item: Any, most: int) -> np.ndarray:
+    _check_claims(path, name, item, most)
     return np.asarray(item[()], float)
 
 
-def _check_claims(path: Path, name: str, item: Any) -> None:
-    """Refuse an array that is not in the file, or too large."""
+def _check_claims(path: Path, name: str, item: Any, most: int) -> None:
+    """Refuse an array that is not in the file, or has more values than `most`."""
     if not isinstance(item, h5py.Dataset):
         raise InputError(f"{path}: {name} is not an array")
     if item.is_virtual or item.external:
@@ -110,10 +112,10 @@ def _check_claims(path: Path, name: str, item: Any) -> None:
     if item.dtype.kind not in "fiu":
         raise InputError(f"{path}: {name} must hold numbers, not {item.dtype}")
     for shape in (item.shape, item.chunks or ()):
-        if math.prod(shape) > MOST:
+        if math.prod(shape) > most:
             raise InputError(
-                f"{path}: {name} claims shape {item.shape}, more than {MOST:,} values; "
-                "give a shorter recording"
+                f"{path}: {name} claims shape {item.shape}, more than {MOST:,} values in all; "
+                "give a shorter recording, or leave out arrays that are not needed"
             )
     if item.size and not item.id.get_storage_size():
         raise InputError(f"{path}: {name} claims shape {item.shape}, but no values were written")

@@ -195,10 +195,14 @@ def _interpolated(
     for piece, grid in zip(pieces, grids, strict=True):
         start = time[piece[0]]  # clocks may count from 1970; differences are exact
         known, wanted = time[piece] - start, grid - start
-        if name in _SMOOTH:
-            out.append(CubicSpline(known, values[piece])(wanted))
-            continue
-        columns = values[piece].reshape(len(piece), -1).T
-        told = np.stack([np.interp(wanted, known, column) for column in columns], axis=1)
-        out.append(told.reshape(len(wanted), *values.shape[1:]))
-    return np.concatenate(out)
+        told = np.empty((len(wanted), *values.shape[1:]))
+        # one column after the other, because a spline takes much more memory than its values
+        for column, place in zip(
+            values[piece].reshape(len(piece), -1).T, told.reshape(len(wanted), -1).T, strict=True
+        ):
+            if name in _SMOOTH:
+                place[:] = CubicSpline(known, column)(wanted)
+            else:
+                place[:] = np.interp(wanted, known, column)
+        out.append(told)
+    return np.concatenate(out) if len(out) > 1 else out[0]

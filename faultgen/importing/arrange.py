@@ -15,11 +15,13 @@ from typing import Any
 import numpy as np
 
 from faultgen.errors import InputError
-from faultgen.importing.column_map import AXIS, ColumnMap, Quantity
+from faultgen.importing.clocks import at_times, check_one_clock
+from faultgen.importing.column_map import AXIS, QUANTITIES, ColumnMap, Quantity
 from faultgen.importing.oddities import dropouts, unwrapped, without_missing
 from faultgen.importing.table import Table
-from faultgen.importing.times import times_of
+from faultgen.importing.times import clock_of, times_of
 from faultgen.importing.units import PERCENT, conversion, known_unit
+from faultgen.importing.words import Word, words_of
 
 _MOST_LOST = 0.5  # share of the rows that may be left out for blank cells
 _MOST_EQUAL = 0.2  # share of the rows that may have the time of the row before
@@ -109,6 +111,9 @@ def arranged(table: Table, column_map: ColumnMap) -> Arranged:
     elif column_map.current and set(_columns(column_map.current, axes)) <= table.columns.keys():
         notes.append("the torque was read; currents were left out")
     time, attributes = times_of(table, column_map, notes)
+    _check_clocks(table, column_map, axes)
+    for name, one in found.items():
+        _at_one_time(table, column_map, name, one, time, notes)
     kept = _complete(table, found, time, notes)
     starts = _segments(table, column_map, kept)
     kept, starts = _without_equal_times(table, time, kept, starts, notes)
@@ -166,8 +171,44 @@ def _axes(table: Table, column_map: ColumnMap) -> list[str]:
     return [str(number) for number in numbers]
 
 
+def _check_clocks(table: Table, column_map: ColumnMap, axes: Sequence[str]) -> None:
+    """Refuse a log whose channels seem to have clocks of their own that the map does not name."""
+    name = column_map.time.column
+    if name is None or column_map.time.columns is not None or name not in table.columns:
+        return
+    quantities = [getattr(column_map, one) for one in QUANTITIES]
+    used = [column for one in quantities if one is not None for column in _columns(one, axes)]
+    check_one_clock(table, name, [*used, *([column_map.segment] if column_map.segment else [])])
+
+
+def _at_one_time(
+    table: Table,
+    column_map: ColumnMap,
+    name: str,
+    one: _Read,
+    time: np.ndarray,
+    notes: list[str],
+) -> None:
+    """Interpolate a quantity with times of its own at the times of the rows."""
+    clocks = (column_map.time.columns or {}).get(name)
+    if clocks is None:
+        return
+    of_axis = _each(f"time.columns.{name}", clocks, len(one.columns))
+    for k, clock in enumerate(of_axis):
+        own = clock_of(table, column_map, clock, time)
+        one.values[:, k] = at_times(time, own, one.values[:, k])
+    notes.append(
+        f"{name} has times of its own ({', '.join(dict.fromkeys(of_axis))}), and was interpolated "
+        f"at those of '{column_map.time.column}'"
+    )
+
+
 def _read(
-    table: Table, column_map: ColumnMap, name: str, axes: Sequence[str], notes: list[str]
+    table: Table,
+    column_map: ColumnMap,
+    name: str,
+    axes: Sequence[str],
+    notes: list[str],
 ) -> _Read | None:
     """A quantity; None if the map has none, or the log lacks an optional one."""
     quantity: Quantity | None = getattr(column_map, name)
@@ -191,6 +232,9 @@ def _read(
     zero = _each(f"{name}.zero", quantity.zero, len(columns))
     rated = _each(f"{name}.rated", quantity.rated, len(columns))
     units, values, factors, si = [], [], [], []
+    words: list[Word | None] = [None] * len(columns)
+    if quantity.bits is None and quantity.sign_bit is None and name in _SIGNED:
+        words = words_of([table.numbers(column) for column in columns])
     for k, column in enumerate(columns):
         stated = table.units.get(column)
         unit = given[k] if given[k] is not None else stated
@@ -216,12 +260,37 @@ def _read(
         units.append(unit)
         factors.append(factor)
         si.append(how.si)
-        cells = without_missing(table, column, column_map.file.missing, notes)
+        cells = _cells(table, column_map, name, column, words[k], notes)
         values.append(factor * (cells - zero[k]) + how.offset)
         turns = kind == "position" and how.si == "rad"
         if turns and (quantity.side or column_map.side) == "joint":
             values[-1] = unwrapped(table, column, values[-1], notes)
     return _Read(columns, units, np.stack(values, axis=1), np.array(factors), si)
+
+
+def _cells(
+    table: Table,
+    column_map: ColumnMap,
+    name: str,
+    column: str,
+    word: Word | None,
+    notes: list[str],
+) -> np.ndarray:
+    """Numbers of a column in the unit of the log, NaN where they are missing, with their signs."""
+    quantity: Quantity = getattr(column_map, name)
+    marks = column_map.file.missing
+    values = table.numbers(column)
+    if word is not None:
+        signed = word.signed(without_missing(table, column, values, marks or [], notes))
+        notes.append(
+            f"column '{column}': {int((signed < 0).sum())} numbers from {2 ** (word.bits - 1)} on "
+            f"were read as negative ({word}); if they are not, state {name}.bits = 0"
+        )
+        return signed
+    values = without_missing(table, column, values, marks, notes)
+    if quantity.sign_bit is not None:
+        return Word(quantity.sign_bit + 1, magnitude=True).signed(values)
+    return Word(quantity.bits).signed(values) if quantity.bits else values
 
 
 def _columns(quantity: Quantity, axes: Sequence[str]) -> list[str]:

@@ -7,7 +7,6 @@ vector becomes one column. Arrays in a struct ``log`` are ``log.q_1`` and so on.
 from __future__ import annotations
 
 import zipfile
-import zlib
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +16,8 @@ import h5py
 import numpy as np
 
 from faultgen.errors import InputError
-from faultgen.importing.table import LARGEST_FILE, Table
+from faultgen.importing.sizes import check_mat, check_npz, check_size, check_tree
+from faultgen.importing.table import Table
 from faultgen.system.hdf5 import open_unverified
 
 _HDF5 = b"MATLAB 7.3"
@@ -35,19 +35,12 @@ def read_arrays_of(path: Path) -> Table:
     Raises:
         InputError: The file cannot be read, or has no arrays of numbers.
     """
-    if path.stat().st_size > LARGEST_FILE:
-        raise InputError(f"{path}: larger than {LARGEST_FILE:,} bytes; give a shorter log")
-    from scipy.io.matlab import MatReadError
-
+    check_size(path, path.stat().st_size)
     try:
         named = dict(_named(path))
     except InputError:
         raise
-    # a damaged file can make the readers raise any of these
-    except (
-        *(OSError, ValueError, TypeError, KeyError, NotImplementedError, RuntimeError),
-        *(MemoryError, EOFError, zlib.error, zipfile.BadZipFile, MatReadError),
-    ) as error:
+    except Exception as error:  # a damaged file can make the readers raise anything
         raise InputError(f"{path}: cannot be read ({' '.join(str(error).split())})") from None
     arrays = {name: np.squeeze(values) for name, values in named.items()}
     arrays = {name: values for name, values in arrays.items() if values.ndim in (1, 2)}
@@ -76,18 +69,23 @@ def _named(path: Path) -> Iterator[tuple[str, np.ndarray]]:
         begin = file.read(128)
         file.seek(0)
         if begin.startswith(b"PK"):
-            with np.load(file, allow_pickle=False) as content:
-                for name in content.files:
-                    yield from _numeric(name, content[name])
+            with zipfile.ZipFile(file) as content:
+                for member in check_npz(path, content):
+                    with content.open(member) as one:
+                        values = np.lib.format.read_array(one, allow_pickle=False)
+                    yield from _numeric(member.removesuffix(".npy"), values)
             return
         if not (begin.startswith(_HDF5) or h5py.is_hdf5(path)):
+            check_mat(path, file)
             from scipy.io import loadmat
 
+            file.seek(0)
             for name, value in loadmat(file, struct_as_record=False).items():
                 if not name.startswith("__"):
                     yield from _of_matlab(name, value)
             return
     with open_unverified(path) as tree:
+        check_tree(path, tree)
         yield from _of_group("", tree, path)
 
 
@@ -115,7 +113,7 @@ def _of_group(prefix: str, group: h5py.Group, path: Path) -> Iterator[tuple[str,
         elif item.is_virtual or item.external:
             raise InputError(f"{path}: the data of {name} are in other files; copy them into this")
         elif item.dtype.kind in "fiu" and item.size:
-            if item.nbytes > LARGEST_FILE or not item.id.get_storage_size():
+            if not item.id.get_storage_size():
                 raise InputError(f"{path}: {name} claims shape {item.shape}, which it cannot have")
             yield from _numeric(name, item[()])
 

@@ -32,6 +32,9 @@ QUANTITIES = (
 )
 """Tables of a map that describe columns of axes."""
 
+QuantityName = Literal[
+    "position", "velocity", "torque", "current", "reference_position", "temperature"
+]
 Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Side = Literal["motor", "joint"]
 Sign = Literal[1, -1]
@@ -58,6 +61,11 @@ class Quantity(_Part):
     """Number in the log, in its own unit, at which the quantity is 0."""
     rated: Finite | list[Finite] | None = None
     """What 100 % is, in [N m], [N] or [A]."""
+    bits: Annotated[int, Field(ge=0, le=63, strict=True)] | None = None
+    """Bits of words in two's complement that the log has without a sign, such as 16: 65535 is -1.
+    0: the numbers are what they are. None: found out."""
+    sign_bit: Annotated[int, Field(ge=1, le=62, strict=True)] | None = None
+    """Sign bit of words with sign and magnitude, such as 10: 1024 + n is -n."""
     optional: bool = False
     """Whether the quantity is left out, without an error, if the log lacks its columns."""
 
@@ -108,6 +116,9 @@ class Time(_Part):
     """Column with times."""
     unit: str | Finite | None = None
     """Unit of that column; "iso" for dates or clock times. None: as the log states."""
+    columns: dict[QuantityName, Column | list[Column]] | None = None
+    """Columns with the times of quantities that have a clock of their own, one for each quantity or
+    for each axis. None: the log is refused if it seems to have such."""
     sample_period: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     """Time between two rows [s], instead of a column."""
 
@@ -229,6 +240,8 @@ def map_of(content: Mapping[str, Any], preset: str | None = None, where: str = "
         raise InputError(f"{where}: time: give either column or sample_period [s]")
     for name in QUANTITIES:
         quantity = getattr(found, name)
+        if quantity is not None and quantity.bits and quantity.sign_bit is not None:
+            raise InputError(f"{where}: {name}: give bits or sign_bit, not both")
         pattern = quantity is not None and isinstance(quantity.columns, str)
         if pattern and AXIS not in quantity.columns and name != "temperature":
             raise InputError(

@@ -13,24 +13,25 @@ _FAR = 10.0  # of a mark from zero, over that of all other numbers
 _MOST = 0.2  # share of the numbers that can be marks, and of the rows that can be zeros
 _TURN = 2 * np.pi
 _STEP = 0.25  # largest other step of an angle that starts again, in turns
+_OFTEN = 5  # runs of zeros that another program writes: assumed
 _JUMP = 20.0  # of a dropout, over the largest of usual steps
 
 
 def without_missing(
-    table: Table, name: str, marks: Sequence[float] | None, notes: list[str]
+    table: Table, name: str, values: np.ndarray, marks: Sequence[float] | None, notes: list[str]
 ) -> np.ndarray:
-    """Return a column, with NaN in place of numbers that stand for a missing value.
+    """Return the numbers of a column, with NaN in place of numbers that stand for a missing value.
 
     Args:
         table: The log.
         name: Name of the column.
+        values: Its numbers, shape (rows,).
         marks: Such numbers. None: usual ones, such as -9999, if they are far from all others.
         notes: Gets a line if there are any.
 
     Returns:
         The numbers in the unit of the log, shape (rows,).
     """
-    values = table.numbers(name)
     usual = [sign * one for one in _MARKS for sign in (1, -1)] if marks is None else marks
     for mark in usual:
         at = values == mark
@@ -87,6 +88,8 @@ def unwrapped(table: Table, name: str, angle: np.ndarray, notes: list[str]) -> n
 def dropouts(quantities: Sequence[np.ndarray]) -> np.ndarray:
     """Find rows in which a logger wrote zeros for everything, although the robot was not there.
 
+    They are lost samples, or messages of another program that publishes zeros for the same joints.
+
     Args:
         quantities: Positions first, then other quantities; shape (rows, columns) each.
 
@@ -94,20 +97,25 @@ def dropouts(quantities: Sequence[np.ndarray]) -> np.ndarray:
         Shape (rows,). A row of zeros is none if the positions lead there.
     """
     zero = np.logical_and.reduce([(values == 0).all(axis=1) for values in quantities])
-    if not zero.any() or zero.mean() > _MOST:
-        return np.zeros(len(zero), bool)
-    position = quantities[0]
-    step = np.abs(np.diff(position, axis=0))
-    inside = ~zero[1:] & ~zero[:-1]
-    usual = np.nanmax(step[inside], axis=0, initial=0.0) if inside.any() else 0.0
-    jumps = np.asarray((step > _JUMP * usual + 1e-9).any(axis=1))
-    # a run of zero rows is a dropout if the position jumps at one of its ends
     found = np.zeros(len(zero), bool)
+    if not zero.any() or zero.all():
+        return found
+    # how far the positions usually move from one row to the next, without the rows of zeros
+    position = quantities[0]
+    usual = np.nanmax(np.abs(np.diff(position[~zero], axis=0)), axis=0, initial=0.0)
+    step = np.abs(np.diff(position, axis=0))
+    jumps = np.asarray((step > _JUMP * usual + 1e-9).any(axis=1))
     starts = np.flatnonzero(np.diff(zero.astype(int), prepend=0) == 1)
     ends = np.flatnonzero(np.diff(zero.astype(int), append=0) == -1)
-    for start, end in zip(starts, ends, strict=True):
-        before = start > 0 and jumps[start - 1]
-        after = end < len(jumps) and jumps[end]
-        if before or after:
+    before = np.array([start > 0 and jumps[start - 1] for start in starts])
+    after = np.array([end < len(jumps) and jumps[end] for end in ends])
+    there_and_back = before & after
+    if there_and_back.sum() >= _OFTEN and there_and_back.mean() > 0.5:
+        return zero  # another program: also where the robot happens to be near zero
+    if zero.mean() > _MOST:
+        return found
+    # a run of zero rows is a dropout if the position jumps at one of its ends
+    for start, end, jumped in zip(starts, ends, before | after, strict=True):
+        if jumped:
             found[start : end + 1] = True
     return found

@@ -6,6 +6,10 @@ joint. Source of the message: sensor_msgs/msg/JointState of ROS 2.
 
 from __future__ import annotations
 
+import sys
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +22,16 @@ from faultgen.importing.table import Table
 TYPE = "sensor_msgs/msg/JointState"
 FIELDS = ("position", "velocity", "effort")
 STAMP = "stamp"
-"""Column with the time in the header of the messages, as whole numbers [ns]."""
+"""Column with the time in the header of the messages, as whole numbers [ns]; with that of receipt
+if the header has none."""
+RECEIVED = "received"
+"""Column with the time at which the bag received the messages, as whole numbers [ns]."""
+
+MOST_MESSAGES = 400_000
+"""Most messages that are read. Each takes about 1 kB with seven joints."""
+
+_MOST_EQUAL = 0.2  # share of the messages that may have the stamp of another one
+_FAR = 4.0  # largest usual steps by which another program's positions are other ones: assumed
 
 
 def read_bag(path: Path, file: File) -> Table:
@@ -36,7 +49,7 @@ def read_bag(path: Path, file: File) -> Table:
             several topics with them.
     """
     try:
-        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
         raise InputError(
@@ -48,36 +61,151 @@ def read_bag(path: Path, file: File) -> Table:
             topics = {one.topic for one in reader.connections if one.msgtype == TYPE}
             topic = _topic(path, topics, file.topic)
             wanted = [one for one in reader.connections if one.topic == topic]
-            messages: list[Any] = [
-                reader.deserialize(raw, one.msgtype) for one, _, raw in reader.messages(wanted)
+            messages = [
+                _Message.of(reader.deserialize(raw, one.msgtype), received)
+                for one, received, raw in _limited(path, reader.messages(wanted))
             ]
-    except (AnyReaderError, OSError, ValueError, KeyError) as error:
+    except InputError:
+        raise
+    except Exception as error:  # a damaged bag can make the reader raise anything
         line = one_line(error)
         raise InputError(f"{path}: cannot be read as a ROS 2 bag ({line})") from None
     if not messages:
         raise InputError(f"{path}: topic '{topic}' has no messages")
-    names = list(messages[0].name)
-    order = ", ".join(names)
-    notes = [f"topic {topic}; the joints are, in the order of its first message, {order}"]
-    used = [one for one in messages if set(names) <= set(one.name)]
+    names = messages[0].names
+    notes = [
+        f"topic {topic}; the joints are, in the order of its first message, {', '.join(names)}"
+    ]
+    used = [one for one in messages if set(names) <= set(one.names)]
     if len(used) < len(messages):
         notes.append(f"{len(messages) - len(used)} messages with other joints were left out")
-    stamps = np.array(
-        [one.header.stamp.sec * 1_000_000_000 + one.header.stamp.nanosec for one in used], np.int64
-    )
-    sequence = np.argsort(stamps, kind="stable")
-    columns = {STAMP: stamps[sequence]}
-    for field in FIELDS:
-        if all(len(getattr(one, field)) == len(one.name) for one in used):
-            values = np.array(
-                [
-                    [getattr(one, field)[list(one.name).index(name)] for name in names]
-                    for one in used
-                ]
+    used = _with_fields(path, used, notes)
+    fields = [name for name in FIELDS if all(name in one.values for one in used)]
+    times, used = _in_time(used, notes)
+    arrays = {field: np.array([one.of_joints(field, names) for one in used]) for field in fields}
+    kept = _of_one_publisher(used, times, arrays["position"], notes)
+    columns = {STAMP: times[kept], RECEIVED: np.array([one.received for one in used])[kept]}
+    for field, values in arrays.items():
+        for k, name in enumerate(names):
+            columns[f"{field}/{name}"] = values[kept, k]
+    return Table(source=str(path), columns=columns, axes=names, notes=tuple(notes))
+
+
+@dataclass(frozen=True)
+class _Message:
+    """What is used of a message."""
+
+    received: int
+    stamp: int
+    frame: str
+    names: tuple[str, ...]
+    values: dict[str, np.ndarray]
+
+    @classmethod
+    def of(cls, message: Any, received: int) -> _Message:
+        stamp = message.header.stamp
+        count = len(message.name)
+        return cls(
+            received=received,
+            stamp=stamp.sec * 1_000_000_000 + stamp.nanosec,
+            frame=str(message.header.frame_id),
+            names=tuple(map(sys.intern, message.name)),
+            values={
+                name: np.array(getattr(message, name), float)
+                for name in FIELDS
+                if count and len(getattr(message, name)) == count
+            },
+        )
+
+    def of_joints(self, field: str, names: Sequence[str]) -> list[float]:
+        """Values of a field in the order of joints."""
+        place = {name: k for k, name in enumerate(self.names)}
+        return [float(self.values[field][place[name]]) for name in names]
+
+
+def _limited(path: Path, messages: Iterable[Any]) -> Iterator[Any]:
+    """Messages, up to the most that are read."""
+    for count, one in enumerate(messages):
+        if count == MOST_MESSAGES:
+            raise InputError(
+                f"{path}: more than {MOST_MESSAGES:,} messages, the most that are read; cut the bag"
+                " into shorter ones (ros2 bag convert), or record fewer joints"
             )
-            for k, name in enumerate(names):
-                columns[f"{field}/{name}"] = values[sequence, k]
-    return Table(source=str(path), columns=columns, axes=tuple(names), notes=tuple(notes))
+        yield one
+
+
+def _with_fields(path: Path, messages: list[_Message], notes: list[str]) -> list[_Message]:
+    """Messages that have positions and, if any has, efforts."""
+    for field in ("position", "effort"):
+        having = [one for one in messages if field in one.values]
+        if not having and field == "position":
+            raise InputError(f"{path}: none of its {len(messages)} messages has positions")
+        if having and len(having) < len(messages):
+            notes.append(
+                f"{len(messages) - len(having)} of {len(messages)} messages have no {field}, and "
+                "were left out"
+            )
+            messages = having
+    speeds = sum("velocity" in one.values for one in messages)
+    if 0 < speeds < len(messages):
+        notes.append(
+            f"velocity was left out, because {len(messages) - speeds} of {len(messages)} messages "
+            "have none"
+        )
+    return messages
+
+
+def _in_time(messages: Sequence[_Message], notes: list[str]) -> tuple[np.ndarray, list[_Message]]:
+    """Times [ns] and messages in their order; times of receipt if the header has none."""
+    stamps = np.array([one.stamp for one in messages], np.int64)
+    received = np.array([one.received for one in messages], np.int64)
+    unset = int((stamps == 0).sum())
+    repeated = int((np.diff(np.sort(stamps)) == 0).sum())
+    if len(messages) > 1 and (unset or repeated > _MOST_EQUAL * len(messages)):
+        why = (
+            f"header.stamp is 0 in {unset} of {len(messages)} messages"
+            if unset
+            else f"{repeated} of {len(messages)} messages have the header.stamp of another one"
+        )
+        notes.append(
+            f"{why}: the times of receipt are used, which scatter more; set the stamp in the driver"
+        )
+        stamps = received
+    order = np.argsort(stamps, kind="stable")
+    return stamps[order], [messages[k] for k in order.tolist()]
+
+
+def _of_one_publisher(
+    messages: Sequence[_Message], times: np.ndarray, position: np.ndarray, notes: list[str]
+) -> np.ndarray:
+    """Which messages agree with those of the program that publishes most of them.
+
+    Programs that publish on one topic differ in the order of the joints, the frame, or the fields
+    that they fill in.
+
+    Returns:
+        Shape (messages,).
+    """
+    kept = np.ones(len(messages), bool)
+    kinds = [(one.names, one.frame, tuple(one.values)) for one in messages]
+    (most, _), *others = Counter(kinds).most_common()
+    of_most = np.array([kind == most for kind in kinds])
+    clock = (times - times[0]).astype(float)
+    for other, count in others:
+        of_other = np.array([kind == other for kind in kinds])
+        moves = np.abs(np.diff(position[of_most], axis=0)).max(axis=0, initial=0.0)
+        expected = np.stack(
+            [np.interp(clock[of_other], clock[of_most], column[of_most]) for column in position.T],
+            axis=1,
+        )
+        far = np.abs(position[of_other] - expected) > _FAR * moves + 1e-9
+        if far.any(axis=1).mean() > 0.5:
+            kept &= ~of_other
+            notes.append(
+                f"another program publishes on this topic ({', '.join(other[0])}); {count} of "
+                f"{len(messages)} messages are its, say other positions, and were left out"
+            )
+    return kept
 
 
 def _topic(path: Path, topics: set[str], given: str | None) -> str:

@@ -20,9 +20,6 @@ from faultgen.importing.units import split_unit
 if TYPE_CHECKING:
     import pandas as pd
 
-LARGEST_FILE = 2_000_000_000
-"""Largest file that is read [bytes]."""
-
 BLANK = (
     *("", "nan", "-nan", "null", "none", "na", "n/a", "#n/a", "#nv", "#wert!", "#value!"),
     *("-", "--", "?", "missing"),
@@ -44,6 +41,8 @@ class Table:
     """Units that the log itself states, by column."""
     axes: tuple[str, ...] = ()
     """Names of the axes, if the log has such."""
+    lists: bool = False
+    """Whether cells hold lists of numbers, which have become columns NAME_1, NAME_2 and so on."""
     lines: np.ndarray | None = None
     """Line of the file in which each row stands, from 1. Shape (rows,)."""
     notes: tuple[str, ...] = ()
@@ -110,6 +109,12 @@ class Table:
         for name in self.columns:
             by_lower.setdefault(name.lower(), []).append(name)
         near = get_close_matches(plain, by_lower, n=4, cutoff=0.5)
+        if self.lists:
+            return InputError(
+                f"{self.source}: no column '{wanted}' for [{what}]; it has cells that hold lists of "
+                "numbers; write one column for each axis, or name their numbers in the map: the "
+                f"log has {listed(self.columns)}"
+            )
         told = f"the log has {len(self.columns)} columns: {listed(self.columns)}"
         if near:
             similar = [name for lower in near for name in by_lower[lower]]

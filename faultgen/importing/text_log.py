@@ -19,6 +19,8 @@ import numpy as np
 
 from faultgen.errors import InputError
 from faultgen.importing.column_map import File
+from faultgen.importing.sizes import LARGEST_TEXT, check_size, check_text
+from faultgen.importing.structured import read_structured, structure_of, without_lists
 from faultgen.importing.table import BLANK, Table, named_with_units, parsed_rows, split_cells
 from faultgen.importing.units import known_unit
 
@@ -30,9 +32,6 @@ _NUMBER = {
 # a cell with nothing but several numbers: split by a wrong separator
 _SEVERAL = re.compile(r"[+-]?\d[\d.,eE+-]*(\s+[+-]?\d[\d.,eE+-]*)+")
 _SWITCHES = ("true", "false", "on", "off", "yes", "no")
-LARGEST_TEXT = 150_000_000
-"""Largest log of text, unzipped [bytes]. Reading takes about five times as much memory."""
-
 _LOOKED_AT = 400  # lines in which the first row of numbers is searched for
 _MOST_LAST = 20  # lines after the rows of numbers that are left out, such as a summary
 
@@ -52,6 +51,12 @@ def read_text_log(path: Path, file: File) -> Table:
             and what would be right.
     """
     lines, notes = _lines(path, file.encoding)
+    kind = structure_of(lines)
+    if kind in ("xml", "json"):
+        return read_structured(path, lines, kind)
+    if kind == "lists":
+        lines = without_lists(path, lines)
+        notes.append("cells hold lists: their numbers were written into columns NAME_1, NAME_2, …")
     comments = (file.comment,) if isinstance(file.comment, str) else tuple(file.comment)
     comments = tuple(mark for mark in comments if mark)
     kept = [
@@ -73,6 +78,7 @@ def read_text_log(path: Path, file: File) -> Table:
         ended = lines[rows[-behind]].strip()[:40]
         notes.append(f"lines after the rows of numbers were left out: {behind}, '{ended}'")
         rows = rows[:-behind]
+    check_size(path, np.dtype(float).itemsize * len(rows) * len(names))
     texts = [lines[k] for k in rows]
     columns = _Columns(names, lambda: _parsed(path, texts, rows, len(names), separator, decimal))
     if not all(columns.is_empty(k) for k, name in enumerate(names) if not name):
@@ -85,6 +91,7 @@ def read_text_log(path: Path, file: File) -> Table:
         source=str(path),
         columns=columns,
         units=units,
+        lists=kind == "lists",
         lines=np.array(rows) + 1,
         notes=tuple(notes),
     )
@@ -126,12 +133,7 @@ def _lines(path: Path, encoding: str) -> tuple[list[str], list[str]]:
             content = file.read(LARGEST_TEXT + 1)
     except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"{path}: cannot be read ({' '.join(str(error).split())})") from None
-    if len(content) > LARGEST_TEXT:
-        unzipped = " when it is unzipped" if zipped else ""
-        raise InputError(
-            f"{path}: more than {LARGEST_TEXT / 1e6:.0f} MB of text{unzipped}; cut the log into "
-            "shorter ones, or export fewer columns"
-        )
+    check_text(path, content)
     if encoding != "auto":
         try:
             return _decoded(content, encoding, "strict"), []
@@ -206,10 +208,6 @@ def _layout(path: Path, lines: Sequence[str], file: File) -> tuple[str, str, int
         best = max(scores, key=lambda option: sum(scores[option]), default=None)
         if best is not None and any(scores[best]):
             return *best, next(k for k, score in enumerate(scores[best]) if score)
-    if any(re.search(r"[\[(]\s*[+-]?\d[^\])]*[,;\s][^\])]*[\])]", line) for line in lines):
-        raise InputError(
-            f"{path}: has cells that hold lists of numbers; write one column for each axis"
-        )
     raise InputError(
         f"{path}: no line with two or more numbers among the first {len(lines)}; state the "
         "separator and the decimal sign under [file] in the map"

@@ -70,6 +70,41 @@ def times_of(
     return (np.round(elapsed, digits) if digits < _EXACT else elapsed) * factor, {}
 
 
+def clock_of(table: Table, column_map: ColumnMap, name: str, time: np.ndarray) -> np.ndarray:
+    """Return the times of a channel that has a clock of its own.
+
+    Args:
+        table: The log.
+        column_map: What its columns mean.
+        name: Column with these times, in the unit of the other times.
+        time: Times of the rows from `times_of`, shape (rows,), in [s].
+
+    Returns:
+        Times with the same zero, NaN where a cell is blank, shape (rows,), in [s].
+
+    Raises:
+        InputError: There is no such column, or a cell is no time.
+    """
+    if name not in table.columns:
+        raise table.missing(name, "time.columns")
+    first = column_map.time.column
+    assert first is not None
+    if table.units.get(name, table.units.get(first)) != table.units.get(first):
+        raise InputError(
+            f"{table.source}: the times '{first}' and '{name}' have different units; write them in "
+            "the same one"
+        )
+    # both together, so that they have one zero
+    joined = Table(
+        source=table.source,
+        columns={first: np.concatenate([table.columns[first], table.columns[name]])},
+        units={first: table.units[first]} if first in table.units else {},
+    )
+    both, _ = times_of(joined, column_map, [])
+    count = len(time)
+    return both[count:] - np.nanmedian(both[:count] - time)
+
+
 def _of_dates(table: Table, name: str, notes: list[str]) -> np.ndarray:
     """Times in [s] after the first one, NaN where a cell is blank."""
     import pandas as pd

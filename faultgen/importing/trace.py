@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from faultgen.errors import InputError
-from faultgen.importing.table import LARGEST_FILE, Table
+from faultgen.importing.sizes import MOST_BYTES, check_size
+from faultgen.importing.table import Table
 from faultgen.system.reading import read_bytes
 
 BEGIN, END = "#BEGINCHANNELHEADER", "#ENDCHANNELHEADER"
@@ -91,6 +92,7 @@ def _channels(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], set[st
     if not explicit:
         raise InputError(f"{path}: lists no channel with data; give the .dat file of a trace")
     data = {}
+    size = 0.0
     columns: dict[str, np.ndarray] = {}
     units = {}
     for one in headers:
@@ -107,18 +109,25 @@ def _channels(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], set[st
                 )
             file = _beside(path, one.get(_DATA, "").strip())
             if (file, kind) not in data:
-                content = read_bytes(file, "data of a trace", LARGEST_FILE)
+                content = read_bytes(file, "data of a trace", MOST_BYTES)
                 size = np.dtype(_TYPES[kind]).itemsize
                 whole = len(content) // size * size
                 data[file, kind] = np.frombuffer(content[:whole], _TYPES[kind])
             together = [two for two in explicit if two.get(_DATA) == one.get(_DATA)]
+            count = len(data[file, kind]) / (1 if _by_channel(one) else len(together))
+            size += np.dtype(float).itemsize * count
+            check_size(path, size)
             columns[name] = _values(path, name, one, data[file, kind], len(together))
         else:
-            count, step = _whole(path, one, _COUNT), _real(path, one, _STEP, 1.0)
-            columns[name] = _real(path, one, _START, 0.0) + step * np.arange(count)
+            columns[name] = np.zeros(0)  # in its place; it may be longer than all others
         if one.get(_UNIT, "").strip():
             units[name] = one[_UNIT].strip()
-    short = min(len(values) for values in columns.values())
+    short = min(len(columns[one[_NAME].strip()]) for one in explicit)
+    for one in headers:
+        if not _explicit(one):
+            short = min(short, _whole(path, one, _COUNT))
+            steps = _real(path, one, _STEP, 1.0) * np.arange(short)
+            columns[one[_NAME].strip()] = _real(path, one, _START, 0.0) + steps
     implicit = {one[_NAME].strip() for one in headers if not _explicit(one)}
     return {name: values[:short] for name, values in columns.items()}, units, implicit
 
@@ -126,6 +135,11 @@ def _channels(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], set[st
 def _explicit(header: Mapping[str, str]) -> bool:
     # German controllers write EXPLIZIT
     return header.get(_WAY, "EXPLICIT").strip().upper().startswith("EXPLI")
+
+
+def _by_channel(header: Mapping[str, str]) -> bool:
+    """Whether the values of a channel stand behind each other."""
+    return header.get(_ORDER, "BLOCK").strip().upper() == "CHANNEL"
 
 
 def _beside(path: Path, named: str) -> Path:
@@ -141,7 +155,7 @@ def _values(
     path: Path, name: str, header: Mapping[str, str], data: np.ndarray, width: int
 ) -> np.ndarray:
     place = _whole(path, header, _PLACE, 1) - 1
-    if header.get(_ORDER, "BLOCK").strip().upper() == "CHANNEL":
+    if _by_channel(header):
         values = data[place : place + _whole(path, header, _COUNT)]
     else:
         values = data[place::width]

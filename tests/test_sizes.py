@@ -1,0 +1,131 @@
+"""Files that claim or unpack to more than memory holds are refused before they are unpacked."""
+
+import gzip
+import io
+import subprocess
+import sys
+import zipfile
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+
+from faultgen.discovery.import_log import import_log
+from faultgen.errors import InputError
+from faultgen.importing import map_of
+from faultgen.importing.sizes import MOST_BYTES
+
+MAP = map_of(
+    {
+        "side": "joint",
+        "time": {"sample_period": 0.01},
+        "position": {"columns": ["q_1", "q_2"], "unit": "rad"},
+        "torque": {"columns": ["tau_1", "tau_2"], "unit": "Nm"},
+    }
+)
+MANY = MOST_BYTES // 8 + 1  # values that are one too many
+
+
+def npz(path):
+    np.savez_compressed(path, q=np.zeros((MANY // 2 + 1, 2)), tau=np.zeros((3, 2)))
+
+
+def npz_header(path):
+    """An array whose header claims more than the file holds."""
+    header = io.BytesIO()
+    shape = {"descr": "<f8", "fortran_order": False, "shape": (10**12,)}
+    np.lib.format.write_array_header_1_0(header, shape)
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("q.npy", header.getvalue() + bytes(80))
+
+
+def mat(path):
+    scipy.io.savemat(path, {"q": np.zeros((MANY, 1))}, do_compression=True)
+
+
+def mat_in_bytes(path):
+    """Doubles that the file stores as single bytes: 15 MB become 120 MB."""
+    path.with_suffix(".tmp")
+    scipy.io.savemat(path, {"log": {"q": np.zeros((MANY, 1), np.uint8)}}, do_compression=False)
+    content = bytearray(path.read_bytes())
+    at = content.index((9).to_bytes(4, "little") + b"\0\0\0\0", 128)  # class mxUINT8
+    content[at] = 6  # class mxDOUBLE
+    path.write_bytes(content)
+
+
+def hdf5(path):
+    with h5py.File(path, "w") as file:
+        file.create_dataset("q", (MANY, 1), "f8", chunks=(1000, 1), compression=1)
+        file["q"][:10] = 1.0
+
+
+def gz(path):
+    with gzip.open(path, "wb", 1) as file:
+        for _ in range(16):
+            file.write(b"1.0,2.0,3.0\n" * 1_000_000)
+
+
+def short_lines(path):
+    path.write_bytes(b"1,2\n" * 2_500_001)
+
+
+@pytest.mark.parametrize(
+    ("name", "make", "message"),
+    [
+        ("log.npz", npz, "its arrays take more than 120 MB in memory"),
+        ("log.npz", npz_header, "claims shape (1000000000000,), but has"),
+        ("log.mat", mat, "its arrays take more than 120 MB in memory"),
+        ("log.mat", mat_in_bytes, "its arrays take more than 120 MB in memory"),
+        ("log.mat", hdf5, "its arrays take more than 120 MB in memory"),
+        ("log.csv.gz", gz, "more than 150 MB of text"),
+        ("log.csv", short_lines, "million lines"),
+    ],
+)
+def test_what_would_not_fit_is_refused_before_it_is_unpacked(tmp_path, name, make, message):
+    """The message states the limit and the way past it, and the memory does not grow by 1 GB."""
+    path = tmp_path / name
+    make(path)
+    code = (
+        "import resource, sys\n"
+        "from faultgen.discovery.import_log import import_log\n"
+        "from faultgen.errors import InputError\n"
+        "from faultgen.importing import map_of\n"
+        f"given = map_of({MAP.model_dump(exclude_none=True)!r})\n"
+        "try:\n"
+        f"    import_log({str(path)!r}, given)\n"
+        "except InputError as error:\n"
+        "    print(error)\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    told, peak = done.stdout.splitlines()
+    assert message in told
+    assert ("shorter logs" in told or "shorter ones" in told) == ("claims" not in message)
+    assert int(peak) < 600_000  # [kB]
+
+
+def test_members_that_are_no_arrays_are_left_out(tmp_path):
+    """An .npz file may hold texts and objects beside the arrays."""
+    time = 0.01 * np.arange(200)
+    q, tau = (np.stack([f(time), f(2 * time)], axis=1) for f in (np.sin, np.cos))
+    path = tmp_path / "log.npz"
+    np.savez(path, q=q, tau=tau, names=np.array(["a", None], object), label=np.array("arm"))
+    with zipfile.ZipFile(path, "a") as file:
+        file.writestr("notes.txt", "recorded by hand")
+        file.writestr("empty.npy", "")
+    assert np.array_equal(import_log(path, MAP).recording.torque, tau)
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("q.npy", "no array")
+    with pytest.raises(InputError, match="has no arrays of numbers"):
+        import_log(path, MAP)
+
+
+def test_a_cell_may_be_as_long_as_its_line(tmp_path):
+    """The reader of CSV files has a limit of 131 072 characters."""
+    path = tmp_path / "log.csv"
+    rows = "".join(f"0.1,{k},{k},2,note\n" for k in range(50))
+    path.write_text(f"q_1,q_2,tau_1,tau_2,{'x' * 200_000}\n{rows}")
+    assert import_log(path, MAP).recording.n_axes == 2
+    path.write_text(f"q_1,q_2,tau_1,tau_2,text\n0.1,0,0,2,{'x' * 200_000}\n{rows}")
+    assert len(import_log(path, MAP).recording.torque) == 51
