@@ -87,7 +87,7 @@ def draw(bench: Bench, sensors: Sensors, rng: np.random.Generator) -> Drawn | No
         ]
     )
     measured = np.clip(warm + sensors.temperature_error * errors, *TEMPERATURE_RANGE)
-    expected = _expected(bench, measured)
+    expected = expected_cycles(bench, measured)
     count = np.sqrt(DRAWN)
     return Drawn((cycles - expected) / count, (cycles - cycles.mean(axis=0)) / count)
 
@@ -107,8 +107,17 @@ def disturbances(view: View, drawn: Drawn | None) -> list[np.ndarray]:
     return list(drawn.known if view.knows_temperature else drawn.unknown)
 
 
-def _expected(bench: Bench, temperature: np.ndarray) -> np.ndarray:
-    """Healthy cycles with nominal payload at given temperatures, after cycles like them."""
+def expected_cycles(bench: Bench, temperature: np.ndarray) -> np.ndarray:
+    """Simulate healthy cycles with the nominal payload, each after one like it.
+
+    Args:
+        bench: The robot at its task.
+        temperature: Temperature of each cycle, shape (cycles,), in [deg C].
+
+    Returns:
+        Shape (cycles, 3, samples, n_axes): position [rad], velocity [rad/s] and torque [N m] of the
+        motors. They are a polynomial through simulated ones.
+    """
     low, high = float(temperature.min()), float(temperature.max())
     warm = chebyshev(low, high, _TEMPERATURES) if high > low else (low,)
     nodes = np.stack([bench.cycle(Condition(one)) for one in warm])
