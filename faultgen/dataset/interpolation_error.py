@@ -2,8 +2,8 @@
 
 Some cycles of the run are simulated as well: those in which the interpolation is expected to be
 worst. Their errors are measured, and the bounds that a run states for all of its cycles are these
-errors times a factor. The factors were chosen on some runs and tried on others; docs/surrogate.md gives the
-counts.
+errors times a factor. The factors were chosen on some runs and tried on others, which
+docs/surrogate.md lists.
 
     rows = checked(every, changes, between=[0.05, 0.15])
     within = bounds(told - simulated)   # within.run, within.cycle, within.sample
