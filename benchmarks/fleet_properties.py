@@ -51,7 +51,7 @@ from faultgen.system.files import write_text
 Value = float | tuple[float, float]
 
 PROPERTIES: dict[str, tuple[str, str, tuple[Value, ...]]] = {
-    "unsteadiness": ("damage", "unsteadiness", (0.0, 0.5, 1.0, 2.0)),
+    "unsteadiness": ("damage", "unsteadiness", (0.0, 0.25, 0.5, 1.0, 2.0)),
     "life": ("damage", "life", ((20.0, 60.0), (60.0, 200.0), (120.0, 600.0))),
     "mix": ("programs", "mix", (15.0, 60.0, 1000.0, 100000.0)),
     "lubricant": ("scatter", "lubricant", (0.0, 0.03, 0.1)),

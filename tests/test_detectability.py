@@ -61,7 +61,7 @@ def signals(seed):
 def test_distance_is_that_of_the_covariance_of_all_samples():
     """A dense matrix of noise and disturbances gives the same d', but for the first sample."""
     warm, heavy, change = signals(1), signals(2), signals(3)
-    disturbances = [("temperature", warm), ("payload", heavy)]
+    disturbances = [0.5 * warm, 0.01 * heavy]
     view = View(name="torque", sensors=NOISE, sample_period=STEP)
     found = matched_filter(view, ROBOT, signals(0), disturbances, MEAN, step=STEP)
     blocks = [
@@ -76,10 +76,8 @@ def test_distance_is_that_of_the_covariance_of_all_samples():
     x = change[2].T.ravel()
     dense = np.sqrt(x @ np.linalg.solve(covariance, x))
     assert found.distance(change) == pytest.approx(dense, rel=0.01)
-    # without a thermometer the whole wander counts, so less is seen
-    blind = matched_filter(
-        replace(view, thermometer=False), ROBOT, signals(0), disturbances, MEAN, step=STEP
-    )
+    # without a thermometer the whole wander of 4 K counts, so less is seen
+    blind = matched_filter(view, ROBOT, signals(0), [4 * warm, 0.01 * heavy], MEAN, step=STEP)
     assert found.distance(warm) == pytest.approx(1 / 0.5, rel=0.01)  # 1 K over its error
     assert blind.distance(warm) == pytest.approx(1 / 4, rel=0.01)
     # a change that looks like what varies anyway is not seen, however large

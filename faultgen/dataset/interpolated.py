@@ -34,6 +34,7 @@ from faultgen.dataset.nodes import (
     nodes_of,
     nodes_of_changes,
     simulated,
+    weights_of_changes,
 )
 from faultgen.dataset.planning import Run
 from faultgen.dataset.run_file import growth_of
@@ -176,7 +177,7 @@ def interpolated(course: Course, shared: Nominal) -> Interpolated:
             if with_changes:
                 after = nodes_of_changes(shared, run, of_changes, every, channels)
                 nodes = np.concatenate([nodes, after])
-                weights = np.hstack([weights, _weights_of_changes(of_changes, every, changes)])
+                weights = np.hstack([weights, weights_of_changes(of_changes, every[:, 0], changes)])
             told = np.tensordot(weights[rows], nodes[:, _TORQUE], axes=1)
             error = bounds(told - true)
             # changes are left out if they matter in no cycle
@@ -199,12 +200,6 @@ def noise_of(sensors: Sensors, mean_torque: np.ndarray) -> np.ndarray:
     if not np.any(level):
         level = np.asarray(SENSORS["thesis"].torque_noise)
     return np.asarray(level * mean_torque)
-
-
-def _weights_of_changes(grid: Grid, every: np.ndarray, changes: np.ndarray) -> np.ndarray:
-    """Weights of the changes in each cycle, shape (cycles, nodes of changes)."""
-    every_node = grid.weights(every[:, 0], 1 + changes[:, 1], changes[:, [0, 2]])
-    return every_node[:, len(grid.temperatures) :]
 
 
 def _between(grid: Grid) -> list[float]:
@@ -230,7 +225,7 @@ def _refuse_jumps(run: Run, shared: Nominal, every: np.ndarray, limit: np.ndarra
         before, after = severity[at : at + 2].tolist()
         return after_growth(shared, run, temperature, before, after, MEASURED[_TORQUE:])[0]
 
-    most = {int(at): carried(at) for at in (np.argmin(change), np.argmax(change))}
+    most = {at: carried(at) for at in map(int, (np.argmin(change), np.argmax(change)))}
     errors = []
     for at in order[np.linspace(0, len(order) - 1, _TRIED + 2).astype(int)[1:-1]].tolist():
         end = int(np.argmax(change) if change[at] > 0 else np.argmin(change))

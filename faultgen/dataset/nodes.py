@@ -66,6 +66,22 @@ def grid_of_changes(temperatures: tuple[float, ...], changes: np.ndarray) -> Gri
     return Grid(temperatures[::_COARSER], loads, (warmth, growth))
 
 
+def weights_of_changes(grid: Grid, temperature: np.ndarray, changes: np.ndarray) -> np.ndarray:
+    """Compute the weight of each node of a grid of changes, but for those of the base.
+
+    Args:
+        grid: The grid, see `grid_of_changes`.
+        temperature: Temperature of each cycle, shape (cycles,), in [deg C].
+        changes: Changes of temperature [K], payload factor and severity from the cycle before,
+            shape (cycles, 3).
+
+    Returns:
+        Shape (cycles, nodes), without unit.
+    """
+    every_node = grid.weights(temperature, 1 + changes[:, 1], changes[:, [0, 2]])
+    return every_node[:, len(grid.temperatures) :]
+
+
 def _rounded_up(values: np.ndarray, whole: float) -> float:
     """The largest magnitude, rounded up to a multiple."""
     return whole * float(np.ceil(np.abs(values).max() / whole))
@@ -124,7 +140,7 @@ def nodes_of_changes(
     grown = np.array([node.way == _GROWTH for node in nodes], bool)
     out = np.empty((len(nodes), len(channels), shared.samples, shared.robot.n_axes))
     out[~grown] = _after_changes(
-        *_made_of(run), Grid(grid.temperatures, grid.loads, (warmth,)), channels
+        *_made_of(run), Grid(grid.temperatures, grid.loads, (warmth, ())), channels
     )
     severity = every[:, 2]
     for k in np.flatnonzero(grown).tolist():
@@ -194,7 +210,29 @@ def _after_changes(
     channels: tuple[str, ...],
 ) -> np.ndarray:
     """Simulate the changes of `nodes_of_changes` without wear."""
-    shared = nominal(robot, task, sample_period, operation)
+    return carried_over(
+        nominal(robot, task, sample_period, operation), sample_period, grid, channels
+    )
+
+
+def carried_over(
+    shared: Nominal, sample_period: float, grid: Grid, channels: Sequence[str]
+) -> np.ndarray:
+    """Simulate how healthy cycles differ that follow another temperature or payload.
+
+    Args:
+        shared: The nominal cycle of a robot and task.
+        sample_period: Time between samples [s].
+        grid: A grid of changes without changes of the severity, see `grid_of_changes`.
+        channels: Names of the channels.
+
+    Returns:
+        A cycle after the change, less the same cycle after one like it, for every node but those of
+        the base; shape (nodes, channels, samples, n_axes), in [rad], [rad/s] and [N m].
+
+    Raises:
+        SimulationFailed: A cycle could not be simulated.
+    """
     nodes = grid.nodes[len(grid.temperatures) :]
     warm = sorted({node.temperature for node in nodes})
     still = [(Condition(one), Condition(one)) for one in warm]

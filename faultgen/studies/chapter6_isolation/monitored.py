@@ -10,7 +10,7 @@ the same seed draws the same temperature, payload and noise.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from faultgen.evaluation.features import Features, features
 from faultgen.evaluation.methods import Setting
 from faultgen.evaluation.wear_model import WearModel, wear_model, wear_points
-from faultgen.monitoring.environment import surroundings
+from faultgen.monitoring.environment import Surroundings, surroundings
 from faultgen.monitoring.sensors import Sensors, measure
 from faultgen.robot import load_robot
 from faultgen.simulation.nominal import nominal
@@ -72,7 +72,7 @@ class Monitored:
         severity: np.ndarray,
         rng: np.random.Generator,
         names: Collection[str] = STORED,
-        change: tuple[np.ndarray, np.ndarray] | None = None,
+        change: Callable[[Surroundings, slice], np.ndarray] | None = None,
     ) -> Features:
         """Observe consecutive cycles.
 
@@ -81,8 +81,9 @@ class Monitored:
             severity: Severity of each cycle and axis, shape (cycles, n_axes).
             rng: Source of randomness, used in the same order as in a run of `faultgen generate`.
             names: Names of the features.
-            change: Which cycles have a further change, shape (cycles,), and the change of their
-                position [rad], velocity [rad/s] and torque [N m], shape (3, samples, n_axes).
+            change: Function from the surroundings of all cycles, and the cycles in question, to a
+                further change of position [rad], velocity [rad/s] and torque [N m], shape (cycles
+                in question, 3, samples, n_axes).
 
         Returns:
             The features by name; arrays have shape (cycles, ...).
@@ -99,7 +100,7 @@ class Monitored:
                 around.temperature[part], around.payload_factor[part], severity[part]
             )
             if change is not None:
-                clean[change[0][part]] += change[1]
+                clean += change(around, part)
             measured = [
                 measure(
                     sensors,

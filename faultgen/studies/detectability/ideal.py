@@ -1,11 +1,12 @@
 """The ideal detector: a matched filter that knows how an effect changes the logged signals.
 
-It weighs the change of every sample by the noise, and does not see what changes of temperature and
-payload look like. No detector that gets the same logs can do better, as long as noise and changes
-are normally distributed (Kay, Fundamentals of Statistical Signal Processing II, 1998, section 4.4).
+It weighs the change of every sample by the noise, and does not see what healthy cycles at other
+temperatures, with other payloads and after other cycles look like. No detector that gets the same
+logs can do better, as long as noise and changes are normally distributed (Kay, Fundamentals of
+Statistical Signal Processing II, 1998, section 4.4).
 
     view = View(name="torque", sensors=sensors)
-    ideal = matched_filter(view, robot, healthy, disturbances, mean_torque, step=0.001)
+    ideal = matched_filter(view, robot, healthy, drawn, mean_torque, step=0.001)
     ideal.distance(worn - healthy)        # d': change over its standard deviation, of one cycle
 """
 
@@ -57,11 +58,9 @@ class View:
     """Whether the temperature of the gearboxes is measured."""
 
     @property
-    def temperature_error(self) -> float:
-        """Standard deviation of the temperature that remains unknown [K]."""
-        sensors = self.sensors
-        known = self.thermometer and sensors.temperature_error < sensors.temperature_wander
-        return sensors.temperature_error if known else sensors.temperature_wander
+    def knows_temperature(self) -> bool:
+        """Whether a measured temperature tells more than the mean."""
+        return self.thermometer and self.sensors.temperature_error < self.sensors.temperature_wander
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +79,8 @@ class MatchedFilter:
     """Standard deviation of each logged motor position, shape (n_axes,), in [rad]; 0 where none is
     logged."""
     basis: np.ndarray
-    """Whitened change by each disturbance of one standard deviation, shape (disturbances,
-    samples)."""
+    """Whitened changes whose outer products add up to the covariance of the disturbances, shape
+    (changes, samples)."""
 
     def whiten(self, change: np.ndarray) -> np.ndarray:
         """Divide a change by the noise, so that noise alone has a standard deviation of 1.
@@ -117,9 +116,19 @@ class MatchedFilter:
         x = self.whiten(change)
         if not len(self.basis):
             return float(np.sqrt(x @ x))
-        along = self.basis @ x
+        return float(np.sqrt(max(x @ self.weighed(x), 0.0)))
+
+    def weighed(self, x: np.ndarray) -> np.ndarray:
+        """Divide a whitened change by the covariance of noise and disturbances.
+
+        Args:
+            x: Whitened change, shape (whitened samples,).
+
+        Returns:
+            Weights of the best statistic for this change, shape (whitened samples,).
+        """
         inner = np.eye(len(self.basis)) + self.basis @ self.basis.T
-        return float(np.sqrt(max(x @ x - along @ np.linalg.solve(inner, along), 0.0)))
+        return x - self.basis.T @ np.linalg.solve(inner, self.basis @ x)
 
 
 def of_day(distance: float) -> float:
@@ -131,7 +140,7 @@ def matched_filter(
     view: View,
     robot: Robot,
     healthy: np.ndarray,
-    disturbances: Sequence[tuple[str, np.ndarray]],
+    disturbances: Sequence[np.ndarray],
     mean_torque: np.ndarray,
     *,
     step: float,
@@ -143,9 +152,9 @@ def matched_filter(
         robot: The robot.
         healthy: A healthy cycle: position [rad], velocity [rad/s] and torque [N m] of the motors,
             shape (3, samples, n_axes).
-        disturbances: What differs from cycle to cycle: "temperature", "payload" or "run_to_run",
-            with the change that 1 K, the nominal payload or one standard deviation causes, of the
-            same shape.
+        disturbances: Changes by what differs from cycle to cycle, each of the same shape. The sum
+            of their outer products is the covariance: each is either independent of all others and
+            of one standard deviation, or one of n drawn changes, divided by the root of n.
         mean_torque: Mean |torque| of each axis in the nominal cycle, shape (n_axes,), in [N m].
         step: Time between simulated samples [s].
 
@@ -171,11 +180,6 @@ def matched_filter(
         rounded = np.where(counts > 0, 2 * np.pi / np.where(counts > 0, counts, 1.0), 0.0)
         rounded = rounded / np.sqrt(12) if sensors.quantised else 0 * rounded
         position = np.hypot(rounded, sensors.position_noise * np.abs(robot.gear_ratio))
-    size = {
-        "temperature": view.temperature_error,
-        "payload": sensors.payload_scatter,
-        "run_to_run": 1.0,
-    }
     feedback = _feedback(sensors, n_axes, every * step)
     bare = MatchedFilter(
         every,
@@ -185,8 +189,9 @@ def matched_filter(
         position,
         np.zeros((0, 0)),
     )
-    rows = [size[name] * bare.whiten(change) for name, change in disturbances if size[name] > 0]
-    return replace(bare, basis=np.array(rows))
+    if not len(disturbances):
+        return bare
+    return replace(bare, basis=np.array([bare.whiten(change) for change in disturbances]))
 
 
 def _feedback(sensors: Sensors, n_axes: int, period: float) -> list[np.ndarray]:

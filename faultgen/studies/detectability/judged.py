@@ -15,11 +15,15 @@ from faultgen.evaluation.calls import create, fit, score
 from faultgen.evaluation.detectors import DETECTORS
 from faultgen.evaluation.features import Features
 from faultgen.evaluation.methods import CYCLES, Detector, needed
+from faultgen.monitoring.environment import Surroundings
 from faultgen.monitoring.sensors import Sensors
 from faultgen.studies.chapter6_isolation.monitored import Monitored
+from faultgen.studies.detectability.disturbed import Before
 from faultgen.studies.detectability.ideal import BASELINE, DETECTED, FALSE_ALARM, LOGGED
 
-_HISTORY = 24  # healthy cycles before a day that is judged
+HISTORY = 24
+"""Healthy cycles before a day that is judged."""
+
 _FEWEST = 5  # days for each severity
 _APART = 0.1  # memory of the temperature from one logged cycle to the next [cycles]: hours apart
 
@@ -38,6 +42,8 @@ class Judged:
     """Score above which each raises an alarm."""
     left_out: dict[str, str]
     """Detectors that cannot be used, and why."""
+    before: Before
+    """What the cycles before leave in the logged ones."""
 
     def share(
         self, change: np.ndarray, days: int, rng: np.random.Generator, names: Collection[str]
@@ -75,13 +81,36 @@ class Judged:
         Returns:
             Features of the cycles, with the shapes of `FEATURES`.
         """
-        cycles = _HISTORY + LOGGED
-        severity = np.zeros((cycles, self.monitored.surrogate.n_axes))
-        present = np.arange(cycles) >= _HISTORY
+        return self.observe(HISTORY + LOGGED, rng, change)
+
+    def observe(
+        self, cycles: int, rng: np.random.Generator, change: np.ndarray | None = None
+    ) -> Features:
+        """Observe logged cycles, each after another cycle.
+
+        Args:
+            cycles: Number of cycles.
+            rng: Source of randomness.
+            change: Change of the cycles of the last day, as for `share`; None: they are healthy.
+
+        Returns:
+            Features of the cycles, with the shapes of `FEATURES`.
+        """
+        rng_before, rng_cycles = rng.spawn(2)
+        changed = (np.arange(cycles) >= cycles - LOGGED).astype(float)
         names = needed(self.detectors.values())
-        return self.monitored.observe(
-            self.sensors, severity, rng, names, None if change is None else (present, change)
-        )
+        weights: list[np.ndarray] = []
+
+        def further(around: Surroundings, part: slice) -> np.ndarray:
+            if not weights:  # the same draw for all parts
+                weights.append(self.before.changes(around, rng_before))
+            found = np.tensordot(weights[0][part], self.before.nodes, axes=1)
+            if change is not None:
+                found += np.multiply.outer(changed[part], change)
+            return found
+
+        severity = np.zeros((cycles, self.monitored.surrogate.n_axes))
+        return self.monitored.observe(self.sensors, severity, rng_cycles, names, further)
 
 
 def _tops(judged: Judged, seen: Features) -> dict[str, float]:
@@ -89,7 +118,9 @@ def _tops(judged: Judged, seen: Features) -> dict[str, float]:
     return {name: float(score(one, seen)[-LOGGED:].max()) for name, one in judged.detectors.items()}
 
 
-def judged(monitored: Monitored, sensors: Sensors, days: int, rng: np.random.Generator) -> Judged:
+def judged(
+    monitored: Monitored, sensors: Sensors, days: int, rng: np.random.Generator, before: Before
+) -> Judged:
     """Fit all detectors on healthy cycles, and find their thresholds.
 
     Args:
@@ -97,6 +128,7 @@ def judged(monitored: Monitored, sensors: Sensors, days: int, rng: np.random.Gen
         sensors: Noise and disturbances.
         days: Number of healthy days from which thresholds are found.
         rng: Source of randomness.
+        before: What the cycles before leave in the logged ones.
 
     Returns:
         The detectors.
@@ -108,17 +140,15 @@ def judged(monitored: Monitored, sensors: Sensors, days: int, rng: np.random.Gen
         for name, kind in DETECTORS.items()
         if CYCLES in kind.rows and not kind.supervised
     }
-    names = needed(detectors.values())
-    none = np.zeros((BASELINE, setting.n_axes))
-    healthy = monitored.observe(sensors, none, rng, names)
-    left_out = {}
+    left_out: dict[str, str] = {}
+    ready = Judged(monitored, sensors, detectors, {}, left_out, before)
+    healthy = ready.observe(BASELINE, rng)
     for name, one in list(detectors.items()):
         try:
             fit(one, [healthy] if one.learns else [])
         except ValueError as error:
             left_out[name] = str(error)
             del detectors[name]
-    ready = Judged(monitored, sensors, detectors, {}, left_out)
     tops = [_tops(ready, ready.series(None, rng)) for _ in range(days)]
     limits = {
         name: float(np.quantile([top[name] for top in tops], 1 - FALSE_ALARM)) for name in detectors

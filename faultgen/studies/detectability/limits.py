@@ -56,8 +56,12 @@ class Bench:
         )
         return cls(shared.robot, shared.control, whole // parts * timestep)
 
-    def cycle(self, condition: Condition) -> np.ndarray:
-        """Simulate one cycle at a condition that also held before.
+    def cycle(self, condition: Condition, before: Condition | None = None) -> np.ndarray:
+        """Simulate one cycle.
+
+        Args:
+            condition: Its condition.
+            before: Condition of the cycle before. Default: the same one.
 
         Returns:
             Shape (3, samples, n_axes): position [rad], velocity [rad/s] and torque [N m] of the
@@ -66,8 +70,9 @@ class Bench:
         Raises:
             SimulationFailed: The simulation diverges.
         """
-        plant = plant_at(self.robot, self.robot.spec(), condition)
-        (cycle,) = simulate(self.robot, self.control, [plant], sample_period=self.step)
+        conditions = [condition] if before is None else [before, condition]
+        plants = [plant_at(self.robot, self.robot.spec(), one) for one in conditions]
+        *_, cycle = simulate(self.robot, self.control, plants, sample_period=self.step)
         return np.stack([getattr(cycle, name) for name in CHANNELS])
 
     def worn(self, effect: Effect, axis: int, severity: float) -> np.ndarray | None:

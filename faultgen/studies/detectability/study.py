@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from faultgen import plugins
 from faultgen.dataset.wear import severities
-from faultgen.effects import EFFECTS, Applied, Effect
+from faultgen.effects import EFFECTS, Effect
 from faultgen.evaluation.places import ROBOTS, TASKS, place_name
 from faultgen.monitoring.sensors import SENSORS, Sensors
 from faultgen.provenance import provenance
@@ -29,6 +29,7 @@ from faultgen.simulation.nominal import nominal
 from faultgen.simulation.state import Condition
 from faultgen.simulation.surrogate import SAMPLE_PERIOD, Surrogate, surrogate_file
 from faultgen.studies.chapter6_isolation.monitored import Monitored
+from faultgen.studies.detectability.disturbed import Before, disturbances, draw
 from faultgen.studies.detectability.ideal import (
     DETECTED,
     NEEDED,
@@ -50,8 +51,6 @@ QUICK_EFFECTS = ("friction_wear", "backlash", "gear_stiffness", "torque_ripple",
 SCHEDULES = ("exponential", "sigmoid")
 """Wear schedules of the thesis (eq. 6.6 and 3.7), for which the time to detection is given."""
 
-_STEP = 4.0  # by which temperature is changed to find its influence [K]
-_HEAVIER = 0.03  # by which the payload is changed
 _LEVELS = 6  # severities at which detectors are tried, from that of the ideal detector on
 _RATIO = 4.0  # of one to the next
 _LIFE = 1000  # cycles of a wear schedule, to find the share of the life after which wear is seen
@@ -129,7 +128,7 @@ def views(sensors: Sensors) -> list[View]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Place:
+class Place:
     """What the jobs of one robot and task share."""
 
     bench: Bench
@@ -215,20 +214,33 @@ def _job(
         rows: list[dict[str, Any]] = json.loads(path.read_text())
         return rows
     with threadpool_limits(1):  # sums in another order would differ in their last digits
-        place = _place(robot, task, surrogate, sensors, size, seed)
+        place = place_of(robot, task, surrogate, sensors, size, seed)
         rows = _rows(place, robot, task, EFFECTS[effect], size, seed)
     cells.mkdir(parents=True, exist_ok=True)
     write_text(path, json.dumps(rows) + "\n")
     return rows
 
 
-_LATEST: dict[tuple[Any, ...], _Place] = {}
+_LATEST: dict[tuple[Any, ...], Place] = {}
 """The place of the last job, which the next one usually shares."""
 
 
-def _place(
+def place_of(
     robot: str, task: str, surrogate: Path, sensors: Sensors, size: Size, seed: int
-) -> _Place:
+) -> Place:
+    """Prepare a robot and task, or return that of the last call if it is the same.
+
+    Args:
+        robot: Name of the robot, or path of its MJCF file or folder.
+        task: Name of the task, or path of its file.
+        surrogate: File of its interpolated cycles.
+        sensors: Noise and disturbances.
+        size: Amount of random data.
+        seed: Root seed of all random draws.
+
+    Returns:
+        What all effects share.
+    """
     key = (robot, task, surrogate, repr(sensors), size, seed)
     if key not in _LATEST:
         _LATEST.clear()
@@ -238,30 +250,30 @@ def _place(
 
 def _prepared(
     robot: str, task: str, surrogate: Path, sensors: Sensors, size: Size, seed: int
-) -> _Place:
+) -> Place:
     ways = views(sensors)
     bench = Bench.of(robot, task, ways[0].sample_period)
-    mean = nominal(robot, task, ways[0].sample_period).mean_torque
-    reference = bench.robot.friction_temperature
-    healthy = bench.cycle(Condition(reference))
-    warm = bench.cycle(Condition(reference + _STEP)) - bench.cycle(Condition(reference - _STEP))
-    changes = [("temperature", warm / (2 * _STEP))]
-    if bench.robot.payload_mass > 0:
-        heavy = bench.cycle(Condition(reference, 1 + _HEAVIER)) - healthy
-        changes.append(("payload", heavy / _HEAVIER))
-    for name, spread in sorted(sensors.run_to_run.items()):
-        for axis, one in enumerate(spread, start=1):
-            if one > 0:
-                fault = Applied(name, axis, float(one), {})
-                worn = bench.cycle(Condition(reference, 1.0, (fault,)))
-                changes.append(("run_to_run", worn - healthy))
+    period = ways[0].sample_period
+    shared = nominal(robot, task, period)
+    healthy = bench.cycle(Condition(bench.robot.friction_temperature))
+    rng = np.random.default_rng([seed, *_number(*place_name(robot, task))])
+    rng_drawn, rng_days = rng.spawn(2)
+    drawn = draw(bench, sensors, rng_drawn)
     filters = {
-        view.name: matched_filter(view, bench.robot, healthy, changes, mean, step=bench.step)
+        view.name: matched_filter(
+            view,
+            bench.robot,
+            healthy,
+            disturbances(view, drawn),
+            shared.mean_torque,
+            step=bench.step,
+        )
         for view in ways
     }
-    rng = np.random.default_rng([seed, *_number(*place_name(robot, task))])
-    ready = judged(Monitored.of(Surrogate.load(surrogate)), sensors, size.healthy_days, rng)
-    return _Place(bench, healthy, filters, ready)
+    cycles = Surrogate.load(surrogate)
+    before = Before.of(shared, sensors, cycles.temperatures, period)
+    ready = judged(Monitored.of(cycles), sensors, size.healthy_days, rng_days, before)
+    return Place(bench, healthy, filters, ready)
 
 
 def _number(*words: object) -> list[int]:
@@ -271,7 +283,7 @@ def _number(*words: object) -> list[int]:
 
 
 def _rows(
-    place: _Place, robot: str, task: str, effect: Effect, size: Size, seed: int
+    place: Place, robot: str, task: str, effect: Effect, size: Size, seed: int
 ) -> list[dict[str, Any]]:
     """One row for each axis on which the effect can act."""
     where = place_name(robot, task)
@@ -291,7 +303,7 @@ def _rows(
 
 
 def _limits(
-    place: _Place, effect: Effect, axis: int, size: Size, rng: np.random.Generator
+    place: Place, effect: Effect, axis: int, size: Size, rng: np.random.Generator
 ) -> dict[str, Any]:
     reference = place.filters[REFERENCE]
     found = find_limit(
@@ -318,14 +330,26 @@ def _limits(
         for name, one in place.filters.items()
     }
     told["life"] = {name: _life(name, effect.default, found.severity) for name in SCHEDULES}
-    told["detectors"] = _tried(place, effect, axis, found.severity, size.days, rng)
+    told["detectors"] = tried(place, effect, axis, found.severity, size.days, rng)
     return told
 
 
-def _tried(
-    place: _Place, effect: Effect, axis: int, first: float, days: int, rng: np.random.Generator
+def tried(
+    place: Place, effect: Effect, axis: int, first: float, days: int, rng: np.random.Generator
 ) -> dict[str, float | None]:
-    """The smallest severity that each detector sees."""
+    """Find the smallest severity that each detector sees.
+
+    Args:
+        place: The robot and task.
+        effect: The effect.
+        axis: Axis, from 1.
+        first: Smallest severity that is tried, in the unit of the effect.
+        days: Number of days for each severity.
+        rng: Source of randomness.
+
+    Returns:
+        The severities by detector; None if it sees none.
+    """
     every = place.filters[REFERENCE].every
     levels: list[float] = []
     shares: dict[str, list[float]] = {name: [] for name in place.judged.threshold}
@@ -343,7 +367,7 @@ def _tried(
     return {name: smallest(levels[: len(own)], own) for name, own in shares.items()}
 
 
-def _reason(place: _Place, axis: int, distance: float) -> str:
+def _reason(place: Place, axis: int, distance: float) -> str:
     """Why the ideal detector sees nothing."""
     if not place.judged.monitored.model.turning[axis - 1]:
         return "the axis does not turn in this task"
