@@ -70,7 +70,7 @@ def test_lists_are_json_too():
 
 def test_generate_again_keeps_what_is_there(tiny_robot_path, tiny_task_path, dataset):
     """The same command resumes: it makes nothing twice."""
-    again = faultgen(*flags(tiny_robot_path, tiny_task_path, dataset, severity=0.2))
+    again = faultgen_here(*flags(tiny_robot_path, tiny_task_path, dataset, severity=0.2))
     assert again.returncode == 0
     assert "3 runs, 0 made now, 3 already present, 0 failed" in again.stdout
 
@@ -80,7 +80,7 @@ def test_severities_and_pairing_by_flags(tiny_robot_path, tiny_task_path, tmp_pa
     severity = "backlash=0.001,0.002,encoder_offset=0.02"
     chosen = {"effect": "backlash,encoder_offset", "severity": severity, "axis": 1, "cycles": 1}
     arguments = flags(tiny_robot_path, tiny_task_path, tmp_path, **chosen)
-    assert faultgen(*arguments, "--paired").returncode == 0
+    assert faultgen_here(*arguments, "--paired").returncode == 0
     runs = json.loads((tmp_path / "runs.json").read_text())["runs"].values()
     assert [(run["effect"], run["severity"]) for run in runs] == [
         ("healthy", 0.0),
@@ -137,12 +137,12 @@ def test_info_tells_of_damage(tiny_robot_path, tiny_task_path, tmp_path):
 
 def test_isolate_prints_the_form_of_table_6_2(dataset):
     """A table for a robot and task: method x wear, and what is named on the healthy robot."""
-    text = re.sub(" +", " ", faultgen("isolate", dataset, "--seeds", "3").stdout)
+    text = re.sub(" +", " ", faultgen_here("isolate", dataset, "--seeds", "3").stdout)
     assert "**tiny, swing, friction_wear**" in text
     levels = " | ".join(f"{wear} % (n = 6)" for wear in ("1", "5", "10", "15"))
     assert f"| method \\ severity | {levels} | healthy (n = 3) |" in text
     assert "| TE 5 bins |" in text
-    rows = json.loads(faultgen("isolate", dataset, "--seeds", "3", "--json").stdout)["results"]
+    rows = json.loads(faultgen_here("isolate", dataset, "--seeds", "3", "--json").stdout)["results"]
     row = next(r for r in rows if r["level"] == 0.15 and r["method"] == "TE 5 bins")
     assert row["total"] == 6  # two worn axes, three draws
     assert 0 <= row["low"] <= row["accuracy"] <= row["high"] <= 1
@@ -150,7 +150,7 @@ def test_isolate_prints_the_form_of_table_6_2(dataset):
 
 def test_report_is_one_page(dataset):
     """report.html needs no other file."""
-    done = faultgen("report", dataset)
+    done = faultgen_here("report", dataset)
     assert done.returncode == 0, done.stderr
     page = Path(done.stdout.strip()).read_text()
     assert len(page) < 5_000_000

@@ -30,7 +30,7 @@ PLAN = {
 def folder(tmp_path_factory):
     """A fleet of four robots, two of which fail; not to be changed."""
     out = tmp_path_factory.mktemp("fleet") / "out"
-    generate_fleet(FleetPlan(**PLAN), out, workers=2)
+    generate_fleet(FleetPlan(**PLAN), out)
     return out
 
 

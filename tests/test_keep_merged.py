@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import contents, faultgen
+from conftest import contents, faultgen_here
 
 import faultgen.dataset.making as making
 from faultgen.dataset.experiment import make_experiment
@@ -64,9 +64,9 @@ def test_only_the_merged_file_is_left(kept, whole):
         folder: sum(path.stat().st_size for path in folder.rglob("*")) for folder in (kept, whole)
     }
     assert size[kept] < 0.6 * size[whole]
-    told = json.loads(faultgen("info", kept, "--json").stdout)
+    told = json.loads(faultgen_here("info", kept, "--json").stdout)
     assert told["complete"] and told["intact"] and told["only_copy"] == 3
-    assert "complete and intact" in faultgen("info", kept).stdout
+    assert "complete and intact" in faultgen_here("info", kept).stdout
 
 
 def test_the_file_alone_in_a_folder_is_a_dataset(kept, whole, tmp_path):
@@ -82,7 +82,8 @@ def test_methods_and_exports_work_as_before(dataset, whole, tmp_path):
     """Isolation gives the same counts, and a run is found under the path of its former file."""
     whole = Path(shutil.copytree(whole, tmp_path / "whole"))
     results = [
-        json.loads(faultgen("isolate", f, "--seeds", 1, "--json").stdout) for f in (dataset, whole)
+        json.loads(faultgen_here("isolate", f, "--seeds", 1, "--json").stdout)
+        for f in (dataset, whole)
     ]
     assert results[0] == results[1]
     run = open_dataset(whole).runs[1].id
@@ -145,7 +146,7 @@ def test_a_damaged_only_copy_is_noticed_and_made_again(experiment, dataset):
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
-    told = faultgen("info", dataset)
+    told = faultgen_here("info", dataset)
     assert told.returncode == 1 and "damaged: dataset.h5: differs" in told.stdout
     assert len(open_dataset(dataset).missing) == 3
     assert generate(experiment, dataset, keep="merged", progress=False).done == 3

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import contents, faultgen
+from conftest import contents, faultgen_here
 from sklearn.ensemble import RandomForestClassifier
 from sklearn.model_selection import GroupKFold, cross_val_score
 
@@ -364,12 +364,12 @@ def test_a_file_by_itself_is_a_dataset(made, tmp_path):
     pd.testing.assert_frame_equal(alone.to_dataframe(), whole.to_dataframe())
     pd.testing.assert_frame_equal(alone.index, whole.index)
     assert alone.manifest == whole.manifest and not alone.missing and not alone.damaged()
-    told = faultgen("info", tmp_path / "dataset.h5")
+    told = faultgen_here("info", tmp_path / "dataset.h5")
     assert told.returncode == 0 and "complete and intact" in told.stdout, told.stderr
     content = bytearray((tmp_path / "dataset.h5").read_bytes())
     content[len(content) // 2] ^= 1
     (tmp_path / "dataset.h5").write_bytes(content)
-    assert faultgen("info", tmp_path / "dataset.h5").returncode == 2
+    assert faultgen_here("info", tmp_path / "dataset.h5").returncode == 2
 
 
 def test_the_table_of_runs_is_in_the_merged_file(made):
@@ -389,7 +389,7 @@ def test_a_table_is_read_back_from_parquet(made, tmp_path):
     frame = open_dataset(made).to_dataframe()
     open_dataset(made).to_parquet(tmp_path / "a.parquet")
     told = json.loads(
-        faultgen("export", made, "--parquet", tmp_path / "b.parquet", "--json").stdout
+        faultgen_here("export", made, "--parquet", tmp_path / "b.parquet", "--json").stdout
     )
     assert told["rows"] == 60
     for name in ("a", "b"):

@@ -13,9 +13,8 @@ from faultgen.simulation.nominal import nominal
 from faultgen.simulation.plant import assemble
 from faultgen.simulation.stepping import simulate
 
-pytest.importorskip("mujoco_warp", reason="MuJoCo Warp is not installed (the extra 'gpu')")
 pytestmark = [
-    pytest.mark.slow,  # compiles for a minute
+    pytest.mark.slow,  # two minutes of processor time, most of which compiles the kernels
     pytest.mark.filterwarnings("default"),  # Warp has some of its own
 ]
 
