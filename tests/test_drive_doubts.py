@@ -72,7 +72,7 @@ def test_the_same_limit_on_every_axis_of_a_small_arm_is_not_used(small):
     assert all(one["torque_limit"].source == "assumed" for one in made.values)
     (line,) = [one for one in made.warnings if "placeholder" in one]
     assert all(f"'{name}'" in line for name in NAMES) and "state torque_limit" in line
-    assert made.drives.count("the effort limit, 100, is not used, because it is") == 6
+    assert made.drives.count("the limit of the model, 100, is not used, because it is") == 6
     plain = check(str(path))
     assert line in plain.warnings
 
@@ -84,7 +84,7 @@ def test_check_repeats_that_limits_were_not_used(small, tmp_path):
     content = json.loads(done.stdout)
     assert content["fit"] and done.exit_code == 0
     assert any("placeholders are not used" in one for one in content["warnings"])
-    assert "faultgen: warning: effort limits that look like placeholders" in done.stderr
+    assert "faultgen: warning: torque limits of the model that look like" in done.stderr
 
 
 def test_a_limit_that_the_user_gives_is_used(small):

@@ -84,6 +84,6 @@ def limit_warnings(
     if not told:
         return []
     return [
-        f"effort limits that look like placeholders are not used, {'; '.join(told)}; "
+        f"torque limits of the model that look like placeholders are not used, {'; '.join(told)}; "
         "usual ones are assumed; state torque_limit in drives.toml for each axis if you know it"
     ]
