@@ -111,6 +111,16 @@ REFUSED = {
         MJCF.replace('gear="100"', 'gear="1e8"').replace("-2 2", "-2e8 2e8"),
         "joint 'a': states a torque_limit of 2e.16, which no drive has",
     ),
+    "far axis": (
+        MJCF.replace('name="a" axis', 'name="a" pos="0 0 1e5" axis'),
+        "joint 'a': its axis is up to 1e.05 m away",
+    ),
+    "long slide": (
+        MJCF.replace(
+            'name="b" axis="0 1 0" range="-1.9 1.9"', 'name="b" type="slide" range="0 9e5"'
+        ),
+        "joint 'b': its range is up to 9e.05 m away",
+    ),
     "size of zero": (MJCF.replace('size="0.1 0.1 0.1"', 'size="0.1 0 0.1"'), "must be positive"),
     "pictures": (
         MJCF.format(

@@ -171,7 +171,7 @@ GEAR = """<transmission name="t"><type>transmission_interface/SimpleTransmission
 
 @pytest.mark.parametrize(
     ("reduction", "ratio", "source"),
-    [("-160", 160.0, "model"), ("1", 200.0, "assumed"), ("none", 200.0, "assumed")],
+    [("-160", 160.0, "model"), ("1", 140.0, "assumed"), ("none", 140.0, "assumed")],
 )
 def test_the_transmission_of_a_urdf_is_the_gear_ratio(tmp_path, reduction, ratio, source):
     """1 stands in most files, and says nothing."""

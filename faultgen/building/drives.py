@@ -223,12 +223,13 @@ def mass_entries(masses: Masses) -> list[tuple[str, str, Value | None]]:
     Args:
         masses: What was used for links that state no mass.
     """
-    total = [] if masses.total is None else [("mass", _number(masses.total), Value(0, "given"))]
-    return total + [
-        (f"mass.{_key(name)}", _number(one.value), one)
-        for name, one in masses.values.items()
-        if name != "payload"  # which has a table of its own
-    ]
+    entries: list[tuple[str, str, Value | None]] = []
+    if masses.total is not None:
+        entries.append(("mass", _number(masses.total), Value(0, "given")))
+    for name, one in masses.values.items():
+        if name != "payload":  # which has a table of its own
+            entries.append((f"mass.{_key(name)}", _number(one.value), one))
+    return entries
 
 
 def _key(name: str) -> str:

@@ -124,7 +124,7 @@ def plain_arm(
     spec.modelname = path.stem
     warned: list[str] = []
     model = compiled(spec, path.name, warned)
-    refuse(path.name, impossible_links(model))
+    refuse(path.name, impossible_links(model, names))
     ranges = np.array([model.joint(f"joint{k + 1}").range for k in range(len(names))])
     notes += _angle_notes(model, names)
     text = mjcf_text(spec)

@@ -142,7 +142,16 @@ def _stated_rotor(values: Values, seen: Seen) -> Assumed | None:
 
 
 def disbelieved_friction(name: str, values: Values, seen: Seen) -> str:
-    """Why a friction that the model states is not used; empty if it is used, or not stated."""
+    """Tell why a friction that the model states is not used.
+
+    Args:
+        name: "frictionloss" or "damping".
+        values: Numbers of the drive that were determined before.
+        seen: What the drive sees.
+
+    Returns:
+        The reason; empty if the friction is used, or not stated.
+    """
     stated = seen.stated.get(name, 0.0)
     torque = stated * (values["speed_limit"] if name == "damping" else 1.0)
     if torque <= MOST_FRICTION * values["torque_limit"]:

@@ -92,11 +92,12 @@ def unit_findings(model: mujoco.MjModel, joints: Sequence[str], payload: bool) -
     return found
 
 
-def impossible_links(model: mujoco.MjModel) -> list[Finding]:
-    """List the links that are so large or heavy that nothing can be computed with them.
+def impossible_links(model: mujoco.MjModel, names: Sequence[str]) -> list[Finding]:
+    """List the links and joints that are too large or heavy to be computed with.
 
     Args:
-        model: The compiled plain arm.
+        model: The compiled plain arm, whose axes are ``joint1``, ``joint2``, ...
+        names: Names of the axes in the file.
 
     Returns:
         Findings; all of them are fatal.
@@ -115,6 +116,15 @@ def impossible_links(model: mujoco.MjModel) -> list[Finding]:
         elif radius > _SPREAD * length:
             what = f"its inertia is that of its mass at a distance of {radius:.3g} m"
             found.append(Finding(where, what, "inertias are in kg m^2"))
+    for axis, name in enumerate(names, start=1):
+        k = model.joint(f"joint{axis}").id
+        where, away = f"joint '{name}'", float(np.abs(model.jnt_pos[k]).max())
+        slides = model.jnt_type[k] == int(mujoco.mjtJoint.mjJNT_SLIDE)
+        reach = float(np.abs(model.jnt_range[k]).max()) if slides and model.jnt_limited[k] else 0.0
+        if max(away, reach) > _FARTHEST:
+            what = "its range" if reach > away else "its axis"
+            what += f" is up to {max(away, reach):.3g} m away from its link"
+            found.append(Finding(where, what, "lengths are in metres"))
     return found
 
 
