@@ -231,6 +231,7 @@ def test_xml_is_read(tmp_path, around):
         ("<Rob>1</Rob>", "XML without records"),
         ('{"a": 1}\n{"a": 2', "line 2 is not JSON"),
         ('{"a": 1}', "JSON without records"),
+        ('{"time": 1e999, "q": [1, 2], "tau": [1, 2]}\n' * 9, "blank in 9 of 9 rows"),
         ("[" * 100_000, "nested too deeply"),
         ("t;q;tau\n0;[1, 2];[1]\n1;[1, 2, 3];[1]\n", "line 3 has lists of other lengths"),
     ],
