@@ -13,6 +13,8 @@ from scipy.optimize import nnls
 
 from faultgen.discovery.friction_law import without_friction
 from faultgen.discovery.recording import Recording
+from faultgen.discovery.torque_doubts import torque_doubts, without_weight
+from faultgen.effects.prior import torque_offset_std
 from faultgen.robot import STRIBECK_VELOCITY, Robot
 from faultgen.simulation.arm import Arm, motor_torque
 
@@ -24,6 +26,8 @@ _NEAR = 5  # steps before and after a jump that tell how far an axis usually mov
 _MISSING = 2.5  # usual steps that a jump may take more: two missing samples
 _FRICTION_APART = 10.0  # ratio of torques up to which friction may be the reason: assumed
 _HARDLY = 0.03  # share of a torque that says nothing about its unit: assumed
+_MOST_POSES = 20_000  # samples in which the weight is looked for: enough, and quick
+_UNKNOWN_ZERO = 10.0  # offset of a sensor that nobody calibrated, over a usual one: assumed
 _SLOW = 3.0  # motor speed, in Stribeck velocities, that friction has to be told from
 
 
@@ -60,6 +64,7 @@ def check_recording(recording: Recording, robot: Robot) -> list[Finding]:
         text = "its torque is a motor current: convert it, see discovery.motor_current"
         return [Finding("refuse", 0, text)]
     findings = [Finding("warn", 0, note) for note in recording.notes]
+    findings += [Finding("warn", axis, text) for axis, text in torque_doubts(recording)]
     if recording.robot and recording.robot != robot.name:
         text = f"the file says robot '{recording.robot}', the model is {robot.name}"
         findings.append(Finding("warn", 0, text))
@@ -75,6 +80,7 @@ def check_recording(recording: Recording, robot: Robot) -> list[Finding]:
     findings += _excitation(recording, robot, robot.gearing.outputs(q), outputs)
     if recording.link:
         expected = Arm(robot).inverse_dynamics(q, qd, qdd)
+        findings += _weight(recording, robot, expected, q, qd)
         return _sorted(findings + _torque(recording, robot, expected, qd))
     bare = np.flatnonzero(without_friction(robot)) + 1
     if len(bare):
@@ -85,6 +91,7 @@ def check_recording(recording: Recording, robot: Robot) -> list[Finding]:
     if not motor:
         expected = expected * robot.gear_ratio
     expected += _missing_friction(recording, robot, expected, outputs)
+    findings += _weight(recording, robot, expected, q, outputs)
     findings += _torque(recording, robot, expected, outputs)
     return _sorted(findings)
 
@@ -278,6 +285,44 @@ def _has_other_friction(measured: np.ndarray, model: np.ndarray, speed: np.ndarr
     own, other = (x - shapes @ np.linalg.lstsq(shapes, x, rcond=None)[0] for x in (model, measured))
     factor = float(own @ other / (own @ own))
     return bool(own.std() < _HARDLY * measured.std() or 1 / 3 < factor < 3)
+
+
+def _weight(
+    recording: Recording, robot: Robot, expected: np.ndarray, q: np.ndarray, speed: np.ndarray
+) -> list[Finding]:
+    """Say which torques lack the weight of the arm, as those that some controllers command do.
+
+    One axis may be balanced by a spring that the model lacks. If all loaded axes of an arm have no
+    weight, that is no explanation.
+    """
+    every = max(1, len(q) // _MOST_POSES)
+    still = np.zeros_like(q[::every])
+    gravity = Arm(robot).inverse_dynamics(q[::every], still, still)
+    if not recording.link:
+        gravity = robot.gearing.torque(gravity)
+        gravity = gravity / robot.gear_ratio if recording.side == "motor" else gravity
+    rest = expected[::every] - gravity
+    offsets = np.array([torque_offset_std(robot, k + 1) for k in range(robot.n_axes)])
+    if recording.side == "joint":
+        offsets *= np.abs(robot.gear_ratio)
+    found, certain = without_weight(
+        recording.torque[::every], gravity, rest, speed[::every], _UNKNOWN_ZERO * offsets
+    )
+    if not found:
+        return []
+    axes = ", ".join(str(axis) for axis, _, _ in found)
+    shares = ", ".join(f"{share:.2f} ± {error:.2f}" for _, share, error in found)
+    unless = (
+        "; or correct the model, if the arm is mounted another way"
+        if certain
+        else "; unless a spring that the model lacks carries it"
+    )
+    several = "axes" if len(found) > 1 else "axis"
+    text = (
+        f"the torque of {several} {axes} has no weight in it (share of the model's: {shares}): log "
+        f"the measured torque, not the one that the controller adds to the weight{unless}"
+    )
+    return [Finding("refuse" if certain else "warn", 0, text)]
 
 
 def _torque(

@@ -15,6 +15,7 @@ import numpy as np
 from faultgen.discovery.fields import fields_of
 from faultgen.discovery.recording import Recording
 from faultgen.discovery.resampling import irregular
+from faultgen.discovery.torque_doubts import torque_doubts
 from faultgen.importing import ColumnMap, Row, arranged, read_log
 
 _SHORTEST, _LONGEST = 5e-5, 0.05  # usual sample periods of controllers [s]
@@ -81,6 +82,8 @@ def _doubts(recording: Recording) -> Iterator[str]:
             "the map, and whether this is the position of the motor"
         )
     still = [str(k + 1) for k in np.flatnonzero(np.ptp(recording.torque, axis=0) == 0)]
+    for axis, text in torque_doubts(recording):
+        yield f"warning: axis {axis}: {text}"
     if still:
         what = "current" if recording.current else "torque"
         yield f"warning: the {what} of axis {', '.join(still)} never changes; check its column"

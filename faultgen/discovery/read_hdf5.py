@@ -29,7 +29,10 @@ TIME = "time"
 ATTRIBUTES = ("robot", "sample_period", "segments", "payload_mass", "torque_sensor")
 """Attributes that a recording may have."""
 
-MOST = 40_000_000
+MOST = 100_000_000
+"""Largest number of values that an array may claim."""
+
+MOST_TOGETHER = 40_000_000
 """Largest number of values in all arrays together: 320 MB in memory. That is an hour of six axes at
 400 Hz with all arrays; checks and resampling take copies of some of them, and stay below 1 GB."""
 
@@ -62,7 +65,7 @@ def read_hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any], bool |
             place = _place(path, file, name)
             if place is not None:
                 used = sum(values.size for values in named.values())
-                named[name] = _array(path, name, file[place], MOST - used)
+                named[name] = _array(path, name, file[place], MOST_TOGETHER - used)
         intact = None  # a dataset has no such arrays, and another checksum
         if named:
             intact = is_as_written(file, lambda name, item: _check_claims(path, name, item, MOST))
@@ -96,13 +99,13 @@ def _place(path: Path, file: h5py.File, name: str, hops: int = _HOPS) -> str | N
     return at
 
 
-def _array(path: Path, name: str, item: Any, most: int) -> np.ndarray:
-    _check_claims(path, name, item, most)
+def _array(path: Path, name: str, item: Any, left: int) -> np.ndarray:
+    _check_claims(path, name, item, left)
     return np.asarray(item[()], float)
 
 
-def _check_claims(path: Path, name: str, item: Any, most: int) -> None:
-    """Refuse an array that is not in the file, or has more values than `most`."""
+def _check_claims(path: Path, name: str, item: Any, left: int) -> None:
+    """Refuse an array that is not in the file, or has more values than are left to be read."""
     if not isinstance(item, h5py.Dataset):
         raise InputError(f"{path}: {name} is not an array")
     if item.is_virtual or item.external:
@@ -112,10 +115,15 @@ def _check_claims(path: Path, name: str, item: Any, most: int) -> None:
     if item.dtype.kind not in "fiu":
         raise InputError(f"{path}: {name} must hold numbers, not {item.dtype}")
     for shape in (item.shape, item.chunks or ()):
-        if math.prod(shape) > most:
+        if math.prod(shape) > MOST:
             raise InputError(
-                f"{path}: {name} claims shape {item.shape}, more than {MOST:,} values in all; "
-                "give a shorter recording, or leave out arrays that are not needed"
+                f"{path}: {name} claims shape {item.shape}, more than {MOST:,} values; "
+                "give a shorter recording"
+            )
+        if math.prod(shape) > left:
+            raise InputError(
+                f"{path}: its arrays have more than {MOST_TOGETHER:,} values together, the most "
+                "that is read; give a shorter recording, or one without arrays that are not needed"
             )
     if item.size and not item.id.get_storage_size():
         raise InputError(f"{path}: {name} claims shape {item.shape}, but no values were written")

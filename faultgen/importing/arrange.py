@@ -176,6 +176,8 @@ def _check_clocks(table: Table, column_map: ColumnMap, axes: Sequence[str]) -> N
     name = column_map.time.column
     if name is None or column_map.time.columns is not None or name not in table.columns:
         return
+    if table.axes:  # a bag: its messages hold all quantities at one time
+        return
     quantities = [getattr(column_map, one) for one in QUANTITIES]
     used = [column for one in quantities if one is not None for column in _columns(one, axes)]
     check_one_clock(table, name, [*used, *([column_map.segment] if column_map.segment else [])])

@@ -10,13 +10,13 @@ import zipfile
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
 
 from faultgen.errors import InputError
-from faultgen.importing.sizes import check_mat, check_npz, check_size, check_tree
+from faultgen.importing.mat5 import order_of, read_mat5
+from faultgen.importing.sizes import check_npz, check_size, check_tree
 from faultgen.importing.table import Table
 from faultgen.system.hdf5 import open_unverified
 
@@ -76,29 +76,20 @@ def _named(path: Path) -> Iterator[tuple[str, np.ndarray]]:
                     yield from _numeric(member.removesuffix(".npy"), values)
             return
         if not (begin.startswith(_HDF5) or h5py.is_hdf5(path)):
-            check_mat(path, file)
+            if order_of(begin) is not None:
+                yield from read_mat5(path, file)
+                return
+            if 0 not in begin[:4]:  # version 4 has a small number there
+                raise ValueError("it is no MATLAB file of a known version")
             from scipy.io import loadmat
 
-            file.seek(0)
-            for name, value in loadmat(file, struct_as_record=False).items():
+            for name, values in loadmat(file).items():
                 if not name.startswith("__"):
-                    yield from _of_matlab(name, value)
+                    yield from _numeric(name, values)
             return
     with open_unverified(path) as tree:
         check_tree(path, tree)
         yield from _of_group("", tree, path)
-
-
-def _of_matlab(name: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
-    fields = getattr(value, "_fieldnames", None)
-    if fields is not None:  # a struct
-        for field in fields:
-            yield from _of_matlab(f"{name}.{field}", getattr(value, field))
-    elif isinstance(value, np.ndarray) and value.dtype == object:
-        if value.size == 1:
-            yield from _of_matlab(name, value.item())
-    elif isinstance(value, np.ndarray):
-        yield from _numeric(name, value)
 
 
 def _of_group(prefix: str, group: h5py.Group, path: Path) -> Iterator[tuple[str, np.ndarray]]:

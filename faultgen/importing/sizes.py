@@ -6,10 +6,7 @@ A compressed file of 3 MB may hold arrays of many GB. Every reader asks here fir
 from __future__ import annotations
 
 import math
-import struct
 import zipfile
-import zlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -27,14 +24,6 @@ LARGEST_TEXT = 150_000_000
 
 MOST_LINES = 2_500_000
 """Most lines of a text. Each takes about 60 bytes beside its characters."""
-
-_COMPRESSED, _MATRIX = 15, 14  # miCOMPRESSED, miMATRIX of MAT-files
-_ITEM = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8, 16: 1, 17: 2, 18: 4}
-"""Bytes of one value by data type (miINT8 to miUTF32)."""
-_IN_MEMORY = {4: 4, 6: 8, 7: 4, 8: 1, 9: 1, 10: 2, 11: 2, 12: 4, 13: 4, 14: 8, 15: 8}
-"""Bytes of one value by class of a matrix (mxCHAR, mxDOUBLE to mxUINT64). Files store whole numbers
-of a matrix of doubles in single bytes."""
-_DEEPEST = 30  # structs in structs
 
 
 def check_size(path: Path, size: float, limit: int = MOST_BYTES) -> None:
@@ -148,59 +137,3 @@ def check_tree(path: Path, file: h5py.File) -> None:
 
     file.visititems(add)
     check_size(path, size)
-
-
-def check_mat(path: Path, file: BinaryIO) -> None:
-    """Refuse a MATLAB file of version 5 to 7 whose arrays are too large.
-
-    Args:
-        path: The file, for messages.
-        file: The same, at its beginning. Other versions are not looked at: they are not compressed.
-
-    Raises:
-        InputError: They are too large.
-        ValueError: It is damaged.
-    """
-    check_size(path, path.stat().st_size)
-    order = {b"IM": "<", b"MI": ">"}.get(file.read(128)[126:128])
-    size = 0.0
-    while order and len(tag := file.read(8)) == 8:
-        kind, count = struct.unpack(f"{order}II", tag)
-        content = file.read(count)
-        if kind == _COMPRESSED:
-            unpacked = zlib.decompressobj()
-            content = unpacked.decompress(content, MOST_BYTES + 1)
-            check_size(path, len(content))
-            for kind, inner in _elements(content, order):
-                size += _needed(inner, order) if kind == _MATRIX else 0
-        elif kind == _MATRIX:
-            size += _needed(content, order)
-        check_size(path, size)
-
-
-def _elements(content: bytes | memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
-    """Type and content of the elements in a part of a MAT-file."""
-    view, at = memoryview(content), 0
-    while at + 8 <= len(view):
-        kind, count = struct.unpack_from(f"{order}II", view, at)
-        if kind >> 16:  # a small element has everything in eight bytes
-            yield kind & 0xFFFF, view[at + 4 : at + 4 + min(kind >> 16, 4)]
-            at += 8
-            continue
-        yield kind, view[at + 8 : at + 8 + count]
-        at += 8 + count + (-count % 8)
-
-
-def _needed(matrix: memoryview | bytes, order: str, depth: int = 0) -> float:
-    """Memory that a matrix and those within it need [bytes]."""
-    if depth > _DEEPEST:
-        raise ValueError("structs are nested too deeply")
-    needed, item = 0.0, 8
-    for place, (kind, content) in enumerate(_elements(matrix, order)):
-        if place == 0 and len(content) >= 4:  # flags and class
-            item = _IN_MEMORY.get(struct.unpack_from(f"{order}I", content)[0] & 0xFF, 8)
-        elif kind == _MATRIX:
-            needed += _needed(content, order, depth + 1)
-        elif kind in _ITEM:
-            needed += len(content) / _ITEM[kind] * item
-    return needed

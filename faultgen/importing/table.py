@@ -111,8 +111,8 @@ class Table:
         near = get_close_matches(plain, by_lower, n=4, cutoff=0.5)
         if self.lists:
             return InputError(
-                f"{self.source}: no column '{wanted}' for [{what}]; it has cells that hold lists of "
-                "numbers; write one column for each axis, or name their numbers in the map: the "
+                f"{self.source}: no column '{wanted}' for [{what}]; it has cells that hold lists "
+                "of numbers; write one column for each axis, or name their numbers in the map: the "
                 f"log has {listed(self.columns)}"
             )
         told = f"the log has {len(self.columns)} columns: {listed(self.columns)}"

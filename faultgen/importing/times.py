@@ -61,6 +61,7 @@ def times_of(
         whole = whole.astype(np.int64)
         return (whole - whole[0]).astype(float) * factor, {}
     values = table.numbers(name)
+    values = np.where(np.isfinite(values), values, np.nan)  # infinity is no time
     known = values[~np.isnan(values)]
     if not len(known):
         return values * factor, {}
