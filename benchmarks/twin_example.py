@@ -32,7 +32,7 @@ NEW: tuple[tuple[Effect, ...], ...] = (
     (Effect("friction_wear", 1, 0.20),),
 )
 """What is in the robot in each new recording."""
-_FACTORS = {
+FACTORS = {
     "robot": "scara4",
     "servo": "cascade_ff",
     "seconds": 5.0,
@@ -42,13 +42,13 @@ _FACTORS = {
     "repeat": 0.01,
     "model_error": 0.05,
 }
-_NUMBER = 321
+NUMBER = 321
 
 
 def make(out: Path) -> None:
     """Write the model of the robot and its recordings into a folder."""
-    setup = set_up(Laboratory("development", _NUMBER, {**BASE, **_FACTORS}, ()))
-    rng = np.random.default_rng(_NUMBER)
+    setup = set_up(Laboratory("development", NUMBER, {**BASE, **FACTORS}, ()))
+    rng = np.random.default_rng(NUMBER)
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / "arm.xml", robot_file("scara4").read_text())
     named: list[tuple[str, tuple[Effect, ...]]] = [(f"healthy{k + 1}", ()) for k in range(HEALTHY)]
