@@ -67,7 +67,7 @@ def readable_recordings(given: _Paths) -> _Paths:
     """Refuse files that are no recordings."""
     from faultgen.system.reading import check_file
 
-    paths = [given] if isinstance(given, Path) else given or []
+    paths: list[Path] = [given] if isinstance(given, Path) else given or []
     for path in paths:
         check_file(path)
     if paths:

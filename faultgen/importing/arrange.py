@@ -192,7 +192,8 @@ def _at_one_time(
     notes: list[str],
 ) -> None:
     """Interpolate a quantity with times of its own at the times of the rows."""
-    clocks = (column_map.time.columns or {}).get(name)
+    named = column_map.time.columns or {}
+    clocks = next((columns for quantity, columns in named.items() if quantity == name), None)
     if clocks is None:
         return
     of_axis = _each(f"time.columns.{name}", clocks, len(one.columns))

@@ -119,7 +119,7 @@ def _arrays(
         if min(shape, default=0) < 0 or math.prod(shape) != count:
             raise ValueError(f"{name} claims shape {shape}, but has {count} values")
         check_size(path, count * np.dtype(meant).itemsize)
-        values = np.frombuffer(content, stored.newbyteorder(order), count)
+        values = np.frombuffer(content, stored.newbyteorder("<" if order == "<" else ">"), count)
         if count:
             yield name, values.astype(meant).reshape(shape, order="F")
     elif flags & 0xFF == _STRUCT and math.prod(shape) == 1 and len(parts[3][1]) >= 4:

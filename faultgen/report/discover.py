@@ -111,10 +111,11 @@ def discover(
     warnings += more
     before = mean_of(runs) if runs else recording
     stage = _Stages(warnings)
+    unchanged: tuple[Robot, list[str]] = (model, [])
     model, more = stage(
         "friction that the model lacks",
         lambda: with_own_friction(before, model, healthy=bool(runs)),
-        (model, []),
+        unchanged,
     )
     warnings += more
     with threadpool_limits(limits=1):

@@ -220,7 +220,7 @@ def _command(
     at: warp.array(dtype=int),
     out: warp.array2d(dtype=float),
 ) -> None:
-    world, k = warp.tid()
+    world, k = warp.tid()  # type: ignore[misc]
     out[world, k] = control[which[world], at[0], k]
 
 
@@ -231,7 +231,7 @@ def _move(
     exact: warp.array2d(dtype=warp.float64),
     position: warp.array2d(dtype=float),
 ) -> None:
-    world, k = warp.tid()
+    world, k = warp.tid()  # type: ignore[misc]
     exact[world, k] += timestep * warp.float64(velocity[world, k])
     position[world, k] = float(exact[world, k])
 
@@ -243,7 +243,7 @@ def _keep(
     every: int,
     out: warp.array3d(dtype=float),
 ) -> None:
-    world, k = warp.tid()
+    world, k = warp.tid()  # type: ignore[misc]
     out[at[0] // every, world, k] = values[world, k]
 
 
