@@ -74,8 +74,8 @@ def _expand(
         total.files, total.size = total.files + 1, total.size + len(text)
         if total.files > MOST_INCLUDES:
             raise InputError(
-                f"{where}: includes more than {MOST_INCLUDES} files, each counted as often as it is "
-                "included; include each of them once, or put them together"
+                f"{where}: includes more than {MOST_INCLUDES} files, each counted as often as it "
+                "is included; include each of them once, or put them together"
             )
         if total.size > LARGEST_TEXT:
             raise InputError(f"{where}: includes more than {LARGEST_TEXT / 2**20:g} MiB of text")
