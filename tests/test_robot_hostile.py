@@ -199,10 +199,10 @@ def test_files_that_include_the_next_twice_are_refused_at_once(tmp_path):
     )
     start = time.process_time()
     for read in (plain_arm, load_robot):
-        with pytest.raises(InputError, match="includes more than 1000 files"):
+        with pytest.raises(InputError, match="includes more than 200 files"):
             read(path)
     (one,) = check(str(path)).findings
-    assert "includes more than 1000 files" in one.what
+    assert "includes more than 200 files" in one.what
     assert time.process_time() - start < 3  # for the three of them
 
 
@@ -214,9 +214,9 @@ def test_included_text_is_limited(tmp_path):
     path.write_text(f"<mujoco><worldbody>{many}</worldbody></mujoco>")
     with pytest.raises(InputError, match="includes more than 16 MiB of text"):
         load_robot(path)
-    for k in range(400):
+    for k in range(150):
         (tmp_path / f"c{k}.xml").write_text(
-            f'<mujocoinclude><include file="c{k + 1}.xml"/></mujocoinclude>'
+            f'<mujocoinclude><body><include file="c{k + 1}.xml"/></body></mujocoinclude>'
         )
     path.write_text('<mujoco><worldbody><include file="c0.xml"/></worldbody></mujoco>')
     with pytest.raises(InputError, match="nested more than 256 deep"):

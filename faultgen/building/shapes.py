@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
-from scipy.stats import qmc
 
 _GEOM = mujoco.mjtGeom
 _POINTS, _FEWEST = 16384, 256  # in the box about a shape: of few shapes, and of many
@@ -65,6 +64,8 @@ def fill(model: mujoco.MjModel, data: mujoco.MjData, geoms: Sequence[int]) -> Fi
     if not shapes:
         return None
     count = int(np.clip(_TESTS / len(shapes) ** 2, _FEWEST, _POINTS))
+    from scipy.stats import qmc  # takes most of a second to import, and few models need it
+
     unit = qmc.Sobol(3, scramble=False).random(2 ** int(np.log2(count)))
     points, weights = [], []
     for shape in shapes:

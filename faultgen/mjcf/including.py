@@ -14,9 +14,9 @@ from faultgen.mjcf.parsing import check_extent, parse_xml
 from faultgen.mjcf.reach import Reach
 from faultgen.system.reading import LARGEST_TEXT, read_text
 
-MOST_INCLUDES = 1000
+MOST_INCLUDES = 200
 """Largest number of files that a model may include, each counted as often as it is included. The
-largest public models include some dozens; reading so many takes about a tenth of a second."""
+largest public models include some dozens; reading so many takes some 50 ms."""
 
 
 @dataclass
@@ -74,8 +74,8 @@ def _expand(
         total.files, total.size = total.files + 1, total.size + len(text)
         if total.files > MOST_INCLUDES:
             raise InputError(
-                f"{where}: includes more than {MOST_INCLUDES} files, because some of them are "
-                "included several times; include each file once"
+                f"{where}: includes more than {MOST_INCLUDES} files, each counted as often as it "
+                "is included; include each of them once, or put them together"
             )
         if total.size > LARGEST_TEXT:
             raise InputError(f"{where}: includes more than {LARGEST_TEXT / 2**20:g} MiB of text")
