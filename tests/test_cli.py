@@ -294,7 +294,7 @@ def test_ctrl_c_stops_cleanly(tmp_path):
     os.killpg(process.pid, signal.SIGINT)
     _, said = process.communicate(timeout=HANG)
     assert process.returncode == 130
-    assert said.endswith("faultgen: interrupted; run the same command again to continue\n")
+    assert said == "faultgen: interrupted; run the same command again to continue\n"
     assert not list(tmp_path.glob("out/runs/*.h5"))
 
 

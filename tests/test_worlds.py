@@ -14,7 +14,7 @@ from faultgen.simulation.plant import assemble
 from faultgen.simulation.stepping import simulate
 
 pytestmark = [
-    pytest.mark.slow,  # two minutes of processor time, most of which compiles the kernels
+    pytest.mark.slow,  # two minutes of processor time, 70 s of it without compiling kernels
     pytest.mark.filterwarnings("default"),  # Warp has some of its own
 ]
 
