@@ -132,9 +132,14 @@ class Place:
     """What the jobs of one robot and task share."""
 
     bench: Bench
+    """The robot at its task."""
     healthy: np.ndarray
+    """A healthy cycle, shape (3, samples, n_axes): position [rad], velocity [rad/s] and torque
+    [N m] of the motors."""
     filters: dict[str, MatchedFilter]
+    """The ideal detector of each view, by name."""
     judged: Judged
+    """The detectors of the package."""
 
 
 def run_detectability(
