@@ -19,7 +19,6 @@ def view(
     robot: Annotated[
         str,
         typer.Argument(
-            callback=existing_robot,
             help="Name of a robot, or the path of an MJCF file or robot folder.",
         ),
     ],
@@ -68,6 +67,7 @@ def view(
     faultgen view irb6700 --task spot_weld --axis 2 --severity 0.5 --video worn.gif
     """  # noqa: D301
     _import_mujoco()
+    existing_robot(robot)
     from faultgen.viewing.film import FILMS, PICTURES, save_film, save_picture
     from faultgen.viewing.playback import play
     from faultgen.viewing.window import open_window, require_display
