@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from faultgen.cli.checks import existing_dataset, existing_robot
-
 if TYPE_CHECKING:
     from faultgen.dataset.estimate import Estimate
     from faultgen.dataset.reader import Dataset
@@ -77,9 +75,7 @@ Workers = Annotated[
 ]
 Robot = Annotated[
     str,
-    typer.Option(
-        callback=existing_robot, help="Name of the robot, or the path of its MJCF file or folder."
-    ),
+    typer.Option(help="Name of the robot, or the path of its MJCF file or folder."),
 ]
 Sensors = Annotated[
     str | None,
@@ -92,7 +88,6 @@ Seeds = Annotated[int, typer.Option(help="How often the noise is drawn anew for 
 Folder = Annotated[
     Path,
     typer.Argument(
-        callback=existing_dataset,
         help="Folder of a dataset that 'faultgen generate' has written, or its dataset.h5.",
     ),
 ]

@@ -1,69 +1,57 @@
 """Checks of arguments before a command imports what it needs, which takes seconds.
 
-Each one is the callback of an option or argument, and returns the value.
+existing_robot("puma560")
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
 
 from faultgen.errors import InputError
 
-_Paths = TypeVar("_Paths", Path, list[Path], None)
 
-
-def existing_robot(name: str) -> str:
+def existing_robot(name: str) -> None:
     """Refuse an unknown robot."""
     from faultgen.robot_names import check_robot
 
     check_robot(name)
-    return name
 
 
-def existing_dataset(folder: Path) -> Path:
+def existing_dataset(folder: Path) -> None:
     """Refuse a dataset that does not exist."""
     from faultgen.dataset.manifest import check_exists
 
     check_exists(folder)
-    return folder
 
 
-def existing_detector(folder: Path) -> Path:
+def existing_detector(folder: Path) -> None:
     """Refuse a detector that does not exist."""
     if not folder.exists():
         raise InputError(f"{folder}: no such folder; give one that 'faultgen train' has written")
-    return folder
 
 
-def existing_study(name: str) -> str:
+def existing_study(name: str) -> None:
     """Refuse an unknown study."""
     from faultgen.studies.names import STUDIES
 
     if name not in STUDIES:
         raise InputError(f"unknown study '{name}': choose {', '.join(STUDIES)}")
-    return name
 
 
-def readable_text(what: str) -> Callable[[Path | None], Path | None]:
-    """Make a check that refuses what is no text file.
+def readable_text(path: Path | None, what: str) -> None:
+    """Refuse what is no text file.
 
     Args:
+        path: The file, or None.
         what: What the file is, for the message, such as "experiment file".
     """
-
-    def check(path: Path | None) -> Path | None:
+    if path is not None:
         from faultgen.system.reading import read_text
 
-        if path is not None:
-            read_text(path, what)
-        return path
-
-    return check
+        read_text(path, what)
 
 
-def readable_recordings(given: _Paths) -> _Paths:
+def readable_recordings(given: Path | list[Path] | None) -> None:
     """Refuse files that are no recordings."""
     from faultgen.system.reading import check_file
 
@@ -75,4 +63,3 @@ def readable_recordings(given: _Paths) -> _Paths:
 
         for path in paths:
             read_recording(path)
-    return given

@@ -20,7 +20,7 @@ from faultgen.cli.app import (
     show_estimate,
     worker_count,
 )
-from faultgen.cli.checks import existing_robot, readable_text
+from faultgen.cli.checks import existing_dataset, existing_robot, readable_text
 from faultgen.cli.values import TRAINING, axes_of, numbers_of, part_of, severities_of, task_of
 from faultgen.errors import InputError, SimulationFailed
 
@@ -34,7 +34,6 @@ def generate(
     experiment: Annotated[
         Path | None,
         typer.Argument(
-            callback=readable_text("experiment file"),
             help="Experiment file (TOML). Without one, give --robot and --task.",
         ),
     ] = None,
@@ -256,6 +255,7 @@ def generate(
         raise InputError(
             f"give an experiment file or flags, not both: --{next(iter(given))} was given as well"
         )
+    readable_text(experiment, "experiment file")
     if experiment is None:
         for name in ("robot", "task"):
             if name not in given:
@@ -315,6 +315,7 @@ def merge(
     (--keep merged) stay as they are, and index.h5 becomes the table of all runs; parts that have
     not changed since the last call are not read again.
     """
+    existing_dataset(folder)
     from faultgen.dataset.sweep import merge_parts
 
     _print_summary(merge_parts(folder, keep=keep), as_json)

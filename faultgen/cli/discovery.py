@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from faultgen.cli.app import Json, Out, Robot, Workers, app, out_option, print_json, worker_count
-from faultgen.cli.checks import readable_recordings
+from faultgen.cli.checks import existing_robot, readable_recordings
 from faultgen.errors import InputError
 
 LowPass = Annotated[
@@ -30,7 +30,6 @@ def discover(
     measured: Annotated[
         list[Path] | None,
         typer.Argument(
-            callback=readable_recordings,
             help="Recordings of the robot (HDF5 or CSV); see docs/measured.md. Several are used "
             "together. None with --plan.",
         ),
@@ -42,7 +41,6 @@ def discover(
             "visible. Repeat the option for several runs: they show how much the unchanged robot "
             "differs from run to run. Several recordings of different motions need equally many "
             "healthy ones each, in any order.",
-            callback=readable_recordings,
         ),
     ] = None,
     validate: Annotated[
@@ -50,7 +48,6 @@ def discover(
         typer.Option(
             help="Recording of other motions of the same robot. It is used only to score the "
             "result, not to find it.",
-            callback=readable_recordings,
         ),
     ] = None,
     plan: Annotated[
@@ -114,6 +111,7 @@ def discover(
     of right answers for each effect and axis. For comparison it has the same for the task
     pick_and_place or, if the robot does not have this task, for fast moves between poses.
     """
+    existing_robot(robot)
     if plan:
         others = {
             "a recording": bool(measured),
@@ -127,6 +125,8 @@ def discover(
         return
     if not measured:
         raise InputError("give a recording of the robot, or --plan to learn what to record")
+    for given in (measured, healthy, validate):
+        readable_recordings(given)
     from faultgen.report.discover import discover as run_discover
 
     result = run_discover(
@@ -217,7 +217,6 @@ def calibrate(
     measured: Annotated[
         list[Path],
         typer.Argument(
-            callback=readable_recordings,
             help="Recordings of the robot (HDF5 or CSV); see docs/measured.md. Several are used "
             "together.",
         ),
@@ -250,6 +249,8 @@ def calibrate(
     of classical identification. It writes a robot folder, which every command accepts as --robot,
     with calibration.json beside the model.
     """
+    existing_robot(robot)
+    readable_recordings(measured)
     from threadpoolctl import threadpool_limits
 
     from faultgen.discovery.calibrate import calibrate as run_calibrate

@@ -122,6 +122,7 @@ def report(folder: Folder, method: Methods = None, as_json: Json = False) -> Non
     The page contains figures and, for a dataset, the isolators' results. It is written to
     report.html in the folder, and needs no other files.
     """
+    existing_dataset(folder)
     from faultgen.dataset.manifest import is_fleet
     from faultgen.plugins import load
     from faultgen.report import write_report

@@ -28,7 +28,6 @@ def fleet(
     plan: Annotated[
         Path | None,
         typer.Argument(
-            callback=readable_text("fleet file"),
             help="Plan of the fleet (TOML). Default: 26 robots, recorded for 60 days.",
         ),
     ] = None,
@@ -52,6 +51,7 @@ def fleet(
     command was interrupted, run it again to resume. Every entry of the plan has a default.
     docs/fleet.md lists the entries, and explains what is simulated and what is interpolated.
     """
+    readable_text(plan, "fleet file")
     from faultgen.fleet import FleetPlan, generate_fleet, load_fleet
 
     chosen = FleetPlan() if plan is None else load_fleet(plan)

@@ -23,7 +23,7 @@ from faultgen.cli.app import (
     show_estimate,
     worker_count,
 )
-from faultgen.cli.checks import existing_study
+from faultgen.cli.checks import existing_dataset, existing_study
 from faultgen.errors import InputError
 
 
@@ -44,6 +44,7 @@ def detect(
     a dataset with --repetitions. The table gives shares with 95 % Wilson intervals. The result is
     also written to detection.json in the folder.
     """
+    existing_dataset(folder)
     from faultgen.evaluation.detect import detect as run_detect
     from faultgen.evaluation.detect import detection_table, save_detection
     from faultgen.plugins import load
@@ -73,6 +74,7 @@ def isolate(
     % Wilson intervals. Its columns 'healthy' give the share of healthy runs in which an
     isolator wrongly names an axis. The result is also written to isolation.json in the folder.
     """
+    existing_dataset(folder)
     from faultgen.evaluation.isolate import isolate as run_isolate
     from faultgen.evaluation.outcomes import save, table, to_dict
     from faultgen.plugins import load
@@ -133,7 +135,6 @@ def study(
     name: Annotated[
         str,
         typer.Argument(
-            callback=existing_study,
             help="Name of the study: events, detection, training-data, classifiers, isolation or "
             "detectability.",
         ),
@@ -190,6 +191,7 @@ def study(
     The study writes results.json, tables.md and figures/ into the folder. Simulated cycles are
     kept there too, and the next call uses them again.
     """
+    existing_study(name)
     if method:
         _join_study(name, method)
     from faultgen.studies.runner import run_study

@@ -123,7 +123,6 @@ def check(
     name: Annotated[
         str,
         typer.Argument(
-            callback=existing_robot,
             help="Name of a robot, a robot folder, or an MJCF or URDF file.",
         ),
     ],
@@ -138,6 +137,7 @@ def check(
 
     The exit status is 0 if the robot is fit, and 1 if something was found.
     """
+    existing_robot(name)
     from faultgen.building.check import check as run_check
 
     checked = run_check(name)

@@ -19,7 +19,12 @@ from faultgen.cli.app import (
     print_json,
     worker_count,
 )
-from faultgen.cli.checks import existing_detector, readable_recordings
+from faultgen.cli.checks import (
+    existing_dataset,
+    existing_detector,
+    existing_robot,
+    readable_recordings,
+)
 from faultgen.errors import InputError
 
 
@@ -65,6 +70,7 @@ def twin(
     faultgen train data -o detector
     faultgen judge detector new1.h5 new2.h5
     """  # noqa: D301
+    existing_robot(robot)
     if seed >= 0:  # a wrong seed is told first
         readable_recordings(healthy)
     from faultgen.twin.make import make_twin
@@ -126,6 +132,7 @@ def train(
     faults that the dataset has, with their severity, and anything else as an unknown change. It is
     a small folder of JSON and plain arrays.
     """
+    existing_dataset(folder)
     from faultgen.dataset.manifest import refuse_data
     from faultgen.twin.train import train as run_train
 
@@ -163,7 +170,6 @@ def judge(
     detector: Annotated[
         Path,
         typer.Argument(
-            callback=existing_detector,
             help="Folder of a detector that 'faultgen train' has written.",
         ),
     ],
@@ -196,6 +202,7 @@ def judge(
 
     With --json, the answers are a JSON list, or one JSON object in each line with --watch.
     """
+    existing_detector(detector)
     import json
 
     from faultgen.twin.judge import Judge, line

@@ -19,7 +19,6 @@ def view(
     robot: Annotated[
         str,
         typer.Argument(
-            callback=existing_robot,
             help="Name of a robot, or the path of an MJCF file or robot folder.",
         ),
     ],
@@ -67,6 +66,7 @@ def view(
     faultgen view puma560
     faultgen view irb6700 --task spot_weld --axis 2 --severity 0.5 --video worn.gif
     """  # noqa: D301
+    existing_robot(robot)
     _import_mujoco()
     from faultgen.viewing.film import FILMS, PICTURES, save_film, save_picture
     from faultgen.viewing.playback import play

@@ -192,7 +192,7 @@ def _at_one_time(
     notes: list[str],
 ) -> None:
     """Interpolate a quantity with times of its own at the times of the rows."""
-    clocks = (column_map.time.columns or {}).get(name)
+    clocks: Any = (column_map.time.columns or {}).get(name)  # type: ignore[call-overload]
     if clocks is None:
         return
     of_axis = _each(f"time.columns.{name}", clocks, len(one.columns))

@@ -13,11 +13,14 @@ import struct
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Literal
 
 import numpy as np
 
 from faultgen.importing.sizes import MOST_BYTES, check_size
+
+Order = Literal["<", ">"]
+"""Order of the bytes of a number, as in `struct`."""
 
 _COMPRESSED, _MATRIX = 15, 14  # miCOMPRESSED, miMATRIX
 _CELL, _STRUCT = 1, 2  # mxCELL_CLASS, mxSTRUCT_CLASS
@@ -36,7 +39,7 @@ single bytes."""
 _DEEPEST = 30  # structs in structs
 
 
-def order_of(begin: bytes) -> str | None:
+def order_of(begin: bytes) -> Order | None:
     """Tell in which order a file has its bytes.
 
     Args:
@@ -45,7 +48,8 @@ def order_of(begin: bytes) -> str | None:
     Returns:
         '<' or '>' as in `struct`; None if it is no file of version 5 to 7.
     """
-    return {b"IM": "<", b"MI": ">"}.get(begin[126:128])
+    orders: dict[bytes, Order] = {b"IM": "<", b"MI": ">"}
+    return orders.get(begin[126:128])
 
 
 def read_mat5(path: Path, file: BinaryIO) -> Iterator[tuple[str, np.ndarray]]:
@@ -56,14 +60,15 @@ def read_mat5(path: Path, file: BinaryIO) -> Iterator[tuple[str, np.ndarray]]:
         file: The same, at its beginning.
 
     Yields:
-        Name and values. Fields of a struct ``log`` are ``log.q`` and so on.
+        Name and values, of the shape that the file states. Fields of a struct ``log`` are
+        ``log.q`` and so on.
 
     Raises:
         InputError: The arrays are too large.
         ValueError: The file is damaged.
     """
     check_size(path, path.stat().st_size)
-    order = order_of(file.read(128)) or "<"
+    order: Order = order_of(file.read(128)) or "<"
     size = 0
     while len(tag := file.read(8)) == 8:
         kind, count = struct.unpack(f"{order}II", tag)
@@ -98,7 +103,7 @@ def _elements(content: bytes | memoryview, order: str) -> Iterator[tuple[int, me
 
 
 def _arrays(
-    matrix: bytes | memoryview, order: str, named: str, path: Path, depth: int = 0
+    matrix: bytes | memoryview, order: Order, named: str, path: Path, depth: int = 0
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Arrays of numbers in a matrix; `named` replaces its own name, which fields do not have."""
     parts = list(_elements(matrix, order))

@@ -221,7 +221,7 @@ def parsed_rows(
         warnings.simplefilter("error", pd.errors.ParserWarning)
         try:
             return pd.read_csv(
-                io.BufferedReader(_Text(lines)),
+                io.BufferedReader(_Text(lines)),  # type: ignore[type-var]
                 sep=separator,
                 decimal=decimal,
                 header=None,

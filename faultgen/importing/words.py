@@ -32,6 +32,9 @@ class Word:
 
         Args:
             values: The words, NaN where they are missing, shape (rows,).
+
+        Returns:
+            Shape (rows,).
         """
         half = 2.0 ** (self.bits - 1)
         negative = half - values if self.magnitude else values - 2 * half

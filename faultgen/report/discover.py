@@ -114,7 +114,7 @@ def discover(
     model, more = stage(
         "friction that the model lacks",
         lambda: with_own_friction(before, model, healthy=bool(runs)),
-        (model, []),
+        (model, list[str]()),
     )
     warnings += more
     with threadpool_limits(limits=1):
