@@ -66,6 +66,14 @@ def gz(path):
             file.write(b"1.0,2.0,3.0\n" * 1_000_000)
 
 
+def dense_xml(path):
+    path.write_bytes(b"<a/>" * 2_000_001)
+
+
+def dense_json(path):
+    path.write_bytes(b"[" + b"[]," * 4_000_000 + b"1]")
+
+
 def short_lines(path):
     path.write_bytes(b"1,2\n" * 2_500_001)
 
@@ -80,6 +88,8 @@ def short_lines(path):
         ("log.mat", hdf5, "its arrays take more than 120 MB in memory"),
         ("log.csv.gz", gz, "more than 150 MB of text"),
         ("log.csv", short_lines, "million lines"),
+        ("log.xml", dense_xml, "more than 25 MB of XML, or more than 2 million values"),
+        ("log.json", dense_json, "more than 50 MB of JSON, or more than 6 million values"),
     ],
 )
 def test_what_would_not_fit_is_refused_before_it_is_unpacked(tmp_path, name, make, message):

@@ -66,6 +66,7 @@ def view(
     faultgen view puma560
     faultgen view irb6700 --task spot_weld --axis 2 --severity 0.5 --video worn.gif
     """  # noqa: D301
+    existing_robot(robot)
     _import_mujoco()
     existing_robot(robot)
     from faultgen.viewing.film import FILMS, PICTURES, save_film, save_picture

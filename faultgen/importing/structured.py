@@ -26,6 +26,10 @@ _LIST = re.compile(r"\"?[\[(]\s*([^\[\]()]*?)\s*[\])]\"?")
 _NUMBERS = re.compile(r"[+-]?[\d.][\d.eE+-]*([,;\s]+[+-]?[\d.][\d.eE+-]*)+")
 _DECLARED = re.compile(r"<\?xml[^>]*\?>")
 _DEEPEST = 20  # groups in groups
+_LARGEST = {"xml": 25e6, "json": 50e6, "lists": 50e6}
+"""Largest size of each kind of text [characters]: objects of Python take far more memory."""
+_MOST = {"xml": ("<", 2_000_000), "json": (",[{", 6_000_000), "lists": (",[(", 6_000_000)}
+"""Signs that begin an object, and how many there may be: each takes 70 to 300 bytes."""
 _LOOKED_AT = 400  # lines among which a cell with a list is searched for
 
 
@@ -44,6 +48,28 @@ def structure_of(lines: Sequence[str]) -> str | None:
     if re.match(r"\{\s*(\"|$)|\[\s*([\[{]|$)", first):
         return "json"
     return "lists" if any(_has_list(line) for line in lines[:_LOOKED_AT]) else None
+
+
+def check_structured(path: Path, lines: Sequence[str], kind: str) -> None:
+    """Refuse a text whose objects would need too much memory.
+
+    Args:
+        path: The file, for messages.
+        lines: Its lines.
+        kind: 'xml', 'json' or 'lists'.
+
+    Raises:
+        InputError: It is too large. The message states the limit and what to do.
+    """
+    signs, most = _MOST[kind]
+    size = sum(map(len, lines))
+    if size > _LARGEST[kind] or sum(line.count(one) for line in lines for one in signs) > most:
+        what = {"xml": "XML", "json": "JSON"}.get(kind, "text with lists in its cells")
+        raise InputError(
+            f"{path}: more than {_LARGEST[kind] / 1e6:.0f} MB of {what}, or more than "
+            f"{most / 1e6:g} million values; cut it into shorter logs, or write a table with one "
+            "column for each axis, which may be larger"
+        )
 
 
 def _has_list(line: str) -> bool:

@@ -20,7 +20,12 @@ import numpy as np
 from faultgen.errors import InputError
 from faultgen.importing.column_map import File
 from faultgen.importing.sizes import LARGEST_TEXT, check_size, check_text
-from faultgen.importing.structured import read_structured, structure_of, without_lists
+from faultgen.importing.structured import (
+    check_structured,
+    read_structured,
+    structure_of,
+    without_lists,
+)
 from faultgen.importing.table import BLANK, Table, named_with_units, parsed_rows, split_cells
 from faultgen.importing.units import known_unit
 
@@ -52,6 +57,8 @@ def read_text_log(path: Path, file: File) -> Table:
     """
     lines, notes = _lines(path, file.encoding)
     kind = structure_of(lines)
+    if kind is not None:
+        check_structured(path, lines, kind)
     if kind in ("xml", "json"):
         return read_structured(path, lines, kind)
     if kind == "lists":
