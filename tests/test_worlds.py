@@ -1,7 +1,11 @@
 """Stepping many robots at once with MuJoCo Warp, here on its backend for processors."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
+from conftest import HANG
 
 from faultgen.applied import Applied
 from faultgen.dataset.experiment import make_experiment
@@ -125,3 +129,11 @@ def test_worlds_can_have_only_what_models_have():
 
     model = load_robot("puma560").model
     assert len(OWN) > 50 and all(hasattr(model, name) for name in OWN)
+
+
+def test_warp_prints_nothing_between_the_results():
+    """Its greeting would stand before the JSON of `generate --device cpu --json`."""
+    code = "from faultgen.simulation.worlds import check_device; print(check_device('cpu'))"
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=HANG)
+    assert (done.returncode, done.stdout) == (0, "cpu\n"), done.stderr

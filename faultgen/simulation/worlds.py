@@ -11,8 +11,8 @@ MuJoCo Warp is installed by ``pip install 'faultgen[gpu]'``.
         cycles[0].motor_torque.shape  # (samples, n_axes), of the first robot
 """
 
-# mypy: disable-error-code="valid-type"
-# (arguments of Warp's kernels are annotated with arrays)
+# mypy: disable-error-code="valid-type, misc"
+# (arguments of kernels are annotated with arrays, and `tid` gives as many numbers as are asked for)
 from __future__ import annotations
 
 import hashlib
@@ -48,7 +48,7 @@ _SHARED = ("names",) + tuple(
 _SAMPLES = 250  # that are stepped at once; bounds the memory on the device
 _LARGEST = 1e10  # state from which MuJoCo, too, counts a simulation as diverged
 
-warp.config.quiet = True
+warp.config.log_level = warp.LOG_WARNING  # stdout belongs to the results of the command
 
 
 def check_device(name: str) -> str:
@@ -407,14 +407,14 @@ class _Worlds:
 
     def _steps(self, control: Any, records: dict[str, Any], every: int, steps: int) -> None:
         """Make steps, the first of which is a sample."""
-        data, both = self.data, {"device": self.device}
+        data = self.data
         for step in range(steps):
             warp.launch(
                 _command,
                 dim=data.ctrl.shape,
                 inputs=[control, self.which, self.at],
                 outputs=[data.ctrl],
-                **both,
+                device=self.device,
             )
             mujoco_warp.step(self.model, data)
             if step == 0:  # these fields describe the state before the step
@@ -426,13 +426,13 @@ class _Worlds:
                             dim=values.shape,
                             inputs=[values, self.at, every],
                             outputs=[records[name]],
-                            **both,
+                            device=self.device,
                         )
             warp.launch(
                 _move,
                 dim=data.qvel.shape,
                 inputs=[data.qvel, self.timestep],
                 outputs=[self.exact, data.qpos],
-                **both,
+                device=self.device,
             )
-            warp.launch(_count, dim=1, inputs=[self.at], **both)
+            warp.launch(_count, dim=1, inputs=[self.at], device=self.device)
