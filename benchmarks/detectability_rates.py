@@ -30,12 +30,14 @@ from faultgen.dataset.interpolated import interpolated
 from faultgen.dataset.planning import plan_runs
 from faultgen.dataset.run import prepare
 from faultgen.effects import get_effect
+from faultgen.errors import InputError
 from faultgen.evaluation.calls import score
 from faultgen.evaluation.features import Features, features
 from faultgen.evaluation.methods import needed
 from faultgen.evaluation.shares import wilson
 from faultgen.monitoring.sensors import SENSORS, measure
 from faultgen.simulation.nominal import nominal
+from faultgen.simulation.stepping import simulate
 from faultgen.simulation.surrogate import surrogate_file
 from faultgen.studies.detectability.ideal import (
     BASELINE,
@@ -151,14 +153,20 @@ class _Trial:
         }
         (run,) = plan_runs(make_experiment(entries))
         ready = prepare(run)
-        found = interpolated(ready.course, ready.shared)
+        try:
+            cycles_of = interpolated(ready.course, ready.shared).cycles()
+        except InputError:  # the severity is too large for it
+            plants = ready.course.plants(ready.shared.robot)
+            cycles_of = simulate(
+                ready.shared.robot, ready.shared.control, plants, sample_period=self.period
+            )
         measured = ready.course.around.measured_temperature
         expected = self._expected(measured[_EVERY - 1 :: _EVERY])
         white, parts = [], []
         judged = self.place.judged
         limits = nominal(self.robot, self.task, self.period).limits
         names = needed(judged.detectors.values())
-        for k, cycle in enumerate(found.cycles()):
+        for k, cycle in enumerate(cycles_of):
             if k % _EVERY < _EVERY - 1:
                 continue
             seen = measure(
