@@ -1,5 +1,7 @@
 """Healthy cycles as the map of detectability logs them: each after another cycle."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -97,6 +99,27 @@ def test_logged_cycles_contain_what_the_cycle_before_left(tiny_robot_path, tiny_
         other = Condition(40.0 - warmer, float(1 + REALISTIC.payload_scatter * loads[k]))
         true = (bench.cycle(now, other) - bench.cycle(now))[2, ::every]
         assert np.linalg.norm(one[2] - true) < 0.15 * np.linalg.norm(true)
+
+
+def test_the_payload_has_its_exact_variance(tiny_robot_path, tiny_task_path):
+    """A heavier payload is thus seen as rarely as its scatter says, although few cycles are drawn.
+
+    The change by one standard deviation of the payload has d' = 1 / sqrt(1 + 1 / d'^2 without it).
+    """
+    bench = Bench.of(tiny_robot_path, tiny_task_path, PERIOD)
+    quiet = replace(REALISTIC, temperature_wander=0.0, torque_noise=1e-4)
+    view = View(name="torque", sensors=quiet, sample_period=PERIOD)
+    reference = Condition(bench.robot.friction_temperature)
+    healthy = bench.cycle(reference)
+    heavy = bench.cycle(replace(reference, payload_factor=1.01), reference) - healthy
+    drawn = disturbances(view, draw(bench, quiet, np.random.default_rng(4)))
+    found, bare = (
+        matched_filter(view, bench.robot, healthy, rows, np.ones(2), step=bench.step)
+        for rows in (drawn, [])
+    )
+    alone = bare.distance(heavy)
+    assert alone > 10  # hardly noise, so that the scatter of the payload decides
+    assert found.distance(heavy) == pytest.approx(1 / np.sqrt(1 + alone**-2), rel=0.03)
 
 
 def test_nothing_is_drawn_if_all_cycles_are_the_same(tiny_robot_path, tiny_task_path):

@@ -72,10 +72,10 @@ def draw(bench: Bench, sensors: Sensors, rng: np.random.Generator) -> Drawn | No
     if not sensors.changes_motion:
         return None
     reference = bench.robot.friction_temperature
-    kicks, steps, errors = rng.standard_normal((3, DRAWN))
+    kicks, steps, errors, *loads = _matched(rng.standard_normal((5, DRAWN)))
     warm = np.clip(reference + sensors.temperature_wander * kicks, *TEMPERATURE_RANGE)
     before = np.clip(warm - temperature_step(sensors) * steps, *TEMPERATURE_RANGE)
-    load = 1 + sensors.payload_scatter * rng.standard_normal((2, DRAWN))
+    load = 1 + sensors.payload_scatter * np.array(loads)
     own = [differences(sensors, DRAWN, rng) for _ in range(2)]
     cycles = np.stack(
         [
@@ -90,6 +90,20 @@ def draw(bench: Bench, sensors: Sensors, rng: np.random.Generator) -> Drawn | No
     expected = expected_cycles(bench, measured)
     count = np.sqrt(DRAWN)
     return Drawn((cycles - expected) / count, (cycles - cycles.mean(axis=0)) / count)
+
+
+def _matched(drawn: np.ndarray) -> np.ndarray:
+    """Turn draws into ones whose sample mean is 0 and whose sample covariance is 1.
+
+    What depends linearly on them, such as the torque on the payload, then has its exact variance,
+    also with few draws.
+
+    Args:
+        drawn: Normal draws, shape (variables, draws).
+    """
+    centred = drawn - drawn.mean(axis=1, keepdims=True)
+    root = np.linalg.cholesky(centred @ centred.T / centred.shape[1])
+    return np.asarray(np.linalg.solve(root, centred))
 
 
 def disturbances(view: View, drawn: Drawn | None) -> list[np.ndarray]:
