@@ -276,7 +276,7 @@ def test_isolators_that_cannot_be_used_are_named(methods, change, message):
     changed = module.read_text().replace(*change)
     assert changed != module.read_text()
     module.write_text(changed)
-    done = with_package(methods, "isolate", "nowhere")
+    done = with_package(methods, "isolate", methods)
     assert done.returncode == 2
     assert done.stderr.startswith("faultgen: entry point my_methods:Last: ")
     assert message in done.stderr

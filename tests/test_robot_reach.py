@@ -102,6 +102,7 @@ def test_a_robot_folder_uses_no_files_elsewhere(user, tiny_robot):
     model = user / "models" / "tiny" / "model.xml"
     mesh = '<asset><mesh name="hull" file="../../private/secret.obj"/></asset><custom>'
     model.write_text(model.read_text().replace("<custom>", mesh, 1))
+    (model.parent / "checksums.txt").unlink(missing_ok=True)
     with pytest.raises(InputError, match=r"secret.obj: lies outside of the model's folder"):
         load_robot(model.parent)
 
