@@ -7,8 +7,8 @@
 For each cell, the smallest severity that the map states is found as the study finds it: for the
 ideal detector, and for every detector of the package that sees the effect. Then runs are generated
 with the sensors 'realistic', of consecutive cycles at this constant severity. Every second cycle of
-them is logged. Days of eight logged cycles are compared with 120 healthy ones, and alarms are
-counted. Printed as Markdown: alarms on healthy days (1 in 30 is promised) and on days with the
+them is logged, and they are put into another order, because cycles are logged hours apart. Days of
+eight logged cycles are compared with 120 healthy ones, and alarms are counted. Printed as Markdown: alarms on healthy days (1 in 30 is promised) and on days with the
 fault (95 % are promised), each with its 95 % interval (Wilson). Healthy days and those with a fault
 are the same for all detectors, but the cycles are others than those with which the map was made.
 """
@@ -184,9 +184,10 @@ class _Trial:
             white.append(_whitened(self.place.filters[REFERENCE], torque))
             terms = judged.monitored.model.friction_terms
             parts.append(features([seen], names, measured[k : k + 1], terms=terms, limits=limits))
-        return _Logged(
-            np.array(white), {name: np.concatenate([p[name] for p in parts]) for name in names}
-        )
+        # logged cycles are hours apart, so that the temperatures of a day are not alike
+        order = self.rng.permutation(len(white))
+        seen = {name: np.concatenate([part[name] for part in parts])[order] for name in names}
+        return _Logged(np.array(white)[order], seen)
 
     def _expected(self, temperature: np.ndarray) -> Iterator[np.ndarray]:
         """Torque of a healthy cycle at each temperature."""
