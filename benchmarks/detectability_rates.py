@@ -8,9 +8,11 @@ For each cell, the smallest severity that the map states is found as the study f
 ideal detector, and for every detector of the package that sees the effect. Then runs are generated
 with the sensors 'realistic', of consecutive cycles at this constant severity. Every second cycle of
 them is logged, and they are put into another order, because cycles are logged hours apart. Days of
-eight logged cycles are compared with 120 healthy ones, and alarms are counted. Printed as Markdown: alarms on healthy days (1 in 30 is promised) and on days with the
-fault (95 % are promised), each with its 95 % interval (Wilson). Healthy days and those with a fault
-are the same for all detectors, but the cycles are others than those with which the map was made.
+eight logged cycles are compared with 120 healthy ones, and alarms are counted.
+
+Printed as Markdown: alarms on healthy days (1 in 30 is promised) and on days with the fault (95 %
+are promised), each with its 95 % interval (Wilson). Healthy days and those with a fault are the
+same for all detectors, but the cycles are others than those with which the map was made.
 """
 
 from __future__ import annotations
