@@ -101,7 +101,9 @@ def _place(path: Path, file: h5py.File, name: str, hops: int = _HOPS) -> str | N
 
 def _array(path: Path, name: str, item: Any, left: int) -> np.ndarray:
     _check_claims(path, name, item, left)
-    return np.asarray(item[()], float)
+    # a damaged type of numbers gives numbers that are not finite, which the checks name
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.asarray(item[()], float)
 
 
 def _check_claims(path: Path, name: str, item: Any, left: int) -> None:
