@@ -188,8 +188,8 @@ class _Trial:
             parts.append(features([seen], names, measured[k : k + 1], terms=terms, limits=limits))
         # logged cycles are hours apart, so that the temperatures of a day are not alike
         order = self.rng.permutation(len(white))
-        seen = {name: np.concatenate([part[name] for part in parts])[order] for name in names}
-        return _Logged(np.array(white)[order], seen)
+        by_name = {name: np.concatenate([part[name] for part in parts])[order] for name in names}
+        return _Logged(np.array(white)[order], by_name)
 
     def _expected(self, temperature: np.ndarray) -> Iterator[np.ndarray]:
         """Torque of a healthy cycle at each temperature."""
