@@ -189,6 +189,16 @@ def test_files_changed_on_purpose_can_be_read(folder):
     assert "mine" in load_robot(folder).xml
 
 
+def test_checksums_of_other_programs_are_not_looked_at(folder):
+    """Many downloads have a file of this name, with checksums of another kind."""
+    for text in ("d41d8cd98f00b204e9800998ecf8427e  robot/model.xml\n", "MD5 of all files\n", ""):
+        (folder.parent / SUMS).write_text(text)
+        assert load_robot(folder).name == "tiny"
+    (folder / SUMS).write_text((folder / SUMS).read_text() + "and more\n")
+    with pytest.raises(InputError, match=f"{SUMS}: damaged .line 4 is no checksum"):
+        load_robot(folder)
+
+
 def test_a_robot_is_written_over_a_damaged_one(folder, tiny_robot):
     """Making the folder again restores it, and keeps the checksums of other files."""
     add_sums(folder, {"sensors.toml": b"x"})

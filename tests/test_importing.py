@@ -5,7 +5,9 @@ import re
 import sqlite3
 import subprocess
 import sys
+from contextlib import nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import h5py
@@ -19,7 +21,8 @@ from faultgen.cli import app
 from faultgen.discovery import Recording, read_recording, write_recording
 from faultgen.discovery.import_log import import_log
 from faultgen.errors import InputError
-from faultgen.importing import load_map, map_of, preset_names
+from faultgen.importing import load_map, map_of, preset_names, trace
+from faultgen.importing.sizes import check_size
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT.parent / "shared" / "data" / "measured"
@@ -225,6 +228,25 @@ def test_traces_of_different_length_are_cut(tmp_path):
     made = import_log(log, map_of(GEARED, "kuka"))
     assert len(made.recording.position) == COUNT - 5
     assert "the files have 295 to 300 rows; all were cut to 295" in made.notes
+
+
+def test_channels_of_a_trace_are_limited_together(tmp_path, monkeypatch):
+    """Of all data files of a header, and of all headers; each channel counts once."""
+    log = write_trace(tmp_path, 1)
+    text = log.read_text(encoding="cp1252").replace("213,BLOCK", "213,CHANNEL")
+    for k, values in enumerate(KUKA.values(), start=1):  # a data file for each channel
+        text = text.replace(".R64", f"_{k}.data", 1).replace(f"221,{k}", "221,1", 1)
+        (tmp_path / f"run_NextGenDrive#1_{k}.data").write_bytes(values[:, 0].tobytes())
+    log.write_text(text, encoding="cp1252")
+    size = 8 * COUNT * len(KUKA)
+    for limit, message in ((size + 8 * COUNT, ""), (size - 1, "take more than")):
+        monkeypatch.setattr(trace, "check_size", partial(check_size, limit=limit))
+        with pytest.raises(InputError, match=message) if message else nullcontext():
+            assert len(trace.read_trace(log)) == COUNT
+    write_trace(tmp_path, 2)
+    monkeypatch.setattr(trace, "check_size", partial(check_size, limit=1.5 * size))
+    with pytest.raises(InputError, match="take more than"):
+        trace.read_trace(log)
 
 
 @pytest.mark.parametrize(

@@ -137,6 +137,8 @@ def test_several_clocks_are_refused_until_the_map_names_them(tmp_path):
     with pytest.raises(InputError, match="no column 't_torque' for .time.columns."):
         wrong = {**CLOCKS["time"], "columns": {"torque": "t_torque"}}
         import_log(log, map_of({**CLOCKS, "time": wrong}))
+    with pytest.raises(InputError, match="time.columns: also give time.column"):
+        map_of({**CLOCKS, "time": {"sample_period": 0.01, "columns": {"torque": "t_trq"}}})
 
 
 @pytest.mark.parametrize("second", [lambda t: t, lambda t: t / 1000, lambda t: 1.7e12 + t])

@@ -68,7 +68,6 @@ def view(
     """  # noqa: D301
     existing_robot(robot)
     _import_mujoco()
-    existing_robot(robot)
     from faultgen.viewing.film import FILMS, PICTURES, save_film, save_picture
     from faultgen.viewing.playback import play
     from faultgen.viewing.window import open_window, require_display

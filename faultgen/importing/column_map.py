@@ -238,6 +238,11 @@ def map_of(content: Mapping[str, Any], preset: str | None = None, where: str = "
         raise InputError(f"{where}: {'; '.join(wrong)}") from None
     if (found.time.column is None) == (found.time.sample_period is None):
         raise InputError(f"{where}: time: give either column or sample_period [s]")
+    if found.time.columns and found.time.column is None:
+        raise InputError(
+            f"{where}: time.columns: also give time.column, the times of the rows, in place of "
+            "sample_period"
+        )
     for name in QUANTITIES:
         quantity = getattr(found, name)
         if quantity is not None and quantity.bits and quantity.sign_bit is not None:

@@ -66,6 +66,7 @@ def read_trace(path: Path) -> Table:
             merged.setdefault(own, values)
             if name in units:
                 merged_units.setdefault(own, units[name])
+        check_size(path, sum(values.nbytes for values in merged.values()))
     short = min(lengths)
     notes = [f"{len(beside)} files, one for each axis: {', '.join(sorted(beside))}"]
     if len(lengths) > 1:
@@ -92,7 +93,7 @@ def _channels(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], set[st
     if not explicit:
         raise InputError(f"{path}: lists no channel with data; give the .dat file of a trace")
     data = {}
-    size = 0.0
+    size = 0
     columns: dict[str, np.ndarray] = {}
     units = {}
     for one in headers:
@@ -110,11 +111,14 @@ def _channels(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], set[st
             file = _beside(path, one.get(_DATA, "").strip())
             if (file, kind) not in data:
                 content = read_bytes(file, "data of a trace", MOST_BYTES)
-                size = np.dtype(_TYPES[kind]).itemsize
-                whole = len(content) // size * size
+                width = np.dtype(_TYPES[kind]).itemsize
+                whole = len(content) // width * width
                 data[file, kind] = np.frombuffer(content[:whole], _TYPES[kind])
             together = [two for two in explicit if two.get(_DATA) == one.get(_DATA)]
-            count = len(data[file, kind]) / (1 if _by_channel(one) else len(together))
+            most = len(data[file, kind])
+            count = most // len(together) + 1
+            if _by_channel(one):
+                count = min(_whole(path, one, _COUNT), most)
             size += np.dtype(float).itemsize * count
             check_size(path, size)
             columns[name] = _values(path, name, one, data[file, kind], len(together))

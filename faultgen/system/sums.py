@@ -1,7 +1,8 @@
 """Checksums of the files of a folder, in the file ``checksums.txt`` of the folder.
 
 The file has the form that the program `sha256sum` reads. Every file that it lists is compared when
-faultgen reads it (`faultgen.system.reading`). A folder without it is read as it is.
+faultgen reads it (`faultgen.system.reading`). A folder without it is read as it is, and so is one
+in which other programs have written a file of this name with something else in it.
 
     add_sums(Path("my_robot"), {"model.xml": content})
     check_listed(Path("my_robot/model.xml"), content)  # raises if it has changed
@@ -85,13 +86,11 @@ def _listed(path: str, _date: int, _size: int) -> dict[str, str]:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read ({error}); delete it to go without it") from None
-    found = {}
-    for number, line in enumerate(text.splitlines(), start=1):
-        parts = _LINE.fullmatch(line)
-        if parts is None:
-            raise InputError(
-                f"{path}: damaged (line {number} is no checksum); make the folder again, or delete "
-                "this file to read the folder without comparing it"
-            )
-        found[parts[2]] = parts[1]
-    return found
+    lines = [_LINE.fullmatch(line) for line in text.splitlines()]
+    found = {parts[2]: parts[1] for parts in lines if parts is not None}
+    if found and None in lines:
+        raise InputError(
+            f"{path}: damaged (line {lines.index(None) + 1} is no checksum); make the folder "
+            "again, or delete this file to read the folder without comparing it"
+        )
+    return found  # nothing, if the file is of another program
