@@ -257,8 +257,9 @@ def _check_plain(path: Path, source: Source, folders: Sequence[Path]) -> Checked
         except InputError as error:
             checked.findings.append(Finding("model", str(error), "correct the file"))
             return checked
-        model = compiled(parsed(arm.xml, arm.assets, path.name)[0], path.name)
-        checked.warnings += [*arm.warnings, *arm.masses.warnings, *_placeholders(arm, path.name)]
+        spec, _ = parsed(arm.xml, arm.assets, path.name)
+        model = compiled(spec, path.name)
+        checked.warnings += [*arm.warnings, *arm.masses.warnings, *_placeholders(arm, spec)]
         checked.warnings += weight_warnings(model)
         has_payload = any(model.body(k).name == "payload" for k in range(model.nbody))
         checked.findings += unit_findings(model, names, has_payload)
@@ -276,9 +277,8 @@ def _check_plain(path: Path, source: Source, folders: Sequence[Path]) -> Checked
     return checked
 
 
-def _placeholders(arm: Plain, where: str) -> list[str]:
-    """Torque limits of a plain arm that a build does not use."""
-    spec, _ = parsed(arm.xml, arm.assets, where)
+def _placeholders(arm: Plain, spec: mujoco.MjSpec) -> list[str]:
+    """Torque limits of a plain arm that a build does not use; its model gets the payload."""
     add_payload(spec, arm.flange, None)
     seen = look(spec, arm, np.eye(len(arm.joints)))
     return unused_limits(arm.joints, seen)

@@ -14,7 +14,7 @@ from faultgen.building.findings import Finding
 from faultgen.building.limits import MOST_TORQUE
 from faultgen.building.plain import STATED_UNITS
 from faultgen.building.resonance import sampled_poses
-from faultgen.building.seen import Loads, loads
+from faultgen.building.seen import Loads, loads, mass_from
 from faultgen.building.units import length_of
 from faultgen.building.usual import usual_torque
 from faultgen.robot import COULOMB, STICTION, Robot
@@ -66,9 +66,7 @@ def moving_mass(model: mujoco.MjModel) -> float:
     Args:
         model: The compiled arm.
     """
-    mass = float(model.body_subtreemass[model.jnt_bodyid.min()])
-    payload = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "payload")
-    return mass - (float(model.body_subtreemass[payload]) if payload >= 0 else 0.0)
+    return mass_from(model, int(model.jnt_bodyid.min()))
 
 
 def drive_doubts(robot: Robot) -> tuple[list[Finding], list[str]]:
@@ -83,12 +81,13 @@ def drive_doubts(robot: Robot) -> tuple[list[Finding], list[str]]:
     model = Arm(robot).model
     poses = sampled_poses(robot.joint_range, robot.slides, _POSES)
     seen = loads(model, poses, np.linalg.inv(robot.gearing.outputs(np.eye(robot.n_axes)).T))
+    limit, usual = _limits(robot, seen)
     found: list[Finding] = []
     warnings = weight_warnings(model)
     for told, impossible, where, remedy in (
         *_rotors(robot, model, seen),
-        *_torques(robot, seen),
-        *_friction(robot, seen),
+        *_torques(robot, limit, usual),
+        *_friction(robot, seen, np.where(np.isfinite(limit), limit, usual)),
     ):
         if impossible:
             found.append(Finding(where, told, remedy))
@@ -134,8 +133,7 @@ def _limits(robot: Robot, seen: Loads) -> tuple[np.ndarray, np.ndarray]:
     return robot.motor_torque_limit * np.abs(robot.gear_ratio), usual
 
 
-def _torques(robot: Robot, seen: Loads) -> list[Doubt]:
-    limit, usual = _limits(robot, seen)
+def _torques(robot: Robot, limit: np.ndarray, usual: np.ndarray) -> list[Doubt]:
     times = np.where(np.isfinite(limit), limit / usual, 0.0)
     return [
         (
@@ -149,13 +147,11 @@ def _torques(robot: Robot, seen: Loads) -> list[Doubt]:
     ]
 
 
-def _friction(robot: Robot, seen: Loads) -> list[Doubt]:
+def _friction(robot: Robot, seen: Loads, limit: np.ndarray) -> list[Doubt]:
     ratio = np.abs(robot.gear_ratio)
     elements = robot.ids("actuator", "friction")
     law = robot.model.actuator_biasprm[elements]
     coulomb, static = law[:, COULOMB] * ratio, law[:, STICTION] * ratio
-    limit, usual = _limits(robot, seen)
-    limit = np.where(np.isfinite(limit), limit, usual)
     speed = np.where(np.isfinite(robot.motor_velocity_limit), robot.motor_velocity_limit, 0.0)
     viscous = robot.model.actuator_damping[elements] * speed * ratio
     weight = seen.weight.max(initial=0.0)

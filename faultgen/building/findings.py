@@ -55,11 +55,8 @@ def computable(name: str) -> Iterator[None]:
         yield
     except InputError:
         raise
-    except (
-        ValueError,
-        ArithmeticError,
-        MemoryError,
-    ) as error:  # of linear algebra, and of huge numbers
+    # of linear algebra, and of huge numbers
+    except (ValueError, ArithmeticError, MemoryError) as error:
         raise InputError(
             f"{name}: its masses, lengths and inertias are too different to compute with "
             f"({one_line(error)}); they are in kg, m and kg m^2"

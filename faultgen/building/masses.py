@@ -14,9 +14,10 @@ import numpy as np
 
 from faultgen.building.drive_numbers import Value
 from faultgen.building.inertias import LIGHTEST, set_mass
+from faultgen.building.seen import mass_from
 from faultgen.building.shapes import Filled, fill, has_shape
 from faultgen.errors import InputError
-from faultgen.mjcf.compiling import compiled
+from faultgen.mjcf.compiling import compiled_anyway
 from faultgen.mjcf.edit import resolve_inertias
 
 DENSITY = 1100.0
@@ -199,10 +200,7 @@ def _volumes(
     spec: mujoco.MjSpec, lacking: Mapping[str, list[str]], others: Sequence[str]
 ) -> dict[str, Filled | None]:
     """What the shapes of links fill, in the frame of the link that gets the mass."""
-    copy = spec.copy()
-    copy.compiler.boundmass = copy.compiler.boundinertia = 1e-6  # so that it can be compiled
-    copy.compiler.balanceinertia = True
-    model = compiled(copy, "arm")
+    model = compiled_anyway(spec, "arm")
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     found: dict[str, Filled | None] = {}
@@ -240,12 +238,8 @@ def _density(
     copy = spec.copy()
     for name in [*lacking, *empty]:
         set_mass(copy.body(name), 0.0, None, stated=False)
-    copy.compiler.boundmass = copy.compiler.boundinertia = 1e-6
-    model = compiled(copy, "arm")
-    root = model.body_rootid[model.jnt_bodyid[0]]
-    payload = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, _PAYLOAD)
-    stated = float(model.body_subtreemass[root])
-    stated -= float(model.body_subtreemass[payload]) if payload >= 0 else 0.0
+    model = compiled_anyway(copy, "arm")
+    stated = mass_from(model, int(model.body_rootid[model.jnt_bodyid[0]]))
     if total <= stated:
         raise InputError(
             f"drives: mass: the links that state one weigh {stated:.4g} kg, so that the arm cannot "

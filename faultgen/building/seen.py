@@ -48,6 +48,18 @@ class Loads:
     (n_axes,), in [N m]; 0 for slides."""
 
 
+def mass_from(model: mujoco.MjModel, body: int) -> float:
+    """Return the mass of a link and of all that it carries, without the body ``payload`` [kg].
+
+    Args:
+        model: The compiled arm.
+        body: Number of the link.
+    """
+    payload = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "payload")
+    mass = float(model.body_subtreemass[body])
+    return mass - (float(model.body_subtreemass[payload]) if payload >= 0 else 0.0)
+
+
 def loads(model: mujoco.MjModel, poses: np.ndarray, back: np.ndarray | None = None) -> Loads:
     """Look at an arm in many poses.
 

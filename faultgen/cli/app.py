@@ -89,7 +89,7 @@ Seeds = Annotated[int, typer.Option(help="How often the noise is drawn anew for 
 Folder = Annotated[
     Path,
     typer.Argument(
-        help="Folder of a dataset that 'faultgen generate' has written, or its dataset.h5.",
+        help="Folder of a dataset that 'faultgen generate' has written, or its dataset.h5."
     ),
 ]
 Methods = Annotated[

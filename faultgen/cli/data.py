@@ -34,9 +34,7 @@ if TYPE_CHECKING:
 def generate(
     experiment: Annotated[
         Path | None,
-        typer.Argument(
-            help="Experiment file (TOML). Without one, give --robot and --task.",
-        ),
+        typer.Argument(help="Experiment file (TOML). Without one, give --robot and --task."),
     ] = None,
     out: Out = Path("dataset"),
     robot: Annotated[

@@ -31,7 +31,7 @@ def discover(
         list[Path] | None,
         typer.Argument(
             help="Recordings of the robot (HDF5 or CSV); see docs/measured.md. Several are used "
-            "together. None with --plan.",
+            "together. None with --plan."
         ),
     ] = None,
     healthy: Annotated[
@@ -40,14 +40,14 @@ def discover(
             help="Recording of the same motions from before the change. It makes small changes "
             "visible. Repeat the option for several runs: they show how much the unchanged robot "
             "differs from run to run. Several recordings of different motions need equally many "
-            "healthy ones each, in any order.",
+            "healthy ones each, in any order."
         ),
     ] = None,
     validate: Annotated[
         Path | None,
         typer.Option(
             help="Recording of other motions of the same robot. It is used only to score the "
-            "result, not to find it.",
+            "result, not to find it."
         ),
     ] = None,
     plan: Annotated[
@@ -222,7 +222,7 @@ def calibrate(
         list[Path],
         typer.Argument(
             help="Recordings of the robot (HDF5 or CSV); see docs/measured.md. Several are used "
-            "together.",
+            "together."
         ),
     ],
     robot: Robot,
@@ -262,8 +262,7 @@ def calibrate(
     from faultgen.discovery.limits import with_limits_of
     from faultgen.discovery.workflow import dump
     from faultgen.robot import load_robot
-    from faultgen.system.files import write_text
-    from faultgen.system.sums import add_sums
+    from faultgen.system.sums import write_listed
 
     if out.suffix == ".xml" or out.is_file():
         raise InputError(f"out: must be a folder, not {out}; the model is written to its model.xml")
@@ -280,9 +279,7 @@ def calibrate(
         changed = recording.constants.constant * found.robot.torque_gain / model.torque_gain
         result["torque_constants"] = replace(recording.constants, constant=changed).contract()
     found.robot.write(out)
-    text = dump(result)
-    write_text(out / "calibration.json", text)
-    add_sums(out, {"calibration.json": text.encode()})
+    write_listed(out, "calibration.json", dump(result))
     for line in found.lacks:
         note(line)
     if as_json:

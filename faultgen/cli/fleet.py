@@ -28,9 +28,7 @@ if TYPE_CHECKING:
 def fleet(
     plan: Annotated[
         Path | None,
-        typer.Argument(
-            help="Plan of the fleet (TOML). Default: 26 robots, recorded for 60 days.",
-        ),
+        typer.Argument(help="Plan of the fleet (TOML). Default: 26 robots, recorded for 60 days."),
     ] = None,
     out: Out = Path("fleet"),
     workers: Workers = None,

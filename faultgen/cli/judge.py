@@ -139,7 +139,7 @@ def study(
         str,
         typer.Argument(
             help="Name of the study: events, detection, training-data, classifiers, isolation or "
-            "detectability.",
+            "detectability."
         ),
     ],
     out: Out = Path("study-out"),

@@ -136,9 +136,7 @@ def build(
 def check(
     name: Annotated[
         str,
-        typer.Argument(
-            help="Name of a robot, a robot folder, or an MJCF or URDF file.",
-        ),
+        typer.Argument(help="Name of a robot, a robot folder, or an MJCF or URDF file."),
     ],
     files: Files = None,
     as_json: Json = False,

@@ -34,7 +34,7 @@ def twin(
         list[Path],
         typer.Argument(
             help="Healthy recordings of the robot (HDF5 or CSV), all of the same program; see "
-            "docs/measured.md. Three or more show how much the robot differs from run to run.",
+            "docs/measured.md. Three or more show how much the robot differs from run to run."
         ),
     ],
     robot: Robot,
@@ -169,9 +169,7 @@ def train(
 def judge(
     detector: Annotated[
         Path,
-        typer.Argument(
-            help="Folder of a detector that 'faultgen train' has written.",
-        ),
+        typer.Argument(help="Folder of a detector that 'faultgen train' has written."),
     ],
     recordings: Annotated[
         list[Path] | None,

@@ -18,9 +18,7 @@ from faultgen.system.terminal import note, say
 def view(
     robot: Annotated[
         str,
-        typer.Argument(
-            help="Name of a robot, or the path of an MJCF file or robot folder.",
-        ),
+        typer.Argument(help="Name of a robot, or the path of an MJCF file or robot folder."),
     ],
     task: Annotated[
         str | None,

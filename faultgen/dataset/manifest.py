@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from faultgen.dataset.splits import RunParts
-from faultgen.errors import InputError, one_line
+from faultgen.errors import InputError
 from faultgen.system.files import write_text
-from faultgen.system.sealed_json import sealed, unsealed
+from faultgen.system.sealed_json import damage, sealed, unsealed
 
 SCHEMA_VERSION = 2
 """Version of the layout of run files."""
@@ -185,10 +185,8 @@ class Manifest:
                 if missing := [name for name in _NEEDED if name not in parameters]:
                     raise ValueError(f"run {run_id} has no {missing[0]}")
             found = cls(content["runs"], content["experiment_sha256"], content.get("splits", {}))
-        except KeyError as error:
-            raise _damaged(path, f"it has no {error}") from None
-        except (ValueError, TypeError, AttributeError) as error:
-            raise _damaged(path, one_line(error)) from None
+        except (KeyError, ValueError, TypeError, AttributeError) as error:
+            raise _damaged(path, damage(error)) from None
         for parameters in found.runs.values():
             check_layout(parameters.get("schema_version"), path)
         return found

@@ -59,11 +59,28 @@ def grid_of_changes(temperatures: tuple[float, ...], changes: np.ndarray) -> Gri
         _rounded_up(change, whole)
         for change, whole in zip(changes.T, (_CHANGE, _LOAD_CHANGE), strict=False)
     )
-    loads = (-heavier, -heavier / 2, heavier / 2, heavier) if heavier else ()
     grown = changes[:, 2]
     growth = tuple(float(one) for one in (grown.min(), grown.max()) if one != 0)
+    return grid_up_to(temperatures[::_COARSER], warmer, heavier, growth)
+
+
+def grid_up_to(
+    temperatures: tuple[float, ...], warmer: float, heavier: float, growth: tuple[float, ...] = ()
+) -> Grid:
+    """Make a grid of changes up to given ones, to both sides.
+
+    Args:
+        temperatures: Nodes in temperature of the cycles, ascending [deg C].
+        warmer: Largest change of the temperature [K].
+        heavier: Largest change of the payload factor.
+        growth: Nodes in the change of the severity, but for 0.
+
+    Returns:
+        The grid, as from `grid_of_changes`.
+    """
+    loads = (-heavier, -heavier / 2, heavier / 2, heavier) if heavier else ()
     warmth = (-warmer, warmer) if warmer else ()
-    return Grid(temperatures[::_COARSER], loads, (warmth, growth))
+    return Grid(temperatures, loads, (warmth, growth))
 
 
 def weights_of_changes(grid: Grid, temperature: np.ndarray, changes: np.ndarray) -> np.ndarray:

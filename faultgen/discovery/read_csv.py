@@ -12,7 +12,7 @@ import numpy as np
 
 from faultgen.discovery.read_hdf5 import NAMES
 from faultgen.errors import InputError, one_line
-from faultgen.importing.sizes import LARGEST_TEXT, check_size, check_text
+from faultgen.importing.sizes import LARGEST_LOG, check_size, check_text
 from faultgen.importing.table import as_numbers, listed, parsed_rows, split_cells
 
 
@@ -94,7 +94,7 @@ def _text(path: Path) -> str:
         InputError: It is too large, or not UTF-8.
     """
     with path.open("rb") as file:
-        content = file.read(LARGEST_TEXT + 1)
+        content = file.read(LARGEST_LOG + 1)
     check_text(path, content)
     if content[:2] in (b"\xff\xfe", b"\xfe\xff") or b"\0" in content[:1000]:
         raise InputError(f"{path}: is not UTF-8 text, perhaps UTF-16; save it as UTF-8")

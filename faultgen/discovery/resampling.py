@@ -15,13 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from faultgen.errors import InputError
+from faultgen.importing.clocks import GAP
 
 FEWEST = 5
 """Fewest samples that a separate recording may have."""
-
-GAP = 3.5
-"""Time between two samples from which a new segment begins, in sample periods: up to three periods
-are interpolated."""
 
 _UNEVEN = 0.05  # share of the sample period by which times may be off even ones
 _ROUNDING = 1e-6  # share of the sample period below which jitter is that of the numbers

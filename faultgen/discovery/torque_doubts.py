@@ -42,29 +42,31 @@ def torque_doubts(recording: Recording) -> list[tuple[int, str]]:
 
 def _images(recording: Recording) -> list[tuple[int, str]]:
     """Torques that are a line in a position."""
-    found = []
     positions = {"position": recording.position, "reference position": recording.reference_position}
-    for axis, torque in enumerate(recording.torque.T):
-        own = torque - torque.mean()
-        for name, values in positions.items():
-            for other, column in enumerate(values.T if values is not None else ()):
-                line = column - column.mean()
-                if not own.any() or not line.any():
-                    continue
-                factor = float(own @ line / (line @ line))
-                if np.std(own - factor * line) < _IMAGE * np.std(own):
-                    found.append(
-                        (
-                            axis + 1,
-                            f"is the {name} of axis {other + 1} times {factor:.4g}: name the column"
-                            " of the torque",
-                        )
-                    )
-                    break
-            else:
-                continue
-            break
+    columns = [
+        (f"{name} of axis {axis}", column)
+        for name, values in positions.items()
+        if values is not None
+        for axis, column in enumerate(values.T, start=1)
+    ]
+    found = []
+    for axis, torque in enumerate(recording.torque.T, start=1):
+        factors = ((what, _factor(torque, column)) for what, column in columns)
+        image = next((one for one in factors if one[1] is not None), None)
+        if image is not None:
+            what, factor = image
+            text = f"is the {what} times {factor:.4g}: name the column of the torque"
+            found.append((axis, text))
     return found
+
+
+def _factor(torque: np.ndarray, column: np.ndarray) -> float | None:
+    """How many times a column a torque is, but for an offset; None if it is something else."""
+    own, line = torque - torque.mean(), column - column.mean()
+    if not own.any() or not line.any():
+        return None
+    factor = float(own @ line / (line @ line))
+    return factor if np.std(own - factor * line) < _IMAGE * np.std(own) else None
 
 
 def _held(recording: Recording) -> list[tuple[int, str]]:

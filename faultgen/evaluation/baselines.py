@@ -12,9 +12,8 @@ import numpy as np
 
 from faultgen.evaluation.methods import CYCLES, Detector, Isolator, LabelledRun
 
-_FEATURE = (
-    "temperature",
-)  # a method must name a feature; the number of cycles is all that is used
+# a method must name a feature, although only the number of cycles is used
+_FEATURE = ("temperature",)
 
 
 class AlwaysNone(Isolator):

@@ -10,9 +10,9 @@ import numpy as np
 from faultgen.errors import InputError
 from faultgen.importing.table import Table, as_numbers, listed
 
-_LONG = 3.5
-"""Steps of a channel's own clock beyond which it says nothing between two of its samples: as for
-missing samples of a recording."""
+GAP = 3.5
+"""Steps between two samples from which nothing is known in between: up to two missing samples are
+interpolated."""
 
 _TIME = re.compile(r"(^|[\W_])(t|time|zeit|stamp|timestamp|clock|uhrzeit)(?=$|[\W_\d])", re.I)
 _SAME = 1e-6  # share of the duration by which two columns of one clock may differ: rounding
@@ -42,7 +42,7 @@ def at_times(time: np.ndarray, own: np.ndarray, values: np.ndarray) -> np.ndarra
     after = np.searchsorted(own, time[wanted]).clip(1, len(own) - 1)
     exact = np.isin(time[wanted], own)
     step = np.diff(own)
-    gap = (step[after - 1] > _LONG * np.median(step)) & ~exact
+    gap = (step[after - 1] > GAP * np.median(step)) & ~exact
     out[np.flatnonzero(wanted)[gap]] = np.nan
     return out
 

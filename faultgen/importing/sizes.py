@@ -19,7 +19,7 @@ MOST_BYTES = 120_000_000
 """Largest size of all arrays of a log, unpacked [bytes]. The import copies what it uses about four
 times (as read, in SI units, at even times, written), and then stays below 1 GB."""
 
-LARGEST_TEXT = 150_000_000
+LARGEST_LOG = 150_000_000
 """Largest log of text, unzipped [bytes]. Reading takes about five times as much memory."""
 
 MOST_LINES = 2_500_000
@@ -49,15 +49,15 @@ def check_text(path: Path, content: bytes) -> None:
 
     Args:
         path: The file, for messages.
-        content: Its content, unzipped, up to one byte more than `LARGEST_TEXT`.
+        content: Its content, unzipped, up to one byte more than `LARGEST_LOG`.
 
     Raises:
         InputError: It is. The message states the limit and what to do.
     """
     lines = max(content.count(b"\n"), content.count(b"\r"))
-    if len(content) > LARGEST_TEXT or lines > MOST_LINES:
+    if len(content) > LARGEST_LOG or lines > MOST_LINES:
         raise InputError(
-            f"{path}: more than {LARGEST_TEXT / 1e6:.0f} MB of text, or more than "
+            f"{path}: more than {LARGEST_LOG / 1e6:.0f} MB of text, or more than "
             f"{MOST_LINES / 1e6:g} million lines; cut the log into shorter ones, or export fewer "
             "columns"
         )

@@ -19,7 +19,7 @@ import numpy as np
 
 from faultgen.errors import InputError
 from faultgen.importing.column_map import File
-from faultgen.importing.sizes import LARGEST_TEXT, check_size, check_text
+from faultgen.importing.sizes import LARGEST_LOG, check_size, check_text
 from faultgen.importing.structured import (
     check_structured,
     read_structured,
@@ -137,7 +137,7 @@ def _lines(path: Path, encoding: str) -> tuple[list[str], list[str]]:
         with path.open("rb") as file:
             zipped = file.read(2) == b"\x1f\x8b"
         with gzip.open(path, "rb") if zipped else path.open("rb") as file:
-            content = file.read(LARGEST_TEXT + 1)
+            content = file.read(LARGEST_LOG + 1)
     except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"{path}: cannot be read ({' '.join(str(error).split())})") from None
     check_text(path, content)

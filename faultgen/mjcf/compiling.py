@@ -143,6 +143,25 @@ def compiled(spec: mujoco.MjSpec, where: str, warned: list[str] | None = None) -
     return model
 
 
+def compiled_anyway(spec: mujoco.MjSpec, where: str) -> mujoco.MjModel:
+    """Compile a copy of a model whose masses and inertias need not be possible.
+
+    Args:
+        spec: The model, which stays as it is.
+        where: What it is, for messages.
+
+    Returns:
+        The compiled copy. Impossible inertias are others in it.
+
+    Raises:
+        InputError: MuJoCo cannot compile the model for another reason.
+    """
+    copy = spec.copy()
+    copy.compiler.boundmass = copy.compiler.boundinertia = 1e-6
+    copy.compiler.balanceinertia = True
+    return compiled(copy, where)
+
+
 def _copies(element: ElementTree.Element, outside: int) -> int:
     """The largest number of copies that `replicate` makes of any element within an element."""
     if element.tag == "replicate":

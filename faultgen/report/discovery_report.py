@@ -19,7 +19,7 @@ from faultgen.mjcf.edit import write_model
 from faultgen.report.laws import laws_image
 from faultgen.report.page import image, page
 from faultgen.system.files import write_text
-from faultgen.system.sums import add_sums
+from faultgen.system.sums import add_sums, write_listed
 
 
 def write_discovery(folder: Path, result: dict[str, Any], found: Discovery) -> None:
@@ -32,15 +32,12 @@ def write_discovery(folder: Path, result: dict[str, Any], found: Discovery) -> N
     """
     folder.mkdir(parents=True, exist_ok=True)
     # what was found comes first, so that nothing that fails afterwards loses it
-    texts = {"discovery.json": dump(result)}
-    write_text(folder / "discovery.json", texts["discovery.json"])
+    write_listed(folder, "discovery.json", dump(result))
     robot = found.answer.robot
     robot.write(folder / "model")
-    written = write_model(folder / "model.xml", robot.xml, robot.assets)
+    add_sums(folder, write_model(folder / "model.xml", robot.xml, robot.assets))
     if found.experiment is not None:
-        texts["next_experiment.toml"] = found.experiment.toml
-        write_text(folder / "next_experiment.toml", found.experiment.toml)
-    add_sums(folder, written | {name: text.encode() for name, text in texts.items()})
+        write_listed(folder, "next_experiment.toml", found.experiment.toml)
     write_text(folder / "report.html", discovery_page(result, found))
 
 

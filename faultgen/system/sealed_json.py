@@ -11,6 +11,8 @@ import json
 from collections.abc import Collection, Mapping
 from typing import Any
 
+from faultgen.errors import one_line
+
 SUM = "sha256"
 """Entry with the checksum."""
 
@@ -52,6 +54,15 @@ def unsealed(text: str | bytes, older: Collection[str] = ()) -> tuple[dict[str, 
     if content.pop(SUM) != _sum(content):
         raise ValueError("it differs from its checksum")
     return content, True
+
+
+def damage(error: Exception) -> str:
+    """Say in one line what is wrong with the content of a file: which entry it lacks, or the error.
+
+    Args:
+        error: What was raised while the content was used.
+    """
+    return f"it has no {error}" if isinstance(error, KeyError) else one_line(error)
 
 
 def _sum(content: Mapping[str, Any]) -> str:

@@ -45,6 +45,21 @@ def add_sums(folder: Path, contents: Mapping[str, bytes]) -> None:
     write_text(path, sums_text(dict(sorted(known.items()))))
 
 
+def write_listed(folder: Path, name: str, text: str) -> None:
+    """Write a text file into a folder, and note its checksum.
+
+    Args:
+        folder: The folder, which exists.
+        name: Name of the file.
+        text: Its text.
+
+    Raises:
+        StorageFailed: It cannot be written.
+    """
+    write_text(folder / name, text)
+    add_sums(folder, {name: text.encode()})
+
+
 def sums_text(sums: Mapping[str, str]) -> str:
     """Return checksums by the name of the file in the form of `sha256sum`."""
     return "".join(f"{checksum}  {name}\n" for name, checksum in sums.items())

@@ -20,10 +20,10 @@ import numpy as np
 
 from faultgen.discovery.recording import TorqueConstants
 from faultgen.effects import get_effect
-from faultgen.errors import InputError, one_line
+from faultgen.errors import InputError
 from faultgen.system.files import write_bytes, write_text
 from faultgen.system.reading import LARGEST_TEXT, read_bytes
-from faultgen.system.sealed_json import sealed, unsealed
+from faultgen.system.sealed_json import damage, sealed, unsealed
 from faultgen.twin.alignment import KnownMotion
 from faultgen.twin.classes import Belief, Classes, believe
 from faultgen.twin.features import KINDS, features_of
@@ -350,7 +350,6 @@ def load_detector(folder: Path) -> Detector:
     except InputError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        reason = f"it has no {error}" if isinstance(error, KeyError) else one_line(error)
         raise InputError(
-            f"detector file {folder / FORM}: damaged ({reason}); copy it or train again"
+            f"detector file {folder / FORM}: damaged ({damage(error)}); copy it or train again"
         ) from None

@@ -40,7 +40,7 @@ from faultgen.simulation.plant import Plant
 from faultgen.simulation.stepping import decimation, simulate
 from faultgen.system.arrays import write_arrays
 from faultgen.system.files import write_text
-from faultgen.system.sums import add_sums
+from faultgen.system.sums import write_listed
 from faultgen.system.terminal import note
 from faultgen.tasks import load_task
 from faultgen.twin.alignment import KnownMotion, find_cycles, mean_cycle, stretches_of
@@ -116,9 +116,7 @@ def make_twin(
         result |= furnish(found, recordings, out, seed=seed, say=say)
     result["warnings"] = [*warnings, *calibrated.lacks]
     result["seconds"] = round(time.monotonic() - started, 1)
-    text = json.dumps(result, indent=1) + "\n"
-    write_text(out / RESULT, text)
-    add_sums(out, {RESULT: text.encode()})
+    write_listed(out, RESULT, json.dumps(result, indent=1) + "\n")
     return result
 
 
@@ -184,9 +182,7 @@ def furnish(
             torque=remainder.tolist(),
         ),
     )
-    toml = sensors.to_toml()
-    write_text(out / FILE, toml)
-    add_sums(out, {FILE: toml.encode()})
+    write_listed(out, FILE, sensors.to_toml())
     write_arrays(out / HEALTHY, {"torque": np.stack(means)}, {"sample_period": period})
     rms = np.sqrt(np.nanmean(np.mean(means, axis=0) ** 2, axis=0))
     left = np.sqrt(np.nanmean((np.mean(means, axis=0) - clean)[known.compared] ** 2, axis=0))

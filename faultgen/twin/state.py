@@ -20,7 +20,7 @@ from filelock import FileLock, Timeout
 from faultgen.errors import InputError, StorageFailed, one_line
 from faultgen.system.files import write_text
 from faultgen.system.reading import LARGEST_TEXT, read_bytes
-from faultgen.system.sealed_json import sealed, unsealed
+from faultgen.system.sealed_json import damage, sealed, unsealed
 from faultgen.twin.detector import Memory
 
 PATIENCE = 60.0
@@ -145,8 +145,7 @@ class State:
         except StateFailed:
             raise
         except (ValueError, KeyError, TypeError, RecursionError) as error:
-            reason = f"it has no {error}" if isinstance(error, KeyError) else one_line(error)
             raise StateFailed(
-                f"state file {self.path}: damaged ({reason}); delete it to begin anew"
+                f"state file {self.path}: damaged ({damage(error)}); delete it to begin anew"
             ) from None
         self.memory, self.answers, self.is_older = memory, list(told["answers"]), not is_sealed

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultgen.dataset.nodes import carried_over, weights_of_changes
+from faultgen.dataset.nodes import carried_over, grid_up_to, weights_of_changes
 from faultgen.effects.temperature import TEMPERATURE_RANGE
 from faultgen.monitoring.environment import Surroundings, differences
 from faultgen.monitoring.sensors import Sensors
@@ -167,9 +167,7 @@ class Before:
         if not shared.robot.payload_mass > 0:
             scatter = 0.0
         heavier = _WIDE * np.sqrt(2) * scatter
-        loads = (-heavier, -heavier / 2, heavier / 2, heavier) if heavier else ()
-        warmth = (-_WIDE * step, _WIDE * step) if step else ()
-        grid = Grid(tuple(temperatures.tolist()), loads, (warmth, ()))
+        grid = grid_up_to(tuple(temperatures.tolist()), _WIDE * step, heavier)
         return cls(grid, carried_over(shared, sample_period, grid, CHANNELS), step, scatter)
 
     def changes(self, around: Surroundings, rng: np.random.Generator) -> np.ndarray:
