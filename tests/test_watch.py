@@ -1,6 +1,7 @@
 """A watched folder: no recording is lost, whatever happens to files and disks meanwhile."""
 
 import errno
+import inspect
 import multiprocessing
 from contextlib import suppress
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 
 import faultgen.twin.judge as judging
 import faultgen.twin.state as states
+from faultgen.cli.twin import judge
 from faultgen.discovery import Recording, write_recording
 from faultgen.discovery.read import is_complete, read_recording
 from faultgen.errors import InputError, StorageFailed
@@ -300,3 +302,15 @@ def test_a_recording_that_changes_while_it_is_read_is_not_judged(whole, tmp_path
     monkeypatch.setattr(judging, "read_recording", slow)
     with pytest.raises(InputError, match="changed while it was read"):
         Judge.judge(None, path)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("settled", [-1.0, float("nan"), float("inf")])
+def test_a_time_that_is_none_is_refused(tmp_path, settled):
+    """With it, no file would ever be judged, or each before it is complete."""
+    with pytest.raises(InputError, match="settled: must be a number of seconds from 0 on"):
+        judging.watch(None, tmp_path, print, print, lambda seconds: False, settled)
+
+
+def test_the_command_waits_as_long_as_the_function():
+    """The command knows the default without importing the function."""
+    assert inspect.signature(judge).parameters["settled"].default == SETTLED

@@ -7,6 +7,7 @@ answer["verdict"], answer["probability"]
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -168,10 +169,12 @@ def watch(
         settled: How long a file without a checksum must not change before it is judged [s].
 
     Raises:
-        InputError: There is no such folder.
+        InputError: There is no such folder, or the time is none.
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder to watch")
+    if not 0 <= settled < math.inf:
+        raise InputError(f"settled: must be a number of seconds from 0 on, not {settled:g}")
     pause = pause or _wait
     watched = Watch(one.judge, folder, tell, complain, settled)
     while True:
