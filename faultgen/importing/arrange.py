@@ -17,16 +17,13 @@ import numpy as np
 from faultgen.errors import InputError
 from faultgen.importing.clocks import at_times, check_one_clock
 from faultgen.importing.column_map import AXIS, QUANTITIES, ColumnMap, Quantity
-from faultgen.importing.oddities import dropouts, unwrapped, without_missing
+from faultgen.importing.oddities import dropouts
+from faultgen.importing.quantity import Read, columns_of, each, read_quantity
 from faultgen.importing.table import Table
 from faultgen.importing.times import clock_of, times_of
-from faultgen.importing.units import PERCENT, conversion, known_unit
-from faultgen.importing.words import Word, words_of
 
 _MOST_LOST = 0.5  # share of the rows that may be left out for blank cells
 _MOST_EQUAL = 0.2  # share of the rows that may have the time of the row before
-_KINDS = {"reference_position": "position"}
-_SIGNED = ("position", "velocity", "torque", "current", "reference_position")
 
 
 @dataclass(frozen=True)
@@ -65,18 +62,6 @@ class Arranged:
     """One line for each decision that the map did not state."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Read:
-    """A quantity as the log has it."""
-
-    columns: list[str]
-    units: list[str | float]
-    values: np.ndarray
-    """[SI], without signs and gear ratios, shape (rows, columns)."""
-    factors: np.ndarray
-    si: list[str]
-
-
 def arranged(table: Table, column_map: ColumnMap) -> Arranged:
     """Read the quantities of a recording from a table.
 
@@ -95,20 +80,20 @@ def arranged(table: Table, column_map: ColumnMap) -> Arranged:
         raise InputError(f"{table.source}: has no rows of numbers")
     notes = list(table.notes)
     axes = _axes(table, column_map)
-    found: dict[str, _Read] = {}
+    found: dict[str, Read] = {}
     for name in ("position", "velocity", "torque", "reference_position", "temperature"):
-        one = _read(table, column_map, name, axes, notes)
+        one = read_quantity(table, column_map, name, axes, notes)
         if one is not None:
             found[name] = one
     if "torque" not in found:
-        one = _read(table, column_map, "current", axes, notes)
+        one = read_quantity(table, column_map, "current", axes, notes)
         if one is None:
             raise InputError(
                 f"{table.source}: has neither torque nor current; name the columns of one of them "
                 "under [torque] or [current] in the map"
             )
         found["current"] = one
-    elif column_map.current and set(_columns(column_map.current, axes)) <= table.columns.keys():
+    elif column_map.current and set(columns_of(column_map.current, axes)) <= table.columns.keys():
         notes.append("the torque was read; currents were left out")
     time, attributes = times_of(table, column_map, notes)
     _check_clocks(table, column_map, axes)
@@ -179,7 +164,7 @@ def _check_clocks(table: Table, column_map: ColumnMap, axes: Sequence[str]) -> N
     if table.axes:  # a bag: its messages hold all quantities at one time
         return
     quantities = [getattr(column_map, one) for one in QUANTITIES]
-    used = [column for one in quantities if one is not None for column in _columns(one, axes)]
+    used = [column for one in quantities if one is not None for column in columns_of(one, axes)]
     check_one_clock(table, name, [*used, *([column_map.segment] if column_map.segment else [])])
 
 
@@ -187,7 +172,7 @@ def _at_one_time(
     table: Table,
     column_map: ColumnMap,
     name: str,
-    one: _Read,
+    one: Read,
     time: np.ndarray,
     notes: list[str],
 ) -> None:
@@ -196,7 +181,7 @@ def _at_one_time(
     clocks = next((columns for quantity, columns in named.items() if quantity == name), None)
     if clocks is None:
         return
-    of_axis = _each(f"time.columns.{name}", clocks, len(one.columns))
+    of_axis = each(f"time.columns.{name}", clocks, len(one.columns))
     for k, clock in enumerate(of_axis):
         own = clock_of(table, column_map, clock, time)
         one.values[:, k] = at_times(time, own, one.values[:, k])
@@ -206,116 +191,8 @@ def _at_one_time(
     )
 
 
-def _read(
-    table: Table,
-    column_map: ColumnMap,
-    name: str,
-    axes: Sequence[str],
-    notes: list[str],
-) -> _Read | None:
-    """A quantity; None if the map has none, or the log lacks an optional one."""
-    quantity: Quantity | None = getattr(column_map, name)
-    if quantity is None:
-        return None
-    columns = _columns(quantity, axes)
-    if len(columns) != len(axes) and not (name == "temperature" and len(columns) == 1):
-        raise InputError(
-            f"{table.source}: {name}.columns lists {len(columns)} columns, but there are "
-            f"{len(axes)} axes; list one for each axis"
-        )
-    lacking = [column for column in columns if column not in table.columns]
-    if lacking and quantity.optional:
-        if len(lacking) < len(columns):
-            notes.append(f"{name} was left out, because there is no column '{lacking[0]}'")
-        return None
-    if lacking:
-        raise table.missing(lacking[0], name)
-    kind = _KINDS.get(name, name)
-    given = _each(f"{name}.unit", quantity.unit, len(columns))
-    zero = _each(f"{name}.zero", quantity.zero, len(columns))
-    rated = _each(f"{name}.rated", quantity.rated, len(columns))
-    units, values, factors, si = [], [], [], []
-    words: list[Word | None] = [None] * len(columns)
-    if quantity.bits is None and quantity.sign_bit is None and name in _SIGNED:
-        words = words_of([table.numbers(column) for column in columns])
-    for k, column in enumerate(columns):
-        stated = table.units.get(column)
-        unit = given[k] if given[k] is not None else stated
-        if unit is None:
-            raise InputError(
-                f"{table.source}: the unit of column '{column}' is not known; state {name}.unit in "
-                "the map"
-            )
-        if stated is not None and isinstance(unit, str) and known_unit(unit) != known_unit(stated):
-            notes.append(f"column '{column}' states {stated}; it was read as {unit}, as in the map")
-        try:
-            how = conversion(kind, unit)
-        except InputError as error:
-            raise InputError(f"{table.source}: column '{column}', {name}.{error}") from None
-        factor = how.factor
-        if isinstance(unit, str) and known_unit(unit) == PERCENT:
-            if rated[k] is None:
-                raise InputError(
-                    f"{table.source}: column '{column}' is in percent; state {name}.rated in the "
-                    f"map, which is 100 % in [{how.si}]"
-                )
-            factor *= rated[k]
-        units.append(unit)
-        factors.append(factor)
-        si.append(how.si)
-        cells = _cells(table, column_map, name, column, words[k], notes)
-        values.append(factor * (cells - zero[k]) + how.offset)
-        turns = kind == "position" and how.si == "rad"
-        if turns and (quantity.side or column_map.side) == "joint":
-            values[-1] = unwrapped(table, column, values[-1], notes)
-    return _Read(columns, units, np.stack(values, axis=1), np.array(factors), si)
-
-
-def _cells(
-    table: Table,
-    column_map: ColumnMap,
-    name: str,
-    column: str,
-    word: Word | None,
-    notes: list[str],
-) -> np.ndarray:
-    """Numbers of a column in the unit of the log, NaN where they are missing, with their signs."""
-    quantity: Quantity = getattr(column_map, name)
-    marks = column_map.file.missing
-    values = table.numbers(column)
-    if word is not None:
-        signed = word.signed(without_missing(table, column, values, marks or [], notes))
-        notes.append(
-            f"column '{column}': {int((signed < 0).sum())} numbers from {2 ** (word.bits - 1)} on "
-            f"were read as negative ({word}); if they are not, state {name}.bits = 0"
-        )
-        return signed
-    values = without_missing(table, column, values, marks, notes)
-    if quantity.sign_bit is not None:
-        return Word(quantity.sign_bit + 1, magnitude=True).signed(values)
-    return Word(quantity.bits).signed(values) if quantity.bits else values
-
-
-def _columns(quantity: Quantity, axes: Sequence[str]) -> list[str]:
-    """Names of the columns that hold a quantity."""
-    if isinstance(quantity.columns, list):
-        return quantity.columns
-    if AXIS in quantity.columns:
-        return [quantity.columns.replace(AXIS, axis) for axis in axes]
-    return [quantity.columns]
-
-
-def _each(entry: str, value: Any, count: int) -> list[Any]:
-    """A value for each axis."""
-    if not isinstance(value, list | tuple):
-        return [value] * count
-    if len(value) != count:
-        raise InputError(f"map: {entry}: lists {len(value)} values for {count} axes")
-    return list(value)
-
-
 def _target(
-    name: str, one: _Read, column_map: ColumnMap, side: str, axes: Sequence[str]
+    name: str, one: Read, column_map: ColumnMap, side: str, axes: Sequence[str]
 ) -> tuple[str, np.ndarray, list[str]]:
     """Name in the recording, factor of each column for signs, gears and constants, SI units."""
     count = len(one.columns)
@@ -323,18 +200,18 @@ def _target(
         return name, np.ones(count), one.si
     quantity: Quantity = getattr(column_map, name)
     own = quantity.side or column_map.side
-    factor = np.array(_each(f"{name}.sign", quantity.sign, count), float)
-    factor = factor * np.array(_each("axes.sign", column_map.axes.sign, count), float)
+    factor = np.array(each(f"{name}.sign", quantity.sign, count), float)
+    factor = factor * np.array(each("axes.sign", column_map.axes.sign, count), float)
     si = one.si
     if name == "current":
-        constants = _each("axes.torque_constant", column_map.axes.torque_constant, count)
+        constants = each("axes.torque_constant", column_map.axes.torque_constant, count)
         if constants[0] is None:
             return "motor_current", factor, si
         factor = factor * np.array(constants, float)
         si = ["N m"] * count
     wanted = "joint" if name == "reference_position" else side
     if own != wanted:
-        ratio = _each("axes.gear_ratio", column_map.axes.gear_ratio, count)
+        ratio = each("axes.gear_ratio", column_map.axes.gear_ratio, count)
         if ratio[0] is None or 0 in ratio:
             raise InputError(
                 f"map: {name} is on the {own} side, but the recording needs it on the {wanted} "
@@ -349,7 +226,7 @@ def _target(
 
 
 def _complete(
-    table: Table, found: dict[str, _Read], time: np.ndarray, notes: list[str]
+    table: Table, found: dict[str, Read], time: np.ndarray, notes: list[str]
 ) -> np.ndarray:
     """Numbers of the rows in which no column that is needed is blank."""
     blank = {"time": np.isnan(time)}
