@@ -22,11 +22,11 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, WhiteKernel
 
-from faultgen.discovery.read import read_recording
-from faultgen.discovery.recording import Recording
-from faultgen.discovery.replay import relative_error, relative_errors, settled
+from faultgen.discovery.replay.replay import relative_error, relative_errors, settled
+from faultgen.discovery.replay.samples import cut, samples_of
 from faultgen.discovery.result import NAMED, NONE, UNKNOWN
-from faultgen.discovery.samples import cut, samples_of
+from faultgen.recordings.read import read_recording
+from faultgen.recordings.recording import Recording
 from faultgen.robot import STRIBECK_VELOCITY, Robot, load_robot
 
 SHARE = 0.5

@@ -20,7 +20,7 @@ import numpy as np
 from faultgen.analysis.plots import COLOURS, legend_beside, style
 
 from faultgen.discovery import investigate, read_recording
-from faultgen.discovery.with_laws import with_laws
+from faultgen.discovery.decision.with_laws import with_laws
 from faultgen.robot import load_robot
 
 SHOWN = 1.6  # time of the scoring motion that is shown [s]

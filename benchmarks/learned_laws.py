@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 import typer
 
-from faultgen.discovery.candidates import between_runs, effect_terms
-from faultgen.discovery.learned_law import learn
-from faultgen.discovery.recording import Recording
-from faultgen.discovery.regression import Problem, pose
-from faultgen.discovery.replay import Replay
-from faultgen.discovery.sensitivities import sensitivities
+from faultgen.discovery.fit.regression import Problem, pose
+from faultgen.discovery.laws.learned_law import learn
+from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.replay.sensitivities import sensitivities
+from faultgen.discovery.terms.candidates import between_runs, effect_terms
 from faultgen.effects import EFFECTS, Applied
 from faultgen.effects.learned import NAME
+from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot, load_robot
 from faultgen.simulation.motion import plan
 from faultgen.tasks import load_task

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import butter, filtfilt
 
-from faultgen.discovery.recording import Recording, write_recording
+from faultgen.recordings.recording import Recording, write_recording
 
 EXAMPLES = Path(__file__).parents[1] / "docs" / "examples"
 

@@ -30,14 +30,14 @@ from measured_data import (
 from scipy.signal import butter, decimate, filtfilt
 
 from faultgen.discovery import Recording, Replay, investigate
-from faultgen.discovery.calibrate import PRIOR_SCALES, calibrate
-from faultgen.discovery.candidates import INERTIA, PAYLOAD, Term, payload_of
-from faultgen.discovery.fit import changes_of
-from faultgen.discovery.regression import plain
-from faultgen.discovery.replay import Changes, settled
-from faultgen.discovery.samples import rolling
-from faultgen.discovery.selection import SURE, groups_of
-from faultgen.discovery.simulated_fit import changed, refined
+from faultgen.discovery.calibration.calibrate import PRIOR_SCALES, calibrate
+from faultgen.discovery.calibration.simulated_fit import changed, refined
+from faultgen.discovery.decision.selection import SURE, groups_of
+from faultgen.discovery.fit.fit import changes_of
+from faultgen.discovery.fit.regression import plain
+from faultgen.discovery.replay.replay import Changes, settled
+from faultgen.discovery.replay.samples import rolling
+from faultgen.discovery.terms.candidates import INERTIA, PAYLOAD, Term, payload_of
 from faultgen.errors import SimulationFailed
 from faultgen.report.discovery_report import write_discovery
 from faultgen.robot import Robot, load_robot

@@ -20,7 +20,7 @@ import faultgen
 from faultgen import generate, open_dataset
 from faultgen.dataset.experiment import Experiment
 from faultgen.discovery import write_recording
-from faultgen.discovery.from_runs import recording_of
+from faultgen.recordings.from_runs import recording_of
 from faultgen.robot import COULOMB, Robot, load_robot
 from faultgen.simulation.motion import plan
 from faultgen.tasks import load_task

@@ -34,8 +34,8 @@ from sealed.recording import Noise, draw_noise, torque_noise
 from sealed.robots import random_robot
 from tqdm import tqdm
 
-from faultgen.discovery.motion_plan import ORDERS, REFERENCE
-from faultgen.discovery.recording import Recording, write_recording
+from faultgen.discovery.planning.motion_plan import ORDERS, REFERENCE
+from faultgen.recordings.recording import Recording, write_recording
 from faultgen.report.discover import discover
 from faultgen.robot import load_robot
 from faultgen.simulation.motion import plan

@@ -25,13 +25,13 @@ import numpy as np
 from measured_data import joined
 from scipy.signal import butter, filtfilt
 
-from faultgen.discovery.calibrate import calibrate
-from faultgen.discovery.classical import CUT_OFF, Coupling, Regression, identify
-from faultgen.discovery.friction_law import with_friction_law
+from faultgen.discovery.calibration.calibrate import calibrate
 from faultgen.discovery.inputs import usable
-from faultgen.discovery.recording import Recording, low_passed, write_recording
-from faultgen.discovery.replay import Replay
+from faultgen.discovery.laws.friction_law import with_friction_law
+from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.rigid.classical import CUT_OFF, Coupling, Regression, identify
 from faultgen.mjcf.edit import mjcf_text
+from faultgen.recordings.recording import Recording, low_passed, write_recording
 from faultgen.robot import Robot, load_robot
 
 TX40_RATIOS = (32.0, 32.0, 45.0, -48.0, 45.0, 32.0)

@@ -17,8 +17,8 @@ import numpy as np
 from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
-from faultgen.discovery.from_runs import recording_of
-from faultgen.discovery.recording import write_recording
+from faultgen.recordings.from_runs import recording_of
+from faultgen.recordings.recording import write_recording
 from faultgen.twin.make import make_twin
 from faultgen.twin.train import train
 

@@ -4,7 +4,7 @@ python benchmarks/servo_delays.py --laboratories 40
 
 Each laboratory with commanded positions and measured torque records a healthy robot, two delays and
 four other effects on a random axis. Only the equation of the servo is asked
-(`faultgen.discovery.own_servo` and `servo_delay`), with a healthy recording and without one.
+(`faultgen.discovery.replay.own_servo` and `servo_delay`), with a healthy recording and without one.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from laboratories.effects import Effect
 from laboratories.make import model_for, record_case, set_up
 
 from faultgen.discovery.inputs import read_together
-from faultgen.discovery.own_servo import with_own_servo
-from faultgen.discovery.recording import mean_of
-from faultgen.discovery.servo_delay import find_delays
+from faultgen.discovery.replay.own_servo import with_own_servo
+from faultgen.discovery.replay.servo_delay import find_delays
+from faultgen.recordings.recording import mean_of
 from faultgen.robot import load_robot
 
 OTHERS = {

@@ -30,13 +30,13 @@ from threadpoolctl import threadpool_limits
 from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
-from faultgen.discovery.calibrate import calibrate
-from faultgen.discovery.recording import Recording, mean_of
-from faultgen.discovery.with_laws import with_laws
-from faultgen.discovery.workflow import investigate
+from faultgen.discovery.calibration.calibrate import calibrate
+from faultgen.discovery.decision.with_laws import with_laws
+from faultgen.discovery.discover import investigate
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.evaluation.shares import wilson
 from faultgen.monitoring.sensors import get_sensors
+from faultgen.recordings.recording import Recording, mean_of
 from faultgen.robot import Robot, load_robot
 from faultgen.system.files import write_text
 from faultgen.twin.alignment import find_cycles, mean_cycle

@@ -19,7 +19,7 @@ from laboratories.make import set_up
 from laboratories.robots import robot_file
 from twin_detectors import measured
 
-from faultgen.discovery.recording import write_recording
+from faultgen.recordings.recording import write_recording
 from faultgen.system.files import write_text
 
 HEALTHY = 5

@@ -25,8 +25,8 @@ from threadpoolctl import threadpool_limits
 from twin_detectors import AXES, measured, score, trained
 from twin_example import FACTORS, NUMBER
 
-from faultgen.discovery.calibrate import calibrate
-from faultgen.discovery.recording import mean_of
+from faultgen.discovery.calibration.calibrate import calibrate
+from faultgen.recordings.recording import mean_of
 from faultgen.robot import load_robot
 
 SEVERITIES = (0.10, 0.15, 0.20)

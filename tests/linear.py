@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from faultgen.discovery.noise import Autoregression
-from faultgen.discovery.noise_level import Noise
-from faultgen.discovery.recording import Recording
-from faultgen.discovery.regression import Problem, pose
+from faultgen.discovery.fit.regression import Problem, pose
+from faultgen.recordings.noise import Autoregression
+from faultgen.recordings.noise_level import Noise
+from faultgen.recordings.recording import Recording
 
 
 def straight(base, terms, columns):

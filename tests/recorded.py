@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from faultgen.discovery.recording import Recording
-from faultgen.discovery.replay import Replay
+from faultgen.discovery.replay.replay import Replay
 from faultgen.effects import get_effect
+from faultgen.recordings.recording import Recording
 from faultgen.simulation.motion import plan
 from faultgen.simulation.servo import control_signal
 from faultgen.simulation.stepping import simulate

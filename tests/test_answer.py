@@ -7,20 +7,21 @@ import numpy as np
 import pytest
 from linear import linear
 
-from faultgen.discovery import confirmation, investigate, scoring_errors
-from faultgen.discovery import model_edit as model
-from faultgen.discovery import next_experiment as motions
-from faultgen.discovery import verdict as judgement
-from faultgen.discovery.certainty import LEVEL, certainty
-from faultgen.discovery.confirmation import confirmed
-from faultgen.discovery.fit import fit
-from faultgen.discovery.gap import scored, scored_in_motion
-from faultgen.discovery.model_edit import build, simulated_numbers
-from faultgen.discovery.replay import Replay, settled
+from faultgen.discovery import investigate
+from faultgen.discovery.calibration import model_edit as model
+from faultgen.discovery.calibration.model_edit import build, simulated_numbers
+from faultgen.discovery.decision import confirmation, scoring_errors
+from faultgen.discovery.decision import verdict as judgement
+from faultgen.discovery.decision.certainty import LEVEL, certainty
+from faultgen.discovery.decision.confirmation import confirmed
+from faultgen.discovery.decision.selection import SIMILAR, Choice, choose
+from faultgen.discovery.decision.verdict import answer, is_part
+from faultgen.discovery.fit.fit import fit
+from faultgen.discovery.fit.gap import scored, scored_in_motion
+from faultgen.discovery.planning import next_experiment as motions
+from faultgen.discovery.replay.replay import Replay, settled
+from faultgen.discovery.replay.samples import rolling
 from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE, PARTLY, UNKNOWN
-from faultgen.discovery.samples import rolling
-from faultgen.discovery.selection import SIMILAR, Choice, choose
-from faultgen.discovery.verdict import answer, is_part
 from faultgen.effects import get_effect
 from faultgen.simulation.motion import plan
 from faultgen.tasks import Task

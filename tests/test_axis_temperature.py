@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from faultgen.discovery import read_recording, replay, write_recording
-from faultgen.discovery.candidates import Term
-from faultgen.discovery.diagnostics import regimes
-from faultgen.discovery.regression import Kinematics
-from faultgen.discovery.replay import Replay
-from faultgen.discovery.sensitivities import kept_in, sensitivities
+from faultgen.discovery.fit.diagnostics import regimes
+from faultgen.discovery.fit.regression import Kinematics
+from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.replay.sensitivities import kept_in, sensitivities
+from faultgen.discovery.terms.candidates import Term
 from faultgen.effects import Applied
 from faultgen.effects.law_course import Course
 from faultgen.errors import InputError

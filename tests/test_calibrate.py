@@ -10,10 +10,17 @@ import pytest
 from typer.testing import CliRunner
 
 from faultgen.cli.app import app
-from faultgen.discovery import Replay, simulated_fit, write_recording
-from faultgen.discovery import calibrate as calibration
-from faultgen.discovery.calibrate import calibrate
-from faultgen.discovery.candidates import (
+from faultgen.discovery import Replay, write_recording
+from faultgen.discovery.calibration import calibrate as calibration
+from faultgen.discovery.calibration import simulated_fit
+from faultgen.discovery.calibration.calibrate import calibrate
+from faultgen.discovery.calibration.own_friction import with_own_friction
+from faultgen.discovery.calibration.simulated_fit import changed, replaying
+from faultgen.discovery.inputs import usable
+from faultgen.discovery.laws.friction_law import with_friction_law
+from faultgen.discovery.rigid.classical import Regression, identify
+from faultgen.discovery.rigid.physical import Drives
+from faultgen.discovery.terms.candidates import (
     Term,
     applied,
     effect_terms,
@@ -21,16 +28,10 @@ from faultgen.discovery.candidates import (
     payload_terms,
     with_model_scale,
 )
-from faultgen.discovery.classical import Regression, identify
-from faultgen.discovery.friction_law import with_friction_law
-from faultgen.discovery.inertia import inertia_terms
-from faultgen.discovery.inputs import usable
-from faultgen.discovery.own_friction import with_own_friction
-from faultgen.discovery.physical import Drives
-from faultgen.discovery.recording import low_passed
-from faultgen.discovery.simulated_fit import changed, replaying
+from faultgen.discovery.terms.inertia import inertia_terms
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
+from faultgen.recordings.recording import low_passed
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot, load_robot
 
 

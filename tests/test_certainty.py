@@ -7,9 +7,9 @@ import pytest
 from linear import COUNT, PARTS, written_down
 from scipy.stats import chi2
 
-from faultgen.discovery.candidates import Term
-from faultgen.discovery.certainty import certainty, overdispersion
-from faultgen.discovery.fit import fit
+from faultgen.discovery.decision.certainty import certainty, overdispersion
+from faultgen.discovery.fit.fit import fit
+from faultgen.discovery.terms.candidates import Term
 from faultgen.errors import SimulationFailed
 
 FITTED = np.arange(COUNT) < PARTS[-1].start

@@ -5,20 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from faultgen.discovery.candidates import INERTIA
-from faultgen.discovery.classical import (
+from faultgen.discovery.laws.friction_law import with_friction_law
+from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.rigid.classical import (
     DRIVE,
     Coupling,
     Regression,
     held_out_error,
     identify,
 )
-from faultgen.discovery.friction_law import with_friction_law, without_friction
-from faultgen.discovery.physical import Drives, Spread, fit
-from faultgen.discovery.recording import Recording
-from faultgen.discovery.regressor import link_parameters, link_regressor
-from faultgen.discovery.replay import Replay
+from faultgen.discovery.rigid.physical import Drives, Spread, fit
+from faultgen.discovery.rigid.regressor import link_parameters, link_regressor
+from faultgen.discovery.terms.candidates import INERTIA
 from faultgen.effects.coupling import add_coupling_friction
+from faultgen.recordings.checks import without_friction
+from faultgen.recordings.recording import Recording
 from faultgen.robot import BRISTLE_STIFFNESS, COULOMB, STRIBECK_VELOCITY, Robot, load_robot
 from faultgen.simulation.arm import Arm, loads, motor_torque
 

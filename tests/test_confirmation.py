@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from linear import COUNT, PARTS, written_down
 
-from faultgen.discovery.candidates import Term
-from faultgen.discovery.confirmation import MISSED, STRONG, Trial, confirmed
-from faultgen.discovery.fit import fit
-from faultgen.discovery.model_edit import simulated_numbers
-from faultgen.discovery.scoring_errors import (
+from faultgen.discovery.calibration.model_edit import simulated_numbers
+from faultgen.discovery.decision.confirmation import MISSED, STRONG, Trial, confirmed
+from faultgen.discovery.decision.scoring_errors import (
     LARGER,
     LARGER_BUILT,
     LARGER_OWN,
@@ -22,7 +20,9 @@ from faultgen.discovery.scoring_errors import (
     LARGER_SURE,
     LARGER_TWIN,
 )
-from faultgen.discovery.selection import SURE, SURE_IMITATED, SURE_TWIN, Choice
+from faultgen.discovery.decision.selection import SURE, SURE_IMITATED, SURE_TWIN, Choice
+from faultgen.discovery.fit.fit import fit
+from faultgen.discovery.terms.candidates import Term
 
 SCORED = PARTS[-1]
 WEAK = np.sqrt(0.95 * STRONG * SURE_IMITATED / 500)

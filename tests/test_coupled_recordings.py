@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from faultgen.discovery import Recording, write_recording
-from faultgen.discovery.calibrate import calibrate
-from faultgen.discovery.followed import differences
-from faultgen.discovery.following import rigid_columns, suited_replay
+from faultgen.discovery.calibration.calibrate import calibrate
+from faultgen.discovery.discover import investigate
 from faultgen.discovery.inputs import read_together, usable
-from faultgen.discovery.regressor import link_parameters
-from faultgen.discovery.replay import Replay
-from faultgen.discovery.workflow import investigate
+from faultgen.discovery.replay.followed import differences
+from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.rigid.following import rigid_columns, suited_replay
+from faultgen.discovery.rigid.regressor import link_parameters
 from faultgen.effects import Applied
 from faultgen.errors import InputError
 from faultgen.robot import COULOMB, Robot

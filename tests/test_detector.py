@@ -13,8 +13,8 @@ from recorded import record
 from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
-from faultgen.discovery.recording import write_recording
 from faultgen.errors import InputError
+from faultgen.recordings.recording import write_recording
 from faultgen.twin.alarm_limits import find_limits
 from faultgen.twin.classes import SCALE, believe, fit_classes, gains
 from faultgen.twin.detector import (
@@ -339,7 +339,7 @@ def test_recordings_of_currents_or_links_are_refused(twin, tmp_path):
     """A detector that was made from torques judges torques only."""
     folder, files = twin
     detector = folder / "detector"
-    from faultgen.discovery.read import read_recording
+    from faultgen.recordings.read import read_recording
 
     recording = read_recording(files["healthy"])
     write_recording(replace(recording, current=True), tmp_path / "current.h5")

@@ -9,10 +9,10 @@ import pytest
 import faultgen
 from faultgen.dataset.experiment import Experiment
 from faultgen.discovery import check_recording, investigate, read_recording, write_recording
-from faultgen.discovery.from_runs import recording_of
-from faultgen.discovery.recording import low_passed
-from faultgen.discovery.samples import near_reversal, rolling
+from faultgen.discovery.replay.samples import near_reversal, rolling
 from faultgen.errors import InputError
+from faultgen.recordings.from_runs import recording_of
+from faultgen.recordings.recording import low_passed
 from faultgen.report import discovery_report
 from faultgen.robot import load_robot
 
@@ -157,11 +157,11 @@ def test_separate_recordings_may_be_short(tiny_robot, measured):
 @pytest.mark.slow
 def test_the_order_of_the_catalogue_does_not_matter(files, tiny_robot_path, monkeypatch):
     """Candidates in reverse order give the same answer."""
-    from faultgen.discovery import workflow
+    from faultgen.discovery import discover
 
     forward = discovered(files, tiny_robot_path, "two")
-    terms = workflow.effect_terms
-    monkeypatch.setattr(workflow, "effect_terms", lambda *given: terms(*given)[::-1])
+    terms = discover.effect_terms
+    monkeypatch.setattr(discover, "effect_terms", lambda *given: terms(*given)[::-1])
     backward = discovered(files, tiny_robot_path, "two")
     assert forward["verdict"] == backward["verdict"]
     assert [(one["effect"], one["axis"]) for one in forward["effects"]] == [
@@ -190,7 +190,7 @@ def test_without_a_twin(files, tiny_robot_path, measured, tmp_path):
 @pytest.mark.slow
 def test_sensitivities_are_kept(files, tiny_robot_path, tmp_path, monkeypatch):
     """The second discovery of a program simulates its sensitivities no more."""
-    from faultgen.discovery.replay import Replay
+    from faultgen.discovery.replay.replay import Replay
 
     count = []
     torque = Replay.torque

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from faultgen.discovery.evidence import FREE, Evidence
+from faultgen.discovery.fit.evidence import FREE, Evidence
 
 PARTS = [slice(0, 40), slice(40, 100), slice(100, 160)]
 

@@ -11,8 +11,8 @@ import faultgen
 from faultgen.cli.app import app
 from faultgen.dataset.experiment import Experiment
 from faultgen.discovery import read_recording
-from faultgen.discovery.from_runs import recording_of
 from faultgen.errors import InputError
+from faultgen.recordings.from_runs import recording_of
 from faultgen.robot import load_robot
 from faultgen.simulation.motion import plan
 from faultgen.tasks import load_task

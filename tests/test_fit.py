@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from faultgen.discovery.candidates import Term
-from faultgen.discovery.fit import first_of, fit
-from faultgen.discovery.noise import Autoregression
-from faultgen.discovery.regression import Problem
+from faultgen.discovery.fit.fit import first_of, fit
+from faultgen.discovery.fit.regression import Problem
+from faultgen.discovery.terms.candidates import Term
+from faultgen.recordings.noise import Autoregression
 
 COUNT = 600
 TERMS = [

@@ -25,10 +25,10 @@ from faultgen.dataset.planning import plan_runs
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
 from faultgen.discovery import check_recording, read_recording
-from faultgen.discovery.import_log import import_log
 from faultgen.errors import InputError
 from faultgen.fleet.plan import load_fleet
 from faultgen.importing import load_map
+from faultgen.recordings.import_log import import_log
 from faultgen.robot import load_robot
 from faultgen.simulation.arm import Arm
 from faultgen.simulation.motion import plan

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from linear import COUNT, PARTS, written_down
 
-from faultgen.discovery.candidates import Term
-from faultgen.discovery.fit import fit
-from faultgen.discovery.gap import gap, scored, scored_in_motion, unexplained
+from faultgen.discovery.fit.fit import fit
+from faultgen.discovery.fit.gap import gap, scored, scored_in_motion, unexplained
+from faultgen.discovery.terms.candidates import Term
 from faultgen.errors import InputError
 
 SCORED = PARTS[-1]

@@ -8,8 +8,8 @@ from linear import COUNT, written_down
 
 import faultgen
 from faultgen.discovery import write_recording
-from faultgen.discovery.candidates import Term
-from faultgen.discovery.healthy_spread import learned_scales, with_scales
+from faultgen.discovery.decision.healthy_spread import learned_scales, with_scales
+from faultgen.discovery.terms.candidates import Term
 
 AXES = 12
 

@@ -19,10 +19,10 @@ from scipy.io import savemat
 
 from faultgen.cli import app
 from faultgen.discovery import Recording, read_recording, write_recording
-from faultgen.discovery.import_log import import_log
 from faultgen.errors import InputError
 from faultgen.importing import load_map, map_of, preset_names, trace
 from faultgen.importing.sizes import check_size
+from faultgen.recordings.import_log import import_log
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT.parent / "shared" / "data" / "measured"

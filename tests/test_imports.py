@@ -101,6 +101,30 @@ def test_folders_import_each_other_in_one_direction():
     assert circle(folders) == []
 
 
+def test_parts_of_discovery_import_each_other_in_one_direction():
+    """So can the packages within discovery; what is at the top of discovery belongs to none."""
+    parts = {}
+    for name, others in GRAPH.items():
+        if name.startswith("faultgen.discovery.") and name.count(".") == 3:
+            part = name.rpartition(".")[0]
+            used = {other.rpartition(".")[0] for other in others if other.count(".") == 3}
+            used = {other for other in used if other.startswith("faultgen.discovery.")}
+            parts.setdefault(part, set()).update(used - {part})
+    assert {"faultgen.discovery.terms", "faultgen.discovery.decision"} <= parts.keys()
+    assert parts["faultgen.discovery.decision"]
+    assert circle(parts) == []
+
+
+def test_recordings_need_no_discovery():
+    """Data are read and checked without the modules that explain them."""
+    above = {"faultgen.discovery", "faultgen.twin", "faultgen.cli", "faultgen.report"}
+    names = [name for name in GRAPH if folder_of(name) == "faultgen.recordings"]
+    assert "faultgen.recordings.checks" in names
+    for name in names:
+        found = {folder_of(other) for other in imported(name, types=True)}
+        assert not found & above, name
+
+
 def test_analysis_depends_on_no_simulation():
     """`analysis` imports nothing else of faultgen, nor mujoco: it works on anybody's arrays."""
     for name in MODULES:

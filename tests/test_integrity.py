@@ -19,9 +19,9 @@ from faultgen.dataset.planning import plan_runs
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.storage import RunWriter
 from faultgen.dataset.sweep import generate
-from faultgen.discovery.read import read_recording
 from faultgen.errors import InputError, StorageFailed
 from faultgen.importing.array_file import read_arrays_of
+from faultgen.recordings.read import read_recording
 from faultgen.system.arrays import read_arrays, write_arrays
 from faultgen.system.files import file_sha256, write_text
 

@@ -13,8 +13,8 @@ from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.merge import merge, remove_run_files
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
-from faultgen.discovery.from_runs import recording_of
 from faultgen.errors import InputError, StorageFailed
+from faultgen.recordings.from_runs import recording_of
 
 
 @pytest.fixture(scope="module")

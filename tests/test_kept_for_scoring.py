@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from faultgen.discovery import Recording, investigate
-from faultgen.discovery.samples import blocks, cut
+from faultgen.discovery.replay.samples import blocks, cut
 
 PERIOD = 0.004
 

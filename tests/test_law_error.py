@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from linear import COUNT, written_down
 
-from faultgen.discovery import law_error
-from faultgen.discovery.candidates import Term
-from faultgen.discovery.law_error import LAW_ERROR, gains, score, weights
-from faultgen.discovery.selection import choose
+from faultgen.discovery.decision.selection import choose
+from faultgen.discovery.fit import law_error
+from faultgen.discovery.fit.law_error import LAW_ERROR, gains, score, weights
+from faultgen.discovery.terms.candidates import Term
 
 SPEED = np.linspace(-2, 2, COUNT)
 """Speed over its usual value."""

@@ -8,17 +8,18 @@ import pytest
 
 import faultgen
 from faultgen.applied import Applied
-from faultgen.discovery import investigate, verdict, write_recording
-from faultgen.discovery.confirmation import Confirmed
-from faultgen.discovery.fit import fit
-from faultgen.discovery.gap import unexplained
-from faultgen.discovery.law_curves import Courses, Curve
-from faultgen.discovery.law_words import Part, formulas
-from faultgen.discovery.learned_law import learn
-from faultgen.discovery.replay import Replay
-from faultgen.discovery.selection import choose
-from faultgen.discovery.verdict import answer
-from faultgen.discovery.with_laws import contract, outside, with_laws
+from faultgen.discovery import investigate, write_recording
+from faultgen.discovery.decision import verdict
+from faultgen.discovery.decision.confirmation import Confirmed
+from faultgen.discovery.decision.selection import choose
+from faultgen.discovery.decision.verdict import answer
+from faultgen.discovery.decision.with_laws import contract, outside, with_laws
+from faultgen.discovery.fit.fit import fit
+from faultgen.discovery.fit.gap import unexplained
+from faultgen.discovery.laws.law_curves import Courses, Curve
+from faultgen.discovery.laws.law_words import Part, formulas
+from faultgen.discovery.laws.learned_law import learn
+from faultgen.discovery.replay.replay import Replay
 from faultgen.effects.law_course import UNITS, Course
 from faultgen.effects.learned import NAME, check_law, law_torque
 from faultgen.errors import InputError

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from conftest import faultgen_here
 
-from faultgen.discovery.limits import with_limits_for, with_limits_of
-from faultgen.discovery.recorded_task import recorded_task
-from faultgen.discovery.recording import write_recording
+from faultgen.discovery.calibration.limits import with_limits_for, with_limits_of
 from faultgen.errors import InputError
+from faultgen.recordings.recorded_task import recorded_task
+from faultgen.recordings.recording import write_recording
 from faultgen.robot import load_robot
 from faultgen.simulation.motion import plan
 from faultgen.tasks import load_task

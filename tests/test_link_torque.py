@@ -8,12 +8,12 @@ import pytest
 
 import faultgen
 from faultgen.discovery import check_recording, read_recording, settled, write_recording
-from faultgen.discovery.classical import DRIVE, Regression, held_out_error
-from faultgen.discovery.replay import Replay
-from faultgen.discovery.sensitivities import kept_in
-from faultgen.discovery.several import check_same_motion
+from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.replay.sensitivities import kept_in
+from faultgen.discovery.rigid.classical import DRIVE, Regression, held_out_error
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
+from faultgen.recordings.several import check_same_motion
 from faultgen.simulation.arm import Arm
 from faultgen.simulation.stepping import simulate
 

@@ -8,8 +8,8 @@ import pytest
 import faultgen
 from faultgen.discovery import Recording, write_recording
 from faultgen.discovery.inputs import read_together
-from faultgen.discovery.log_faults import new_faults, repaired
-from faultgen.discovery.several import joined
+from faultgen.recordings.log_faults import new_faults, repaired
+from faultgen.recordings.several import joined
 
 PERIOD, COUNT = 0.004, 3000
 

@@ -9,9 +9,9 @@ import pytest
 
 from faultgen import discover
 from faultgen.discovery import check_recording, replay, settled
-from faultgen.discovery.classical import DRIVE, Coupling, Regression, identify
-from faultgen.discovery.friction_law import with_friction_law
-from faultgen.discovery.recording import write_recording
+from faultgen.discovery.laws.friction_law import with_friction_law
+from faultgen.discovery.rigid.classical import DRIVE, Coupling, Regression, identify
+from faultgen.recordings.recording import write_recording
 from faultgen.robot import load_robot
 
 ROOT = Path(__file__).parents[1]

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from faultgen.discovery.inertia import apply_inertia, inertia_terms
+from faultgen.discovery.terms.inertia import apply_inertia, inertia_terms
 from faultgen.effects import get_effect
 from faultgen.mjcf.edit import mjcf_text, write_model
 from faultgen.robot import Robot

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from linear import COUNT, PARTS, written_down
 
-from faultgen.discovery import model_edit
-from faultgen.discovery.candidates import FORM, INERTIA, Term
-from faultgen.discovery.fit import fit
-from faultgen.discovery.gap import unexplained
-from faultgen.discovery.model_edit import build, build_stable, simulated_numbers
+from faultgen.discovery.calibration import model_edit
+from faultgen.discovery.calibration.model_edit import build, build_stable, simulated_numbers
+from faultgen.discovery.fit.fit import fit
+from faultgen.discovery.fit.gap import unexplained
+from faultgen.discovery.terms.candidates import FORM, INERTIA, Term
 from faultgen.errors import SimulationFailed
 
 FITTED = slice(0, PARTS[-1].start)

@@ -7,29 +7,29 @@ import pytest
 from conftest import faultgen_here
 from scipy.signal import lfilter
 
-from faultgen.discovery import motion_plan
-from faultgen.discovery.candidates import FORM, Term, effect_terms
-from faultgen.discovery.evidence import Evidence
-from faultgen.discovery.expected_rates import (
+from faultgen.discovery.fit.evidence import Evidence
+from faultgen.discovery.planning import motion_plan
+from faultgen.discovery.planning.expected_rates import (
     Candidates,
     Fault,
     clarity,
     draw_rates,
     severity,
 )
-from faultgen.discovery.inertia import inertia_terms
-from faultgen.discovery.information import (
+from faultgen.discovery.planning.information import (
     NOISE,
     SAMPLE_PERIOD,
     Information,
     drifting,
     information,
 )
-from faultgen.discovery.motion_library import AllowedPoses, library, task_toml
-from faultgen.discovery.recording import Recording
-from faultgen.discovery.replay import Replay
-from faultgen.discovery.samples import counted
-from faultgen.discovery.sensitivities import sensitivities
+from faultgen.discovery.planning.motion_library import AllowedPoses, library, task_toml
+from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.replay.samples import counted
+from faultgen.discovery.replay.sensitivities import sensitivities
+from faultgen.discovery.terms.candidates import FORM, Term, effect_terms
+from faultgen.discovery.terms.inertia import inertia_terms
+from faultgen.recordings.recording import Recording
 from faultgen.report.plan import plan_motions, table
 from faultgen.robot import load_robot
 from faultgen.simulation.motion import plan

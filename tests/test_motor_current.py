@@ -9,7 +9,7 @@ from conftest import faultgen as faultgen_command
 
 import faultgen
 from faultgen.discovery import check_recording, read_recording, write_recording
-from faultgen.discovery.motor_current import constants_of, in_torque
+from faultgen.discovery.calibration.motor_current import constants_of, in_torque
 from faultgen.errors import InputError
 
 CONSTANT = np.array([0.05, 0.8])

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from faultgen.discovery.candidates import Term
-from faultgen.discovery.fit import fit
-from faultgen.discovery.next_experiment import library, next_experiment, planned_recording
-from faultgen.discovery.regression import pose
-from faultgen.discovery.replay import Replay
-from faultgen.discovery.selection import Choice
+from faultgen.discovery.decision.selection import Choice
+from faultgen.discovery.fit.fit import fit
+from faultgen.discovery.fit.regression import pose
+from faultgen.discovery.planning.next_experiment import library, next_experiment, planned_recording
+from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.terms.candidates import Term
 
 TERMS = [Term("viscous_friction", 2, 0.1, 0.05), Term("coulomb_friction", 2, 0.1, 0.05)]
 

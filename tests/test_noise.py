@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from faultgen.discovery.noise import autoregression, is_same_noise, noise_of, shared_noise
+from faultgen.recordings.noise import autoregression, is_same_noise, noise_of, shared_noise
 
 
 def coloured(rng, n, memory, deviation):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from faultgen.discovery.noise import typical
-from faultgen.discovery.noise_level import level_of, levelled
+from faultgen.recordings.noise import typical
+from faultgen.recordings.noise_level import level_of, levelled
 
 COUNT = 6000
 PARTS = [slice(0, 1500), slice(1500, 4000), slice(4000, COUNT)]

@@ -14,10 +14,10 @@ from faultgen.dataset.experiment import make_experiment, to_toml
 from faultgen.dataset.planning import plan_runs
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
-from faultgen.discovery.from_runs import recording_of
 from faultgen.effects.temperature import friction_ratios
 from faultgen.errors import InputError
 from faultgen.evaluation.observed_runs import places
+from faultgen.recordings.from_runs import recording_of
 from faultgen.report.dataset_report import write_report
 from faultgen.robot import load_robot
 from faultgen.simulation.arm import Arm, motor_torque

@@ -8,8 +8,8 @@ import pytest
 
 import faultgen
 from faultgen.discovery import write_recording
-from faultgen.discovery.own_friction import with_own_friction
-from faultgen.discovery.physical import Drives
+from faultgen.discovery.calibration.own_friction import with_own_friction
+from faultgen.discovery.rigid.physical import Drives
 from faultgen.robot import load_robot
 
 

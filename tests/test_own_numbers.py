@@ -7,9 +7,9 @@ import pytest
 from recorded import record_cycle
 
 from faultgen.applied import Applied
-from faultgen.discovery.own_numbers import with_own_links, with_own_numbers
-from faultgen.discovery.physical import Drives
-from faultgen.discovery.replay import Replay, relative_error, settled
+from faultgen.discovery.calibration.own_numbers import with_own_links, with_own_numbers
+from faultgen.discovery.replay.replay import Replay, relative_error, settled
+from faultgen.discovery.rigid.physical import Drives
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,9 @@ from recorded import PERIOD, record_cycle
 
 from faultgen.applied import Applied
 from faultgen.discovery import Recording
-from faultgen.discovery.own_servo import with_own_servo
-from faultgen.discovery.replay import Replay, relative_error, settled
-from faultgen.discovery.servo_delay import find_delays
+from faultgen.discovery.replay.own_servo import with_own_servo
+from faultgen.discovery.replay.replay import Replay, relative_error, settled
+from faultgen.discovery.replay.servo_delay import find_delays
 from faultgen.errors import InputError
 from faultgen.mjcf.dcmotor import INTEGRAL_GAIN, OFFSET, POSITION_GAIN, VELOCITY_GAIN, set_servo
 from faultgen.simulation.arm import Arm, motor_torque, nominal_friction

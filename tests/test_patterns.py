@@ -6,14 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from faultgen.discovery.diagnostics import where
-from faultgen.discovery.noise import autoregression
-from faultgen.discovery.order_analysis import find_orders
-from faultgen.discovery.patterns import patterns
-from faultgen.discovery.recording import Recording
-from faultgen.discovery.regression import Kinematics
-from faultgen.discovery.spikes import spikes
-from faultgen.discovery.verdict import significance
+from faultgen.discovery.decision.verdict import significance
+from faultgen.discovery.fit.diagnostics import where
+from faultgen.discovery.fit.regression import Kinematics
+from faultgen.discovery.laws.order_analysis import find_orders
+from faultgen.discovery.laws.patterns import patterns
+from faultgen.discovery.laws.spikes import spikes
+from faultgen.recordings.noise import autoregression
+from faultgen.recordings.recording import Recording
 
 PERIOD, COUNT = 0.004, 4000
 

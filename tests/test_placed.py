@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from faultgen.discovery.candidates import Term, names_by_use
-from faultgen.discovery.reaction import Reaction
-from faultgen.discovery.replay import Replay
-from faultgen.discovery.workflow import investigate
+from faultgen.discovery.decision.reaction import Reaction
+from faultgen.discovery.discover import investigate
+from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.terms.candidates import Term, names_by_use
 from faultgen.effects import get_effect
 
 HIDDEN = {

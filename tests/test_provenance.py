@@ -50,7 +50,9 @@ def test_a_run_depends_on_what_simulates_it():
     } <= names
     assert not [name for name in names if name.startswith(("faultgen.cli", "faultgen.studies"))]
     assert not [
-        name for name in names if name.startswith(("faultgen.analysis", "faultgen.discovery"))
+        name
+        for name in names
+        if name.startswith(("faultgen.analysis", "faultgen.discovery", "faultgen.recordings"))
     ]
 
 

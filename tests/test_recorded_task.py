@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from recorded import record
 
-from faultgen.discovery.recorded_task import known_task, recorded_task
-from faultgen.discovery.recording import write_recording
 from faultgen.errors import InputError
+from faultgen.recordings.recorded_task import known_task, recorded_task
+from faultgen.recordings.recording import write_recording
 from faultgen.simulation.motion import plan
 from faultgen.tasks import load_task
 

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from faultgen.discovery.recording import Recording
-from faultgen.discovery.regimes import OWN, trust_by_regime
+from faultgen.discovery.fit.regimes import OWN, trust_by_regime
+from faultgen.recordings.recording import Recording
 
 PERIOD, COUNT = 0.004, 12000
 TIMES = PERIOD * np.arange(COUNT)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from linear import COUNT, PARTS, written_down
 
-from faultgen.discovery.candidates import Term
-from faultgen.discovery.noise import Autoregression
-from faultgen.discovery.noise_level import Noise
-from faultgen.discovery.recording import Recording
-from faultgen.discovery.regression import plain, pose
+from faultgen.discovery.fit.regression import plain, pose
+from faultgen.discovery.terms.candidates import Term
 from faultgen.errors import SimulationFailed
+from faultgen.recordings.noise import Autoregression
+from faultgen.recordings.noise_level import Noise
+from faultgen.recordings.recording import Recording
 
 OFFSET = Term("torque_offset", 1, 0.1, 0.5)
 

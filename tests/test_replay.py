@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from faultgen.discovery import Recording, Replay, followed, replay, settled
-from faultgen.discovery.following import suited_replay
-from faultgen.discovery.prescribed import prescribed_torque
-from faultgen.discovery.replay import relative_error
+from faultgen.discovery import Recording, Replay, replay, settled
+from faultgen.discovery.replay import followed
+from faultgen.discovery.replay.prescribed import prescribed_torque
+from faultgen.discovery.replay.replay import relative_error
+from faultgen.discovery.rigid.following import suited_replay
 from faultgen.effects import get_effect
 from faultgen.effects.coupling import add_coupling_friction
 from faultgen.errors import InputError

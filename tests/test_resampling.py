@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from faultgen.discovery import read_recording, write_recording
-from faultgen.discovery.in_step import in_step
 from faultgen.discovery.inputs import usable
-from faultgen.discovery.recording import Recording
-from faultgen.discovery.resampling import irregular
 from faultgen.errors import InputError
+from faultgen.recordings.in_step import in_step
+from faultgen.recordings.recording import Recording
+from faultgen.recordings.resampling import irregular
 
 PERIOD = 0.004
 

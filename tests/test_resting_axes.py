@@ -5,7 +5,7 @@ import pytest
 from recorded import record
 
 from faultgen.discovery import investigate
-from faultgen.discovery.samples import FEWEST, for_noise
+from faultgen.discovery.replay.samples import FEWEST, for_noise
 
 ONE_AXIS = """
 description = "moves the second axis only"

@@ -11,7 +11,7 @@ import faultgen
 from faultgen.applied import Applied
 from faultgen.cli import app
 from faultgen.discovery import write_recording
-from faultgen.discovery.replay import Replay
+from faultgen.discovery.replay.replay import Replay
 from faultgen.effects import EFFECTS
 from faultgen.errors import InputError
 from faultgen.robot import load_robot

@@ -9,20 +9,20 @@ from linear import COUNT, written_down
 
 import faultgen
 from faultgen.discovery import investigate, read_recording, write_recording
-from faultgen.discovery.candidates import Term
-from faultgen.discovery.evidence import Evidence
-from faultgen.discovery.recording import mean_of
-from faultgen.discovery.result import Named
-from faultgen.discovery.run_to_run import (
+from faultgen.discovery.decision.run_to_run import (
     USUAL,
     between_axes,
     differences,
     repetitions,
     variances,
 )
-from faultgen.discovery.selection import choose
+from faultgen.discovery.decision.selection import choose
+from faultgen.discovery.fit.evidence import Evidence
+from faultgen.discovery.result import Named
+from faultgen.discovery.terms.candidates import Term
 from faultgen.effects.temperature import friction_ratios
 from faultgen.errors import InputError
+from faultgen.recordings.recording import mean_of
 from faultgen.report.discover import friction_warnings
 from faultgen.robot import COULOMB
 

@@ -5,8 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from faultgen.discovery.recording import Recording
-from faultgen.discovery.samples import (
+from faultgen.discovery.replay.samples import (
     blocks,
     counted,
     divided,
@@ -17,6 +16,7 @@ from faultgen.discovery.samples import (
     rolling,
     samples_of,
 )
+from faultgen.recordings.recording import Recording
 
 PERIOD = 0.01
 STRIBECK = 5.0

@@ -23,9 +23,9 @@ from sealed.unlisted import UNLISTED
 from typer.testing import CliRunner
 
 from faultgen.discovery import check_recording, read_recording
-from faultgen.discovery.recording import Recording
-from faultgen.discovery.replay import replay
+from faultgen.discovery.replay.replay import replay
 from faultgen.effects import EFFECTS
+from faultgen.recordings.recording import Recording
 from faultgen.robot import load_robot
 from faultgen.simulation.arm import Arm
 from faultgen.simulation.motion import plan

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 from linear import COUNT, PARTS, written_down
 
-from faultgen.discovery.candidates import FORM, INERTIA, PAYLOAD, Term
-from faultgen.discovery.certainty import overdispersion
-from faultgen.discovery.fit import fit
-from faultgen.discovery.selection import (
+from faultgen.discovery.decision.certainty import overdispersion
+from faultgen.discovery.decision.selection import (
     FORM_ERROR,
     SHARE,
     SIMILAR,
@@ -18,6 +16,8 @@ from faultgen.discovery.selection import (
     groups_of,
     needed,
 )
+from faultgen.discovery.fit.fit import fit
+from faultgen.discovery.terms.candidates import FORM, INERTIA, PAYLOAD, Term
 
 FITTED = np.arange(COUNT) < PARTS[-1].start
 NAMES = ["torque_offset", "coulomb_friction", "payload_mass", "torque_constant", "delay"]

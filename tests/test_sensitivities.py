@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from faultgen.discovery import sensitivities as module
-from faultgen.discovery.candidates import ORDERS, effect_terms, periodic_terms
-from faultgen.discovery.inertia import inertia_terms
-from faultgen.discovery.replay import Replay
-from faultgen.discovery.replay import replay as replayed
-from faultgen.discovery.samples import counted
-from faultgen.discovery.sensitivities import (
+from faultgen.discovery.replay import sensitivities as module
+from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.replay.replay import replay as replayed
+from faultgen.discovery.replay.samples import counted
+from faultgen.discovery.replay.sensitivities import (
     are_alone,
     impossible,
     own_sensitivities,
     sensitivities,
 )
+from faultgen.discovery.terms.candidates import ORDERS, effect_terms, periodic_terms
+from faultgen.discovery.terms.inertia import inertia_terms
 from faultgen.errors import InputError, SimulationFailed
 
 

@@ -5,8 +5,8 @@ import pytest
 from recorded import record_cycle
 
 from faultgen.applied import Applied
-from faultgen.discovery.replay import Replay
-from faultgen.discovery.servo_delay import find_delays
+from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.replay.servo_delay import find_delays
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ import faultgen
 from faultgen.cli.app import app
 from faultgen.discovery import Recording, read_recording, write_recording
 from faultgen.discovery.inputs import read_together
-from faultgen.discovery.several import joined, with_healthy
 from faultgen.errors import InputError
+from faultgen.recordings.several import joined, with_healthy
 
 COUNT = 40
 """Samples of the small recordings."""

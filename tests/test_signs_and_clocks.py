@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from faultgen.discovery import check_recording
-from faultgen.discovery.import_log import import_log
-from faultgen.discovery.torque_doubts import torque_doubts, weight_share
 from faultgen.errors import InputError
 from faultgen.importing import map_of
+from faultgen.recordings.import_log import import_log
+from faultgen.recordings.torque_doubts import torque_doubts, weight_share
 from faultgen.simulation.arm import Arm
 
 TIME = 0.01 * np.arange(600)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import faultgen.simulation.stepping as module
-from faultgen.discovery.prescribed import stiffen
+from faultgen.discovery.replay.prescribed import stiffen
 from faultgen.effects import Applied
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import load_robot, robot_names

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import scipy.io
 
-from faultgen.discovery.import_log import import_log
 from faultgen.errors import InputError
 from faultgen.importing import map_of
 from faultgen.importing.array_file import read_arrays_of
 from faultgen.importing.sizes import MOST_BYTES
+from faultgen.recordings.import_log import import_log
 
 MAP = map_of(
     {
@@ -98,7 +98,7 @@ def test_what_would_not_fit_is_refused_before_it_is_unpacked(tmp_path, name, mak
     make(path)
     code = (
         "import re, sys\n"
-        "from faultgen.discovery.import_log import import_log\n"
+        "from faultgen.recordings.import_log import import_log\n"
         "from faultgen.errors import InputError\n"
         "from faultgen.importing import map_of\n"
         f"given = map_of({MAP.model_dump(exclude_none=True)!r})\n"

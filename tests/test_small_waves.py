@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from linear import COUNT, PARTS, written_down
 
-from faultgen.discovery.candidates import Term
-from faultgen.discovery.fit import fit
-from faultgen.discovery.small_waves import WAVE, without_small_waves
+from faultgen.discovery.decision.small_waves import WAVE, without_small_waves
+from faultgen.discovery.fit.fit import fit
+from faultgen.discovery.terms.candidates import Term
 
 INSIDE = np.zeros((COUNT, 2), bool)
 INSIDE[PARTS[-1]] = True

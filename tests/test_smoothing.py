@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from faultgen.discovery.smoothing import is_rough, noise_of_position, smoothed
+from faultgen.recordings.smoothing import is_rough, noise_of_position, smoothed
 
 TIMES = np.arange(4000) * 0.004
 TRUE = np.sin(2 * TIMES) + 0.3 * np.cos(5 * TIMES)

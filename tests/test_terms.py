@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from faultgen.discovery.candidates import (
+from faultgen.discovery.terms.candidates import (
     DAY_TO_DAY,
     INERTIA,
     SAME_MOTIONS,
@@ -14,7 +14,7 @@ from faultgen.discovery.candidates import (
     periodic_terms,
     scanned_terms,
 )
-from faultgen.discovery.inertia import apply_inertia, inertia_terms
+from faultgen.discovery.terms.inertia import apply_inertia, inertia_terms
 from faultgen.effects import EFFECTS, Effect, Prior
 from faultgen.effects.coupling import coupled_axes
 from faultgen.errors import InputError

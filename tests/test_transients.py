@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from faultgen.discovery.candidates import effect_terms
-from faultgen.discovery.replay import Replay
-from faultgen.discovery.samples import counted
-from faultgen.discovery.sensitivities import sensitivities
-from faultgen.discovery.transients import unsettled
+from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.replay.samples import counted
+from faultgen.discovery.replay.sensitivities import sensitivities
+from faultgen.discovery.replay.transients import unsettled
+from faultgen.discovery.terms.candidates import effect_terms
 
 
 @pytest.fixture(scope="module")

@@ -10,11 +10,11 @@ import pytest
 from conftest import faultgen
 from recorded import NOISE, record
 
-from faultgen.discovery.read import read_recording
-from faultgen.discovery.recording import write_recording
-from faultgen.discovery.replay import Replay
+from faultgen.discovery.replay.replay import Replay
 from faultgen.errors import InputError
 from faultgen.monitoring.sensors import get_sensors
+from faultgen.recordings.read import read_recording
+from faultgen.recordings.recording import write_recording
 from faultgen.robot import load_robot
 from faultgen.twin.alignment import KnownMotion, find_cycles
 from faultgen.twin.disturbances import run_differences, torque_noise_of

@@ -6,14 +6,21 @@ import numpy as np
 import pytest
 from linear import COUNT, PARTS, written_down
 
-from faultgen.discovery import model_edit
-from faultgen.discovery import verdict as verdicts
-from faultgen.discovery.candidates import Term
-from faultgen.discovery.confirmation import Confirmed
-from faultgen.discovery.patterns import Pattern
+from faultgen.discovery.calibration import model_edit
+from faultgen.discovery.decision import verdict as verdicts
+from faultgen.discovery.decision.confirmation import Confirmed
+from faultgen.discovery.decision.selection import choose
+from faultgen.discovery.decision.verdict import (
+    BAND,
+    WORSE,
+    answer,
+    is_part,
+    significance,
+    strange_patterns,
+)
+from faultgen.discovery.laws.patterns import Pattern
 from faultgen.discovery.result import AMBIGUOUS, EXPLAINED, NAMED, NONE, PARTLY, UNKNOWN
-from faultgen.discovery.selection import choose
-from faultgen.discovery.verdict import BAND, WORSE, answer, is_part, significance, strange_patterns
+from faultgen.discovery.terms.candidates import Term
 
 SCORED = np.arange(COUNT) >= PARTS[-1].start
 NAMES = ["torque_offset", "payload_mass"]

@@ -14,8 +14,8 @@ import faultgen.twin.judge as judging
 import faultgen.twin.state as states
 from faultgen.cli.twin import judge
 from faultgen.discovery import Recording, write_recording
-from faultgen.discovery.read import is_complete, read_recording
 from faultgen.errors import InputError, StorageFailed
+from faultgen.recordings.read import is_complete, read_recording
 from faultgen.twin.detector import Memory
 from faultgen.twin.judge import Judge
 from faultgen.twin.state import State, StateFailed
@@ -195,7 +195,7 @@ def test_a_failing_read_is_a_failing_disk(whole, tmp_path, monkeypatch):
     def fails(*_):
         raise OSError(errno.EIO, "Can't read data (file read failed: errno = 5)")
 
-    monkeypatch.setattr("faultgen.discovery.read.read_hdf5", fails)
+    monkeypatch.setattr("faultgen.recordings.read.read_hdf5", fails)
     with pytest.raises(StorageFailed, match=r"new.h5: cannot be read \(Input/output error\)"):
         read_recording(path)
     assert not is_complete(path)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from linear import COUNT, PARTS, written_down
 
-from faultgen.discovery.candidates import Term
-from faultgen.discovery.gap import gap
-from faultgen.discovery.with_laws import if_smaller, is_considerable
+from faultgen.discovery.decision.with_laws import if_smaller, is_considerable
+from faultgen.discovery.fit.gap import gap
+from faultgen.discovery.terms.candidates import Term
 
 
 @pytest.fixture

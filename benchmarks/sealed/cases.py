@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from faultgen.discovery.recording import Recording, write_recording
+from faultgen.recordings.recording import Recording, write_recording
 from faultgen.robot import load_robot
 from faultgen.system.files import write_text
 from sealed.dynamics import STEP

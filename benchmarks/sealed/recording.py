@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from faultgen.discovery.recording import Recording
+from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot
 from sealed.motions import protocol
 from sealed.physics import SAMPLE_PERIOD

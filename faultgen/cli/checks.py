@@ -59,7 +59,7 @@ def readable_recordings(given: Path | list[Path] | None) -> None:
     for path in paths:
         check_file(path)
     if paths:
-        from faultgen.discovery.read import read_recording
+        from faultgen.recordings.read import read_recording
 
         for path in paths:
             read_recording(path)

@@ -257,10 +257,10 @@ def calibrate(
     readable_recordings(measured)
     from threadpoolctl import threadpool_limits
 
-    from faultgen.discovery.calibrate import calibrate as run_calibrate
+    from faultgen.discovery.calibration.calibrate import calibrate as run_calibrate
+    from faultgen.discovery.calibration.limits import with_limits_of
+    from faultgen.discovery.discover import dump
     from faultgen.discovery.inputs import read_together
-    from faultgen.discovery.limits import with_limits_of
-    from faultgen.discovery.workflow import dump
     from faultgen.robot import load_robot
     from faultgen.system.sums import write_listed
 

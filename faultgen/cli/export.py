@@ -64,8 +64,8 @@ def export(
             raise InputError("cycle: leave it out, because the table has all cycles")
         _export_table(sources, parquet, as_json)
         return
-    from faultgen.discovery.from_runs import recording_of
-    from faultgen.discovery.recording import write_recording
+    from faultgen.recordings.from_runs import recording_of
+    from faultgen.recordings.recording import write_recording
 
     recording = recording_of(sources, cycle)
     write_recording(recording, out)

@@ -68,12 +68,12 @@ def import_(
     if not log.exists():
         raise InputError(f"{log}: no such file")
     column_map = load_map(map_file, preset)
-    from faultgen.discovery.import_log import import_log
+    from faultgen.recordings.import_log import import_log
 
     made = import_log(log, column_map)
     recording = made.recording
     # Matplotlib takes seconds, which a refused log must not
-    from faultgen.discovery.recording import write_recording
+    from faultgen.recordings.recording import write_recording
     from faultgen.report.recording_figure import recording_png
     from faultgen.system.files import write_bytes
     from faultgen.system.progress import plural

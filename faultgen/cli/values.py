@@ -30,7 +30,7 @@ def task_of(recording: Path, robot: str, out: Path) -> str:
         InputError: The recording cannot be used.
     """
     from faultgen.discovery.inputs import usable
-    from faultgen.discovery.recorded_task import known_task, recorded_task
+    from faultgen.recordings.recorded_task import known_task, recorded_task
     from faultgen.robot import load_robot
     from faultgen.system.files import write_text
 

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 from faultgen.system.lazy import lazily
 
 if TYPE_CHECKING:
-    from faultgen.discovery.checks import Finding, check_recording
-    from faultgen.discovery.read import read_recording
-    from faultgen.discovery.recording import Recording, write_recording
-    from faultgen.discovery.replay import Replay, replay, settled
-    from faultgen.discovery.workflow import Discovery, investigate
+    from faultgen.discovery.discover import Discovery, investigate
+    from faultgen.discovery.replay.replay import Replay, replay, settled
+    from faultgen.recordings.checks import Finding, check_recording
+    from faultgen.recordings.read import read_recording
+    from faultgen.recordings.recording import Recording, write_recording
 
 __all__ = [
     "Discovery",
@@ -36,15 +36,15 @@ __all__ = [
 lazily(
     __name__,
     {
-        "Discovery": "faultgen.discovery.workflow",
-        "Finding": "faultgen.discovery.checks",
-        "Recording": "faultgen.discovery.recording",
-        "Replay": "faultgen.discovery.replay",
-        "check_recording": "faultgen.discovery.checks",
-        "investigate": "faultgen.discovery.workflow",
-        "read_recording": "faultgen.discovery.read",
-        "replay": "faultgen.discovery.replay",
-        "settled": "faultgen.discovery.replay",
-        "write_recording": "faultgen.discovery.recording",
+        "Discovery": "faultgen.discovery.discover",
+        "Finding": "faultgen.recordings.checks",
+        "Recording": "faultgen.recordings.recording",
+        "Replay": "faultgen.discovery.replay.replay",
+        "check_recording": "faultgen.recordings.checks",
+        "investigate": "faultgen.discovery.discover",
+        "read_recording": "faultgen.recordings.read",
+        "replay": "faultgen.discovery.replay.replay",
+        "settled": "faultgen.discovery.replay.replay",
+        "write_recording": "faultgen.recordings.recording",
     },
 )

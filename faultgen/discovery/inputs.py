@@ -12,19 +12,19 @@ from pathlib import Path
 
 import numpy as np
 
-from faultgen.discovery.checks import check_recording
-from faultgen.discovery.log_faults import new_faults, repaired
-from faultgen.discovery.motor_current import constants_of, in_torque
-from faultgen.discovery.read import read_recording
-from faultgen.discovery.recording import OPTIONAL, LogFault, Recording, TorqueConstants, low_passed
-from faultgen.discovery.several import (
+from faultgen.discovery.calibration.motor_current import constants_of, in_torque
+from faultgen.errors import InputError
+from faultgen.recordings.checks import check_recording
+from faultgen.recordings.log_faults import new_faults, repaired
+from faultgen.recordings.read import read_recording
+from faultgen.recordings.recording import OPTIONAL, LogFault, Recording, TorqueConstants, low_passed
+from faultgen.recordings.several import (
     check_distinct,
     check_own_noise,
     check_same_motion,
     with_healthy,
 )
-from faultgen.discovery.smoothing import is_rough, smoothed
-from faultgen.errors import InputError
+from faultgen.recordings.smoothing import is_rough, smoothed
 from faultgen.robot import Robot
 
 LONGEST = 3600.0

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from faultgen.discovery.candidates import Term
-from faultgen.discovery.diagnostics import Share
-from faultgen.discovery.patterns import Pattern
+from faultgen.discovery.fit.diagnostics import Share
+from faultgen.discovery.laws.patterns import Pattern
+from faultgen.discovery.terms.candidates import Term
 from faultgen.effects import get_effect
 from faultgen.robot import Robot
 

@@ -1,7 +1,7 @@
 """Logs of robot controllers: tables of columns, and maps that say what each column means.
 
 A map is a TOML file; some come with the package as presets. This package reads a log into named
-arrays in SI units. `faultgen.discovery.import_log` makes a recording of them.
+arrays in SI units. `faultgen.recordings.import_log` makes a recording of them.
 
 column_map = load_map("columns.toml", preset="ur_rtde")
 arranged(read_log("log.csv", column_map.file), column_map).named["joint_position"]

@@ -15,27 +15,27 @@ from typing import Any, TypeVar
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from faultgen.discovery.candidates import FREE_GAINS, Term, check_names, names_by_use
-from faultgen.discovery.gap import gap
+from faultgen.discovery.calibration.limits import with_limits_of
+from faultgen.discovery.calibration.own_friction import with_own_friction
+from faultgen.discovery.calibration.own_numbers import with_own_numbers
+from faultgen.discovery.decision.run_to_run import FEWEST_AXES, USUAL
+from faultgen.discovery.decision.selection import SURE_TWIN
+from faultgen.discovery.decision.with_laws import contract, outside, with_laws
+from faultgen.discovery.discover import Discovery, investigate
+from faultgen.discovery.fit.gap import gap
+from faultgen.discovery.fit.regression import Problem
 from faultgen.discovery.inputs import check_positive, read_together, usable
-from faultgen.discovery.limits import with_limits_of
-from faultgen.discovery.own_friction import with_own_friction
-from faultgen.discovery.own_numbers import with_own_numbers
-from faultgen.discovery.own_servo import with_own_servo
-from faultgen.discovery.physical import GAIN
-from faultgen.discovery.recording import LogFault, Recording, mean_of
-from faultgen.discovery.regression import Problem
-from faultgen.discovery.replay import Replay, relative_error
+from faultgen.discovery.replay.own_servo import with_own_servo
+from faultgen.discovery.replay.replay import Replay, relative_error
+from faultgen.discovery.replay.samples import counted
+from faultgen.discovery.replay.servo_delay import DELAY, Delays, find_delays, no_delays
 from faultgen.discovery.result import NAMED, NONE, PARTLY, UNKNOWN
-from faultgen.discovery.run_to_run import FEWEST_AXES, USUAL
-from faultgen.discovery.samples import counted
-from faultgen.discovery.selection import SURE_TWIN
-from faultgen.discovery.servo_delay import DELAY, Delays, find_delays, no_delays
-from faultgen.discovery.with_laws import contract, outside, with_laws
-from faultgen.discovery.workflow import Discovery, investigate
+from faultgen.discovery.rigid.physical import GAIN
+from faultgen.discovery.terms.candidates import FREE_GAINS, Term, check_names, names_by_use
 from faultgen.effects import EFFECTS, get_effect
 from faultgen.effects.friction import SPEED_FRICTION
 from faultgen.errors import InputError, SimulationFailed
+from faultgen.recordings.recording import LogFault, Recording, mean_of
 from faultgen.robot import Robot, load_robot
 from faultgen.system.progress import Progress
 

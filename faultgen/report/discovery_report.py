@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from faultgen.analysis.plots import COLOURS, legend_beside, style
-from faultgen.discovery.workflow import Discovery, dump
+from faultgen.discovery.discover import Discovery, dump
 from faultgen.mjcf.edit import write_model
 from faultgen.report.laws import laws_image
 from faultgen.report.page import image, page

@@ -11,7 +11,7 @@ matplotlib.use("Agg")  # no display needed
 import matplotlib.pyplot as plt
 
 from faultgen.analysis.plots import COLOURS, style
-from faultgen.discovery.learned_law import Learned
+from faultgen.discovery.laws.learned_law import Learned
 from faultgen.effects.law_course import UNITS
 from faultgen.report.page import image
 

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from faultgen.discovery.candidates import check_names, names_by_use
-from faultgen.discovery.information import NOISE
-from faultgen.discovery.motion_library import task_toml
-from faultgen.discovery.motion_plan import MotionPlan, make_plan
-from faultgen.discovery.workflow import dump
+from faultgen.discovery.discover import dump
+from faultgen.discovery.planning.information import NOISE
+from faultgen.discovery.planning.motion_library import task_toml
+from faultgen.discovery.planning.motion_plan import MotionPlan, make_plan
+from faultgen.discovery.terms.candidates import check_names, names_by_use
 from faultgen.effects import get_effect
 from faultgen.robot import load_robot
 from faultgen.system.files import write_text

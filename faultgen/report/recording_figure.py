@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from faultgen.analysis.plots import COLOURS, style
-from faultgen.discovery.recording import Recording
+from faultgen.recordings.recording import Recording
 
 _MOST_POINTS = 4000  # of a line; more are not visible
 

@@ -3,7 +3,7 @@
 Heavy packages (MuJoCo, pandas, SciPy, Matplotlib) take seconds to import. A command that only
 refuses its input must not wait for them.
 
-lazily(__name__, {"replay": "faultgen.discovery.replay"})
+lazily(__name__, {"replay": "faultgen.discovery.replay.replay"})
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import correlate
 
-from faultgen.discovery.recording import Recording
 from faultgen.errors import InputError
+from faultgen.recordings.recording import Recording
 from faultgen.simulation.motion import Motion
 
 CLOSE = 0.05

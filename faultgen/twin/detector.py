@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from faultgen.discovery.recording import TorqueConstants
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
+from faultgen.recordings.recording import TorqueConstants
 from faultgen.system.files import write_bytes, write_text
 from faultgen.system.reading import LARGEST_TEXT, read_bytes
 from faultgen.system.sealed_json import damage, sealed, unsealed

@@ -13,12 +13,12 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 from scipy.optimize import nnls
 
-from faultgen.discovery.candidates import Term, effect_terms
-from faultgen.discovery.noise import Autoregression, autoregression
-from faultgen.discovery.noise_level import log_likelihood
-from faultgen.discovery.recording import Recording
-from faultgen.discovery.replay import Replay, settled
+from faultgen.discovery.replay.replay import Replay, settled
+from faultgen.discovery.terms.candidates import Term, effect_terms
 from faultgen.errors import SimulationFailed
+from faultgen.recordings.noise import Autoregression, autoregression
+from faultgen.recordings.noise_level import log_likelihood
+from faultgen.recordings.recording import Recording
 
 VARYING = (
     "coulomb_friction",

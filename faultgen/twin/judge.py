@@ -14,9 +14,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from faultgen.discovery.read import read_recording
-from faultgen.discovery.recording import Recording
 from faultgen.errors import InputError, StorageFailed
+from faultgen.recordings.read import read_recording
+from faultgen.recordings.recording import Recording
 from faultgen.system.files import file_sha256
 from faultgen.twin.alignment import find_cycles
 from faultgen.twin.detector import FORM, Detector, Memory, load_detector

@@ -20,17 +20,17 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from faultgen.dataset.experiment import check_seed
-from faultgen.discovery.calibrate import calibrate
-from faultgen.discovery.following import suited_replay
-from faultgen.discovery.in_step import in_step
+from faultgen.discovery.calibration.calibrate import calibrate
+from faultgen.discovery.calibration.limits import with_limits_for, with_limits_of
 from faultgen.discovery.inputs import read_all
-from faultgen.discovery.limits import with_limits_for, with_limits_of
-from faultgen.discovery.recorded_task import recorded_task
-from faultgen.discovery.recording import Recording, mean_of, write_recording
-from faultgen.discovery.several import check_own_noise, check_same_motion
+from faultgen.discovery.rigid.following import suited_replay
 from faultgen.errors import InputError
 from faultgen.monitoring.autoregression import impulse_response
 from faultgen.monitoring.sensors import FILE, Remainder, Sensors
+from faultgen.recordings.in_step import in_step
+from faultgen.recordings.recorded_task import recorded_task
+from faultgen.recordings.recording import Recording, mean_of, write_recording
+from faultgen.recordings.several import check_own_noise, check_same_motion
 from faultgen.report.discover import discover
 from faultgen.report.twin_report import twin_page
 from faultgen.robot import Robot, load_robot

@@ -15,9 +15,9 @@ import numpy as np
 
 from faultgen.dataset.experiment import check_seed
 from faultgen.dataset.reader import Dataset, StoredRun
-from faultgen.discovery.recording import TorqueConstants
 from faultgen.errors import InputError, what_it_says
 from faultgen.provenance import provenance
+from faultgen.recordings.recording import TorqueConstants
 from faultgen.robot import load_robot
 from faultgen.simulation.motion import plan
 from faultgen.system.arrays import read_arrays

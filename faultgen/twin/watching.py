@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from faultgen.discovery.read import is_complete
 from faultgen.errors import InputError, StorageFailed, one_line
+from faultgen.recordings.read import is_complete
 from faultgen.twin.state import StateFailed
 
 ENDINGS = (".h5", ".hdf5", ".csv")

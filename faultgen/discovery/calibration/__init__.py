@@ -1,0 +1,1 @@
+"""The model's own numbers, fitted to a recording."""

@@ -1,0 +1,1 @@
+"""Which effects are missing, how certain they are, and the verdict."""

@@ -1,0 +1,223 @@
+"""An answer completed by learned laws, where effects of the catalogue explain too little."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from faultgen.discovery.decision.selection import Choice
+from faultgen.discovery.decision.verdict import answer, is_part
+from faultgen.discovery.fit.fit import fit
+from faultgen.discovery.fit.gap import gap
+from faultgen.discovery.fit.regression import Problem
+from faultgen.discovery.laws.law_curves import Courses, Curve
+from faultgen.discovery.laws.law_words import NAMES
+from faultgen.discovery.laws.learned_law import Learned, learn
+from faultgen.discovery.replay.replay import Replay, relative_error, relative_errors
+from faultgen.discovery.result import NAMED, NONE, PART, PARTLY, UNKNOWN, Answer
+from faultgen.errors import InputError, SimulationFailed
+
+LEARNED = "learned"
+"""Name of a learned law among the effects of ``discovery.json``."""
+
+UNIT = "N m, RMS on the recording"
+"""Unit of its severity."""
+
+CERTAIN = 0.98
+"""Probability of a law from which it changes a verdict."""
+
+EQUAL = 1.01
+"""Gap of a law alone, over the gap of effects and laws, up to which the effects of its axis count
+as superfluous: assumed."""
+
+ALIKE = 0.8
+"""Correlation of a law with an effect from which the law is that effect in another form, and the
+effect keeps its name: assumed."""
+
+_BEYOND = 0.02  # share of the range of a variable by which other motions may leave it
+
+
+def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, list[Learned]]:
+    """Learn laws for what an answer leaves unexplained, and put them into its model.
+
+    The laws also check the answer. Where nothing is missing, a law that is certain makes the effect
+    an unknown one. Where effects were named on the axis of such a law, they are left out if the law
+    alone comes as near to the scoring motions: then they only imitated it.
+
+    Args:
+        problem: The recording and the model.
+        choice: The set of effects from which the answer was made.
+        told: The answer.
+
+    Returns:
+        The answer with the laws in its model and its gaps, and the laws. If nothing can be learned,
+        the answer is unchanged.
+    """
+    laws = learn(problem, told.strange_torque, told.changes)
+    if told.verdict == UNKNOWN:
+        return if_smaller(problem, told, _with(problem, told, laws), laws)
+    # beside a part that is known, less certain laws are told as well
+    least = 0.0 if told.verdict == PARTLY else CERTAIN
+    axes = {one.axis for one in laws if one.confidence >= least}
+    if not axes:
+        return told, []
+    if told.verdict == NONE:
+        whole = _with(problem, replace(told, verdict=UNKNOWN), laws)
+        if not problem.twin and not is_considerable(problem, told, whole, axes):
+            return told, []
+        return if_smaller(problem, told, whole, laws)
+    whole = _with(problem, told, laws)
+    groups = choice.best.groups
+    kept = [group for group in groups if problem.terms[group[0]].axis not in axes]
+    rest = fit(choice.problem, kept) if len(kept) < len(groups) else None
+    if rest is not None:
+        other = answer(problem, replace(choice, best=rest, rivals=()))
+        own = learn(problem, other.strange_torque, other.changes)
+        simpler = _with(problem, other, own)
+        left_out = {problem.terms[g[0]].key for g in groups if g not in kept}
+        alike = {one[:2] for law in own for one in law.resembles if one[2] >= ALIKE}
+        if own and simpler.after <= EQUAL * whole.after and not left_out & alike:
+            return replace(simpler, verdict=PARTLY if simpler.effects else UNKNOWN), own
+    if told.verdict == PARTLY:
+        return if_smaller(problem, told, whole, laws)
+    if is_part(told.before, told.after, whole.floor):
+        return replace(whole, verdict=PARTLY if told.verdict == NAMED else told.verdict), laws
+    return told, []
+
+
+def if_smaller(
+    problem: Problem, told: Answer, whole: Answer, laws: list[Learned]
+) -> tuple[Answer, list[Learned]]:
+    """Return the answer with laws, or without them if they do not make the gap smaller.
+
+    Args:
+        problem: The recording and the model.
+        told: The answer without the laws.
+        whole: The answer with them.
+        laws: The laws.
+    """
+    before, _ = gap(problem, told.left_torque)
+    return (whole, laws) if laws and whole.after < before else (told, [])
+
+
+def is_considerable(problem: Problem, told: Answer, whole: Answer, axes: Collection[int]) -> bool:
+    """Tell whether laws close a tenth of what is open on one of their axes.
+
+    Without a twin, the errors of a model leave small patterns on every axis.
+
+    Args:
+        problem: The recording and the model.
+        told: The answer without the laws.
+        whole: The answer with them.
+        axes: Axes of the laws, from 1.
+    """
+    _, before = gap(problem, told.left_torque)
+    return any(
+        gap_before**2 - one["after"] ** 2 > PART * (gap_before**2 - one["floor"] ** 2)
+        for gap_before, one in zip(before, whole.per_axis, strict=True)
+        if one["axis"] in axes
+    )
+
+
+def _with(problem: Problem, told: Answer, laws: Sequence[Learned]) -> Answer:
+    """The answer with laws in its model and its gaps."""
+    if not laws:
+        return told
+    left = told.left_torque - laws[-1].change
+    use = problem.inside & problem.samples(problem.scoring)[:, None]
+    after = relative_errors(left**2, problem.recording, use).tolist()
+    per_axis = tuple(
+        {**one, "after": value, "floor": min(one["floor"], value)}
+        for one, value in zip(told.per_axis, after, strict=True)
+    )
+    seen = np.any(use & (problem.recording.torque != 0), axis=0)
+    floors = np.array([one["floor"] for one in per_axis])[seen]
+    robot, lacks = told.robot.with_effects([one.applied for one in laws]), told.lacks
+    try:
+        replay = Replay(problem.recording, robot, measured=problem.replay.measured)
+        stable = np.isfinite(replay.torque()).all()
+    except (InputError, SimulationFailed):
+        stable = False
+    if not stable:
+        robot = told.robot
+        lacks = (*lacks, "the model lacks the learned laws: with them its simulation diverges")
+    return replace(
+        told,
+        after=relative_error(left**2, problem.recording, use),
+        per_axis=per_axis,
+        floor=float(np.sqrt(np.mean(floors**2))),
+        left_torque=left,
+        robot=robot,
+        lacks=lacks,
+    )
+
+
+def contract(problem: Problem, told: Answer, laws: Sequence[Learned]) -> list[dict[str, Any]]:
+    """Return laws as effects of ``discovery.json``.
+
+    Args:
+        problem: The recording and the model.
+        told: The answer that `with_laws` returned.
+        laws: Its laws, in the order in which they were added.
+    """
+    use = problem.inside & problem.samples(problem.scoring)[:, None]
+    before = told.left_torque + laws[-1].change if laws else told.left_torque
+    return [
+        {
+            "effect": LEARNED,
+            "axis": one.axis,
+            "parameters": {
+                "severity": one.size,
+                "unit": UNIT,
+                "depends_on": list(one.depends_on),
+                "formula": one.formula,
+                "sentence": one.sentence,
+                "resembles": [
+                    {"effect": name, "axis": axis, "correlation": alike}
+                    for name, axis, alike in one.resembles
+                ],
+                "range": {
+                    name: {"low": low, "high": high, "unit": unit}
+                    for name, (low, high, unit) in one.ranges.items()
+                },
+                "closes": one.share,
+                "law": list(one.terms),
+            },
+            "interval": {"severity": list(one.interval)},
+            "confidence": one.confidence,
+            "gap_after": relative_error((before - one.change) ** 2, problem.recording, use),
+        }
+        for one in laws
+    ]
+
+
+def outside(laws: Sequence[Learned], replay: Replay) -> list[str]:
+    """Say where a recording leaves the range of the data from which laws were learned.
+
+    Args:
+        laws: The laws.
+        replay: The other recording, and the model.
+
+    Returns:
+        One line for each variable of a law that leaves its range.
+    """
+    courses = Courses(replay, np.ones(replay.recording.torque.shape, bool))
+    lines = []
+    for one in laws:
+        for term in one.terms:
+            low, high = term["knots"][0], term["knots"][-1]
+            x = courses.variable(
+                Curve(term["over"], term["of"], term["times"], (low, high), term["scale"])
+            )
+            room = _BEYOND * (high - low)
+            if x.min() < low - room or x.max() > high + room:
+                lines.append(
+                    f"{replay.recording.source}: axis {one.axis}: the learned law holds for "
+                    f"the {NAMES[term['over']]} of axis {term['of']} from {low:.3g} to "
+                    f"{high:.3g}, but here it goes from {x.min():.3g} to {x.max():.3g}; beyond its "
+                    "range the law keeps its last value"
+                )
+    return lines

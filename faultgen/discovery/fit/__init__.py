@@ -1,0 +1,1 @@
+"""Residuals as regression problems, and fits of sets of terms to them."""

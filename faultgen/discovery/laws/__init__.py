@@ -1,0 +1,1 @@
+"""Friction laws, learned laws and other patterns of a residual."""

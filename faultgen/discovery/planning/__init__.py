@@ -1,0 +1,1 @@
+"""Which motions tell most about the effects."""

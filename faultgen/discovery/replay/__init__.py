@@ -1,0 +1,1 @@
+"""The recorded motion simulated with the model: torque, its sensitivities, and the servo."""

@@ -1,0 +1,382 @@
+"""Replay of a recording: the recorded motion, simulated with the model in closed loop."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline, make_interp_spline
+
+from faultgen.discovery.replay.followed import followed
+from faultgen.discovery.replay.prescribed import prescribed_torque, stiffen
+from faultgen.discovery.terms.candidates import INERTIA, Term, applied
+from faultgen.discovery.terms.inertia import apply_inertia
+from faultgen.effects import Applied, get_effect
+from faultgen.errors import InputError, SimulationFailed, one_line
+from faultgen.recordings.recording import Recording
+from faultgen.robot import Robot
+from faultgen.simulation.plant import Plant, assemble
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.stepping import simulate
+
+SETTLING = 0.3
+"""Time that the simulation needs to settle after an axis begins to turn [s]: assumed."""
+
+TURN = 0.2
+"""Motor angle after which friction no longer depends on how the axis came to rest [rad]: assumed,
+about ten times the reach of the bristles."""
+
+_RATES = (0.35, 0.18, 0.09)
+"""Poles of the servo that follows measured positions [rad a step], the fastest first. A servo is
+stable up to about 0.8. Light rotors with much damping need a slower one."""
+
+_OFF = 0.1  # torque of the model that follows, less the torque that it needs, over the latter
+
+Changes = Sequence[tuple[Term, float]]
+"""Terms and their values."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """A recorded position as a motion, by cubic splines."""
+
+    robot: Robot
+    period: float
+    spline: BSpline
+
+    def __call__(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return self.spline(times), self.spline(times, 1), self.spline(times, 2)
+
+
+def _following(robot: Robot) -> Robot:
+    """Return the same robot with all set points commanded."""
+    if np.all(robot.set_points == 1):
+        return robot
+    follower = copy.copy(robot)
+    object.__setattr__(follower, "set_points", np.ones(3))
+    return follower
+
+
+class Replay:
+    """The motion of a recording, which can be simulated with changes of the model.
+
+    The model's own servo tracks either the commanded positions or the measured ones. Measured
+    positions are smoothed according to their own noise. All set points are commanded then, even
+    those that the servo does not use, and the feed-forward is the torque that this motion of the
+    rotors needs (`prescribed_torque`). The servo that follows measured positions is much faster
+    than that of the model, so that the rotors move as they were measured also with changes of the
+    model, and the torque does not depend on the servo. The controller is always that of the
+    unchanged model.
+    """
+
+    def __init__(self, recording: Recording, robot: Robot, *, measured: bool | None = None) -> None:
+        """Compute what the controller commands.
+
+        Args:
+            recording: The measured data.
+            robot: The model.
+            measured: Whether the measured positions are followed. None: if the recording has no
+                commanded ones.
+        """
+        self.recording = recording
+        self.robot = robot
+        self.measured = recording.reference_position is None if measured is None else measured
+        """Whether the measured positions are followed."""
+        self.left_out: np.ndarray | None = None
+        """Samples that are not compared, beside those of `samples.counted`; shape (samples,
+        n_axes)."""
+        self.wanted = recording.commanded(robot)
+        """Position that the model is to follow, joint side, shape (samples, n_axes)."""
+        if not self.measured:
+            self.controls = self._controls(self.wanted)
+            return
+        inside = settled(recording, robot)
+        self.wanted = followed(recording, robot, inside)
+        self.controls = self._controls(self.wanted)
+        at = robot.model.actuator_ctrladr[robot.ids("actuator", "drive")]
+        for control in self.controls:
+            with suppress(SimulationFailed):  # the torque of the rigid arm remains
+                control[:, at + 2] = prescribed_torque(robot, control[:, at])
+        for self._rate in _RATES:
+            if self._is_stable(inside, at + 2):
+                break
+
+    def _is_stable(self, inside: np.ndarray, forward: np.ndarray) -> bool:
+        """Whether the unchanged model gives the torque that its motion needs.
+
+        Args:
+            inside: Samples that are compared, shape (samples, n_axes).
+            forward: Columns of this torque, the feed-forward, in `controls`, shape (n_axes,).
+        """
+        try:
+            torque = self._logged("motor_torque", ()) * self.robot.torque_gain
+        except SimulationFailed:
+            return False
+        timestep = self.robot.model.opt.timestep
+        for part, control in zip(self.recording.parts, self.controls, strict=True):
+            times = np.arange(part.stop - part.start) * self.recording.sample_period
+            steps = np.round(times / timestep).astype(int).clip(max=len(control) - 1)
+            rows, own = inside[part], control[steps][:, forward]
+            off = np.sum(np.where(rows, torque[part] - own, 0) ** 2, axis=0)
+            if np.any(off > _OFF**2 * np.sum(np.where(rows, own, 0) ** 2, axis=0)):
+                return False
+        return True
+
+    def _controls(self, reference: np.ndarray) -> list[np.ndarray]:
+        """Control signal of each separate recording, for positions of shape (samples, n_axes)."""
+        recording = self.recording
+        robot = _following(self.robot) if self.measured else self.robot
+        timestep = robot.model.opt.timestep
+        controls = []
+        for part in recording.parts:
+            times = np.arange(part.stop - part.start) * recording.sample_period
+            spline = make_interp_spline(times, reference[part])
+            motion = _Motion(robot, times[-1] + timestep, spline)
+            controls.append(control_signal(motion, timestep))  # type: ignore[arg-type]
+        return controls
+
+    def without(self, samples: np.ndarray) -> Replay:
+        """Return the same replay, with further samples that are not compared.
+
+        Args:
+            samples: Mask of shape (samples, n_axes).
+        """
+        other = copy.copy(self)
+        other.left_out = samples
+        return other
+
+    def on(self, robot: Robot) -> Replay:
+        """Return the same motion and commands for another robot.
+
+        Args:
+            robot: A model that differs from that of this replay in its numbers and effects only.
+        """
+        other = copy.copy(self)
+        other.robot = robot
+        return other
+
+    def with_effects(self, effects: Sequence[Applied]) -> Replay:
+        """Return the same motion and commands for the robot with further effects.
+
+        Args:
+            effects: Effects of the catalogue, or learned laws.
+        """
+        return self.on(self.robot.with_effects(effects))
+
+    def torque(self, changes: Changes = (), disturbance: np.ndarray | None = None) -> np.ndarray:
+        """Simulate the torque on the recorded motion.
+
+        Args:
+            changes: Changes of the model: terms and values.
+            disturbance: Torque on the rotors in addition to the drives', shape (samples, n_axes),
+                in [N m].
+
+        Returns:
+            Torque that the robot would have logged, on the recording's side and in its unit, shape
+            (samples, n_axes). For sensors behind the gearbox, it is the torque of the gearbox.
+
+        Raises:
+            SimulationFailed: The simulation diverged, or the model cannot have the changes.
+        """
+        if self.recording.link:
+            return self._logged("gear_torque", changes, disturbance)
+        torque = self._logged("motor_torque", changes, disturbance)
+        if disturbance is not None:  # it went in as feed-forward, which the drive logs
+            torque -= disturbance / self.robot.torque_gain
+        return torque if self.recording.side == "motor" else torque * self.robot.gear_ratio
+
+    def position(self, changes: Changes = ()) -> np.ndarray:
+        """Simulate the position on the recorded motion.
+
+        Args:
+            changes: Changes of the model: terms and values.
+
+        Returns:
+            Position that would have been measured, on the recording's side, shape (samples,
+            n_axes), in [rad], or [m] for slides.
+
+        Raises:
+            SimulationFailed: The simulation diverged, or the model cannot have the changes.
+        """
+        position = self._logged("motor_position", changes)
+        return position if self.recording.side == "motor" else position / self.robot.gear_ratio
+
+    def _logged(
+        self, channel: str, changes: Changes, disturbance: np.ndarray | None = None
+    ) -> np.ndarray:
+        """A channel of the simulation at the samples of the recording."""
+        recording, robot = self.recording, self.robot
+        logged = np.empty_like(recording.torque)
+        timestep = robot.model.opt.timestep
+        by_temperature = self.by_temperature(changes)
+        plant = None
+        for part, control in zip(recording.parts, self.controls, strict=True):
+            if plant is None or by_temperature:
+                plant = self._plant(changes, part)
+            if disturbance is not None:
+                control = self._pushed(control, disturbance[part])
+            every = _whole(recording.sample_period / timestep)
+            (run,) = simulate(robot, control, [plant], sample_period=every * timestep, lead_in=0.0)
+            values = getattr(run, channel)
+            if every > 1 or np.isclose(recording.sample_period, timestep):
+                logged[part] = values[: part.stop - part.start]
+                continue
+            times = np.arange(part.stop - part.start) * recording.sample_period
+            simulated = np.arange(len(values)) * timestep
+            for axis in range(robot.n_axes):
+                logged[part, axis] = np.interp(times, simulated, values[:, axis])
+        return logged
+
+    def by_temperature(self, changes: Changes) -> bool:
+        """Whether the robot with changes has an effect that depends on the temperature.
+
+        Args:
+            changes: Changes of the model: terms and values.
+        """
+        names = {one.effect for one in (*self.robot.effects, *applied(changes))}
+        return any("temperature" in get_effect(name).parameters for name in names)
+
+    def _pushed(self, control: np.ndarray, disturbance: np.ndarray) -> np.ndarray:
+        """Control signals with a torque added to the feed-forward."""
+        model = self.robot.model
+        at = model.actuator_ctrladr[self.robot.ids("actuator", "drive")] + 2
+        steps = np.arange(len(control)) * model.opt.timestep
+        times = np.arange(len(disturbance)) * self.recording.sample_period
+        control = control.copy()
+        for axis, column in enumerate(at):
+            control[:, column] += np.interp(steps, times, disturbance[:, axis])
+        return control
+
+    def refusal(self, changes: Changes) -> str:
+        """Say why the model cannot have changes; empty if it can.
+
+        Args:
+            changes: Changes of the model: terms and values.
+        """
+        try:
+            self._plant(changes, self.recording.parts[0])
+        except SimulationFailed as error:
+            return str(error)
+        return ""
+
+    def _plant(self, changes: Changes, part: slice) -> Plant:
+        recording, robot = self.recording, self.robot
+        spec = robot.spec()
+        if self.measured:
+            stiffen(spec, robot, self._rate)
+        apply_inertia(spec, robot, [change for change in changes if change[0].name == INERTIA])
+        effects = applied(changes)
+        temperature = None
+        if recording.temperature is not None:
+            times = np.arange(part.stop - part.start) * recording.sample_period
+            temperature = times, recording.temperature[part]
+        try:
+            return assemble(robot, effects, temperature=temperature, spec=spec)
+        except InputError as error:  # a candidate that this model cannot have, such as no payload
+            raise SimulationFailed(str(error)) from error
+        except ValueError as error:  # of MuJoCo's compiler
+            line = one_line(error)
+            raise SimulationFailed(f"MuJoCo cannot compile the changed model: {line}") from None
+
+
+def _whole(steps: float) -> int:
+    """Number of simulation steps per sample, or 1 if it is not a whole number."""
+    whole = round(steps)
+    return whole if whole >= 1 and abs(steps - whole) < 1e-6 else 1
+
+
+def replay(
+    recording: Recording, robot: Robot, effects: Sequence[tuple[str, int, float]] = ()
+) -> np.ndarray:
+    """Simulate a recorded motion once.
+
+    Args:
+        recording: The measured data.
+        robot: The model without the effects.
+        effects: Effects to put into the model: name, axis from 1, severity.
+
+    Returns:
+        Torque that the robot would have logged, on the recording's side, shape (samples, n_axes),
+        in [N m], or [N] for slides.
+
+    Raises:
+        InputError: An effect or axis does not exist.
+        SimulationFailed: The simulation diverged.
+    """
+    changes = [(Term(name, axis, 0.0, 0.0), severity) for name, axis, severity in effects]
+    try:
+        return Replay(recording, robot).torque(changes)
+    except SimulationFailed as error:
+        if isinstance(error.__cause__, InputError):  # the caller asked for what cannot be
+            raise error.__cause__ from None
+        raise
+
+
+def relative_errors(square: np.ndarray, recording: Recording, inside: np.ndarray) -> np.ndarray:
+    """Compute the RMS error of each axis divided by its RMS torque in the whole recording.
+
+    An axis may rest without torque at the samples that are used. Its noise there must not look like
+    a large error.
+
+    Args:
+        square: Squared error of each sample, or of each axis; shape (samples, n_axes) or (n_axes,).
+        recording: The recording with the torque.
+        inside: Samples that are used, shape (samples, n_axes).
+
+    Returns:
+        Shape (n_axes,), without unit; 0 for axes without torque, or of which no sample is used.
+    """
+    torque = np.mean(recording.torque**2, axis=0)
+    wrong = np.where(inside, square, 0.0).sum(axis=0) / np.maximum(inside.sum(axis=0), 1)
+    return np.sqrt(np.where(torque > 0, wrong / np.where(torque > 0, torque, 1.0), 0.0))
+
+
+def relative_error(square: np.ndarray, recording: Recording, inside: np.ndarray) -> float:
+    """Compute the root mean square of `relative_errors` over the axes that have torque.
+
+    Args:
+        square: As for `relative_errors`.
+        recording: The recording with the torque.
+        inside: Samples that are used, shape (samples, n_axes).
+
+    Returns:
+        The relative error, without unit.
+
+    Raises:
+        InputError: No sample can be used.
+    """
+    by_axis = relative_errors(square, recording, inside)
+    seen = np.any(inside & (recording.torque != 0), axis=0)
+    if not seen.any():
+        raise InputError(
+            f"{recording.source}: no sample can be used; give a recording with more motion"
+        )
+    return float(np.sqrt(np.mean(by_axis[seen] ** 2)))
+
+
+def settled(recording: Recording, robot: Robot) -> np.ndarray:
+    """Find the samples at which a replay can be compared with the recording.
+
+    At rest, the torque of an axis depends on how it came to rest, and the recording does not
+    contain that. In each separate recording, an axis is used from `SETTLING` after it has turned
+    its motor by `TURN`.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+
+    Returns:
+        Mask of shape (samples, n_axes).
+    """
+    position = recording.motor_position(robot)
+    skipped = round(SETTLING / recording.sample_period)
+    mask = np.zeros(recording.position.shape, bool)
+    for part in recording.parts:
+        turned = np.abs(position[part] - position[part.start]) > TURN
+        for axis in np.flatnonzero(turned.any(axis=0)):
+            first = part.start + int(np.argmax(turned[:, axis])) + skipped
+            mask[first : part.stop, axis] = True
+    return mask

@@ -1,0 +1,1 @@
+"""The arm as rigid bodies: its torque is a linear function of its parameters."""

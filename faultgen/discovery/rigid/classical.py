@@ -1,0 +1,358 @@
+"""Classical identification: the torque as a linear function of all parameters, without simulation.
+
+The measured motion is smoothed and differentiated. The motor torques of a rigid arm are then linear
+in the inertial parameters of the links and, for each axis, in rotor inertia, Coulomb friction,
+viscous friction and a constant offset. The servo does not matter. `identify` solves for the
+combinations of parameters that the recording determines, the base parameters.
+
+    regression = Regression(read_recording("measured.h5"), load_robot("model.xml"))
+    regression.torque(identify(regression.products))  # that the identified parameters predict
+
+Source: Gautier (1997) for the filters, which are the same for torque and regressor; Swevers,
+Verdonck and De Schutter (2007) for the weights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, filtfilt
+
+from faultgen.discovery.replay.followed import followed_by_rigid_arm
+from faultgen.discovery.replay.replay import settled
+from faultgen.discovery.replay.samples import blocks, counted
+from faultgen.discovery.rigid.regressor import link_parameters, link_regressor
+from faultgen.recordings.recording import Recording
+from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot
+from faultgen.simulation.arm import Arm
+
+CUT_OFF = 20.0
+"""Cut-off frequency of the filters [Hz]: assumed. Robots move at lower frequencies, and their
+resonances and most of the noise lie above."""
+
+_MOTION = 5.0  # cut-off of the filter of the motion, in cut-offs of torque and regressor: assumed
+
+DRIVE = ("rotor inertia", "Coulomb", "viscous", "offset")
+"""Parameters of each axis, motor side: [kg m^2], [N m], [N m s/rad], [N m]."""
+
+COUPLING = ("inertia", "Coulomb", "viscous")
+"""Parameters of a coupling, joint side: [kg m^2], [N m], [N m s/rad]."""
+
+_RANK = 1e-3  # smallest singular value that counts, over the largest: assumed
+_EDGE = 1.0  # time at the ends of a recording that is not used, in periods of the cut-off
+_ROUNDING = 1e-10  # size of a column over the largest below which it is zero
+_CHUNK = 20_000  # samples of which the regressor is in memory
+_PADDING = 15  # samples that a filter needs beyond each end
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """Friction and inertia that two neighbouring axes share, as in a wrist.
+
+    They act on the speed of an axis plus `ratio` times that of the axis before. Both speeds are
+    those of the motors over their gear ratios.
+    """
+
+    axis: int
+    """The later axis of the two, from 2."""
+    ratio: float
+    """1 for the sum of the speeds, -1 for the difference."""
+
+
+@dataclass(frozen=True, eq=False)
+class Products:
+    """Inner products of a regressor and a torque, for each block and axis. They can be added."""
+
+    gram: np.ndarray
+    """Shape (blocks, n_axes, parameters, parameters)."""
+    right: np.ndarray
+    """Products of the columns with the torque, shape (blocks, n_axes, parameters)."""
+    energy: np.ndarray
+    """Sum of the squared torque that the parameters have to explain, shape (blocks, n_axes)."""
+    torque: np.ndarray
+    """Sum of the squared torque, shape (blocks, n_axes)."""
+    count: np.ndarray
+    """Number of samples, shape (blocks, n_axes)."""
+
+    def only(self, chosen: Sequence[int]) -> Products:
+        """Return the inner products of some of the blocks."""
+        at = list(chosen)
+        return Products(
+            self.gram[at], self.right[at], self.energy[at], self.torque[at], self.count[at]
+        )
+
+    def without(self, columns: Sequence[int]) -> Products:
+        """Return the inner products without some parameters."""
+        keep = np.setdiff1d(np.arange(self.right.shape[2]), list(columns))
+        gram = self.gram[:, :, keep][..., keep]
+        return Products(gram, self.right[..., keep], self.energy, self.torque, self.count)
+
+    def squares(self, value: np.ndarray, gain: np.ndarray | float = 1.0) -> np.ndarray:
+        """Compute the sum of squared errors of each block and axis.
+
+        Args:
+            value: Parameters, shape (parameters,).
+            gain: Factor of the predicted torque, a number or shape (n_axes,).
+
+        Returns:
+            Shape (blocks, n_axes), in [(N m)^2].
+        """
+        error = self.energy - 2 * gain * (self.right @ value)
+        return np.maximum(error + gain**2 * np.einsum("bapq,p,q->ba", self.gram, value, value), 0)
+
+    def relative(self, squares: np.ndarray) -> float:
+        """Compute the relative error of all blocks together: the RMS of the axes' relative errors.
+
+        Args:
+            squares: From `squares`, shape (blocks, n_axes).
+        """
+        seen = self.torque.sum(axis=0) > 0
+        share = squares.sum(axis=0)[seen] / self.torque.sum(axis=0)[seen]
+        return float(np.sqrt(np.mean(share))) if seen.any() else float("nan")
+
+
+class Regression:
+    """The regressor of a recording, and its inner products with the measured torque.
+
+    The columns are the ten parameters of each link (`regressor.link_parameters`), `DRIVE` for each
+    axis, and `COUPLING` for each coupling. What else the model has, such as springs, the payload
+    and the rise of friction at low speed, counts as known.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        robot: Robot,
+        *,
+        couplings: Sequence[Coupling] = (),
+        cut_off: float = CUT_OFF,
+    ) -> None:
+        """Compute the inner products of all blocks.
+
+        Args:
+            recording: The measured data.
+            robot: The model, for the kinematics and the gear ratios.
+            couplings: Couplings with columns.
+            cut_off: Cut-off frequency of the filters [Hz].
+        """
+        self.recording = recording
+        self.robot = robot
+        self.couplings = tuple(couplings)
+        self.cut_off = cut_off
+        self.gearing = robot.gearing.matrix
+        self.parts = blocks(recording, robot)
+        """Blocks, each a slice of samples."""
+        self.inside = counted(recording, robot, twin=False) & _inner(recording, cut_off)[:, None]
+        """Samples that are used, shape (samples, n_axes)."""
+        self._arm = Arm(robot)
+        self._nominal = link_parameters(self._arm)
+        joint = recording.position
+        if recording.side == "motor":
+            joint = np.linalg.solve(self.gearing, joint.T).T
+        joint = followed_by_rigid_arm(recording, robot, settled(recording, robot), joint)
+        self._motion = np.empty((3, *joint.shape))
+        for part in recording.parts:
+            smooth = _low_pass(joint[part], recording.sample_period, _MOTION * cut_off)
+            spline = CubicSpline(np.arange(len(smooth)) * recording.sample_period, smooth)
+            for order in range(3):
+                self._motion[order, part] = spline(spline.x, order)
+        self.products = self._products()
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        n = self.robot.n_axes
+        return len(self._nominal) + len(DRIVE) * n + len(COUPLING) * len(self.couplings)
+
+    def drive(self, name: str) -> np.ndarray:
+        """Columns of a parameter of the drives, by axis.
+
+        Args:
+            name: One of `DRIVE`.
+
+        Returns:
+            Indices, shape (n_axes,).
+        """
+        first = len(self._nominal) + DRIVE.index(name)
+        return first + len(DRIVE) * np.arange(self.robot.n_axes)
+
+    def coupling(self, number: int) -> np.ndarray:
+        """Columns of a coupling, in the order of `COUPLING`.
+
+        Args:
+            number: Number of the coupling, from 0.
+
+        Returns:
+            Indices, shape (3,).
+        """
+        first = self.size - len(COUPLING) * (len(self.couplings) - number)
+        return first + np.arange(len(COUPLING))
+
+    def torque(self, value: np.ndarray) -> np.ndarray:
+        """Predict the torque of the recorded motion.
+
+        Args:
+            value: Parameters, shape (size,).
+
+        Returns:
+            Torque on the recording's side and in its unit, shape (samples, n_axes).
+        """
+        torque = np.empty_like(self.recording.torque)
+        for part in self._chunks():
+            columns, rest = self._columns(part)
+            motor = columns @ value + rest
+            torque[part] = motor if self.recording.side == "motor" else motor @ self.gearing
+        return torque
+
+    def _chunks(self) -> Iterator[slice]:
+        for part in self.parts:
+            for start in range(part.start, part.stop, _CHUNK):
+                yield slice(start, min(start + _CHUNK, part.stop))
+
+    def _columns(self, part: slice) -> tuple[np.ndarray, np.ndarray]:
+        """Motor torque for each unit of each parameter, and motor torque of all that is known.
+
+        Shapes (samples, n_axes, parameters) and (samples, n_axes).
+        """
+        n, robot = self.robot.n_axes, self.robot
+        q, qd, qdd = self._motion[:, part]
+        to_motor = np.linalg.inv(self.gearing)
+        links = link_regressor(self._arm, q, qd, qdd)
+        arm = self._arm.inverse_dynamics(q, qd, qdd)
+        columns = np.zeros((len(q), n, self.size))
+        columns[..., : links.shape[2]] = np.einsum("sjp,ji->sip", links, to_motor)
+        if self.recording.link:  # neither rotors nor their friction are behind the gearbox
+            return columns, (arm - links @ self._nominal) @ to_motor
+        speed, acceleration = qd @ self.gearing.T, qdd @ self.gearing.T
+        each = np.arange(n)
+        shapes = (acceleration, np.sign(speed), speed, np.ones_like(speed))
+        for name, shape in zip(DRIVE, shapes, strict=True):
+            columns[:, each, self.drive(name)] = shape
+        for number, coupling in enumerate(self.couplings):
+            own, before = coupling.axis - 1, coupling.axis - 2
+            weight = np.zeros(n)
+            weight[own] = 1 / robot.gear_ratio[own]
+            weight[before] = coupling.ratio / robot.gear_ratio[before]
+            shared = speed @ weight
+            for at, shape in zip(
+                self.coupling(number), (acceleration @ weight, np.sign(shared), shared), strict=True
+            ):
+                columns[..., at] = np.outer(shape, weight)
+        friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")]
+        width = np.where(friction[:, STRIBECK_VELOCITY] > 0, friction[:, STRIBECK_VELOCITY], 1.0)
+        rise = (friction[:, STICTION] - friction[:, COULOMB]) * np.exp(-((speed / width) ** 2))
+        known = (arm - links @ self._nominal) @ to_motor + rise * np.sign(speed)
+        return columns, known
+
+    def _products(self) -> Products:
+        recording, n = self.recording, self.robot.n_axes
+        shape = (len(self.parts), n)
+        gram = np.zeros((*shape, self.size, self.size))
+        right = np.zeros((*shape, self.size))
+        energy, squares, count = np.zeros(shape), np.zeros(shape), np.zeros(shape, int)
+        period = recording.sample_period
+        every = max(1, int(1 / (2.5 * self.cut_off * period) + 1e-9))
+        measured = recording.torque
+        if recording.side == "joint":
+            measured = measured @ np.linalg.inv(self.gearing)
+        for block, part in enumerate(self.parts):
+            for chunk in self._chunks():
+                if not part.start <= chunk.start < part.stop:
+                    continue
+                columns, known = self._columns(chunk)
+                filtered, torque, rest = (
+                    _low_pass(x, period, self.cut_off)[::every]
+                    for x in (columns, measured[chunk], known)
+                )
+                use = self.inside[chunk][::every]
+                for axis in range(n):
+                    x = filtered[use[:, axis], axis]
+                    y = (torque - rest)[use[:, axis], axis]
+                    gram[block, axis] += x.T @ x
+                    right[block, axis] += x.T @ y
+                    energy[block, axis] += y @ y
+                    squares[block, axis] += np.sum(torque[use[:, axis], axis] ** 2)
+                    count[block, axis] += len(y)
+        return Products(gram, right, energy, squares, count)
+
+
+def _inner(recording: Recording, cut_off: float) -> np.ndarray:
+    """Samples that are not near the ends of a recording, where filters do not know the motion."""
+    away = round(_EDGE / cut_off / recording.sample_period)
+    inner = np.zeros(len(recording.position), bool)
+    for part in recording.parts:
+        inner[part.start + away : max(part.stop - away, part.start)] = True
+    return inner
+
+
+def _low_pass(x: np.ndarray, period: float, cut_off: float) -> np.ndarray:
+    """Filter along the first axis (Butterworth, 4th order, forward and backward)."""
+    if 2.5 * cut_off * period >= 1 or len(x) <= _PADDING:
+        return x
+    b, a = butter(4, 2 * cut_off * period)
+    return np.asarray(filtfilt(b, a, x, axis=0))
+
+
+def identify(products: Products) -> np.ndarray:
+    """Solve for the parameters by least squares, weighted by the noise of each axis.
+
+    Combinations of parameters that the motion does not determine stay as small as possible. They do
+    not change the predicted torque.
+
+    Args:
+        products: Inner products of the blocks to fit.
+
+    Returns:
+        Parameters, shape (parameters,).
+    """
+    weight = 1 / np.maximum(products.torque.sum(axis=0) / _samples(products), 1e-30)
+    value = np.zeros(products.right.shape[2])
+    for _ in range(3):
+        gram = np.einsum("a,bapq->pq", weight, products.gram)
+        scale = np.sqrt(np.diag(gram))
+        scale[scale <= _ROUNDING * scale.max()] = np.inf  # columns of zeros, but for rounding
+        size, direction = np.linalg.eigh(gram / np.outer(scale, scale))
+        kept = direction[:, size > _RANK**2 * size[-1]]
+        right = np.einsum("a,bap->p", weight, products.right) / scale
+        value = kept @ ((kept.T @ right) / size[size > _RANK**2 * size[-1]]) / scale
+        weight = axis_weights(products, value)
+    return value
+
+
+def axis_weights(products: Products, value: np.ndarray) -> np.ndarray:
+    """Compute the inverse variance of the error of each axis.
+
+    Args:
+        products: Inner products of the blocks.
+        value: Parameters, shape (parameters,).
+
+    Returns:
+        Shape (n_axes,), in [1/(N m)^2]; 0 for an axis without torque.
+    """
+    variance = products.squares(value).sum(axis=0) / _samples(products)
+    floor = 1e-8 * products.torque.sum(axis=0) / _samples(products)
+    return np.where(floor > 0, 1 / np.maximum(np.maximum(variance, floor), 1e-300), 0.0)
+
+
+def _samples(products: Products) -> np.ndarray:
+    return np.maximum(products.count.sum(axis=0), 1)
+
+
+def held_out_error(products: Products) -> float:
+    """Compute the error of each block with parameters that were identified on the other blocks.
+
+    Args:
+        products: Inner products of at least two blocks.
+
+    Returns:
+        Relative error, as `Products.relative`.
+    """
+    every = range(len(products.energy))
+    squares = [
+        products.only([k]).squares(identify(products.only([j for j in every if j != k])))
+        for k in every
+    ]
+    return products.relative(np.concatenate(squares))

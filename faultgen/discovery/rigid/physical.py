@@ -1,0 +1,378 @@
+"""A model that can exist, with the parameters that a recording determines.
+
+Classical identification yields combinations of parameters, and nothing prevents a negative mass.
+Here the same regression is solved for the links themselves. Their pseudo-inertia is changed as in
+`inertia`, so that every link can exist, and it stays near that of the given model as far as the
+recording leaves it open. Rotor inertia, friction and offsets are free, but not negative.
+
+    fitted = fit(regression, regression.products, Spread(10.0))
+    robot = fitted.robot
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from faultgen.discovery.laws.friction_law import set_bristles
+from faultgen.discovery.rigid.classical import (
+    DRIVE,
+    Products,
+    Regression,
+    axis_weights,
+    identify,
+)
+from faultgen.discovery.rigid.regressor import PER_LINK, link_parameters
+from faultgen.discovery.terms.candidates import INERTIA, Term
+from faultgen.discovery.terms.inertia import (
+    PAIRS,
+    apply_inertia,
+    inertia_terms,
+    inertial_bodies,
+    main_frame,
+    parameters_of,
+    pseudo_inertia,
+)
+from faultgen.effects import get_effect
+from faultgen.effects.coupling import add_coupling_friction
+from faultgen.effects.friction import add_offset
+from faultgen.effects.motor import scale_rotor_inertia
+from faultgen.errors import SimulationFailed, one_line
+from faultgen.mjcf.edit import set_numeric
+from faultgen.mjcf.rotors import nest_rotor
+from faultgen.robot import COULOMB, OFFSET, STICTION, Robot
+from faultgen.simulation.arm import Arm
+
+NAMES = dict(
+    zip(
+        DRIVE,
+        ("rotor_inertia", "coulomb_friction", "viscous_friction", "torque_offset"),
+        strict=True,
+    )
+)
+"""Effect that changes each parameter of the drives."""
+
+GAIN = "torque_constant"
+"""Effect for which MJCF has no element. The robot's `torque_gain` represents it."""
+
+_LEAST = 1e-3  # smallest rotor inertia, as a share of the given one
+_QUICK = 0.5  # largest time step times frequency of a rotor on its gearbox
+_LOOSE = 30.0  # prior standard deviation of free parameters, in units of their size
+_STIFF = 1e-4  # the same of excluded parameters, in units of their default standard deviation
+_NOTHING = 1e-4  # smallest Coulomb friction, as a share of the RMS torque
+_NEW = 3.0  # growth of friction from which the model's bristles do not fit it any more
+_STEPS = 100  # of the search at most
+_SETTLED = 1e-5  # share of the misfit that a step has to take off
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How far the parameters of a robot may be from those of the model."""
+
+    scale: float
+    """Prior standard deviation of links and torque constants, as a multiple of the default."""
+    known: Collection[str] = ()
+    """Parameters (`candidates.NUMBERS`) that keep their default prior standard deviation."""
+    exclude: Collection[str] = ()
+    """Parameters that are not changed."""
+
+    def of(self, name: str, default: float, free: float) -> float:
+        """Return the prior standard deviation of a parameter.
+
+        Args:
+            name: Name of the parameter.
+            default: Its default prior standard deviation.
+            free: The standard deviation with which the data alone decide.
+        """
+        if name in self.exclude:
+            return _STIFF * max(default, 1e-12)
+        return default if name in self.known and default > 0 else free
+
+
+@dataclass(frozen=True, eq=False)
+class Drives:
+    """Parameters of the drives as the model has them. Arrays of shape (n_axes,), motor side."""
+
+    inertia: np.ndarray
+    """Inertia of the rotor [kg m^2]."""
+    coulomb: np.ndarray
+    """Coulomb friction [N m]."""
+    viscous: np.ndarray
+    """Viscous friction [N m s/rad]."""
+    offset: np.ndarray
+    """Torque that the motor needs in addition [N m]."""
+
+    @staticmethod
+    def of(robot: Robot) -> Drives:
+        """Read them from a model."""
+        model, friction = robot.model, robot.ids("actuator", "friction")
+        bias = model.actuator_biasprm[friction]
+        constant = bias[:, OFFSET + 1] == 0  # a ripple without poles
+        return Drives(
+            model.dof_M0[list(robot.motors)].copy(),
+            bias[:, COULOMB].copy(),
+            model.actuator_damping[friction].copy(),
+            np.where(constant, -bias[:, OFFSET] * np.sin(bias[:, OFFSET + 2]), 0.0),
+        )
+
+    def named(self) -> dict[str, np.ndarray]:
+        """Return the arrays by the names of `DRIVE`.
+
+        Returns:
+            Arrays of shape (n_axes,).
+        """
+        return dict(
+            zip(DRIVE, (self.inertia, self.coulomb, self.viscous, self.offset), strict=True)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Physical:
+    """A model whose parameters were fitted to a regression."""
+
+    given: Robot
+    """The model before the fit."""
+    links: list[tuple[Term, float]]
+    """Changes of the links."""
+    drives: Drives
+    """Parameters of the drives."""
+    couplings: list[tuple[int, float, np.ndarray]]
+    """Axis, ratio and parameters (`COUPLING`) of each coupling."""
+    gain: np.ndarray
+    """Motor torque over the torque of the given model's log, shape (n_axes,)."""
+    value: np.ndarray = field(repr=False)
+    """All parameters of the regression."""
+
+    def squares(self, products: Products) -> np.ndarray:
+        """Compute the squared errors of blocks, as `Products.squares`.
+
+        Args:
+            products: Inner products of the blocks.
+
+        Returns:
+            Shape (blocks, n_axes), in [(N m)^2].
+        """
+        return products.squares(self.value, 1 / self.gain)
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The model with these parameters.
+
+        Raises:
+            SimulationFailed: MuJoCo cannot compile it.
+        """
+        given, drives = self.given, self.drives
+        spec = given.spec()
+        apply_inertia(spec, given, self.links)
+        before = Drives.of(given)
+        for k in range(given.n_axes):
+            scale_rotor_inertia(spec, k + 1, drives.inertia[k] / before.inertia[k] - 1)
+            friction = spec.actuator(f"friction{k + 1}")
+            friction.biasprm[COULOMB] += drives.coulomb[k] - before.coulomb[k]
+            friction.biasprm[STICTION] += drives.coulomb[k] - before.coulomb[k]
+            friction.damping[0] = drives.viscous[k]
+            if drives.coulomb[k] > _NEW * before.coulomb[k]:  # bristles for another order of size
+                set_bristles(
+                    spec, k + 1, drives.coulomb[k], drives.inertia[k], spec.option.timestep
+                )
+            if drives.offset[k] != before.offset[k]:
+                add_offset(spec, k + 1, before.offset[k] - drives.offset[k])
+        for axis, ratio, (inertia, coulomb, viscous) in self.couplings:
+            add_coupling_friction(spec, axis, coulomb, ratio=ratio)
+            spec.actuators[-1].damping[0] = viscous
+            spec.tendons[-1].armature = inertia
+            nest_rotor(spec, axis)
+        return edited(given, spec, given.torque_gain * self.gain)
+
+
+def edited(robot: Robot, spec: mujoco.MjSpec, torque_gain: np.ndarray) -> Robot:
+    """Compile an edited model, and make a robot of it.
+
+    Args:
+        robot: The robot before the edit.
+        spec: Its specification with the edit. It is changed and compiled.
+        torque_gain: Torque of the motors over the torque that is logged, shape (n_axes,).
+
+    Returns:
+        The robot with the edited model.
+
+    Raises:
+        SimulationFailed: MuJoCo cannot compile it.
+    """
+    if np.any(torque_gain != 1):
+        set_numeric(spec, "torque_gain", torque_gain.tolist())
+    try:
+        spec.compile()
+    except ValueError as error:
+        line = one_line(error)
+        raise SimulationFailed(f"MuJoCo cannot compile the changed model: {line}") from None
+    return robot.edited(spec)
+
+
+class _Links:
+    """Parameters of the links as functions of the changes of their pseudo-inertia."""
+
+    def __init__(self, robot: Robot) -> None:
+        spec = robot.spec()
+        self.terms = inertia_terms(robot)
+        self.nominal = link_parameters(Arm(robot))
+        self._frames = []
+        for body in inertial_bodies(spec, robot)[: len(self.nominal) // PER_LINK]:
+            self._frames.append((main_frame(body), pseudo_inertia(body)))
+
+    def parameters(self, change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Parameters, shape (parameters,), and their slopes, shape (parameters, terms)."""
+        value, slope = self.nominal.copy(), np.zeros((len(self.nominal), len(self.terms)))
+        for link, (frame, own) in enumerate(self._frames, start=1):
+            at = [k for k, term in enumerate(self.terms) if term.axis == link]
+            if not at:
+                continue
+            units = np.zeros((len(at), 4, 4))
+            for unit, k in zip(units, at, strict=True):
+                unit[PAIRS[int(dict(self.terms[k].parameters)["component"])]] = 1.0
+            factor = np.eye(4) + np.tensordot(change[at], units, axes=1)
+            rows = slice(PER_LINK * (link - 1), PER_LINK * link)
+            value[rows] = parameters_of(frame @ factor @ own @ factor.T @ frame.T)
+            turned = frame @ units @ own @ factor.T @ frame.T
+            slope[rows, at] = parameters_of(turned + turned.swapaxes(1, 2)).T
+        return value, slope
+
+
+def fit(
+    regression: Regression, products: Products, spread: Spread, start: Physical | None = None
+) -> Physical:
+    """Fit the parameters of the model to blocks of a recording.
+
+    Args:
+        regression: The regression, which has the model and the meaning of the columns.
+        products: Inner products of the blocks to fit.
+        spread: How far the parameters may be from those of the model.
+        start: A similar fit, from which the search starts.
+
+    Returns:
+        The fitted parameters.
+    """
+    robot, n = regression.robot, regression.robot.n_axes
+    links, before = _Links(robot), Drives.of(robot)
+    weight = axis_weights(products, identify(products))
+    samples = np.maximum(products.count.sum(axis=0), 1)
+    rms = np.sqrt(np.maximum(products.torque.sum(axis=0) / samples, 1e-12))
+    # columns of the unknowns: links, then all others as they are in the regression, then gains
+    first, last = len(links.nominal), regression.size
+    count = len(links.terms)
+    centre, std = np.zeros(count + last - first + n), np.empty(count + last - first + n)
+    low = np.full(len(std), -np.inf)
+    scale = spread.of(INERTIA, 1.0, spread.scale)
+    std[:count] = [scale * term.prior_std for term in links.terms]
+    lightest = np.minimum(np.maximum(_LEAST * before.inertia, _lightest(robot)), before.inertia)
+    speed = np.sqrt(np.einsum("baii->ai", products.gram).T / samples)  # RMS of each column
+    for name, value in before.named().items():
+        columns = regression.drive(name)
+        at = columns - first + count
+        effect = get_effect(NAMES[name])
+        for k in range(n):
+            size = value[k]
+            default = effect.prior.std_on(robot, k + 1) * (1.0 if name == "offset" else size)
+            free = _LOOSE * (
+                size if name == "rotor inertia" else rms[k] / max(speed[columns[k], k], 1e-9)
+            )
+            centre[at[k]], std[at[k]] = size, spread.of(effect.name, default, free)
+            least = {"rotor inertia": lightest[k], "Coulomb": _NOTHING * rms[k], "offset": -np.inf}
+            low[at[k]] = least.get(name, 0.0)
+    for number, coupling in enumerate(regression.couplings):
+        columns = regression.coupling(number)
+        at = columns - first + count
+        std[at] = (
+            _LOOSE * rms[coupling.axis - 1] / np.maximum(speed[columns, coupling.axis - 1], 1e-9)
+        )
+        low[at] = 0.0
+    default = get_effect(GAIN).prior.std_on(robot, 1)
+    std[-n:] = spread.of(GAIN, default, spread.scale * default)
+    low[-n:] = -0.5
+
+    grams = products.gram.sum(axis=0)
+    rights, energy = products.right.sum(axis=0), products.energy.sum(axis=0)
+
+    def cost(scaled: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """Misfit, half its gradient, and the matrix of Gauss and Newton."""
+        unknown = scaled * std
+        own, slope = links.parameters(unknown[:count])
+        value = np.concatenate([own, unknown[count:-n]])
+        jacobian = np.zeros((last, len(std)))  # of the regression's parameters
+        jacobian[:first, :count], jacobian[first:, count:-n] = slope, np.eye(last - first)
+        away = scaled - centre / std
+        total, gradient, matrix = float(away @ away), away.copy(), np.eye(len(std))
+        for k in range(n):
+            factor = 1 + unknown[k - n]
+            turned = factor * jacobian
+            turned[:, k - n] += value
+            right = grams[k] @ (factor * value) - rights[k]
+            total += weight[k] * float(factor * value @ (right - rights[k]) + energy[k])
+            gradient += weight[k] * std * (turned.T @ right)
+            matrix += weight[k] * np.outer(std, std) * (turned.T @ grams[k] @ turned)
+        return total, gradient, matrix
+
+    begin = centre if start is None else _unknowns(start)
+    unknown = std * _bounded(cost, np.maximum(begin, low) / std, low / std)
+    own, _ = links.parameters(unknown[:count])
+    value = np.concatenate([own, unknown[count:-n]])
+    return Physical(
+        given=robot,
+        links=list(zip(links.terms, unknown[:count].tolist(), strict=True)),
+        drives=Drives(*(value[regression.drive(name)] for name in DRIVE)),
+        couplings=[
+            (coupling.axis, coupling.ratio, value[regression.coupling(number)])
+            for number, coupling in enumerate(regression.couplings)
+        ],
+        gain=1 / (1 + unknown[-n:]),
+        value=value,
+    )
+
+
+def _lightest(robot: Robot) -> np.ndarray:
+    """Smallest inertia of each rotor with which its gearbox can be simulated [kg m^2]."""
+    model, gearbox = robot.model, robot.ids("tendon", "gearbox")
+    step = model.opt.timestep
+    spring = model.tendon_stiffness[gearbox] * (step / _QUICK) ** 2
+    damper = model.tendon_damping[gearbox] * step / _QUICK
+    return np.asarray((spring + damper) / robot.gear_ratio**2)
+
+
+def _unknowns(start: Physical) -> np.ndarray:
+    """The unknowns of an earlier fit."""
+    first = len(link_parameters(Arm(start.given)))
+    changes = [value for _, value in start.links]
+    return np.concatenate([changes, start.value[first:], 1 / start.gain - 1])
+
+
+def _bounded(
+    cost: Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]],
+    begin: np.ndarray,
+    low: np.ndarray,
+) -> np.ndarray:
+    """Minimise a sum of squares above lower bounds (Levenberg and Marquardt, projected)."""
+    at, damping = begin, 1e-3
+    total, gradient, matrix = cost(at)
+    for _ in range(_STEPS):
+        free = ~((at <= low) & (gradient > 0))
+        system = matrix[np.ix_(free, free)].copy()
+        system[np.diag_indices_from(system)] *= 1 + damping
+        step = np.zeros_like(at)
+        step[free] = -np.linalg.solve(system, gradient[free])
+        new = np.maximum(at + step, low)
+        told = cost(new)
+        if told[0] > total:
+            damping = 10 * damping
+            if damping > 1e8:
+                break
+            continue
+        done = total - told[0] < _SETTLED * total
+        at, damping = new, damping / 10
+        total, gradient, matrix = told
+        if done:
+            break
+    return at

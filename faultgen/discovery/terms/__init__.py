@@ -1,0 +1,1 @@
+"""What may differ between a robot and its model: effects and numbers of the model."""

@@ -1,0 +1,155 @@
+"""What may differ between the links of a robot and those of its model: mass, place and inertia."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from faultgen.discovery.terms.candidates import INERTIA, Term
+from faultgen.effects.prior import LINK_STD
+from faultgen.effects.structure import MASSLESS
+from faultgen.robot import Robot
+
+_COMPONENTS = 10
+
+
+def inertia_terms(robot: Robot) -> list[Term]:
+    """List ten terms for each link that moves, and for the payload.
+
+    Source: pseudo-inertia of Wensing, Kim and Slotine (2018). Its upper triangular factor is
+    perturbed as in Rucker and Wensing (2022), so that every value describes a body that can exist.
+    """
+    spec = robot.spec()
+    terms = []
+    for link, body in enumerate(inertial_bodies(spec, robot), start=1):
+        if body.mass < MASSLESS:
+            continue  # nothing that could be scaled; a payload is points then
+        size = _size(body)
+        for k in range(_COMPONENTS):
+            prior_std = 0.5 * LINK_STD if k in _DIAGONAL else LINK_STD
+            prior_std = 2 * LINK_STD * size if k in _SHIFT else prior_std
+            terms.append(Term(INERTIA, link, 2 * prior_std, prior_std, (("component", float(k)),)))
+    return terms
+
+
+PAIRS = ((0, 0), (1, 1), (2, 2), (3, 3), (0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
+"""Row and column of each component in the factor F."""
+
+_DIAGONAL = (0, 1, 2, 3)
+_SHIFT = (7, 8, 9)
+
+
+def inertial_bodies(spec: mujoco.MjSpec, robot: Robot) -> list[mujoco.MjsBody]:
+    """List the links by the number of their joint, and then the payload if there is one.
+
+    Args:
+        spec: The robot's specification.
+        robot: The robot.
+    """
+    bodies = [spec.joint(f"joint{axis}").parent for axis in range(1, robot.n_axes + 1)]
+    payload = spec.body("payload")
+    return bodies if payload is None else [*bodies, payload]
+
+
+def _size(body: mujoco.MjsBody) -> float:
+    """Possible error of a link's centre of mass, divided by the prior standard deviation [m]."""
+    gyration = float(np.sqrt(np.sum(body.inertia) / 2 / max(body.mass, 1e-9)))
+    return max(gyration, float(np.linalg.norm(body.ipos)))
+
+
+def apply_inertia(spec: mujoco.MjSpec, robot: Robot, changes: Sequence[tuple[Term, float]]) -> None:
+    """Change the inertias of links in place.
+
+    Args:
+        spec: The robot's specification, which is changed.
+        robot: The unchanged robot, from which the links are identified.
+        changes: Inertia terms and their values.
+    """
+    bodies = inertial_bodies(spec, robot)
+    for link, body in enumerate(bodies, start=1):
+        factor = np.eye(4)
+        for term, value in changes:
+            if term.axis == link:
+                factor[PAIRS[int(dict(term.parameters)["component"])]] += value
+        if np.any(factor != np.eye(4)):
+            _transform(body, factor)
+
+
+_THIN = 1e-9
+"""Smallest allowed second moment of a body as a share of the sum of all, and smallest allowed share
+of its mass."""
+
+
+def pseudo_inertia(body: mujoco.MjsBody) -> np.ndarray:
+    """Compute the pseudo-inertia of a body in the frame of its centre of mass and main axes.
+
+    Args:
+        body: The body, with a diagonal inertia.
+
+    Returns:
+        Second moments of the mass, first moments and mass, shape (4, 4).
+    """
+    inertia = np.array(body.inertia)
+    return np.diag(np.append(inertia.sum() / 2 - inertia, body.mass))
+
+
+def main_frame(body: mujoco.MjsBody) -> np.ndarray:
+    """Return the frame of a body's centre of mass and main axes in the body's own frame.
+
+    Args:
+        body: The body.
+
+    Returns:
+        Homogeneous transformation, shape (4, 4).
+    """
+    w, x, y, z = body.iquat
+    frame = np.eye(4)
+    frame[:3, :3] = Rotation.from_quat([x, y, z, w]).as_matrix()
+    frame[:3, 3] = body.ipos
+    return frame
+
+
+def parameters_of(pseudo: np.ndarray) -> np.ndarray:
+    """Read the ten parameters of the torque's regressor (see `regressor`) from pseudo-inertias.
+
+    Args:
+        pseudo: In the frame of the body, shape (..., 4, 4).
+
+    Returns:
+        Shape (..., 10).
+    """
+    xx, yy, zz = (pseudo[..., k, k] for k in range(3))
+    return np.stack(
+        [
+            pseudo[..., 3, 3],
+            *(pseudo[..., k, 3] for k in range(3)),
+            yy + zz,
+            xx + zz,
+            xx + yy,
+            *(-pseudo[..., i, j] for i, j in ((0, 1), (0, 2), (1, 2))),
+        ],
+        axis=-1,
+    )
+
+
+def _transform(body: mujoco.MjsBody, factor: np.ndarray) -> None:
+    """Change the pseudo-inertia P about the centre of mass to F P F', that of a possible body."""
+    inertia = np.array(body.inertia)
+    second = factor @ pseudo_inertia(body) @ factor.T
+    mass = max(second[3, 3], _THIN * body.mass)
+    shift = second[:3, 3] / mass
+    about = second[:3, :3] - mass * np.outer(shift, shift)
+    # second moments are positive: then moments of inertia are, and none exceeds the sum of others
+    moments, axes = np.linalg.eigh(about)
+    moments = np.maximum(moments, _THIN * max(moments.sum(), inertia.sum()))
+    if np.linalg.det(axes) < 0:
+        axes[:, 0] *= -1
+    w, x, y, z = body.iquat
+    frame = Rotation.from_quat([x, y, z, w])
+    turned = (frame * Rotation.from_matrix(axes)).as_quat()
+    body.ipos = np.array(body.ipos) + frame.apply(shift)
+    body.iquat = turned[[3, 0, 1, 2]]
+    body.mass, body.inertia = float(mass), moments.sum() - moments
