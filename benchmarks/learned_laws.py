@@ -109,7 +109,9 @@ def main(draws: int = 5) -> None:
     def posed(change: np.ndarray | float) -> Problem:
         noise = deviation * rng.standard_normal((2, *base.shape))
         worn = replace(recording, torque=base + change + noise[0])
-        return pose(Replay(worn, robot), terms, base, raw, change + noise[0] - noise[1], twin=True)
+        return pose(
+            Replay(worn, robot), terms, base, raw, change + noise[0] - noise[1], baseline=True
+        )
 
     print("| law | axis | learned |\n| --- | --- | --- |")
     for number in range(draws):

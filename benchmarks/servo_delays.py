@@ -89,7 +89,7 @@ def main() -> None:
                 for name, mode, is_right in ask(lab, Path(folder)):
                     right[name, mode] += is_right
                     asked[name, mode] += 1
-    print("| case | with a twin | without one |\n| --- | --- | --- |")
+    print("| case | with a baseline | without one |\n| --- | --- | --- |")
     for name in dict.fromkeys(name for name, _ in asked):
         told = (f"{right[name, mode]} of {asked[name, mode]}" for mode in ("twin", "alone"))
         print(f"| {name} | {' | '.join(told)} |")

@@ -24,7 +24,7 @@ def straight(base, terms, columns):
     return simulate
 
 
-def linear(problem, values=(), *, noise=1.0, seed=0, twin=None, terms=None, raw=None):
+def linear(problem, values=(), *, noise=1.0, seed=0, baseline=None, terms=None, raw=None):
     """A problem with a gap that is known.
 
     Args:
@@ -32,7 +32,7 @@ def linear(problem, values=(), *, noise=1.0, seed=0, twin=None, terms=None, raw=
         values: Values of terms by their index.
         noise: Deviation of white noise, over that of the problem's noise.
         seed: Of the noise.
-        twin: Whether the gap is to a twin; default: as in the problem.
+        baseline: Whether the gap is to a baseline; default: as in the problem.
         terms: Other terms than the problem's.
         raw: Their columns.
     """
@@ -52,8 +52,8 @@ def linear(problem, values=(), *, noise=1.0, seed=0, twin=None, terms=None, raw=
         robot=problem.robot,
         left_out=None,
     )
-    twin = problem.twin if twin is None else twin
-    return pose(replay, terms, problem.base, raw, residual, twin=twin)
+    baseline = problem.baseline if baseline is None else baseline
+    return pose(replay, terms, problem.base, raw, residual, baseline=baseline)
 
 
 PARTS = [slice(k, k + 100) for k in range(0, 600, 100)]
@@ -61,7 +61,7 @@ PARTS = [slice(k, k + 100) for k in range(0, 600, 100)]
 COUNT = PARTS[-1].stop
 
 
-def written_down(terms, columns, residual, *, twin=False, trust=None, torque=10.0, period=0.01):
+def written_down(terms, columns, residual, *, baseline=False, trust=None, torque=10.0, period=0.01):
     """A problem in which every number is given, and nothing is simulated.
 
     The noise is white with deviation 1 N m, so that whitened torques are torques. All axes move at
@@ -71,7 +71,7 @@ def written_down(terms, columns, residual, *, twin=False, trust=None, torque=10.
         terms: What may explain the residual.
         columns: Torque per unit of each term, shape (terms, samples, n_axes).
         residual: Torque that is to be explained, shape (samples, n_axes).
-        twin: Whether the residual is the difference of two recordings.
+        baseline: Whether the residual is the difference of two recordings.
         trust: Weight of each sample; default 1.
         torque: Torque of the recording at every sample.
         period: Time between samples [s].
@@ -114,6 +114,6 @@ def written_down(terms, columns, residual, *, twin=False, trust=None, torque=10.
         ),
         trust=trust,
         white=columns * trust.astype(np.float32) * scale[:, None, None],
-        twin=twin,
+        baseline=baseline,
         shared=np.zeros(n_axes, bool),
     )

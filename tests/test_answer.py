@@ -29,11 +29,11 @@ from faultgen.tasks import Task
 
 @pytest.fixture(scope="module")
 def posed(measured, tiny_robot):
-    """Problems of a clean recording, with a twin and without, ready for other gaps."""
+    """Problems of a clean recording, with a baseline and without, ready for other gaps."""
     worn, healthy = (measured([], seed) for seed in (2, 1))
     return {
-        twin: investigate(worn, tiny_robot, healthy if twin else None).problem
-        for twin in (True, False)
+        baseline: investigate(worn, tiny_robot, healthy if baseline else None).problem
+        for baseline in (True, False)
     }
 
 
@@ -59,7 +59,7 @@ def small(problem, *names):
     return linear(problem, terms=[problem.terms[k] for k in indices], raw=problem.raw[indices])
 
 
-@pytest.mark.parametrize("twin", [True, False])
+@pytest.mark.parametrize("baseline", [True, False])
 @pytest.mark.parametrize(
     ("name", "gain", "is_named"),
     [
@@ -69,18 +69,18 @@ def small(problem, *names):
         ("coulomb_friction", 5.0, {True: False, False: False}),
     ],
 )
-def test_what_other_things_look_like_has_to_be_surer_without_a_twin(
-    posed, name, gain, is_named, twin
+def test_what_other_things_look_like_has_to_be_surer_without_a_baseline(
+    posed, name, gain, is_named, baseline
 ):
     """Wrong links look like a spring, and not like friction: of equal gains one is named."""
     assert get_effect("gravity_spring").prior.imitated
     assert not get_effect("coulomb_friction").prior.imitated
-    problem = small(posed[twin], (name, 2))
+    problem = small(posed[baseline], (name, 2))
     value = value_of(problem, 0, gain)
     # no noise is in the residual, so that the gain is what was asked for
     quiet = replace(problem, residual=value * problem.raw[0].astype(float))
     found = choose(quiet)
-    assert bool(found.best.groups) == is_named[twin]
+    assert bool(found.best.groups) == is_named[baseline]
     assert found.fits[0].misfit - fit(quiet, [(0,)]).misfit == pytest.approx(gain, rel=0.02)
 
 
@@ -245,10 +245,10 @@ def replace_torque(replay, simulate):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("twin", [True, False])
-def test_the_numbers_of_an_answer_agree(posed, twin):
+@pytest.mark.parametrize("baseline", [True, False])
+def test_the_numbers_of_an_answer_agree(posed, baseline):
     """One meaning of gap, floor, interval and confidence, for all kinds of answers."""
-    problem = posed[twin]
+    problem = posed[baseline]
     rng = np.random.default_rng(7)
     candidates = [k for k, t in enumerate(problem.terms) if t.is_effect and not t.parameters]
     seen = set()
@@ -269,8 +269,8 @@ def test_the_numbers_of_an_answer_agree(posed, twin):
         for name in ("before", "calibrated", "after", "floor"):
             by_axis = np.array([axis[name] for axis in gap["per_axis"]])
             assert gap[name] == pytest.approx(np.sqrt(np.mean(by_axis**2)), rel=1e-9)
-        if twin or not told.changes:
-            assert gap["calibrated"] == pytest.approx(gap["before"]) or not twin
+        if baseline or not told.changes:
+            assert gap["calibrated"] == pytest.approx(gap["before"]) or not baseline
         if told.verdict == NONE:
             assert not result["effects"] and gap["after"] == gap["calibrated"]
         if told.verdict in (NAMED, AMBIGUOUS):
@@ -397,14 +397,14 @@ def test_an_effect_explains_a_part_of_what_differs(posed, explained, left, is_mi
     assert not errors.is_minor(problem, 0)  # of the payload
 
 
-@pytest.mark.parametrize("twin", [True, False])
-def test_effects_are_tested_where_axes_move(posed, twin):
+@pytest.mark.parametrize("baseline", [True, False])
+def test_effects_are_tested_where_axes_move(posed, baseline):
     """Two recordings are compared at rest too, but effects are not tested there."""
-    problem = posed[twin]
+    problem = posed[baseline]
     tested, inside = scored_in_motion(problem), scored(problem)
     moves = rolling(problem.recording, problem.robot)
     assert tested.any() and not (tested & ~inside).any() and not (tested & ~moves).any()
-    assert (inside & ~moves).any() == twin
+    assert (inside & ~moves).any() == baseline
 
 
 def test_an_answer_is_partial_if_much_more_than_noise_remains():

@@ -16,11 +16,11 @@ from faultgen.discovery.decision.scoring_errors import (
     LARGER_OWN,
     LARGER_OWN_BUILT,
     LARGER_OWN_SURE,
-    LARGER_OWN_TWIN,
+    LARGER_OWN_WITH_BASELINE,
     LARGER_SURE,
-    LARGER_TWIN,
+    LARGER_WITH_BASELINE,
 )
-from faultgen.discovery.decision.selection import SURE, SURE_IMITATED, SURE_TWIN, Choice
+from faultgen.discovery.decision.selection import SURE, SURE_IMITATED, SURE_WITH_BASELINE, Choice
 from faultgen.discovery.fit.fit import fit
 from faultgen.discovery.terms.candidates import Term
 
@@ -82,9 +82,9 @@ def groups_left(problem, choice, calibrated=None):
     return judged(problem, choice, calibrated).choice.best.groups
 
 
-@pytest.mark.parametrize("twin", [True, False])
+@pytest.mark.parametrize("baseline", [True, False])
 @pytest.mark.parametrize("period", [0.004, 0.01])
-def test_facts_of_a_trial(trials, twin, period):
+def test_facts_of_a_trial(trials, baseline, period):
     """Least squares, written out; there is noise, twice as much of it in the scoring motion."""
     rng = np.random.default_rng(3)
     columns = rng.normal(size=(2, COUNT, 2))
@@ -93,7 +93,7 @@ def test_facts_of_a_trial(trials, twin, period):
     residual = 0.8 * columns[0] + 0.5 * columns[1] + noise
     residual[SCORED] -= 0.2 * columns[1][SCORED]  # there, the second effect is weaker
     terms = [offset(1, "coulomb_friction"), offset(2, "gravity_spring")]
-    problem = written_down(terms, columns, residual, twin=twin, period=period)
+    problem = written_down(terms, columns, residual, baseline=baseline, period=period)
     groups_left(problem, chosen(problem, (0,), (1,)))
     first, second = trials[:2]
 
@@ -113,9 +113,9 @@ def test_facts_of_a_trial(trials, twin, period):
         without, more = error([rest])
         decrease = without**2 - having**2
         blocks = decrease.reshape(-1, length, 2).sum(axis=(1, 2))
-        least = SURE_TWIN if twin else least
+        least = SURE_WITH_BASELINE if baseline else least
         seen, foretold = decrease.sum() / over, np.sum((without - having) ** 2) / over
-        missed = (foretold - seen) / (2 * np.sqrt(foretold)) * (not twin)
+        missed = (foretold - seen) / (2 * np.sqrt(foretold)) * (not baseline)
         assert trial.rest.groups == ((rest,),)
         assert trial.gain == pytest.approx(decrease.sum() / np.sqrt(np.sum(blocks**2)), rel=0.02)
         assert trial.seen == pytest.approx(seen, rel=0.02)
@@ -145,8 +145,8 @@ def test_errors_smaller_than_noise_do_not_raise_what_is_seen(trials):
     assert trial.share == pytest.approx(500 / SURE_IMITATED, rel=2e-3)
 
 
-LIMITS = {True: (LARGER_TWIN, LARGER_OWN_TWIN), False: (LARGER, LARGER_OWN)}
-"""Ratio from which a gap is clearly larger, of all axes and of one, with a twin and without."""
+LIMITS = {True: (LARGER_WITH_BASELINE, LARGER_OWN_WITH_BASELINE), False: (LARGER, LARGER_OWN)}
+"""Ratio from which a gap is clearly larger, of all axes and of one, with a baseline and without."""
 
 
 def without_weight():
@@ -157,33 +157,33 @@ def without_weight():
 
 
 @pytest.mark.parametrize(
-    ("twin", "strong", "limit"),
+    ("baseline", "strong", "limit"),
     [
-        (True, True, LARGER_OWN_TWIN),
+        (True, True, LARGER_OWN_WITH_BASELINE),
         (False, True, LARGER_OWN_BUILT),
         (False, False, LARGER_OWN),
     ],
 )
 @pytest.mark.parametrize("more", [0.996, 1.004])
-def test_the_gap_of_the_own_axis_grows_beyond_a_limit(trials, twin, strong, limit, more):
+def test_the_gap_of_the_own_axis_grows_beyond_a_limit(trials, baseline, strong, limit, more):
     """From 1 N m without the effect to some N m; the gap of all axes hardly changes."""
     fitted = (1.0 if strong else WEAK) * FITTED[0]
     shape = column(fitted, (1 - more * limit) * STEADY)
     left = column(fitted, STEADY) + column(0, 10 * STEADY, axis=2)
-    problem = written_down([offset(1)], [shape], left, twin=twin, trust=without_weight())
+    problem = written_down([offset(1)], [shape], left, baseline=baseline, trust=without_weight())
     kept = groups_left(problem, chosen(problem, (0,)))
     _, _, trial = trials[0]
     assert trial.grows == (more > 1) and len(kept) == (more < 1)
 
 
-@pytest.mark.parametrize("twin", [True, False])
+@pytest.mark.parametrize("baseline", [True, False])
 @pytest.mark.parametrize("more", [0.99, 1.01])
-def test_the_gap_of_all_axes_grows_beyond_a_limit(trials, twin, more):
+def test_the_gap_of_all_axes_grows_beyond_a_limit(trials, baseline, more):
     """The gap of the own axis vanishes, from 0.5 N m; that of the other axis grows from 1 N m."""
-    ratio = more * LIMITS[twin][0] * np.hypot(1, 0.5)
+    ratio = more * LIMITS[baseline][0] * np.hypot(1, 0.5)
     shape = column(0, 0.5 * STEADY) + column(FITTED[0], (1 - ratio) * STEADY, axis=2)
     left = column(0, 0.5 * STEADY) + column(FITTED[0], STEADY, axis=2)
-    problem = written_down([offset(1)], [shape], left, twin=twin, trust=without_weight())
+    problem = written_down([offset(1)], [shape], left, baseline=baseline, trust=without_weight())
     kept = groups_left(problem, chosen(problem, (0,)))
     _, _, trial = trials[0]
     assert trial.grows == (more > 1) and len(kept) == (more < 1)
@@ -216,10 +216,12 @@ def test_the_weakest_of_refuted_effects_is_removed_first(trials, weaker):
     assert found.rivals == () and found.fits == choice.fits
 
 
-@pytest.mark.parametrize("twin", [True, False])
+@pytest.mark.parametrize("baseline", [True, False])
 @pytest.mark.parametrize("of_gap", [True, False])
 @pytest.mark.parametrize(("size", "kept"), [(16.0, 0), (50.0, 2)])
-def test_effects_that_only_compensate_for_each_other_are_removed(trials, twin, size, kept, of_gap):
+def test_effects_that_only_compensate_for_each_other_are_removed(
+    trials, baseline, size, kept, of_gap
+):
     """One is u there, the other w - u, and nothing is to be explained.
 
     Together they are wrong by w, and each without the other by more. They stay if each of them is
@@ -234,7 +236,7 @@ def test_effects_that_only_compensate_for_each_other_are_removed(trials, twin, s
     shapes = [column(WEAK * FITTED[0], u), other]
     left = column(WEAK * (FITTED[0] + FITTED[1]))
     terms = [offset(1), offset(1, "viscous_friction")]
-    problem = written_down(terms, shapes, left, twin=twin, trust=trust)
+    problem = written_down(terms, shapes, left, baseline=baseline, trust=trust)
     assert len(groups_left(problem, chosen(problem, (0,), (1,)))) == kept
     assert not any(one.is_refuted for _, _, one in trials[:2])
     if not kept and not of_gap:  # the second decreases the error by 16 - 12, the first by 16
@@ -243,8 +245,8 @@ def test_effects_that_only_compensate_for_each_other_are_removed(trials, twin, s
 
 @pytest.mark.parametrize("strong", [True, False])
 @pytest.mark.parametrize("size", [0.98, 1.02])
-@pytest.mark.parametrize("twin", [True, False])
-def test_what_an_effect_foretells_must_not_be_missing(size, twin, strong):
+@pytest.mark.parametrize("baseline", [True, False])
+def test_what_an_effect_foretells_must_not_be_missing(size, baseline, strong):
     """Unless the motions for fitting show it clearly; laws differ most at other speeds.
 
     It foretells as much again as there is, by 1 % more than a half, so that the error grows.
@@ -256,39 +258,39 @@ def test_what_an_effect_foretells_must_not_be_missing(size, twin, strong):
     left = column(fitted, 0.4975 * amplitude * TURNING) + column(0, 5 * STEADY, axis=2)
     trust = np.ones((COUNT, 2))
     trust[:, 1] = 0
-    problem = written_down([offset()], [shape], left, twin=twin, trust=trust)
-    assert len(groups_left(problem, chosen(problem, (0,)))) == (twin or strong or size < 1)
+    problem = written_down([offset()], [shape], left, baseline=baseline, trust=trust)
+    assert len(groups_left(problem, chosen(problem, (0,)))) == (baseline or strong or size < 1)
 
 
-@pytest.mark.parametrize("twin", [True, False])
+@pytest.mark.parametrize("baseline", [True, False])
 @pytest.mark.parametrize("more", [0.95, 1.05])
-def test_an_effect_must_explain_more_where_other_errors_are_large(twin, more):
+def test_an_effect_must_explain_more_where_other_errors_are_large(baseline, more):
     """By as many times as the squared error on the scoring motion is that of noise."""
-    over = more * 500 * 0.25 / (SURE_TWIN if twin else SURE_IMITATED)
+    over = more * 500 * 0.25 / (SURE_WITH_BASELINE if baseline else SURE_IMITATED)
     left = column(0.5 * FITTED[0]) + column(0, np.sqrt(2 * over) * TURNING, axis=2)
-    problem = written_down([offset()], [column(FITTED[0])], left, twin=twin)
+    problem = written_down([offset()], [column(FITTED[0])], left, baseline=baseline)
     assert len(groups_left(problem, chosen(problem, (0,)))) == (more < 1)
 
 
 BUILT = [
     (False, False, 0, LARGER_BUILT),
     (False, True, 0, LARGER_SURE),
-    (True, False, 0, LARGER_TWIN),
+    (True, False, 0, LARGER_WITH_BASELINE),
 ]
 BUILT += [(False, False, 1, LARGER_OWN_BUILT), (False, True, 1, LARGER_OWN_SURE)]
-BUILT += [(True, False, 1, LARGER_OWN_TWIN), (True, True, 0, LARGER_SURE)]
+BUILT += [(True, False, 1, LARGER_OWN_WITH_BASELINE), (True, True, 0, LARGER_SURE)]
 
 
 @pytest.mark.parametrize("more", [0.998, 1.002])
-@pytest.mark.parametrize(("twin", "is_sure", "of_own", "limit"), BUILT)
-def test_the_simulated_model_must_not_be_clearly_worse(twin, is_sure, of_own, limit, more):
+@pytest.mark.parametrize(("baseline", "is_sure", "of_own", "limit"), BUILT)
+def test_the_simulated_model_must_not_be_clearly_worse(baseline, is_sure, of_own, limit, more):
     """Than the calibrated one: on all axes, and on the own one where the others are better.
 
     Effects that are sure by themselves may be worse by more.
     """
     rest = column(0, TURNING) + column(0, TURNING, axis=2)
     shape = column(FITTED[0], STEADY if is_sure else 0)
-    problem = written_down([offset()], [shape], shape + rest, twin=twin)
+    problem = written_down([offset()], [shape], shape + rest, baseline=baseline)
     calibrated = rest / (limit * more)
     if of_own:
         calibrated[:, 1] = 2 * rest[:, 1]
@@ -314,11 +316,11 @@ def test_the_largest_part_that_can_be_built_is_kept(harmless, ratio, kept):
 
 
 @pytest.mark.parametrize("true", ["with", "without"])
-@pytest.mark.parametrize("twin", [True, False])
-def test_the_calibrated_values_that_foretell_best(twin, true):
+@pytest.mark.parametrize("baseline", [True, False])
+def test_the_calibrated_values_that_foretell_best(baseline, true):
     """Friction is calibrated together with the effect, or takes a part of its torque without it.
 
-    With a twin, only the former counts.
+    With a baseline, only the former counts.
     """
     value, friction, prior_std = 4.0, 0.1, 0.05
     shapes = [
@@ -332,10 +334,10 @@ def test_the_calibrated_values_that_foretell_best(twin, true):
     left = value * shapes[0] + friction * shapes[1]
     left[SCORED] = value * shapes[0][SCORED] + values[true] * shapes[1][SCORED]
     terms = [offset(), offset(1, "viscous_friction", prior_std)]
-    problem = written_down(terms, shapes, left, twin=twin)
+    problem = written_down(terms, shapes, left, baseline=baseline)
     found = judged(problem, chosen(problem, (0,)))
     assert found.choice.best.groups == ((0,),)
-    expected = values["with" if twin else true]
+    expected = values["with" if baseline else true]
     assert found.solution == pytest.approx([0.0, expected / prior_std], rel=0.01)
 
 
@@ -375,13 +377,13 @@ def test_a_set_that_lost_an_effect_still_has_its_rivals(alike):
 
 
 def two_kinds(first, second):
-    """Viscous and quadratic friction of one axis, of two shapes, with a twin."""
+    """Viscous and quadratic friction of one axis, of two shapes, with a baseline."""
     terms = [
         Term(name, 1, 0.1, 1e-3) for name in ("viscous_friction", "quadratic_viscous_friction")
     ]
     columns = [column(FITTED[0], TURNING), column(FITTED[1], STEADY)]
     residual = first * columns[0] + second * columns[1]
-    return written_down(terms, columns, residual, twin=True)
+    return written_down(terms, columns, residual, baseline=True)
 
 
 @pytest.mark.parametrize(
@@ -404,5 +406,5 @@ def test_an_effect_that_usual_differences_imitate_at_a_price_explains_it():
     usual = Term("coulomb_friction", 1, 0.1, 0.2, nuisance=True)
     shape = column(FITTED[0], TURNING)
     beside = 1.3 * column(FITTED[1], STEADY)  # what nothing explains
-    problem = written_down([wear, usual], [shape, shape], 2 * shape + beside, twin=True)
+    problem = written_down([wear, usual], [shape, shape], 2 * shape + beside, baseline=True)
     assert groups_left(problem, chosen(problem, (0,)), lenient(problem)) == ((0,),)

@@ -110,13 +110,13 @@ def test_lost_samples_of_a_joint_spoil_both_motors(robot, record):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("twin", [True, False])
-def test_a_hidden_effect_is_named(robot, record, twin, tmp_path):
+@pytest.mark.parametrize("baseline", [True, False])
+def test_a_hidden_effect_is_named(robot, record, baseline, tmp_path):
     """From logs of the joints: 40 % more Coulomb friction on the coupled axis."""
     worn = record([Applied("coulomb_friction", 2, 0.4)], 2)
     for name, one in (("worn", worn), ("healthy", record([], 3))):
         write_recording(on_joints(one, robot), tmp_path / f"{name}.h5")
-    healthy = [tmp_path / "healthy.h5"] if twin else []
+    healthy = [tmp_path / "healthy.h5"] if baseline else []
     given = read_together([tmp_path / "worn.h5"], robot, healthy)
     told = investigate(given.recording, robot, given.runs or None).answer
     assert [(one.effect, one.axis) for one in told.effects] == [("coulomb_friction", 2)]
@@ -156,7 +156,7 @@ def test_load_friction_follows_the_torque_of_the_gearbox(robot, record):
 
 
 def test_what_cannot_be_converted_is_refused(robot, record, tmp_path):
-    """A torque sensor behind the gearbox, and a twin."""
+    """A torque sensor behind the gearbox, and a baseline."""
     joints = on_joints(record([], 1), robot)
     with pytest.raises(InputError, match="only the torque of the motors can be compared"):
         replace(joints, link=True).on_motor_side(robot)

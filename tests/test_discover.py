@@ -1,4 +1,4 @@
-"""Naming effects from a recording and its healthy twin, on the small robot."""
+"""Naming effects from a recording and its baseline, on the small robot."""
 
 import json
 from dataclasses import replace
@@ -70,10 +70,10 @@ def test_a_clean_robot_has_no_missing_effect(files, tiny_robot_path, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("twin", [True, False])
-def test_a_play_is_looked_for_at_every_size(measured, tiny_robot, twin):
+@pytest.mark.parametrize("baseline", [True, False])
+def test_a_play_is_looked_for_at_every_size(measured, tiny_robot, baseline):
     """A play of 1 mrad. From the next smaller or larger probe but these, slopes lead nowhere."""
-    healthy = measured([], 3) if twin else None
+    healthy = measured([], 3) if baseline else None
     told = investigate(measured([("backlash", 1, 1e-3)], 2), tiny_robot, healthy).answer
     assert [(one.effect, one.axis) for one in told.effects] == [("backlash", 1)]
     assert told.effects[0].severity == pytest.approx(1e-3, rel=0.05)
@@ -103,7 +103,7 @@ def test_what_is_not_in_the_catalogue_is_not_named(measured, files, tiny_robot_p
 
 
 def test_what_cannot_be_used_is_refused(files, tiny_robot_path, measured, tmp_path):
-    """A twin of another length; signs turned round."""
+    """A baseline of another length; signs turned round."""
     recording = measured([], 6)
     short = replace(
         recording,
@@ -174,7 +174,7 @@ def test_the_order_of_the_catalogue_does_not_matter(files, tiny_robot_path, monk
 
 
 @pytest.mark.slow
-def test_without_a_twin(files, tiny_robot_path, measured, tmp_path):
+def test_without_a_baseline(files, tiny_robot_path, measured, tmp_path):
     """A clean recording has no missing effect; a strong one is named against the model alone."""
     clean = faultgen.discover(files / "clean.h5", tiny_robot_path)
     assert (clean["verdict"], clean["effects"]) == ("no missing effect", [])
@@ -269,7 +269,7 @@ def test_noise_that_two_recordings_share_is_reckoned_with(shared, tiny_robot_pat
     (warning,) = own["warnings"]
     assert "how much friction differs from day to day" in warning
     (warning,) = set(result["warnings"]) - {warning}
-    assert "axis 1, 2: the recording and its healthy twin differ by far less" in warning
+    assert "axis 1, 2: the recording and its baseline differ by far less" in warning
     assert "paired = false" in warning
 
 
@@ -317,7 +317,7 @@ def test_play_is_named_in_runs_of_a_paired_dataset(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_recording_is_its_own_healthy_twin(shared, tiny_robot_path):
+def test_a_recording_is_its_own_healthy_baseline(shared, tiny_robot_path):
     """Nothing is missing between two equal recordings, though they have no noise apart."""
     result = faultgen.discover(shared / "healthy.h5", tiny_robot_path, shared / "healthy.h5")
     assert (result["verdict"], result["effects"]) == ("no missing effect", [])
@@ -325,7 +325,7 @@ def test_a_recording_is_its_own_healthy_twin(shared, tiny_robot_path):
 
 @pytest.mark.slow
 def test_gap_and_validation_are_the_same_on_the_same_motions(measured, tiny_robot_path, tmp_path):
-    """The motion that is kept for scoring, and a file of that motion alone, without a twin."""
+    """The motion that is kept for scoring, and a file of that motion alone, without a baseline."""
     cycles = [measured([("torque_offset", 1, 0.05)], seed) for seed in (3, 4, 5)]
     count = len(cycles[0].torque)
     names = ("position", "torque", "reference_position")

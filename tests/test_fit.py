@@ -54,7 +54,7 @@ def pose():
             noise=noise,
             trust=ones.astype(float),
             white=noise.whiten(raw, parts) * scale,
-            twin=True,
+            baseline=True,
             shared=np.zeros(1, bool),
         )
         return problem
@@ -91,9 +91,9 @@ def test_a_first_step_that_is_too_long_is_shortened(pose, start):
 
 
 @pytest.mark.parametrize(
-    ("true", "twin"), [(2e-4, True), (1e-3, True), (3e-3, True), (3e-3, False)]
+    ("true", "baseline"), [(2e-4, True), (1e-3, True), (3e-3, True), (3e-3, False)]
 )
-def test_a_play_is_found_beyond_a_barrier(pose, true, twin):
+def test_a_play_is_found_beyond_a_barrier(pose, true, baseline):
     """Its torque is at another place for another severity, so that slopes lead nowhere."""
     x = np.linspace(0, 5e-3, COUNT)[:, None]
 
@@ -101,7 +101,7 @@ def test_a_play_is_found_beyond_a_barrier(pose, true, twin):
         return 0.3 * np.exp(-(((x - severity) / 3e-4) ** 2))
 
     term = Term("backlash", 1, 3e-4, 1.0)
-    problem = replace(pose(law, [true], [term]), twin=twin)
+    problem = replace(pose(law, [true], [term]), baseline=baseline)
     for start in (None, np.array([2.0 * true])):
         found = fit(problem, [(0,)], start)
         assert found.values == pytest.approx([true], abs=5e-5)

@@ -52,14 +52,14 @@ def test_scored_samples_are_those_of_the_last_motion():
     assert np.flatnonzero(mask[:, 1]).tolist() == list(range(500, 550))
 
 
-@pytest.mark.parametrize("twin", [True, False])
-def test_effects_are_tested_at_samples_in_motion_if_there_are_any(twin):
-    """Without a twin, `scored` has them only; if the axes rest all the time, all are used."""
-    problem = written_down([], np.zeros((0, COUNT, 2)), np.zeros((COUNT, 2)), twin=twin)
+@pytest.mark.parametrize("baseline", [True, False])
+def test_effects_are_tested_at_samples_in_motion_if_there_are_any(baseline):
+    """Without a baseline, `scored` has them only; if the axes rest all the time, all are used."""
+    problem = written_down([], np.zeros((0, COUNT, 2)), np.zeros((COUNT, 2)), baseline=baseline)
     at = np.arange(COUNT)
     some, never = moving(problem, at >= 540), moving(problem, at < 0)
     tested = scored_in_motion(some)[:, 0]
-    first = 540 + 10 if twin else 500  # a tenth of a second after rest
+    first = 540 + 10 if baseline else 500  # a tenth of a second after rest
     assert np.flatnonzero(tested)[0] == pytest.approx(first, abs=1) and tested[552:].all()
     np.testing.assert_array_equal(scored_in_motion(never), scored(never))
 

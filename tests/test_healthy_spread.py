@@ -81,7 +81,7 @@ def test_columns_are_scaled_as_the_priors_are(rng):
 
 
 @pytest.mark.slow
-def test_a_change_of_a_well_known_robot_is_named_without_a_twin(
+def test_a_change_of_a_well_known_robot_is_named_without_a_baseline(
     measured, tiny_robot_path, tmp_path
 ):
     """20 % more viscous friction on one axis is four usual standard deviations of a model.

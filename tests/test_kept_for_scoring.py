@@ -60,7 +60,7 @@ def test_steady_motion_is_cut_into_equal_lengths(tiny_robot):
 def test_a_last_motion_that_can_hardly_be_compared_is_not_all_that_scores(
     tiny_robot, usable, is_last
 ):
-    """As if it consisted of reversals, near which the torque is not compared without a twin."""
+    """As if it consisted of reversals, near which the torque is not compared without a baseline."""
     log = recording(*[(4, (1, 2))] * 4, segments=(0, 1000, 2000, 3000))
     used = np.ones(log.position.shape, bool)
     used[3000:] = False

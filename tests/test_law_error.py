@@ -13,7 +13,7 @@ SPEED = np.linspace(-2, 2, COUNT)
 """Speed over its usual value."""
 
 
-def posed(bend, *, twin=False, size=0.4):
+def posed(bend, *, baseline=False, size=0.4):
     """Viscous friction that grows less than in proportion, and what it may be taken for."""
     shapes = [SPEED, SPEED * np.abs(SPEED), np.sign(SPEED)]
     terms = [
@@ -29,7 +29,7 @@ def posed(bend, *, twin=False, size=0.4):
     residual[:, 0] += size * 20 * law
     # every recording has all speeds
     order = np.arange(COUNT).reshape(100, -1).T.ravel()
-    return written_down(terms, columns[:, order], residual[order], twin=twin)
+    return written_down(terms, columns[:, order], residual[order], baseline=baseline)
 
 
 def test_weights_follow_the_size_of_the_effect():
@@ -40,7 +40,7 @@ def test_weights_follow_the_size_of_the_effect():
     found = weights(problem, [0], np.array([0.4]))
     assert found == pytest.approx([1, 1 / (1 + share**2), 1])
     assert weights(problem, [0], np.array([0.0])) == pytest.approx([1, 1, 1])
-    assert weights(posed(0.0, twin=True), [0], np.array([0.4])) is None
+    assert weights(posed(0.0, baseline=True), [0], np.array([0.4])) is None
     assert weights(problem, [], np.array([])) is None
 
 

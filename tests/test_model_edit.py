@@ -42,18 +42,18 @@ def changed(problem, torque):
     return replace(problem, replay=replay, given=replay)
 
 
-@pytest.mark.parametrize("twin", [True, False])
-def test_a_model_has_the_effects_and_the_calibrated_numbers(columns, twin):
+@pytest.mark.parametrize("baseline", [True, False])
+def test_a_model_has_the_effects_and_the_calibrated_numbers(columns, baseline):
     """Two recordings of one robot have the same numbers, so that only the effects are put in."""
-    problem = posed(columns, twin=twin)
+    problem = posed(columns, baseline=baseline)
     found = fit(problem, [(0,)])
     built = build(problem, found, np.array([0.0, 0.1 / FRICTION.prior_std]))
     names = {term.name: value for term, value in built.changes}
-    expected = {"torque_offset": found.values[0]} | ({} if twin else {"viscous_friction": 0.1})
+    expected = {"torque_offset": found.values[0]} | ({} if baseline else {"viscous_friction": 0.1})
     assert names == pytest.approx(expected)
-    left = problem.residual - residual_of(columns, [found.values[0], 0.0 if twin else 0.1])
+    left = problem.residual - residual_of(columns, [found.values[0], 0.0 if baseline else 0.1])
     np.testing.assert_allclose(built.left, left, atol=1e-5)
-    assert built.share == (0.0 if twin else 1.0)
+    assert built.share == (0.0 if baseline else 1.0)
 
 
 @pytest.mark.parametrize(
@@ -142,9 +142,9 @@ def test_numbers_that_cannot_be_simulated_are_approached_by_shorter_steps(column
     assert 0.02 < friction <= 0.06
 
 
-def test_with_a_twin_numbers_are_those_of_the_regression(columns):
+def test_with_a_baseline_numbers_are_those_of_the_regression(columns):
     """Both recordings have the same ones, and nothing is simulated."""
-    problem = posed(columns, twin=True)
+    problem = posed(columns, baseline=True)
     found = fit(problem, [(0,)])
     np.testing.assert_array_equal(simulated_numbers(problem, found), unexplained(problem, found)[1])
 
@@ -158,7 +158,7 @@ def test_numbers_too_small_to_be_seen_are_left_out(columns):
 
 def test_what_differs_between_any_two_runs_is_no_part_of_the_gap(columns):
     """It is taken off the residual, although no model contains it."""
-    problem = posed(columns, twin=True)
+    problem = posed(columns, baseline=True)
     found = fit(problem, [(0,)])
     solution = np.array([0.0, 0.1 / FRICTION.prior_std])
     assert build(problem, found, solution).left.std() > 0.09

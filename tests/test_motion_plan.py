@@ -107,7 +107,7 @@ def test_short_cuts_agree_with_full_sensitivities(tiny_robot, short):
     )
     base, full = sensitivities(Replay(recording, tiny_robot, measured=False), terms + links)
     sigma = NOISE * np.sqrt(np.mean(base**2, axis=0))
-    inside = counted(recording, tiny_robot, twin=False)
+    inside = counted(recording, tiny_robot, baseline=False)
     stds = np.array([one.prior_std for one in terms + links])
     white = drifting(sigma).whiten(full, recording.parts) * inside
     white = white.reshape(len(full), -1) * stds[:, None]

@@ -75,11 +75,11 @@ EXCLUDED = ("torque_ripple", "transmission_error", "backlash", "gear_stiffness")
 def asked(files, tiny_robot_path):
     """Compares a recording with the model, or with the healthy one; simulates once."""
 
-    def ask(name, twin):
+    def ask(name, baseline):
         return faultgen.discover(
             files / f"{name}.h5",
             tiny_robot_path,
-            files / "healthy.h5" if twin else None,
+            files / "healthy.h5" if baseline else None,
             exclude=EXCLUDED,
             cache=files / "cache",
         )

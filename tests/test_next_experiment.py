@@ -23,7 +23,7 @@ def problem(measured, tiny_robot):
     base = replay.torque()
     raw = np.array([(replay.torque([(t, t.step)]) - base) / t.step for t in TERMS], np.float32)
     residual = replay.recording.torque - base
-    return pose(replay, TERMS, base, raw, residual, twin=True)
+    return pose(replay, TERMS, base, raw, residual, baseline=True)
 
 
 def moves(toml):

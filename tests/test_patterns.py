@@ -141,7 +141,7 @@ def test_sudden_errors_count_only_after_the_change(problem, noise, before, after
     for run, count in zip(runs, (before, after), strict=True):
         run[rng.choice(COUNT, count, replace=False), 0] += 12
     difference = runs[1] - runs[0]
-    problem.twin, problem.residual = True, difference
+    problem.baseline, problem.residual = True, difference
     problem.recording = replace(problem.recording, torque=problem.base + runs[1])
     found = {one.axis: one for one in spikes(problem, difference)}
     assert 2 not in found or found[2].p_value > 1e-3

@@ -98,7 +98,7 @@ def swing(speed=None):
     return robot, position, speed
 
 
-def given(residual, columns, base, *, twin=True, position=None, torque=None):
+def given(residual, columns, base, *, baseline=True, position=None, torque=None):
     """The problem of a residual, posed."""
     robot, way, _ = swing()
     recording = Recording(
@@ -111,7 +111,7 @@ def given(residual, columns, base, *, twin=True, position=None, torque=None):
     )
     replay = SimpleNamespace(recording=recording, robot=robot, torque=None, left_out=None)
     terms = [OFFSET, Term("viscous_friction", 1, 0.1, 0.05)][: len(columns)]
-    return pose(replay, terms, base, np.asarray(columns, np.float32), residual, twin=twin)
+    return pose(replay, terms, base, np.asarray(columns, np.float32), residual, baseline=baseline)
 
 
 @pytest.fixture
@@ -171,14 +171,14 @@ def test_what_known_effects_explain_is_no_noise(rng, smooth):
     base, column = smooth
     noise = np.array([0.3, 0.05]) * rng.normal(size=(MANY, 2))
     strokes = np.where(rng.random((MANY, 2)) < 0.3, 2.0, 0.0) * rng.normal(size=(MANY, 2))
-    before = given(noise + strokes, [column], base, twin=False)
+    before = given(noise + strokes, [column], base, baseline=False)
     after = pose(
         before.replay,
         before.terms,
         base,
         before.raw,
         before.residual,
-        twin=False,
+        baseline=False,
         explained=strokes,
     )
     assert after.noise.deviation == pytest.approx([0.3, 0.05], rel=0.06)
@@ -216,4 +216,4 @@ def test_nothing_can_be_scored_where_nothing_moves(rng, smooth):
     position[:] = position[4900]
     residual = rng.normal(size=(MANY, 2))
     with pytest.raises(ValueError, match="too little moves to keep a fifth of it for scoring"):
-        given(residual, [column], base, position=position, twin=False)
+        given(residual, [column], base, position=position, baseline=False)

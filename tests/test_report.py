@@ -51,17 +51,17 @@ def shown(monkeypatch):
     for name in ("_steps", "_overlay", "_maps"):
         monkeypatch.setattr(discovery_report, name, lambda _: plt.figure(figsize=(1, 1)))
 
-    def make(result, twin=False, beside=()):
+    def make(result, baseline=False, beside=()):
         robot = SimpleNamespace(effects=[SimpleNamespace(effect=name) for name in beside])
         answer = SimpleNamespace(p_value=0.00123, robot=robot)
-        found = SimpleNamespace(problem=SimpleNamespace(twin=twin), answer=answer, laws=())
+        found = SimpleNamespace(problem=SimpleNamespace(baseline=baseline), answer=answer, laws=())
         return " ".join(discovery_report.discovery_page(result, found).split())
 
     return make
 
 
 def test_a_page_shows_every_part_of_a_result(shown):
-    text = shown(FULL, twin=True, beside=["delay"])
+    text = shown(FULL, baseline=True, beside=["delay"])
     cells = "<td>torque_ripple</td><td>2</td><td>0.1235 [0.1, 0.2], N m; order 4</td><td>0.99</td>"
     assert cells in text
     assert "<td>backlash</td><td>3</td><td></td><td>0.50</td>" in text

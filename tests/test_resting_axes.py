@@ -26,13 +26,13 @@ joints = [-40, -60]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("twin", [False, True])
-def test_the_axis_that_moves_is_judged(tiny_robot, tmp_path, twin):
+@pytest.mark.parametrize("baseline", [False, True])
+def test_the_axis_that_moves_is_judged(tiny_robot, tmp_path, baseline):
     """The other one is not compared; its numbers are written all the same."""
     task = tmp_path / "one.toml"
     task.write_text(ONE_AXIS)
     worn = record(tiny_robot, str(task), 1, [("viscous_friction", 2, 0.8)], spread=0.0)
-    healthy = record(tiny_robot, str(task), 2, spread=0.0) if twin else None
+    healthy = record(tiny_robot, str(task), 2, spread=0.0) if baseline else None
     answer = investigate(worn, tiny_robot, healthy).answer
     assert [(one.effect, one.axis) for one in answer.effects] == [("viscous_friction", 2)]
     assert answer.effects[0].severity == pytest.approx(0.8, rel=0.1)

@@ -141,11 +141,11 @@ def test_what_differs_between_repetitions_is_no_effect(measured, runs, asked):
 
 def test_repetitions_in_one_recording_are_runs(runs):
     """Separate recordings with equal reference positions are compared."""
-    twin = together(runs[:3])
-    (parts,) = repetitions(twin)
-    assert parts == twin.parts
-    assert repetitions(replace(twin, reference_position=None)) == []
-    first, second = differences([twin])
+    baseline = together(runs[:3])
+    (parts,) = repetitions(baseline)
+    assert parts == baseline.parts
+    assert repetitions(replace(baseline, reference_position=None)) == []
+    first, second = differences([baseline])
     assert first.part == second.part == parts[0]
     spread = np.stack([one.torque[parts[0]] for one in (first, second)])
     of_runs = np.stack([run.torque for run in runs[:3]])
@@ -198,7 +198,7 @@ def test_the_mean_has_what_all_runs_have(runs):
 
 
 @pytest.mark.parametrize(
-    ("effect", "severity", "twin", "known", "warned"),
+    ("effect", "severity", "baseline", "known", "warned"),
     [
         ("coulomb_friction", -0.012, True, None, True),
         ("coulomb_friction", 0.03, True, None, False),
@@ -207,9 +207,11 @@ def test_the_mean_has_what_all_runs_have(runs):
         ("coulomb_friction", 0.01, True, np.ones((3, 2)), False),
     ],
 )
-def test_a_usual_change_of_friction_is_told_with_a_warning(effect, severity, twin, known, warned):
+def test_a_usual_change_of_friction_is_told_with_a_warning(
+    effect, severity, baseline, known, warned
+):
     """Unless several runs show how much the friction of this robot differs."""
-    problem = SimpleNamespace(twin=twin, run_to_run=known, friction_spread=0.0)
+    problem = SimpleNamespace(baseline=baseline, run_to_run=known, friction_spread=0.0)
     answer = SimpleNamespace(effects=[Named(effect, 2, severity, 0.001, (0, 0), {}, 1.0, 0.1)])
     lines = friction_warnings(SimpleNamespace(problem=problem, answer=answer))
     assert len(lines) == warned
@@ -217,7 +219,7 @@ def test_a_usual_change_of_friction_is_told_with_a_warning(effect, severity, twi
 
 
 def test_friction_that_differs_on_many_axes_may_be_the_temperature():
-    problem = SimpleNamespace(twin=True, run_to_run=None, friction_spread=0.0)
+    problem = SimpleNamespace(baseline=True, run_to_run=None, friction_spread=0.0)
     effects = [Named("viscous_friction", k, -0.3, 0.001, (0, 0), {}, 1.0, 0.1) for k in (1, 2, 5)]
     found = SimpleNamespace(problem=problem, answer=SimpleNamespace(effects=effects))
     (line,) = friction_warnings(found)
@@ -229,7 +231,7 @@ def test_friction_that_differs_on_many_axes_may_be_the_temperature():
     assert "about 5 % on most axes" in line
 
 
-def with_friction_changes(rng, changes, *, twin=True, noise=1.0):
+def with_friction_changes(rng, changes, *, baseline=True, noise=1.0):
     """A problem in which the friction of each axis differs by a factor, and nothing else."""
     count = len(changes)
     names = ("coulomb_friction", "static_friction", "viscous_friction", "friction_wear")
@@ -244,7 +246,7 @@ def with_friction_changes(rng, changes, *, twin=True, noise=1.0):
     columns[3 * count + each] = columns[each] + columns[count + each]
     residual = np.tensordot(changes, columns[2 * count + each] + columns[3 * count + each], axes=1)
     residual += noise * rng.normal(size=residual.shape)
-    return written_down(terms, columns, residual, twin=twin)
+    return written_down(terms, columns, residual, baseline=baseline)
 
 
 WEAR = "friction_wear"
@@ -277,13 +279,13 @@ def test_friction_that_differs_on_most_axes_is_allowed_for():
 
 
 @pytest.mark.parametrize(
-    ("changes", "twin"),
+    ("changes", "baseline"),
     [((0.5, 0, 0, 0, 0, 0), True), ((0.5, 0.3, 0, 0, 0), True), ((0.05,) * 6, False)],
-    ids=["one fault", "two faults", "no twin"],
+    ids=["one fault", "two faults", "no baseline"],
 )
-def test_other_differences_of_friction_are_effects(changes, twin):
+def test_other_differences_of_friction_are_effects(changes, baseline):
     rng = np.random.default_rng(6)
-    problem = with_friction_changes(rng, np.array(changes), twin=twin, noise=0.01)
+    problem = with_friction_changes(rng, np.array(changes), baseline=baseline, noise=0.01)
     assert between_axes(problem) is problem
 
 

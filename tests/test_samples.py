@@ -117,13 +117,13 @@ def test_rolling_begins_a_tenth_of_a_second_after_rest_and_reversal():
     assert at_once.all()
 
 
-def test_a_twin_is_compared_at_rest_too():
+def test_a_baseline_is_compared_at_rest_too():
     """With the model, only what rolls is compared; nothing before the motion has settled."""
     speed = np.concatenate([np.full(100, 10.0), np.zeros(50), np.full(100, 10.0)])
     recording = recorded(speed)
-    twin, alone = (counted(recording, ROBOT, twin=one)[:, 0] for one in (True, False))
-    assert not twin[:30].any() and twin[40:].all()
-    assert (alone == (twin & rolling(recording, ROBOT)[:, 0])).all()
+    baseline, alone = (counted(recording, ROBOT, baseline=one)[:, 0] for one in (True, False))
+    assert not baseline[:30].any() and baseline[40:].all()
+    assert (alone == (baseline & rolling(recording, ROBOT)[:, 0])).all()
     assert not alone[105:150].any() and alone[165:].all()
 
 

@@ -11,7 +11,7 @@ from faultgen.discovery.decision.selection import (
     SIMILAR,
     SURE,
     SURE_IMITATED,
-    SURE_TWIN,
+    SURE_WITH_BASELINE,
     choose,
     groups_of,
     needed,
@@ -34,14 +34,14 @@ def shapes():
     return made
 
 
-def posed(shapes, gains, *, twin=True, noise=0.0, names=NAMES):
+def posed(shapes, gains, *, baseline=True, noise=0.0, names=NAMES):
     """A problem whose effects take given amounts off the misfit, of columns of size 100."""
     columns = 100 * shapes
     values = np.sqrt(np.asarray(gains, float)) / 100
     terms = [Term(name, 1, 0.1, 1e-4) for name in names[: len(columns)]]
     residual = np.tensordot(values, columns, axes=1)
     residual += noise * np.random.default_rng(7).normal(size=residual.shape)
-    return written_down(terms, columns, residual, twin=twin)
+    return written_down(terms, columns, residual, baseline=baseline)
 
 
 def test_candidates_are_effects_of_which_some_have_several_terms():
@@ -73,20 +73,20 @@ def test_candidates_are_effects_of_which_some_have_several_terms():
 
 
 def test_more_is_needed_where_other_things_look_like_the_effect():
-    """A wrong model imitates some effects; a twin excludes that."""
+    """A wrong model imitates some effects; a baseline excludes that."""
     terms = [Term("coulomb_friction", 1, 0.1, 0.1), Term("gravity_spring", 1, 0.1, 0.1)]
-    for twin, least in ((True, [SURE_TWIN] * 2), (False, [SURE, SURE_IMITATED])):
+    for baseline, least in ((True, [SURE_WITH_BASELINE] * 2), (False, [SURE, SURE_IMITATED])):
         problem = written_down(
-            terms, np.zeros((2, COUNT, 1)), np.zeros((COUNT, 1)), twin=twin, trust=None
+            terms, np.zeros((2, COUNT, 1)), np.zeros((COUNT, 1)), baseline=baseline, trust=None
         )
         assert [needed(problem, (k,)) for k in (0, 1)] == least
 
 
-@pytest.mark.parametrize("twin", [True, False])
-def test_effects_are_added_until_nothing_is_missing(shapes, twin):
+@pytest.mark.parametrize("baseline", [True, False])
+def test_effects_are_added_until_nothing_is_missing(shapes, baseline):
     """The strongest first; each set is fitted, and what is too weak is not taken."""
     gains = [100.0, 0.0, 5000.0, 600.0, 10.0]
-    found = choose(posed(shapes, gains, twin=twin))
+    found = choose(posed(shapes, gains, baseline=baseline))
     sets = [set(one.groups) for one in found.fits]
     assert sets[:4] == [set(), {(2,)}, {(2,), (3,)}, {(2,), (3,), (0,)}][: len(sets)]
     # the third is less than 3 % of what all explain together
@@ -109,8 +109,8 @@ def test_an_effect_has_a_share_in_what_all_explain(shapes, more):
 
 @pytest.mark.parametrize(("gain", "is_named"), [(17.5, False), (18.5, True)])
 def test_an_effect_is_named_from_a_certain_gain_on(shapes, gain, is_named):
-    """That which is needed with a twin."""
-    assert 17.5 < SURE_TWIN < 18.5
+    """That which is needed with a baseline."""
+    assert 17.5 < SURE_WITH_BASELINE < 18.5
     found = choose(posed(shapes, [0, 0, 0, gain, 0]))
     assert bool(found.best.groups) == is_named and len(found.fits) == 1 + is_named
 

@@ -56,7 +56,7 @@ def test_they_agree_with_simulations_of_their_own(recording, tiny_robot):
     terms = shared(replay)
     base, each = sensitivities(replay, terms)
     together = own_sensitivities(replay, terms, base)
-    inside = counted(recording, tiny_robot, twin=False)
+    inside = counted(recording, tiny_robot, baseline=False)
     for term, alone, own in zip(terms, each, together, strict=True):
         axis, other = term.axis - 1, 2 - term.axis
         size = np.sqrt(np.mean(alone[inside[:, axis], axis] ** 2))

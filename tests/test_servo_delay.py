@@ -23,12 +23,12 @@ HEAVIER = (Applied("coulomb_friction", 2, 0.4), Applied("payload_mass", 6, 0.5))
 """Changes that a comparison of torques would take for much more than a delay."""
 
 
-@pytest.mark.parametrize("twin", [True, False])
-def test_a_delay_is_found_whatever_else_has_changed(puma, record, twin):
+@pytest.mark.parametrize("baseline", [True, False])
+def test_a_delay_is_found_whatever_else_has_changed(puma, record, baseline):
     """0.5 ms of axis 3, with 40 % more friction of axis 2 and 50 % more payload."""
     late = Applied("delay", 3, 5e-4)
     measured = record(late, *HEAVIER)
-    found = find_delays(measured, puma, [record(seed=2)] if twin else [])
+    found = find_delays(measured, puma, [record(seed=2)] if baseline else [])
     (fault,) = found.faults
     assert (fault.effect, fault.axis) == ("delay", 3)
     assert fault.severity == pytest.approx(5e-4, rel=0.1)
@@ -38,13 +38,13 @@ def test_a_delay_is_found_whatever_else_has_changed(puma, record, twin):
     assert np.abs(found.change - change).max() < 0.1 * np.abs(change).max()
 
 
-@pytest.mark.parametrize("twin", [True, False])
-def test_what_is_no_delay_of_one_axis_is_not_named(puma, record, twin):
-    """Other faults, and all axes late together without a twin: this is the clock of the log."""
-    runs = [record(seed=2)] if twin else []
+@pytest.mark.parametrize("baseline", [True, False])
+def test_what_is_no_delay_of_one_axis_is_not_named(puma, record, baseline):
+    """Other faults, and all axes late together without a baseline: this is the clock of the log."""
+    runs = [record(seed=2)] if baseline else []
     assert not find_delays(record(*HEAVIER), puma, runs).faults
     together = [Applied("delay", axis, 2e-3) for axis in range(1, 7)]
-    assert len(find_delays(record(*together), puma, runs).faults) == (6 if twin else 0)
+    assert len(find_delays(record(*together), puma, runs).faults) == (6 if baseline else 0)
 
 
 def test_a_delay_that_the_model_has_is_not_found_again(puma, record):

@@ -20,7 +20,7 @@ def found(measured, tiny_robot):
 
 def test_they_are_few_and_hold_what_is_not_in_proportion(found, tiny_robot):
     replay, terms, base, raw, mask = found
-    inside = counted(replay.recording, tiny_robot, twin=False)
+    inside = counted(replay.recording, tiny_robot, baseline=False)
     assert mask.shape == base.shape
     assert (mask & inside).sum(axis=0).max() < 0.4 * inside.sum(axis=0).min()
     change = replay.torque([(term, 0.3) for term in terms]) - base

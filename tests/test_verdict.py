@@ -54,11 +54,11 @@ def relative(error):
     return np.sqrt(np.mean(error[SCORED] ** 2, axis=0)) / 10
 
 
-@pytest.mark.parametrize("twin", [True, False])
-def test_a_named_effect_and_the_numbers_around_it(columns, rng, monkeypatch, twin):
+@pytest.mark.parametrize("baseline", [True, False])
+def test_a_named_effect_and_the_numbers_around_it(columns, rng, monkeypatch, baseline):
     """Errors before and after, of each axis and of all, and what noise alone makes."""
     noise = rng.normal(size=(COUNT, 2))
-    problem = posed(columns, [0.7, 0.0], noise, twin=twin)
+    problem = posed(columns, [0.7, 0.0], noise, baseline=baseline)
     found = told(problem, monkeypatch)
     assert found.verdict == NAMED
     (effect,) = found.effects
@@ -82,7 +82,7 @@ def test_a_named_effect_and_the_numbers_around_it(columns, rng, monkeypatch, twi
 
 
 def test_noise_alone_is_no_gap(columns, rng, monkeypatch):
-    problem = posed(columns, [0.0, 0.0], rng.normal(size=(COUNT, 2)), twin=True)
+    problem = posed(columns, [0.0, 0.0], rng.normal(size=(COUNT, 2)), baseline=True)
     found = told(problem, monkeypatch)
     assert (found.verdict, found.effects, found.alternatives) == (NONE, (), ())
     assert found.p_value > 0.01
@@ -93,7 +93,7 @@ def test_what_explains_only_a_part_is_told(columns, rng, monkeypatch):
     """Much more than noise is left, and more than a fifth of what could be explained."""
     noise = rng.normal(size=(COUNT, 2))
     noise[:, 1] += 2 * np.sin(np.arange(COUNT))
-    found = told(posed(columns, [1.0, 0.0], noise, twin=True), monkeypatch)
+    found = told(posed(columns, [1.0, 0.0], noise, baseline=True), monkeypatch)
     assert found.verdict == PARTLY and len(found.effects) == 1
 
 
@@ -107,7 +107,7 @@ def test_effects_that_make_the_whole_error_larger_are_not_named(
     )
     opposite = np.flatnonzero(SCORED)[:10]
     columns[0][opposite, 0] = size
-    problem = posed(columns, [0.7, 0.0], rng.normal(size=(COUNT, 2)), twin=True)
+    problem = posed(columns, [0.7, 0.0], rng.normal(size=(COUNT, 2)), baseline=True)
     problem.residual[opposite] = rng.normal(size=(10, 2))
     found = told(problem, monkeypatch)
     assert found.verdict == verdict
@@ -120,7 +120,9 @@ def test_effects_that_make_the_whole_error_larger_are_not_named(
 def test_effects_of_one_shape_are_alternatives(columns, rng, monkeypatch):
     """Two that are told apart by nothing have a confidence of one half each."""
     columns[1] = columns[0]
-    found = told(posed(columns, [0.7, 0.0], rng.normal(size=(COUNT, 2)), twin=True), monkeypatch)
+    found = told(
+        posed(columns, [0.7, 0.0], rng.normal(size=(COUNT, 2)), baseline=True), monkeypatch
+    )
     assert found.verdict == AMBIGUOUS
     ((name, axis, odds),) = found.alternatives
     assert {name, found.effects[0].effect} == set(NAMES) and axis == 1
@@ -131,7 +133,7 @@ def test_effects_of_one_shape_are_alternatives(columns, rng, monkeypatch):
 def test_a_pattern_that_no_effect_explains_is_unknown(columns, rng, monkeypatch):
     """The error follows the angle of the motor, and no term does."""
     noise = rng.normal(size=(COUNT, 2))
-    problem = posed(columns, [0.0, 0.0], noise, twin=True)
+    problem = posed(columns, [0.0, 0.0], noise, baseline=True)
     position = problem.recording.position[:, 0] + 0.4 * np.arange(COUNT)
     problem.recording.position[:] = position[:, None]
     noise[:, 0] += 2 * np.sin(position)
@@ -188,15 +190,15 @@ def test_what_explains_nothing_is_a_part_however_small():
     assert not is_part(0.3, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("twin", [True, False])
-def test_small_patterns_are_usual_without_a_twin(twin):
+@pytest.mark.parametrize("baseline", [True, False])
+def test_small_patterns_are_usual_without_a_baseline(baseline):
     """If their root mean square is within the band of healthy robots; unlikely ones only count."""
-    problem = written_down([], np.zeros((0, COUNT, 2)), np.zeros((COUNT, 2)), twin=twin)
+    problem = written_down([], np.zeros((0, COUNT, 2)), np.zeros((COUNT, 2)), baseline=baseline)
     problem = replace(problem, noise=replace(problem.noise, level=np.ones((COUNT, 2))))
     limit = COUNT * (BAND["speed"] * 10) ** 2  # of the squared whitened error, at 10 N m
     large, small = (Pattern(1, "speed", size * limit, 1e-9, 0.0) for size in (1.1, 0.9))
     chance = Pattern(2, "speed", 9 * limit, 0.3, 0.0)
-    expected = [large, small] if twin else [large]
+    expected = [large, small] if baseline else [large]
     white = np.ones((COUNT, 2))
     assert strange_patterns(problem, [small, chance, large], white) == expected
 
@@ -206,7 +208,7 @@ def test_small_patterns_are_usual_without_a_twin(twin):
 )
 def test_patterns_of_a_small_part_of_a_difference_are_usual(square, share, counts):
     """Between runs that differ by more than a quarter of the noise, it has to be a tenth of it."""
-    problem = written_down([], np.zeros((0, COUNT, 2)), np.zeros((COUNT, 2)), twin=True)
+    problem = written_down([], np.zeros((0, COUNT, 2)), np.zeros((COUNT, 2)), baseline=True)
     white = np.full((COUNT, 2), np.sqrt(square))
     used = problem.samples(problem.fitting).sum()
     one = Pattern(1, "speed", share * (square - 1) * used, 1e-9, 0.0)  # 1 of it is noise
@@ -225,7 +227,7 @@ def waves(kinds):
     size = 1000.0  # so that severities are within their bounds
     columns[:, :, 0] = size * rng.normal(size=(len(terms), COUNT))
     residual = columns[::2].sum(axis=0) / size + 0.3 * rng.normal(size=(COUNT, 2))
-    return written_down(terms, columns, residual, twin=True)
+    return written_down(terms, columns, residual, baseline=True)
 
 
 @pytest.mark.parametrize(
@@ -247,7 +249,7 @@ def test_a_calibration_that_other_motions_refute_is_not_used(columns, rng, monke
     noise = rng.normal(size=(COUNT, 2))
     for sign, is_used in ((1.0, True), (-1.0, False)):
         residual = noise + 0.5 * np.where(SCORED, sign, 1.0)[:, None] * one[0]
-        found = told(written_down(terms, one, residual, twin=False), monkeypatch)
+        found = told(written_down(terms, one, residual, baseline=False), monkeypatch)
         assert found.verdict == NONE
         assert bool(found.changes) == is_used
         assert found.after <= found.before

@@ -37,7 +37,7 @@ def test_laws_that_make_the_gap_larger_are_left_out(problem, size, kept):
 
 @pytest.mark.parametrize(("closed", "enough"), [(0.09, False), (0.11, True)])
 def test_a_law_must_close_a_tenth_of_what_is_open_on_its_axis(problem, closed, enough):
-    """Without a twin; what is closed on another axis does not count."""
+    """Without a baseline; what is closed on another axis does not count."""
     size = np.sqrt(25 - closed * (25 - 9))
     told, whole = answers(problem, 5.0, size)
     assert is_considerable(problem, told, whole, {1}) == enough

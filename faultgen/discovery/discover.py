@@ -64,7 +64,7 @@ from faultgen.recordings.recording import Recording, mean_of
 from faultgen.robot import Robot
 from faultgen.system.progress import Progress
 
-_LOWEST = 0.9  # cycles per motor turn without a twin: errors of gravity look like slower waves
+_LOWEST = 0.9  # cycles per motor turn without a baseline: errors of gravity look like slower waves
 _LESS = 0.8  # noise, over that before effects were known, from which it is estimated again
 
 
@@ -83,8 +83,8 @@ class Discovery:
     following: str
     """Which positions the model follows, and why."""
     prior_scales: Mapping[str, float] = field(default_factory=dict)
-    """Learned factors of the prior standard deviations by kind of number; empty with a twin, or if
-    they were given."""
+    """Learned factors of the prior standard deviations by kind of number; empty with a baseline, or
+    if they were given."""
     laws: tuple[Learned, ...] = ()
     """Laws that were learned from what effects leave unexplained."""
     notes: tuple[str, ...] = ()
@@ -108,9 +108,9 @@ def investigate(
     Args:
         recording: The measured data.
         robot: The model.
-        healthy: Recordings of the same motions before the change: one, several, or None. The twin
-            is their mean. Several show how much the robot differs from run to run, and so does one
-            that repeats a motion; see `run_to_run`.
+        healthy: Recordings of the same motions before the change: one, several, or None. The
+            baseline is their mean. Several show how much the robot differs from run to run, and so
+            does one that repeats a motion; see `run_to_run`.
         workers: Number of processes. It has no effect on the result.
         exclude: Effects that are not considered.
         include: Optional effects that are considered, with the use "on request".
@@ -128,15 +128,15 @@ def investigate(
         SimulationFailed: The model diverges on the recorded motion.
     """
     runs = [healthy] if isinstance(healthy, Recording) else list(healthy or ())
-    twin = mean_of(runs) if runs else None
+    baseline = mean_of(runs) if runs else None
     if recording.reference_position is None:
         for run in runs:
             _check_followed(recording, run)
     if recording.link:
         exclude = {*exclude, *HIDDEN_BEHIND_GEARS}
-    compared = counted(recording, robot, twin=twin is not None)
+    compared = counted(recording, robot, baseline=baseline is not None)
     given, following = suited_replay(recording, robot, compared)
-    replay = given if twin is not None else given.on(with_own_links(recording, robot))
+    replay = given if baseline is not None else given.on(with_own_links(recording, robot))
     terms = effect_terms(robot, exclude, include) + inertia_terms(robot) + _waves(robot, exclude)
     alone = are_alone(replay, terms)
     own = [term for term, is_alone in zip(terms, alone, strict=True) if is_alone]
@@ -149,7 +149,7 @@ def investigate(
     base = given_torque if replay is given else None
     base, of_plays = sensitivities(replay, plays, base, workers=workers, cache=cache)
     notes = impossible(given, terms, raw) + impossible(replay, plays, of_plays)
-    if twin is None:
+    if baseline is None:
         replay = replay.without(unsettled(given, terms, given_torque, raw))
     discrepancy = discrepancy_terms(robot)
     raw = np.concatenate(
@@ -164,26 +164,28 @@ def investigate(
         ]
     )
     terms += plays + discrepancy + own
-    residual = recording.torque - (given_torque if twin is None else twin.torque)
-    if twin is not None:
+    residual = recording.torque - (given_torque if baseline is None else baseline.torque)
+    if baseline is not None:
         terms = between_runs(terms)
     elif prior_scale is not None:
         terms = with_model_scale(terms, prior_scale)
-    if twin is None and recording.constants is not None:
+    if baseline is None and recording.constants is not None:
         terms = with_free_gains(terms)
     terms += scanned
     try:
-        problem = pose(replay, terms, base, raw, residual, twin=twin is not None, given=given)
+        problem = pose(
+            replay, terms, base, raw, residual, baseline=baseline is not None, given=given
+        )
     except ValueError as error:
         raise InputError(f"{recording.source}: {error}") from None
     problem = _with_orders(problem, workers, exclude)
     problem = with_places(problem, workers=workers, exclude=exclude)
     scales: dict[str, float] = {}
-    if twin is None and prior_scale is None:
+    if baseline is None and prior_scale is None:
         scales = learned_scales(problem)
         problem = with_scales(problem, scales)
-    if twin is not None:
-        problem = between_temperatures(problem, twin)
+    if baseline is not None:
+        problem = between_temperatures(problem, baseline)
     apart = differences(runs) if runs else []
     problem = widened(problem, apart) if apart else between_axes(problem)
     with Progress("choosing effects", None):
@@ -204,22 +206,22 @@ def investigate(
     return Discovery(problem, choice, told, experiment, following, scales, notes=tuple(notes))
 
 
-def _check_followed(recording: Recording, twin: Recording) -> None:
+def _check_followed(recording: Recording, baseline: Recording) -> None:
     """Refuse two recordings with the same noise if their measured, noisy position is followed.
 
     Raises:
         InputError: They have the same noise, or there are too few samples.
     """
     try:
-        same = is_same_noise(recording.torque, twin.torque, recording.parts)
+        same = is_same_noise(recording.torque, baseline.torque, recording.parts)
     except ValueError as error:
         raise InputError(f"{recording.source}: {error}") from None
     if same.any():
         axes = ", ".join(str(axis + 1) for axis in np.flatnonzero(same))
         raise InputError(
-            f"{recording.source}: axis {axes}: has the same noise as {twin.source}, as runs of one "
-            "dataset with paired = true do, and no reference_position; generate the dataset with "
-            "paired = false, or add reference_position to the recordings"
+            f"{recording.source}: axis {axes}: has the same noise as {baseline.source}, as runs of "
+            "one dataset with paired = true do, and no reference_position; generate the dataset "
+            "with paired = false, or add reference_position to the recordings"
         )
 
 
@@ -249,7 +251,7 @@ def _with_orders(problem: Problem, workers: int, exclude: Collection[str]) -> Pr
     for found in find_orders(problem, error):
         if (found.axis, round(found.order, 2)) in known:
             continue
-        if not problem.twin and found.order < _LOWEST:
+        if not problem.baseline and found.order < _LOWEST:
             continue
         for name in names_by_use("periodic"):
             if name not in exclude:
@@ -257,7 +259,7 @@ def _with_orders(problem: Problem, workers: int, exclude: Collection[str]) -> Pr
     if not new:
         return problem
     _, raw = sensitivities(problem.replay, new, problem.base, workers=workers)
-    if problem.twin:
+    if problem.baseline:
         new = between_runs(new)
     return posed_again(problem, new, raw)
 
@@ -268,7 +270,7 @@ def _with_noise_beside(problem: Problem, choice: Choice) -> Problem:
     What an effect far from linear does, such as the strokes of a play, is not explained by any sum
     of columns. It counts as noise until the effect is known.
     """
-    if problem.twin or not choice.best.groups:
+    if problem.baseline or not choice.best.groups:
         return problem
     again = posed_again(problem, explained=choice.best.change)
     before, after = problem.noise.deviation, again.noise.deviation

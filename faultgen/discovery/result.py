@@ -34,8 +34,8 @@ assumed."""
 
 PART = 0.1
 """Share of what differs on an axis beyond noise that an effect or a pattern has to explain with a
-twin: assumed. Runs of an unchanged robot that differ in many ways also differ in small ways that a
-single effect or pattern describes."""
+baseline: assumed. Runs of an unchanged robot that differ in many ways also differ in small ways
+that a single effect or pattern describes."""
 
 MEASURE = "RMS torque error over RMS torque, on motions used neither for fitting nor for choosing"
 
@@ -103,7 +103,7 @@ class Answer:
     """Torque of the gap that the model does not explain, shape (samples, n_axes)."""
     strange_torque: np.ndarray
     """Torque that neither effects nor usual differences of a robot from its model explain, same
-    shape. Without a twin it is less than `left_torque`: friction of another form is usual, but
+    shape. Without a baseline it is less than `left_torque`: friction of another form is usual, but
     cannot be put into the model."""
 
     def contract(self) -> dict[str, Any]:

@@ -93,22 +93,22 @@ def _all(arrays: Sequence[np.ndarray | None]) -> np.ndarray | None:
     return np.concatenate(known) if len(known) == len(arrays) else None
 
 
-def is_same_motion(worn: Recording, twin: Recording) -> bool:
+def is_same_motion(worn: Recording, baseline: Recording) -> bool:
     """Whether two recordings contain the same motions, sample by sample.
 
     Args:
         worn: Recording of the robot.
-        twin: Recording of the same robot before the change.
+        baseline: Recording of the same robot before the change.
     """
     if not (
-        worn.position.shape == twin.position.shape
-        and worn.side == twin.side
-        and worn.segments == twin.segments
-        and abs(worn.sample_period - twin.sample_period) < 1e-9
+        worn.position.shape == baseline.position.shape
+        and worn.side == baseline.side
+        and worn.segments == baseline.segments
+        and abs(worn.sample_period - baseline.sample_period) < 1e-9
     ):
         return False
-    moved = np.ptp(twin.position, axis=0)
-    apart = np.abs(worn.position - twin.position).max(axis=0)
+    moved = np.ptp(baseline.position, axis=0)
+    apart = np.abs(worn.position - baseline.position).max(axis=0)
     return bool(np.all(apart <= 0.05 * moved + 1e-3 * moved.max()))
 
 
@@ -156,30 +156,30 @@ def with_healthy(
     return recording, runs
 
 
-def check_same_motion(worn: Recording, twin: Recording) -> None:
+def check_same_motion(worn: Recording, baseline: Recording) -> None:
     """Refuse two recordings that cannot be subtracted from each other.
 
     Args:
         worn: Recording of the robot.
-        twin: Recording of the same motions before the change.
+        baseline: Recording of the same motions before the change.
 
     Raises:
         InputError: They do not contain the same motions, sample by sample.
     """
-    if (worn.constants is None) != (twin.constants is None):
+    if (worn.constants is None) != (baseline.constants is None):
         raise InputError(
-            f"{worn.source} and {twin.source}: only one of them has motor_current; give both as "
-            "currents, or both as torques"
+            f"{worn.source} and {baseline.source}: only one of them has motor_current; give both "
+            "as currents, or both as torques"
         )
-    if worn.link != twin.link:
+    if worn.link != baseline.link:
         raise InputError(
-            f"{worn.source} and {twin.source}: not both have the torque sensor behind the gearbox; "
-            "give both with the same torque_sensor"
+            f"{worn.source} and {baseline.source}: not both have the torque sensor behind the "
+            "gearbox; give both with the same torque_sensor"
         )
-    if not is_same_motion(worn, twin):
+    if not is_same_motion(worn, baseline):
         raise InputError(
-            f"{worn.source} and {twin.source}: not the same motions, sample by sample; record the "
-            "same program from the same start, with the same sample period"
+            f"{worn.source} and {baseline.source}: not the same motions, sample by sample; record "
+            "the same program from the same start, with the same sample period"
         )
 
 

@@ -19,7 +19,7 @@ from faultgen.discovery.calibration.limits import with_limits_of
 from faultgen.discovery.calibration.own_friction import with_own_friction
 from faultgen.discovery.calibration.own_numbers import with_own_numbers
 from faultgen.discovery.decision.run_to_run import FEWEST_AXES, USUAL
-from faultgen.discovery.decision.selection import SURE_TWIN
+from faultgen.discovery.decision.selection import SURE_WITH_BASELINE
 from faultgen.discovery.decision.with_laws import contract, outside, with_laws
 from faultgen.discovery.discover import Discovery, investigate
 from faultgen.discovery.fit.gap import gap
@@ -220,7 +220,7 @@ def _on_noise(problem: Problem) -> list[str]:
         return []
     axes = ", ".join(str(axis + 1) for axis in np.flatnonzero(problem.shared))
     return [
-        f"axis {axes}: the recording and its healthy twin differ by far less than the noise in "
+        f"axis {axes}: the recording and its baseline differ by far less than the noise in "
         "each, as runs of one dataset with paired = true do; they are compared as if each had "
         "noise of its own, and runs with paired = false are the better test"
     ]
@@ -268,12 +268,12 @@ def friction_warnings(found: Discovery) -> list[str]:
         found: The results of a discovery.
 
     Returns:
-        One line for each warning; none without a twin, or if several runs were compared. If
+        One line for each warning; none without a baseline, or if several runs were compared. If
         friction that differs on most axes is allowed for, one line that states it.
     """
     several = "give several healthy recordings, which show how much it differs on this robot"
     if found.problem.friction_spread == USUAL:
-        least = USUAL * np.sqrt(SURE_TWIN)
+        least = USUAL * np.sqrt(SURE_WITH_BASELINE)
         return [
             f"one healthy recording with fewer than {FEWEST_AXES} moving axes does not show how "
             f"much friction differs from day to day; {100 * USUAL:g} % is assumed, so that changes "
@@ -285,7 +285,7 @@ def friction_warnings(found: Discovery) -> list[str]:
             "as between two days or temperatures; differences of this size are allowed for and not "
             f"named; {several}"
         ]
-    if not found.problem.twin or found.problem.run_to_run is not None:
+    if not found.problem.baseline or found.problem.run_to_run is not None:
         return []
     named = [
         one for one in found.answer.effects if get_effect(one.effect).prior.group == SPEED_FRICTION
@@ -328,7 +328,7 @@ def _torque_constants(found: Discovery) -> list[dict[str, float]] | None:
     if constants is None:
         return None
     constant, offset = constants.constant.copy(), constants.offset.copy()
-    if not found.problem.twin:
+    if not found.problem.baseline:
         for term, value in found.answer.changes:
             if term.name == GAIN:
                 constant[term.axis - 1] *= 1 - value
@@ -374,7 +374,7 @@ def _result(found: Discovery) -> dict[str, Any]:
 def _validation(
     found: Discovery, validate: Recording, given: Robot, late: Delays
 ) -> dict[str, float]:
-    """Errors of the model, never of a twin, on motions that were not used before.
+    """Errors of the model, never of a baseline, on motions that were not used before.
 
     Args:
         found: The results of a discovery.
@@ -390,7 +390,7 @@ def _validation(
     measured = problem.replay.measured or validate.reference_position is None
     replay = Replay(validate, given, measured=measured)
     full = replay.with_effects([*late.applied(), *(one.applied for one in found.laws)])
-    inside = counted(validate, problem.robot, twin=False)
+    inside = counted(validate, problem.robot, baseline=False)
 
     def error_of(model: Replay, changes: list[tuple[Term, float]]) -> float:
         error = validate.torque - model.torque(changes)

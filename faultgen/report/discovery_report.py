@@ -54,7 +54,7 @@ def discovery_page(result: dict[str, Any], found: Discovery) -> str:
     return page(
         "discovery.html",
         result=result,
-        twin=found.problem.twin,
+        baseline=found.problem.baseline,
         p_value=found.answer.p_value,
         beside_the_model=_beside_the_model(found),
         laws=laws_image(found.laws) if found.laws else "",

@@ -53,9 +53,9 @@ def simulated_numbers(problem: Problem, fitted: Fit) -> np.ndarray:
 
     Returns:
         Value of every term in prior standard deviations, shape (terms,); 0 for the effects of the
-        set. With a twin, which has the same numbers, they are those of the regression.
+        set. With a baseline, which has the same numbers, they are those of the regression.
     """
-    if problem.twin:
+    if problem.baseline:
         return unexplained(problem, fitted)[1]
     scale = np.array([term.prior_std for term in problem.terms])
     usable = _usable(problem, fitted)
@@ -162,7 +162,7 @@ def _candidates(problem: Problem, fitted: Fit, solution: np.ndarray) -> Iterator
         size = solution * np.array([term.prior_std for term in problem.terms])
         left = left - np.tensordot(size.astype(np.float32), problem.raw, axes=1)
     alone = Built(effects, left, 0.0)
-    numbers = [] if problem.twin else _changes(problem, solution)
+    numbers = [] if problem.baseline else _changes(problem, solution)
     limit = _fitting_error(problem, alone.left)
     for share in SHARES if numbers else ():
         changes = effects + [(term, share * value) for term, value in numbers]
@@ -186,7 +186,7 @@ def _fitting_error(problem: Problem, left: np.ndarray) -> float:
 
 def _lacks(problem: Problem, built: Built, solution: np.ndarray) -> list[str]:
     """One line for each found change that a stable model does not contain."""
-    if built.share == 1 or problem.twin or not _changes(problem, solution):
+    if built.share == 1 or problem.baseline or not _changes(problem, solution):
         return []
     has = f"{built.share:.0%}" if built.share else "none"
     return [

@@ -5,7 +5,7 @@ when the torque of the gearbox changes its sign. A model whose masses are wrong 
 some 10 ms too early or too late, and what it foretells is then not what was measured. Discovery
 therefore simulates effects on a model that was fitted to the recording.
 
-    robot, told = with_own_numbers(healthy, robot)  # with a twin
+    robot, told = with_own_numbers(healthy, robot)  # with a baseline
     near = with_own_links(recording, robot)  # without one
 """
 

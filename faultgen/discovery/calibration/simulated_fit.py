@@ -87,7 +87,7 @@ class SimulatedFit:
                 base,
                 raw,
                 residual,
-                twin=False,
+                baseline=False,
             )
         except ValueError as error:
             raise InputError(f"{recording.source}: {error}") from None

@@ -30,13 +30,13 @@ from faultgen.effects import get_effect
 
 MISSED = 4.0
 """Standard errors by which what an effect foretells on the scoring motions may be missing, if the
-error there does not decrease at all. It holds without a twin. Of 7 real effects of development
+error there does not decrease at all. It holds without a baseline. Of 7 real effects of development
 cases one reaches 2.6; of 6 false ones whose error does not decrease all reach 5."""
 
 STRONG = 2.5
 """Decrease of the misfit, less any increase on the scoring motions, over the needed one, from which
 an effect is not refuted by a larger squared error there. Real laws of friction differ from those of
-the catalogue, most of all at other speeds. It holds without a twin: assumed."""
+the catalogue, most of all at other speeds. It holds without a baseline: assumed."""
 
 EVIDENT = 8.0
 """The same from which a wave is evident, although it is small beside other errors. Of development
@@ -62,8 +62,8 @@ class Confirmed:
     """Calibrated value of every term in its prior standard deviations, shape (terms,); 0 for the
     effects of the set."""
     resembled: tuple[Term, ...] = ()
-    """Effects that are refuted although, with a twin, they explain most of what differs on their
-    axis. Nothing is left of the set then: something has changed that only resembles them."""
+    """Effects that are refuted although, with a baseline, they explain most of what differs on
+    their axis. Nothing is left of the set then: something has changed that only resembles them."""
 
 
 def confirmed(
@@ -75,7 +75,7 @@ def confirmed(
     without it is fitted again. The squared error on the scoring motions is clearly larger than
     without it, or so is the gap. It foretells a change there that is not seen. Or it reduces the
     misfit by too little for a model that foretells the scoring motions as badly as this one does.
-    With a twin, it explains only a small part of what differs on its axis.
+    With a baseline, it explains only a small part of what differs on its axis.
     Finally, a set is removed effect by effect until the model with it, simulated again, is not
     clearly worse than the calibrated model. If nothing is left of a set, the sets that the data do
     not exclude in its place are tried.
@@ -102,7 +102,7 @@ def confirmed(
         is_sure = bool(trials) and all(one.is_supported for one in trials)
         kept = _with_dominant(choice, kept)
         kept, solution = _buildable(problem, choice, kept, calibrated, numbers, inside, is_sure)
-        if not problem.twin:
+        if not problem.baseline:
             evident = {one.group for one in trials if one.is_evident}
             kept = without_small_waves(problem, choice.problem, kept, solution, inside, evident)
         if kept.groups:
@@ -212,11 +212,12 @@ def _with_dominant(choice: Choice, best: Fit) -> Fit:
 def _likeness(choice: Choice, simpler: Fit, best: Fit) -> float:
     """How much of what a set explains is also explained by a smaller one.
 
-    With a twin, their torques are compared, because the misfit depends on how much the friction may
-    differ from day to day. Without one, much of a torque may be due to the numbers of the model.
+    With a baseline, their torques are compared, because the misfit depends on how much the friction
+    may differ from day to day. Without one, much of a torque may be due to the numbers of the
+    model.
     """
     problem, empty = choice.problem, choice.fits[0].misfit
-    if not problem.twin:
+    if not problem.baseline:
         return (empty - simpler.misfit) / max(empty - best.misfit, 1e-300)
     missing, whole = (
         float(np.sum((problem.whiten(change) * problem.inside) ** 2))
@@ -258,11 +259,11 @@ class Trial:
     is_supported: bool
     """Whether the scoring motions bear out the effect by themselves."""
     is_minor: bool
-    """Whether, with a twin, it explains only a small part of what differs on its axis."""
+    """Whether, with a baseline, it explains only a small part of what differs on its axis."""
     is_major: bool
-    """Whether, with a twin, it explains most of what differs on its axis."""
+    """Whether, with a baseline, it explains most of what differs on its axis."""
     is_strong: bool
-    """Whether, without a twin, the evidence of all motions together is `STRONG`."""
+    """Whether, without a baseline, the evidence of all motions together is `STRONG`."""
 
     @property
     def is_refuted(self) -> bool:
@@ -292,11 +293,12 @@ class Trial:
         foretold = float(np.sum((errors.without.whitened - errors.having.whitened) ** 2))
         foretold, seen = foretold / errors.over, errors.seen / errors.over
         # if the effect is real, the decrease is normal about what it foretells; where there is a
-        # twin, the law of the effect decides how much, and real laws differ from the catalogue's
+        # baseline, the law of the effect decides how much, and real laws differ from the
+        # catalogue's
         missed = (foretold - seen) / (2 * np.sqrt(max(foretold, 1e-300)))
-        missed = 0.0 if problem.twin else missed
+        missed = 0.0 if problem.baseline else missed
         share = (rest.misfit - best.misfit + min(errors.seen, 0.0)) / (errors.over * least)
-        is_strong = not problem.twin and share >= STRONG
+        is_strong = not problem.baseline and share >= STRONG
         limits = limits_of(problem, built=is_strong)
         return cls(
             group=group,
@@ -307,8 +309,8 @@ class Trial:
             seen=seen,
             share=share,
             is_supported=seen >= least and (abs(missed) <= MISSED or seen >= MOSTLY * foretold),
-            is_minor=problem.twin and errors.is_minor(problem, problem.terms[group[0]].axis),
-            is_major=problem.twin and errors.is_major(problem, problem.terms[group[0]].axis),
+            is_minor=problem.baseline and errors.is_minor(problem, problem.terms[group[0]].axis),
+            is_major=problem.baseline and errors.is_major(problem, problem.terms[group[0]].axis),
             is_strong=is_strong,
         )
 
@@ -344,7 +346,9 @@ def _buildable(
     def simulated(fitted: Fit) -> tuple[Gap, np.ndarray]:
         """Smallest gap, with calibrated values that were found with the set or without effects."""
         found = []
-        for solution in (simulated_numbers(problem, fitted), numbers)[: 1 if problem.twin else 2]:
+        for solution in (simulated_numbers(problem, fitted), numbers)[
+            : 1 if problem.baseline else 2
+        ]:
             own = solution.copy()
             own[fitted.terms] = 0.0
             found.append((gap(problem, build(problem, fitted, own).left, inside), own))

@@ -65,7 +65,7 @@ def with_places(problem: Problem, *, workers: int = 1, exclude: Collection[str] 
             best[name, axis] = max(found, key=lambda one: one.gain)
     simulated: list[tuple[Term, np.ndarray]] = []
     for name in names:
-        least = _PROMISING * needed_of(name, twin=problem.twin)
+        least = _PROMISING * needed_of(name, baseline=problem.baseline)
         of_name = sorted(
             (place for (own, _), place in best.items() if own == name), key=lambda one: -one.gain
         )

@@ -53,7 +53,8 @@ _LEVEL = 0.975  # quantile at which few differences are made up for, as a confid
 class Difference:
     """A difference between runs of one motion.
 
-    Its noise, and its variance from run to run, are those of a healthy recording minus its twin.
+    Its noise, and its variance from run to run, are those of a healthy recording minus its
+    baseline.
     """
 
     torque: np.ndarray
@@ -131,7 +132,7 @@ def widened(problem: Problem, found: Sequence[Difference]) -> Problem:
     by the ratio of the quantiles of Student's t and the normal distribution.
 
     Args:
-        problem: The difference of a recording and its twin, and the terms.
+        problem: The difference of a recording and its baseline, and the terms.
         found: Differences between runs of the unchanged robot.
 
     Returns:
@@ -171,22 +172,22 @@ def _with_usual(problem: Problem, spread: np.ndarray, allowed: np.ndarray) -> Pr
     return replace(with_priors(problem, terms), run_to_run=np.sqrt(apart))
 
 
-def between_temperatures(problem: Problem, twin: Recording) -> Problem:
+def between_temperatures(problem: Problem, baseline: Recording) -> Problem:
     """Return the same problem with priors that allow for friction at another temperature.
 
     This is for recordings at one temperature each. Where the temperature changes within a
     recording, the data show whether friction follows it.
 
     Args:
-        problem: The difference of a recording and its twin, and the terms.
-        twin: The twin.
+        problem: The difference of a recording and its baseline, and the terms.
+        baseline: The baseline.
 
     Returns:
         The problem with wider priors of the friction that follows the temperature, and with
         `run_to_run`; the given one if a temperature was not measured, changes within a recording,
         or is the same.
     """
-    now, before = problem.recording.axis_temperature, twin.axis_temperature
+    now, before = problem.recording.axis_temperature, baseline.axis_temperature
     if now is None or before is None:
         return problem
     if max(np.ptp(now, axis=0).max(), np.ptp(before, axis=0).max()) >= LEAST_RANGE:
@@ -210,14 +211,14 @@ def between_axes(problem: Problem) -> Problem:
     two in the middle), so that faults of fewer than half of the axes hardly change it.
 
     Args:
-        problem: The difference of a recording and its twin, and the terms.
+        problem: The difference of a recording and its baseline, and the terms.
 
     Returns:
         The problem with other prior standard deviations, `run_to_run` and `friction_spread`. The
         given one if friction differs by no more than is allowed for anyway.
     """
     n_axes = problem.robot.n_axes
-    if not problem.twin:
+    if not problem.baseline:
         return problem
     place = {term.key: k for k, term in enumerate(problem.terms)}
     axes = range(1, n_axes + 1)

@@ -13,17 +13,17 @@ from faultgen.discovery.fit.regression import Problem
 from faultgen.discovery.result import CONSIDERABLE, PART
 from faultgen.discovery.terms.candidates import INERTIA
 
-LARGER_TWIN, LARGER_OWN_TWIN = 1.005, 1.03
+LARGER_WITH_BASELINE, LARGER_OWN_WITH_BASELINE = 1.005, 1.03
 """Gap with an effect, over that without it, from which the effect counts as refuted if there is a
-twin: gap of all axes, and of the axis on which the effect acts. Assumed."""
+baseline: gap of all axes, and of the axis on which the effect acts. Assumed."""
 
 LARGER, LARGER_OWN = 1.02, 1.015
-"""The same without a twin, where the model's own numbers imitate an effect that is left out. On
+"""The same without a baseline, where the model's own numbers imitate an effect that is left out. On
 development cases, seven of eight real effects leave the gap of their axis as it is or make it
 smaller; one makes it larger by 3 %, and five false ones by 1.8 % to 5.8 %."""
 
 LARGER_BUILT, LARGER_OWN_BUILT = 1.02, 1.06
-"""The same without a twin if the model is simulated with the effects, or if the evidence for an
+"""The same without a baseline if the model is simulated with the effects, or if the evidence for an
 effect is strong: assumed."""
 
 LARGER_SURE, LARGER_OWN_SURE = 1.1, 1.2
@@ -215,8 +215,8 @@ def limits_of(problem: Problem, *, built: bool = False) -> tuple[float, float]:
         problem: The recording and the model.
         built: Whether the models are simulated, or the evidence is strong.
     """
-    if problem.twin:
-        return LARGER_TWIN, LARGER_OWN_TWIN
+    if problem.baseline:
+        return LARGER_WITH_BASELINE, LARGER_OWN_WITH_BASELINE
     return (LARGER_BUILT, LARGER_OWN_BUILT) if built else (LARGER, LARGER_OWN)
 
 

@@ -22,16 +22,17 @@ from faultgen.effects import get_effect
 SHARE = 0.03
 """Smallest share that an effect must have in what all effects explain together."""
 
-SURE_TWIN = 18.0
-"""Amount by which an effect must reduce the misfit if there is a twin. Of 104 healthy development
-robots one reaches 17.5, and all others stay at 14 or below."""
+SURE_WITH_BASELINE = 18.0
+"""Amount by which an effect must reduce the misfit if there is a baseline. Of 104 healthy
+development robots one reaches 17.5, and all others stay at 14 or below."""
 
 SURE = 21.0
-"""The same without a twin. Healthy robots reach 16."""
+"""The same without a baseline. Healthy robots reach 16."""
 
 SURE_IMITATED = 35.0
-"""The same without a twin for effects that wrong friction or links imitate (`Prior.imitated`). Of
-152 healthy development robots one reaches 37, two reach 32, and all others stay at 24 or below."""
+"""The same without a baseline for effects that wrong friction or links imitate (`Prior.imitated`).
+Of 152 healthy development robots one reaches 37, two reach 32, and all others stay at 24 or
+below."""
 
 COMPANION = 0.1
 """Smallest share for a second kind of speed-dependent friction on one axis. The friction of a real
@@ -97,18 +98,18 @@ def needed(problem: Problem, group: Group) -> float:
         problem: The residual and the terms.
         group: The terms of the effect.
     """
-    return needed_of(problem.terms[group[0]].name, twin=problem.twin)
+    return needed_of(problem.terms[group[0]].name, baseline=problem.baseline)
 
 
-def needed_of(effect: str, *, twin: bool) -> float:
+def needed_of(effect: str, *, baseline: bool) -> float:
     """Return the same for an effect by its name.
 
     Args:
         effect: Name.
-        twin: Whether the residual is the difference of two recordings.
+        baseline: Whether the residual is the difference of two recordings.
     """
-    if twin:
-        return SURE_TWIN
+    if baseline:
+        return SURE_WITH_BASELINE
     return SURE_IMITATED if get_effect(effect).prior.imitated else SURE
 
 
@@ -328,9 +329,9 @@ class _Search:
     def _size(self, group: Group, values: np.ndarray, errors: np.ndarray) -> float:
         """How much an effect explains: of its torque, or less what other terms may explain too.
 
-        With a twin, friction that may differ from day to day would hide most of its torque.
+        With a baseline, friction that may differ from day to day would hide most of its torque.
         """
-        if not self.problem.twin:
+        if not self.problem.baseline:
             return float(np.sum((values / errors) ** 2))
         share = values / [self.problem.terms[term].prior_std for term in group]
         used = self.problem.samples(self.problem.fitting)

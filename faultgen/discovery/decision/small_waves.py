@@ -1,4 +1,4 @@
-"""Waves that were chosen without a twin, although they hardly change the simulated torque.
+"""Waves that were chosen without a baseline, although they hardly change the simulated torque.
 
 Calibration does not change waves, and what it leaves always contains some. So a wave must be a
 considerable part of what differs on its axis.

@@ -37,7 +37,7 @@ BAND = {
     "acceleration": 0.0026,
 }
 """Largest RMS of a pattern, divided by the RMS torque of its axis, that is normal for a calibrated
-model without a twin: 1.35 times the largest of healthy development cases."""
+model without a baseline: 1.35 times the largest of healthy development cases."""
 
 WORSE = 1.05
 """Gap with effects, over that without them, from which they are not what has changed: assumed.
@@ -61,7 +61,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     base_values = simulated_numbers(problem, empty)
     basic = build(problem, empty, base_values)
     calibrated, given = gap(problem, basic.left), gap(problem, problem.residual)
-    if not problem.twin and calibrated[0] > given[0]:  # other motions refute the calibration
+    if not problem.baseline and calibrated[0] > given[0]:  # other motions refute the calibration
         base_values = np.zeros_like(base_values)
         basic = build(problem, empty, base_values)
         calibrated = given
@@ -130,7 +130,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         lacks=tuple(lacks),
         calibration=_told(problem, chosen[0], built.changes),
         left_torque=built.left,
-        strange_torque=built.left if problem.twin else (left if known else without),
+        strange_torque=built.left if problem.baseline else (left if known else without),
     )
 
 
@@ -205,7 +205,7 @@ def strange_patterns(problem: Problem, found: list[Pattern], white: np.ndarray) 
 def _is_large(problem: Problem, pattern: Pattern, white: np.ndarray) -> bool:
     """Whether a pattern is larger than the usual errors of models, or differences between runs."""
     axis = pattern.axis - 1
-    if problem.twin:
+    if problem.baseline:
         rows = problem.inside[:, axis] & problem.samples(problem.fitting)
         beyond = float(np.sum(white[rows, axis] ** 2 - 1))  # noise is not known to within a little
         return beyond < CONSIDERABLE * rows.sum() or pattern.strength > PART * beyond
@@ -265,7 +265,7 @@ def _told(
     """Calibrated numbers that differ from the model by more than half their prior_std."""
     named = {problem.terms[t].key for t in fitted.terms}
     told: dict[str, dict[str, float]] = {}
-    if problem.twin:
+    if problem.baseline:
         return told
     for term, value in changes:
         if not term.is_effect or term.parameters or term.key in named:

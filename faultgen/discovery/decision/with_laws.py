@@ -66,7 +66,7 @@ def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, l
         return told, []
     if told.verdict == NONE:
         whole = _with(problem, replace(told, verdict=UNKNOWN), laws)
-        if not problem.twin and not is_considerable(problem, told, whole, axes):
+        if not problem.baseline and not is_considerable(problem, told, whole, axes):
             return told, []
         return if_smaller(problem, told, whole, laws)
     whole = _with(problem, told, laws)
@@ -106,7 +106,7 @@ def if_smaller(
 def is_considerable(problem: Problem, told: Answer, whole: Answer, axes: Collection[int]) -> bool:
     """Tell whether laws close a tenth of what is open on one of their axes.
 
-    Without a twin, the errors of a model leave small patterns on every axis.
+    Without a baseline, the errors of a model leave small patterns on every axis.
 
     Args:
         problem: The recording and the model.

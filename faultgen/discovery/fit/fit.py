@@ -21,7 +21,7 @@ _STEPS = 6  # re-simulations of a fit at most
 _SHORT = 0.1  # share of a linear gain that simulation may fall short of
 _CLOSE = 0.02  # change of a value, over the value, at which a fit has converged
 _SHARES = (0.1, 0.2, 0.35, 0.6, 1.0, 1.7, 3.0, 5.0)  # of a severity, tried in turn
-_FAR = 100.0  # decrease of the misfit from which a play is searched for without a twin: assumed
+_FAR = 100.0  # decrease of the misfit from which a play is searched for without a baseline: assumed
 _REFINED = 7  # simulations to refine the best of them
 
 
@@ -75,9 +75,9 @@ def fit(
 
     Each step simulates the effects exactly. The slopes are the columns of the unchanged model. If
     the simulation explains less than these slopes predict, new slopes are computed at each step.
-    The severity of a play is searched over a wide range: always if there is a twin, and otherwise
-    where the slopes lead nowhere or promise much, because the errors of a model look like some
-    small play or other.
+    The severity of a play is searched over a wide range: always if there is a baseline, and
+    otherwise where the slopes lead nowhere or promise much, because the errors of a model look like
+    some small play or other.
 
     Args:
         problem: The residual and the terms.
@@ -95,7 +95,7 @@ def fit(
         return _done(problem, (), np.empty(0), np.zeros_like(problem.residual), evidence, misfit)
     new = terms if start is None else groups[-1]
     plays = [t for t in new if get_effect(problem.terms[t].name).prior.play]
-    if problem.twin:
+    if problem.baseline:
         return _fit(problem, groups, start, plays, simulating)
     found = _fit(problem, groups, start, (), simulating)
     if plays and (found is None or _promised(problem, plays) > _FAR):

@@ -55,7 +55,7 @@ def scored_in_motion(problem: Problem) -> np.ndarray:
         Mask of shape (samples, n_axes): samples in motion, or all of `scored` if there are none.
     """
     inside = scored(problem)
-    moving = inside & rolling(problem.recording, problem.robot) if problem.twin else inside
+    moving = inside & rolling(problem.recording, problem.robot) if problem.baseline else inside
     return moving if moving.any() else inside
 
 

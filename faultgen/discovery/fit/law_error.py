@@ -34,11 +34,11 @@ def weights(problem: Problem, terms: Sequence[int], values: np.ndarray) -> np.nd
         values: Their values, in the units of the terms; shape (terms of the set,).
 
     Returns:
-        Shape (terms of the problem,), or None if all are 1: with a twin, and beside effects other
-        than speed-dependent friction.
+        Shape (terms of the problem,), or None if all are 1: with a baseline, and beside effects
+        other than speed-dependent friction.
     """
     groups = [get_effect(problem.terms[t].name).prior.group for t in terms]
-    if problem.twin or not any(groups):
+    if problem.baseline or not any(groups):
         return None
     weight = np.ones(len(problem.terms))
     for term, value, group in zip(terms, values, groups, strict=True):

@@ -77,7 +77,7 @@ class Problem:
     white: np.ndarray
     """Whitened columns in units of the prior standard deviations, shape (terms, samples,
     n_axes)."""
-    twin: bool
+    baseline: bool
     """Whether the residual is the difference of two recordings."""
     shared: np.ndarray
     """Axes on which the two recordings have the same noise, which cancels in their difference;
@@ -146,7 +146,7 @@ class Problem:
         """
         if self.given is self.replay:
             return self.change(changes)
-        given_torque = self.recording.torque - self.residual  # there is no twin
+        given_torque = self.recording.torque - self.residual  # there is no baseline
         return _finite(lambda: self.given.torque(changes) - given_torque)
 
     def whiten(self, x: np.ndarray) -> np.ndarray:
@@ -221,19 +221,19 @@ def pose(
     raw: np.ndarray,
     residual: np.ndarray,
     *,
-    twin: bool,
+    baseline: bool,
     explained: np.ndarray | None = None,
     given: Replay | None = None,
 ) -> Problem:
     """Estimate the noise of a residual, and whiten the residual and all columns with it.
 
     The noise is estimated from what no combination of the terms explains. Its level may differ
-    between separate recordings, and grow with speed and load. With a twin, samples in slow motion
-    get less weight if this is larger there than at speed, because the friction of any real robot
-    differs from a model's there. Without a twin, samples at rest and shortly after it are not used,
-    and the others get weights by `regimes.trust_by_regime`. On axes on which two recordings have
-    the same noise, the noise of the recording is used, as if the other recording had noise of its
-    own.
+    between separate recordings, and grow with speed and load. With a baseline, samples in slow
+    motion get less weight if this is larger there than at speed, because the friction of any real
+    robot differs from a model's there. Without a baseline, samples at rest and shortly after it are
+    not used, and the others get weights by `regimes.trust_by_regime`. On axes on which two
+    recordings have the same noise, the noise of the recording is used, as if the other recording
+    had noise of its own.
 
     Args:
         replay: The recording and the model.
@@ -241,7 +241,7 @@ def pose(
         base: Torque of the unchanged model, shape (samples, n_axes).
         raw: Columns, shape (terms, samples, n_axes).
         residual: Torque that is to be explained, shape (samples, n_axes).
-        twin: Whether the residual is the difference of two recordings.
+        baseline: Whether the residual is the difference of two recordings.
         explained: Part of the residual that known effects explain and that does not count as noise,
             shape (samples, n_axes). None: nothing.
         given: The recording and the given model, if its links differ from those of `replay`.
@@ -253,7 +253,7 @@ def pose(
         ValueError: Too little of the recording can be used.
     """
     recording, robot = replay.recording, replay.robot
-    inside = counted(recording, robot, twin=twin)
+    inside = counted(recording, robot, baseline=baseline)
     if replay.left_out is not None:
         inside &= ~replay.left_out
     parts, scoring = cut(recording, robot, inside)
@@ -289,7 +289,7 @@ def pose(
     rest = residual if explained is None else residual - explained
     noise = noise_in(rest)
     shared = np.zeros(robot.n_axes, bool)
-    if twin:
+    if baseline:
         shared = shared_noise(recording.torque, recording.torque - residual, parts)
     if shared.any():  # what neither the model nor the samples before foretell of the healthy one
         healthy = recording.torque - residual
@@ -302,7 +302,7 @@ def pose(
         noise = noise.with_colour(exact(noise.colour))
     columns = noise.whiten(raw, parts) * mask * prior_stds
     target = noise.whiten(rest, parts) * mask
-    if twin:
+    if baseline:
         left = noise.whiten(unexplained(rest, noise), parts)
         trust = _trust(recording, robot, left, inside)
     else:
@@ -321,7 +321,7 @@ def pose(
         noise=noise,
         trust=trust,
         white=columns * weight,
-        twin=twin,
+        baseline=baseline,
         shared=shared,
     )
 
@@ -347,7 +347,7 @@ def posed_again(
         problem.base,
         problem.raw if columns is None else np.concatenate([problem.raw, columns]),
         problem.residual,
-        twin=problem.twin,
+        baseline=problem.baseline,
         explained=explained,
         given=problem.given,
     )

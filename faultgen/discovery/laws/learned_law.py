@@ -30,7 +30,7 @@ from faultgen.errors import SimulationFailed
 
 USUAL = 0.005
 """RMS of a law over the RMS torque of its axis that is normal for a calibrated model without a
-twin: assumed, a little above the largest of `verdict.BAND`."""
+baseline: assumed, a little above the largest of `verdict.BAND`."""
 
 _WORTH = 0.9  # share of the gain of curves that a formula has to reach
 _LEAST = 0.3  # share of a law that its simulation has to show
@@ -158,7 +158,7 @@ def _added(
             return None
     torque = problem.recording.torque[problem.inside[:, k], k]
     logged = float(np.sqrt(np.mean((change - before)[problem.inside[:, k], k] ** 2)))
-    if not problem.twin and logged < USUAL * float(np.sqrt(np.mean(torque**2))):
+    if not problem.baseline and logged < USUAL * float(np.sqrt(np.mean(torque**2))):
         return None
     judged = _judged(problem, left - before, left - change, axis)
     if judged is None:

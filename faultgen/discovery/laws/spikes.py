@@ -32,14 +32,14 @@ def spikes(problem: Problem, error: np.ndarray) -> list[Pattern]:
     little jumps there.
 
     Args:
-        problem: The recording and its twin.
+        problem: The recording and its baseline.
         error: Whitened error that remains, shape (samples, n_axes).
 
     Returns:
-        One pattern for each axis with an event; none without a twin. `strength` is the squared
-        error in the events of the recording less that in the events of the twin.
+        One pattern for each axis with an event; none without a baseline. `strength` is the squared
+        error in the events of the recording less that in the events of the baseline.
     """
-    if not problem.twin:
+    if not problem.baseline:
         return []
     after = problem.whiten(problem.recording.torque - problem.base)
     before = problem.whiten(problem.recording.torque - problem.residual - problem.base)

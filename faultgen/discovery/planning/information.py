@@ -114,7 +114,7 @@ def information(
     torque = base[recording.parts[reference]]
     limit = np.where(np.isfinite(robot.motor_torque_limit), robot.motor_torque_limit, 1.0)
     noise = np.maximum(NOISE * np.sqrt(np.mean(torque**2, axis=0)), _SILENT * limit)
-    inside = counted(recording, robot, twin=False)
+    inside = counted(recording, robot, baseline=False)
     stds = np.array([term.prior_std for term in every])
     gram = np.zeros((len(motions), len(every), len(every)))
     for k, part in enumerate(recording.parts):

@@ -161,7 +161,7 @@ def samples_of(parts: Sequence[slice], count: int) -> np.ndarray:
     return use
 
 
-def counted(recording: Recording, robot: Robot, *, twin: bool) -> np.ndarray:
+def counted(recording: Recording, robot: Robot, *, baseline: bool) -> np.ndarray:
     """Find the samples that are used in a comparison.
 
     All numbers of an answer, and the score on other motions, use these samples only. Samples that
@@ -170,8 +170,9 @@ def counted(recording: Recording, robot: Robot, *, twin: bool) -> np.ndarray:
     Args:
         recording: The measured data.
         robot: The model.
-        twin: Whether the recording is compared with another recording. If it is compared with the
-            model, samples at rest, shortly after rest and shortly after a reversal are not used.
+        baseline: Whether the recording is compared with another recording. If it is compared with
+            the model, samples at rest, shortly after rest and shortly after a reversal are not
+            used.
 
     Returns:
         Mask of shape (samples, n_axes).
@@ -179,7 +180,7 @@ def counted(recording: Recording, robot: Robot, *, twin: bool) -> np.ndarray:
     inside = settled(recording, robot)
     if recording.lost is not None:
         inside &= ~recording.lost
-    return inside if twin else inside & rolling(recording, robot)
+    return inside if baseline else inside & rolling(recording, robot)
 
 
 def rolling(recording: Recording, robot: Robot) -> np.ndarray:

@@ -43,7 +43,7 @@ def unsettled(
         among the terms. At most a fifth of the samples that would be compared, and those beside
         them, are in it.
     """
-    inside = counted(replay.recording, replay.robot, twin=False)
+    inside = counted(replay.recording, replay.robot, baseline=False)
     mask = np.zeros(base.shape, bool)
     own = [k for k, term in enumerate(terms) if term.name == _NAME]
     if not own:

@@ -145,7 +145,9 @@ class Regression:
         self.gearing = robot.gearing.matrix
         self.parts = blocks(recording, robot)
         """Blocks, each a slice of samples."""
-        self.inside = counted(recording, robot, twin=False) & _inner(recording, cut_off)[:, None]
+        self.inside = (
+            counted(recording, robot, baseline=False) & _inner(recording, cut_off)[:, None]
+        )
         """Samples that are used, shape (samples, n_axes)."""
         self._arm = Arm(robot)
         self._nominal = link_parameters(self._arm)
