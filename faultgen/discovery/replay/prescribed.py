@@ -1,79 +1,112 @@
-"""The motor torque that a motion of the rotors needs, and the servo that keeps them on it.
+"""The torque of a robot whose rotors move in a given way.
 
 The rotors of the simulated robot are made so heavy that nothing but the prescribed torque moves
 them. They then follow any motion exactly, and the arm behind the gearboxes answers as it does in
-the robot. A slow servo only keeps them from drifting. The torque that the real rotors need is
+the robot. The torque that the real drives give is that of the drives of the simulated robot, less
+what the added inertia H takes:
 
-    tau = J a + gear torque / gear ratio + friction
+    tau = tau_simulated - H a
 
-with the inertia J and the acceleration a of the rotor (Spong 1987), and with the inertia and the
-friction that two rotors of a wrist share.
+with the acceleration a that the rotors really have. It holds for everything that acts on a rotor:
+gearbox, friction, ripple, and inertia and friction that two rotors share.
 """
 
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
-from faultgen.mjcf.dcmotor import POSITION_GAIN, VELOCITY_GAIN, set_servo
+from faultgen.mjcf.dcmotor import POSITION_GAIN, VELOCITY_GAIN
 from faultgen.robot import Robot
-from faultgen.simulation.arm import shared_torque
+from faultgen.simulation.cycle import Cycle
 from faultgen.simulation.plant import Plant, assemble
 from faultgen.simulation.stepping import simulate
 
-_HEAVIER = 1e8  # inertia of the heavy rotors over their own
-_FREQUENCY = 100.0  # of the servo that keeps the heavy rotors from drifting [rad/s]
+TURN = 0.2
+"""Motor angle after which friction no longer depends on how the axis came to rest [rad]: assumed,
+about ten times the reach of the bristles."""
+
+_HEAVIER = 1e8  # inertia that is added to the rotors, over their own
+_DRIFT = 10.0  # frequency of the spring that keeps the rotors from drifting [rad/s]
+_RUN_UP = 0.3  # time before a motion in which it gets up to its speed and the arm settles [s]
+_REST = 2  # steps before that
+_BEYOND = 8  # steps after the end: the last accelerations of a motion are not known
 
 
-def prescribed_torque(robot: Robot, rotors: np.ndarray) -> np.ndarray:
-    """Compute the motor torque that moves the rotors in a given way.
+def prescribed(robot: Robot, plant: Plant, rotors: np.ndarray) -> Cycle:
+    """Simulate a robot whose rotors move in a given way.
 
     Args:
-        robot: The robot. Effects of its own that act on what is commanded or logged have no part.
-        rotors: Position of the rotors at every simulation step, shape (steps, n_axes), in [rad].
+        robot: The healthy robot.
+        plant: The robot with effects. Those that shift commanded positions shift the motion.
+        rotors: Logged position of the rotors at every simulation step, shape (steps, n_axes), in
+            [rad]. They get up to their first speed before.
 
     Returns:
-        Torque at every step, same shape, in [N m].
+        What would be logged, at every step.
 
     Raises:
         SimulationFailed: The simulation diverged.
     """
-    model = copy.copy(assemble(robot).model)
+    model = copy.copy(plant.model)
     timestep = model.opt.timestep
     drives = robot.ids("actuator", "drive", model)
     motors = model.jnt_dofadr[robot.ids("joint", "motor", model)]
-    inertia = model.dof_M0[motors].copy()
-    model.dof_armature[motors] += _HEAVIER * inertia
+    added = _HEAVIER * robot.model.dof_M0[list(robot.motors)]
+    model.dof_armature[motors] += added
     mujoco.mj_setConst(model, mujoco.MjData(model))  # it uses the armature from here on
     model.actuator_forcelimited[drives] = False
-    model.actuator_gainprm[drives, POSITION_GAIN] = _HEAVIER * inertia * _FREQUENCY**2
-    model.actuator_gainprm[drives, VELOCITY_GAIN] = _HEAVIER * inertia * 2 * _FREQUENCY
+    model.actuator_gainprm[drives, POSITION_GAIN] = added * _DRIFT**2
+    model.actuator_gainprm[drives, VELOCITY_GAIN] = 0.0
 
-    # what MuJoCo's semi-implicit integration needs in order to reach the next position
-    velocity = np.diff(rotors, axis=0, prepend=2 * rotors[:1] - rotors[1:2]) / timestep
-    acceleration = np.diff(velocity, axis=0, append=velocity[-1:]) / timestep
-    control = np.zeros((len(rotors), model.nu))
     at = model.actuator_ctrladr[drives]
-    control[:, at], control[:, at + 1] = rotors, velocity
-    control[:, at + 2] = (1 + _HEAVIER) * inertia * acceleration
-    (run,) = simulate(robot, control, [Plant(model)], sample_period=timestep, lead_in=0.0)
-    load = run.gear_torque / robot.gear_ratio
-    # the friction torque holds the shared Coulomb friction already
-    shared = shared_torque(robot, velocity, acceleration, sliding=False)
-    return np.asarray(inertia * acceleration + load - run.friction_torque + shared)
+    before = _run_up(rotors, timestep)
+    last = rotors[-1] + np.arange(1, _BEYOND + 1)[:, None] * (rotors[-1] - rotors[-2])
+    way = np.concatenate([before, rotors, last])
+    command = np.zeros((len(way), model.nu))
+    command[:, at] = way
+    command = plant.command(command, False)
+    position, further = command[:, at], command[:, at + 2].copy()
+    # what MuJoCo's semi-implicit integration needs in order to reach the next position
+    velocity = np.diff(position, axis=0, prepend=position[:1]) / timestep
+    acceleration = np.diff(velocity, axis=0, append=velocity[-1:]) / timestep
+    control = np.zeros_like(command)
+    control[:, at], control[:, at + 2] = position, added * acceleration
+    heavy = Plant(model, (), plant.updates, plant.interval)
+    (run,) = simulate(robot, control, [heavy], sample_period=timestep, lead_in=0.0)
+    moved = np.diff(run.motor_velocity, axis=0, append=run.motor_velocity[-1:]) / timestep
+    torque = run.motor_torque + (further - added * moved) / robot.torque_gain
+    whole = plant.log(replace(run, motor_torque=torque))
+    kept = slice(len(before), len(before) + len(rotors))
+    return Cycle(**{name: values[kept] for name, values in vars(whole).items()})
 
 
-def stiffen(spec: mujoco.MjSpec, robot: Robot, rate: float) -> None:
-    """Give a model a fast servo.
+def _run_up(rotors: np.ndarray, timestep: float) -> np.ndarray:
+    """Positions of some time before a motion, from rest on; shape (steps, n_axes), in [rad]."""
+    steps = round(_RUN_UP / timestep)
+    share = np.arange(steps) / steps
+    # the way to go, over the first speed: the speed rises as 3 x^2 - 2 x^3
+    to_go = (share**3 - share**4 / 2 - 0.5) * _RUN_UP
+    speed = (rotors[1] - rotors[0]) / timestep
+    speed[np.abs(speed) * _RUN_UP / 2 < TURN] = 0.0  # at rest: the bristles stay as they are
+    way = rotors[0] + to_go[:, None] * speed
+    return np.concatenate([np.repeat(way[:1], _REST, axis=0), way])
+
+
+def prescribed_torque(robot: Robot, rotors: np.ndarray) -> np.ndarray:
+    """Compute the motor torque that moves the rotors of a robot in a given way.
 
     Args:
-        spec: The model, which is changed.
         robot: The robot.
-        rate: Where the poles of a rotor that is alone are, critically damped, in [rad] a step.
+        rotors: Position of the rotors at every simulation step, shape (steps, n_axes), in [rad].
+
+    Returns:
+        Torque of the motors at every step, same shape, in [N m].
+
+    Raises:
+        SimulationFailed: The simulation diverged.
     """
-    model = robot.model
-    frequency = rate / model.opt.timestep
-    for axis, inertia in enumerate(model.dof_M0[list(robot.motors)].tolist(), start=1):
-        set_servo(spec.actuator(f"drive{axis}"), inertia * frequency**2, 0, inertia * 2 * frequency)
+    return prescribed(robot, assemble(robot), rotors).motor_torque * robot.torque_gain

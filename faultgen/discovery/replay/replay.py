@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
 from faultgen.discovery.replay.followed import followed
-from faultgen.discovery.replay.prescribed import prescribed_torque, stiffen
+from faultgen.discovery.replay.prescribed import TURN, prescribed
 from faultgen.discovery.terms.candidates import INERTIA, Term, applied
 from faultgen.discovery.terms.inertia import apply_inertia
 from faultgen.effects import Applied, get_effect
@@ -24,16 +23,6 @@ from faultgen.simulation.stepping import simulate
 
 SETTLING = 0.3
 """Time that the simulation needs to settle after an axis begins to turn [s]: assumed."""
-
-TURN = 0.2
-"""Motor angle after which friction no longer depends on how the axis came to rest [rad]: assumed,
-about ten times the reach of the bristles."""
-
-_RATES = (0.35, 0.18, 0.09)
-"""Poles of the servo that follows measured positions [rad a step], the fastest first. A servo is
-stable up to about 0.8. Light rotors with much damping need a slower one."""
-
-_OFF = 0.1  # torque of the model that follows, less the torque that it needs, over the latter
 
 Changes = Sequence[tuple[Term, float]]
 """Terms and their values."""
@@ -51,25 +40,13 @@ class _Motion:
         return self.spline(times), self.spline(times, 1), self.spline(times, 2)
 
 
-def _following(robot: Robot) -> Robot:
-    """Return the same robot with all set points commanded."""
-    if np.all(robot.set_points == 1):
-        return robot
-    follower = copy.copy(robot)
-    object.__setattr__(follower, "set_points", np.ones(3))
-    return follower
-
-
 class Replay:
     """The motion of a recording, which can be simulated with changes of the model.
 
-    The model's own servo tracks either the commanded positions or the measured ones. Measured
-    positions are smoothed according to their own noise. All set points are commanded then, even
-    those that the servo does not use, and the feed-forward is the torque that this motion of the
-    rotors needs (`prescribed_torque`). The servo that follows measured positions is much faster
-    than that of the model, so that the rotors move as they were measured also with changes of the
-    model, and the torque does not depend on the servo. The controller is always that of the
-    unchanged model.
+    Either the rotors are on their measured positions (see `prescribed`), smoothed according to
+    their own noise, so that neither the servo nor its errors have a part in the torque. Or the
+    model's own servo tracks the commanded positions; the controller is always that of the unchanged
+    model.
     """
 
     def __init__(self, recording: Recording, robot: Robot, *, measured: bool | None = None) -> None:
@@ -78,13 +55,13 @@ class Replay:
         Args:
             recording: The measured data.
             robot: The model.
-            measured: Whether the measured positions are followed. None: if the recording has no
-                commanded ones.
+            measured: Whether the rotors are on their measured positions. None: if the recording
+                has no commanded ones.
         """
         self.recording = recording
         self.robot = robot
         self.measured = recording.reference_position is None if measured is None else measured
-        """Whether the measured positions are followed."""
+        """Whether the rotors are on their measured positions."""
         self.left_out: np.ndarray | None = None
         """Samples that are not compared, beside those of `samples.counted`; shape (samples,
         n_axes)."""
@@ -93,42 +70,21 @@ class Replay:
         if not self.measured:
             self.controls = self._controls(self.wanted)
             return
-        inside = settled(recording, robot)
-        self.wanted = followed(recording, robot, inside)
-        self.controls = self._controls(self.wanted)
-        at = robot.model.actuator_ctrladr[robot.ids("actuator", "drive")]
-        for control in self.controls:
-            with suppress(SimulationFailed):  # the torque of the rigid arm remains
-                control[:, at + 2] = prescribed_torque(robot, control[:, at])
-        for self._rate in _RATES:
-            if self._is_stable(inside, at + 2):
-                break
+        self.wanted = followed(recording, robot, settled(recording, robot))
+        self._rotors = [self._steps(part) for part in recording.parts]
 
-    def _is_stable(self, inside: np.ndarray, forward: np.ndarray) -> bool:
-        """Whether the unchanged model gives the torque that its motion needs.
-
-        Args:
-            inside: Samples that are compared, shape (samples, n_axes).
-            forward: Columns of this torque, the feed-forward, in `controls`, shape (n_axes,).
-        """
-        try:
-            torque = self._logged("motor_torque", ()) * self.robot.torque_gain
-        except SimulationFailed:
-            return False
+    def _steps(self, part: slice) -> np.ndarray:
+        """Rotor position at every step of a separate recording, shape (steps, n_axes), in [rad]."""
         timestep = self.robot.model.opt.timestep
-        for part, control in zip(self.recording.parts, self.controls, strict=True):
-            times = np.arange(part.stop - part.start) * self.recording.sample_period
-            steps = np.round(times / timestep).astype(int).clip(max=len(control) - 1)
-            rows, own = inside[part], control[steps][:, forward]
-            off = np.sum(np.where(rows, torque[part] - own, 0) ** 2, axis=0)
-            if np.any(off > _OFF**2 * np.sum(np.where(rows, own, 0) ** 2, axis=0)):
-                return False
-        return True
+        times = np.arange(part.stop - part.start) * self.recording.sample_period
+        steps = np.arange(round((times[-1] + timestep) / timestep)) * timestep
+        way = make_interp_spline(times, self.wanted[part])(np.minimum(steps, times[-1]))
+        return self.robot.gearing.outputs(way) * self.robot.gear_ratio
 
     def _controls(self, reference: np.ndarray) -> list[np.ndarray]:
         """Control signal of each separate recording, for positions of shape (samples, n_axes)."""
         recording = self.recording
-        robot = _following(self.robot) if self.measured else self.robot
+        robot = self.robot
         timestep = robot.model.opt.timestep
         controls = []
         for part in recording.parts:
@@ -184,7 +140,7 @@ class Replay:
         if self.recording.link:
             return self._logged("gear_torque", changes, disturbance)
         torque = self._logged("motor_torque", changes, disturbance)
-        if disturbance is not None:  # it went in as feed-forward, which the drive logs
+        if disturbance is not None:  # the drives of a robot that follows commands log their part
             torque -= disturbance / self.robot.torque_gain
         return torque if self.recording.side == "motor" else torque * self.robot.gear_ratio
 
@@ -213,18 +169,27 @@ class Replay:
         timestep = robot.model.opt.timestep
         by_temperature = self.by_temperature(changes)
         plant = None
-        for part, control in zip(recording.parts, self.controls, strict=True):
+        for number, part in enumerate(recording.parts):
             if plant is None or by_temperature:
                 plant = self._plant(changes, part)
-            if disturbance is not None:
-                control = self._pushed(control, disturbance[part])
-            every = _whole(recording.sample_period / timestep)
-            (run,) = simulate(robot, control, [plant], sample_period=every * timestep, lead_in=0.0)
-            values = getattr(run, channel)
+            times = np.arange(part.stop - part.start) * recording.sample_period
+            if self.measured:
+                run = prescribed(robot, plant, self._rotors[number])
+                values = getattr(run, channel)
+                every = _whole(recording.sample_period / timestep)
+                values = values[::every]
+            else:
+                control = self.controls[number]
+                if disturbance is not None:
+                    control = self._pushed(control, disturbance[part])
+                every = _whole(recording.sample_period / timestep)
+                (run,) = simulate(
+                    robot, control, [plant], sample_period=every * timestep, lead_in=0.0
+                )
+                values = getattr(run, channel)
             if every > 1 or np.isclose(recording.sample_period, timestep):
                 logged[part] = values[: part.stop - part.start]
                 continue
-            times = np.arange(part.stop - part.start) * recording.sample_period
             simulated = np.arange(len(values)) * timestep
             for axis in range(robot.n_axes):
                 logged[part, axis] = np.interp(times, simulated, values[:, axis])
@@ -265,8 +230,6 @@ class Replay:
     def _plant(self, changes: Changes, part: slice) -> Plant:
         recording, robot = self.recording, self.robot
         spec = robot.spec()
-        if self.measured:
-            stiffen(spec, robot, self._rate)
         apply_inertia(spec, robot, [change for change in changes if change[0].name == INERTIA])
         effects = applied(changes)
         temperature = None
