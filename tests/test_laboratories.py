@@ -14,11 +14,12 @@ from laboratories.arm import body_arrays, forward, inverse, workspace
 from laboratories.draw import BASE, LEVELS, draw_cases, draw_laboratory
 from laboratories.effects import CATALOGUE, UNLISTED, Effect, apply, axes_of, unit
 from laboratories.files import read_truth, write_truth
-from laboratories.make import make_laboratory, without_friction
+from laboratories.make import Session, make_laboratory, record, set_up, without_friction
 from laboratories.mjcf import Machine
 from laboratories.motions import MOTIONS, draw_motion
 from laboratories.noise import KINDS, draw_noise
-from laboratories.plant import DENSE, GRID, integrate
+from laboratories.oracle import Oracle
+from laboratories.plant import DENSE, GRID, STEP, integrate, whole
 from laboratories.robots import (
     ROBOTS,
     STILL,
@@ -83,7 +84,7 @@ def free(plant: Plant, seconds: float, angle: float = 0.0, speed: float = 0.0) -
     table = np.zeros((round(seconds / GRID) + 1, 3, 1))
     slow = np.tile(STILL, (1, 1))
     run: np.ndarray = integrate(
-        body_arrays(plant.machine), plant.table, table, slow, state, 1e-4, 0.0, False, np.zeros(1)
+        body_arrays(plant.machine), plant.table, table, slow, state, STEP, 0.0, False, np.zeros(1)
     )
     return run[:, 0]
 
@@ -157,7 +158,7 @@ def test_agrees_with_the_sealed_simulator() -> None:
     """The same healthy PUMA on the same motion: motor torques differ by less than 0.1 %."""
     physics = nominal_physics(load_robot("puma560"))
     table = physics.table.copy()
-    plant, _ = with_servo(nominal(machine_of("puma560")), "model", 0.0, 1e-4)
+    plant, _ = with_servo(nominal(machine_of("puma560")), "model", 0.0, STEP)
     # without a rise at low speed, both friction laws are Dahl's
     for axis in range(6):
         level = float(plant.column("COULOMB")[axis])
@@ -172,6 +173,37 @@ def test_agrees_with_the_sealed_simulator() -> None:
         torque = sampled(own, times)[:, :, 2]
         error = np.sqrt(((torque - theirs) ** 2).mean(axis=0) / (theirs**2).mean(axis=0))
         assert (error < 1e-3).all(), error
+
+
+@pytest.mark.parametrize("robot", ["scara4", "lift1"])
+def test_oracle_sees_the_recorded_motion(robot: str) -> None:
+    """The oracle's torque of the robot is the recorded one but for noise, on every axis."""
+    lab = draw_laboratory("development", 1)
+    changes = {"robot": robot, "seconds": 5.0, "segments": 2, "level": 0.002, "rate": 250}
+    lab = replace(lab, factors=BASE | changes)
+    setup = set_up(lab)
+    oracle = Oracle(
+        setup.ideal, setup.robot, setup.points[:2], setup.noise, setup.period, setup.lab
+    )
+    n = lab.machine.n_axes
+    day = Session(np.ones(n), np.full(len(setup.motions), 40.0), np.ones(len(setup.motions)))
+    arrays, _ = record(setup, [], day, range(2), np.random.default_rng(0))
+    seen = np.concatenate([torque for torque, _ in oracle._healthy])
+    assert seen.shape == arrays["motor_torque"].shape
+    for axis in range(n):
+        assert np.corrcoef(seen[:, axis], arrays["motor_torque"][:, axis])[0, 1] > 0.999
+
+
+def test_steps_must_divide() -> None:
+    """A step that does not divide the time between rows, or a servo's period, is refused."""
+    assert whole(DENSE, STEP) == 4
+    assert all(whole(period, STEP) for period in LEVELS["servo_period"])
+    for time, part in ((DENSE, 2e-4), (0.25e-3, 1e-4), (1e-4, STEP)):
+        with pytest.raises(ValueError, match="does not divide"):
+            whole(time, part)
+    plant, points, _ = healthy_puma()
+    with pytest.raises(ValueError, match="0.0002 s does not divide 0.0005 s"):
+        simulate(plant, points, step=2e-4)
 
 
 @pytest.mark.parametrize("kind", MOTIONS)

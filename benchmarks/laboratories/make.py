@@ -28,6 +28,7 @@ from laboratories.robots import (
     nominal,
     random_robot,
     robot_file,
+    sample_times,
     sampled,
     set_points,
     simulate,
@@ -92,7 +93,7 @@ def set_up(lab: Laboratory) -> Setup:
     others = [kind for kind in ("task", "multisine") if count > 0]
     motions += [draw_motion(kind, machine, 2.5, rng) for kind in others]
     points = tuple(set_points(machine, m.q, m.qd, m.qdd) for m in motions)
-    runs = tuple(simulate(ideal, one, step=2e-4) for one in points)
+    runs = tuple(simulate(ideal, one) for one in points)
     rows = np.concatenate(runs)
     ideal = ideal.with_columns(
         X_REF=np.sqrt(np.mean(rows[:, :, 1] ** 2, axis=0)),
@@ -191,8 +192,8 @@ def record(
     errors, torques = [], []
     for motion in motions:
         run = simulate(plant, setup.points[motion], _slow(session, motion, effects))
-        samples = int(setup.motions[motion].seconds / period) + 1
-        times = period * np.arange(samples)
+        times = sample_times(len(setup.points[motion]), period)
+        samples = len(times)
         if factors["jitter"]:
             late = factors["jitter"] * period * rng.standard_normal(samples)
             times = np.maximum.accumulate(np.maximum(times + late, 0))

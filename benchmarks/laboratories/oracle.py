@@ -24,11 +24,10 @@ from laboratories.effects import (
     unit,
 )
 from laboratories.noise import TorqueNoise
-from laboratories.robots import STILL, Plant, parameters, perturbed, sampled, simulate
+from laboratories.robots import STILL, Plant, parameters, perturbed, sample_times, sampled, simulate
 
 DETECTED = 4.0
 """d' at the limit: an ideal search of 120 candidates with 1 % false alarms finds half of them."""
-_STEP = 2e-4  # [s]
 _DIFFERENCE = 0.05  # of parameters, for the sensitivities
 _WARM = (32.0, 52.0, 38.0, 45.0)  # temperatures of the motions, in turn [deg C]
 
@@ -63,9 +62,8 @@ class Oracle:
                 if effect.name == "temperature_friction":
                     warm = _WARM[motion % len(_WARM)]
                     slow[effect.axis - 1, :4] *= temperature_factors(warm, effect.severity)
-            run = simulate(plant, points, slow, step=_STEP)
-            seconds = (len(run) - 1) * 5e-4
-            seen = sampled(run, np.arange(0, seconds, self.period))
+            run = simulate(plant, points, slow)
+            seen = sampled(run, sample_times(len(points), self.period))
             out.append((logged_torque(effects, seen[:, :, 2], self.period), seen[:, :, 1]))
         return out
 

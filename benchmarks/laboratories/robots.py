@@ -15,7 +15,7 @@ import numpy as np
 from laboratories.arm import body_arrays, inverse
 from laboratories.mjcf import Machine, read_machine
 from laboratories.parameters import INDEX, NAMES
-from laboratories.plant import DENSE, STEP, integrate
+from laboratories.plant import DENSE, GRID, STEP, integrate
 
 PACKAGE = Path(__file__).parents[2] / "robots"
 OWN = Path(__file__).with_name("robots")
@@ -145,6 +145,19 @@ def simulate(
     if not np.isfinite(run).all() or np.abs(run[:, :, 1]).max() > 1e4:
         raise FloatingPointError("the simulation diverged")
     return run
+
+
+def sample_times(rows: int, period: float) -> np.ndarray:
+    """Times of the samples of a motion.
+
+    Args:
+        rows: Rows of the motion, one every `plant.GRID`.
+        period: Between two samples [s].
+
+    Returns:
+        Times from 0 to the end of the motion [s].
+    """
+    return period * np.arange(int((rows - 1) * GRID / period + 1e-6) + 1)
 
 
 def sampled(run: np.ndarray, times: np.ndarray) -> np.ndarray:
