@@ -27,6 +27,7 @@ from laboratories.robots import (
     machine_of,
     nominal,
     robot_file,
+    rotor_motion,
     sampled,
     set_points,
     simulate,
@@ -204,6 +205,21 @@ def test_steps_must_divide() -> None:
     plant, points, _ = healthy_puma()
     with pytest.raises(ValueError, match="0.0002 s does not divide 0.0005 s"):
         simulate(plant, points, step=2e-4)
+
+
+def test_prescribed_rotors_need_the_same_torque() -> None:
+    """On its own motion a robot needs its own torque; friction adds itself, a delay nothing."""
+    plant, points, healthy = healthy_puma()
+    machine, follow = machine_of("puma560"), rotor_motion(plant, points)
+    same = simulate(plant, points, follow=follow)
+    assert np.allclose(same, healthy, rtol=0, atol=1e-8 * np.abs(healthy).max(axis=(0, 1)))
+    late = simulate(apply(Effect("delay", 2, 2e-3), plant, machine), points, follow=follow)
+    assert np.array_equal(late, same)
+    moved = simulate(plant.changed(2, OFFSET=1.25), points, follow=follow)
+    change = moved[:, :, 2] - same[:, :, 2]
+    expected = float(plant.column("OFFSET")[1]) - 1.25
+    assert np.allclose(change[:, 1], expected, atol=1e-9)
+    assert np.abs(change[:, [0, 2, 3, 4, 5]]).max() < 1e-9
 
 
 @pytest.mark.parametrize("kind", MOTIONS)

@@ -30,8 +30,8 @@ def write_case(
         folder: Folder of the case.
         robot: Name of the robot, or path of its model relative to the folder.
         sample_period: [s].
-        files: Arrays by file and name; `segments` becomes an attribute. docs/measured.md describes
-            the names.
+        files: Arrays by file and name; `segments` becomes an attribute, `time` is left out.
+            docs/measured.md describes the names.
         mode: 'twin', 'alone' or 'both'.
     """
     folder.mkdir(parents=True, exist_ok=True)
@@ -41,7 +41,7 @@ def write_case(
             file.attrs["sample_period"] = sample_period
             file.attrs["segments"] = np.asarray(arrays["segments"], dtype=np.int64)
             for channel, values in arrays.items():
-                if channel != "segments":
+                if channel not in ("segments", "time"):
                     # angles of a motor need the digits; torque is coarser than float32
                     exact = channel.endswith("position")
                     kind = np.float64 if exact else np.float32

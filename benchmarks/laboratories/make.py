@@ -181,7 +181,8 @@ def record(
         rng: Source of randomness, of the noise.
 
     Returns:
-        The arrays of docs/measured.md with `segments`, and the gap that noise alone would leave.
+        The arrays of docs/measured.md with `segments` and the true `time`, and the gap that noise
+        alone would leave.
     """
     factors, period = setup.lab.factors, setup.period
     plant = setup.robot
@@ -209,6 +210,7 @@ def record(
         k = x.astype(int)
         f = (x - k)[:, None]
         parts = {
+            "time": times,
             "motor_position": position,
             "motor_velocity": np.gradient(position, period, axis=0),
             "motor_torque": torques[-1],

@@ -235,6 +235,7 @@ def integrate(
     lead: float,
     servo_on: bool,
     integral: np.ndarray,
+    follow: np.ndarray | None = None,
 ) -> np.ndarray:
     """Run a robot along set points.
 
@@ -249,6 +250,8 @@ def integrate(
         lead: Time at rest before the first row [s]; 0 for none.
         servo_on: Whether there is a servo; without one the motors give no torque.
         integral: Value of the servo's integral at the beginning, shape (n_axes,).
+        follow: Motor speed at every step from the beginning of the lead, shape (steps, n_axes). The
+            rotors then move like that, and the torque is what the motors need for it.
 
     Returns:
         Shape (rows, n_axes, channels), every `DENSE`, as in `CHANNELS`.
@@ -259,14 +262,59 @@ def integrate(
     every = whole(DENSE, step)
     before = whole(lead, step) if lead else 0
     ticks = np.array([whole(period, step) for period in p[:, PERIOD]], np.int64)
-    run: np.ndarray = _run(
-        body, p, table, slow, state, step, every, before, ticks, servo_on, integral
+    track = np.zeros((0, len(p))) if follow is None else follow
+    run: np.ndarray
+    run, _ = _run(
+        body, p, table, slow, state, step, every, before, ticks, servo_on, integral, track
     )
     return run
 
 
+def motor_speeds(
+    body: Body,
+    p: np.ndarray,
+    table: np.ndarray,
+    slow: np.ndarray,
+    state: np.ndarray,
+    step: float,
+    lead: float,
+    integral: np.ndarray,
+) -> np.ndarray:
+    """Motor speeds of a run with its servo, for the `follow` of other runs.
+
+    Args:
+        body: As for `integrate`, like all others.
+        p: Same.
+        table: Same.
+        slow: Same.
+        state: Same.
+        step: Same.
+        lead: Same.
+        integral: Same.
+
+    Returns:
+        Shape (steps, n_axes), from the beginning of the lead, in [rad/s].
+    """
+    before = whole(lead, step) if lead else 0
+    ticks = np.array([whole(period, step) for period in p[:, PERIOD]], np.int64)
+    every, none = whole(DENSE, step), np.zeros((0, len(p)))
+    speeds: np.ndarray
+    _, speeds = _run(body, p, table, slow, state, step, every, before, ticks, True, integral, none)
+    return speeds
+
+
 @njit(cache=True)
-def _run(body, p, table, slow, state, step, every, before, ticks, servo_on, integral):  # type: ignore[no-untyped-def]
+def _needed(p, given):  # type: ignore[no-untyped-def]
+    """Torque that a motor must be commanded for a torque on its rotor [N m]."""
+    drive = given
+    if p[X_CONSTANT] != 0:
+        for _ in range(8):  # contracts by 0.2 X_CONSTANT or less each time
+            drive = given / (1 - p[X_CONSTANT] * (0.9 + 0.2 * abs(drive) / p[LIMIT]))
+    return drive
+
+
+@njit(cache=True)
+def _run(body, p, table, slow, state, step, every, before, ticks, servo_on, integral, track):  # type: ignore[no-untyped-def]
     """Do what `integrate` says; `every`, `before` and `ticks` count steps."""
     n = len(p)
     rows = (len(table) - 1) * _DENSER + 1
@@ -280,9 +328,12 @@ def _run(body, p, table, slow, state, step, every, before, ticks, servo_on, inte
     kept = integral.copy()
     work = workspace(n)
     total = before + (rows - 1) * every + 1
+    followed = len(track) > 0
+    speeds = np.zeros((total + 1, n))
+    speeds[0] = w
     for k in range(total):
         t = (k - before) * step
-        if servo_on:
+        if servo_on and not followed:
             for i in range(n):
                 if k % ticks[i] == 0:
                     drive[i] = _servo(p[i], th[i], w[i], table, t, i, kept, False)
@@ -314,14 +365,21 @@ def _run(body, p, table, slow, state, step, every, before, ticks, servo_on, inte
                     p[i, VISCOUS] * p[i, X_VISCOUS] * 1.15 / (1 + 0.15 * abs(wm) / p[i, X_REF])
                 )
             friction += viscous * wm
-            given = drive[i]
-            if p[i, X_CONSTANT] != 0:
+            given = 0.0 if followed else drive[i]
+            if not followed and p[i, X_CONSTANT] != 0:
                 given *= 1 - p[i, X_CONSTANT] * (0.9 + 0.2 * abs(drive[i]) / p[i, LIMIT])
             given += p[i, OFFSET] + p[i, X_TORQUE] * slow[i, 4]
             if p[i, X_RIPPLE] != 0:
                 phase = p[i, X_ORDER] * thm[i] + p[i, X_PHASE]
                 given -= p[i, X_RIPPLE] * (math.sin(phase) + 0.12 * math.sin(3 * phase))
-            acc[i] = (given - friction - load) / p[i, ROTOR]
+            if followed:
+                acc[i] = (track[k + 1, i] - track[k, i]) / step
+                # `given` still is what acts without a motor's torque
+                drive[i] = _needed(p[i], acc[i] * p[i, ROTOR] + friction + load - given)
+                if k >= before and (k - before) % every == 0:
+                    out[(k - before) // every, i, 2] = drive[i]
+            else:
+                acc[i] = (given - friction - load) / p[i, ROTOR]
         for i in range(n):
             if p[i, X_SPRING] != 0:
                 joint[i] -= p[i, X_SPRING] * qm[i] * (1 - 0.04 * qm[i] ** 2)
@@ -346,4 +404,5 @@ def _run(body, p, table, slow, state, step, every, before, ticks, servo_on, inte
             z[i] = dahl(p[i], top * (1 - p[i, SMOOTH]), after - thm[i], z[i])
             th[i] = after
             lagged[i] += (w[i] - lagged[i]) * step / _LAG
-    return out
+            speeds[k + 1, i] = w[i]
+    return out, speeds

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from laboratories.arm import body_arrays, inverse
+from laboratories.arm import Body, body_arrays, inverse
 from laboratories.mjcf import Machine, read_machine
 from laboratories.parameters import INDEX, NAMES
-from laboratories.plant import DENSE, GRID, STEP, integrate
+from laboratories.plant import DENSE, GRID, STEP, integrate, motor_speeds
 
 PACKAGE = Path(__file__).parents[2] / "robots"
 OWN = Path(__file__).with_name("robots")
@@ -112,8 +112,28 @@ def set_points(machine: Machine, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray)
     return np.ascontiguousarray(np.stack([machine.ratio * q, w, forward], axis=1))
 
 
+def _at_rest(plant: Plant, points: np.ndarray) -> tuple[Body, np.ndarray, np.ndarray]:
+    """Arm, state and integral of the servo before a motion, as `plant.integrate` takes them."""
+    body = body_arrays(plant.machine)
+    ratio = plant.column("RATIO")
+    motor = points[0, 0] + ratio * plant.column("X_ENCODER")
+    joint, still = motor / ratio, np.zeros(len(plant.table))
+    load = inverse(body, joint[None], still[None], still[None])[0]
+    state = np.stack([joint - load / plant.column("STIFF"), still, motor, still])
+    # the integral holds the load already, as after a long rest
+    gain = plant.column("KI")
+    hold = load / ratio - plant.column("FORWARD") * points[0, 2]
+    integral = np.where(gain > 0, hold / np.where(gain > 0, gain, 1.0), 0.0)
+    return body, state, integral
+
+
 def simulate(
-    plant: Plant, points: np.ndarray, slow: np.ndarray | None = None, *, step: float = STEP
+    plant: Plant,
+    points: np.ndarray,
+    slow: np.ndarray | None = None,
+    *,
+    step: float = STEP,
+    follow: np.ndarray | None = None,
 ) -> np.ndarray:
     """Run a robot along set points, from rest.
 
@@ -122,6 +142,7 @@ def simulate(
         points: From `set_points`.
         slow: See `plant.integrate`, shape (n_axes, 5); default: nothing changes.
         step: [s].
+        follow: From `rotor_motion`: the rotors move like that, and there is no servo.
 
     Returns:
         Shape (rows, n_axes, channels), as in `plant.CHANNELS`, every `plant.DENSE`.
@@ -129,22 +150,27 @@ def simulate(
     Raises:
         FloatingPointError: The simulation diverged.
     """
-    n = len(plant.table)
-    slow = np.tile(STILL, (n, 1)) if slow is None else slow
-    body = body_arrays(plant.machine)
-    ratio = plant.column("RATIO")
-    motor = points[0, 0] + ratio * plant.column("X_ENCODER")
-    joint, still = motor / ratio, np.zeros(n)
-    load = inverse(body, joint[None], still[None], still[None])[0]
-    state = np.stack([joint - load / plant.column("STIFF"), still, motor, still])
-    # the integral holds the load already, as after a long rest
-    gain = plant.column("KI")
-    hold = load / ratio - plant.column("FORWARD") * points[0, 2]
-    integral = np.where(gain > 0, hold / np.where(gain > 0, gain, 1.0), 0.0)
-    run: np.ndarray = integrate(body, plant.table, points, slow, state, step, LEAD, True, integral)
+    slow = np.tile(STILL, (len(plant.table), 1)) if slow is None else slow
+    body, state, integral = _at_rest(plant, points)
+    run = integrate(body, plant.table, points, slow, state, step, LEAD, True, integral, follow)
     if not np.isfinite(run).all() or np.abs(run[:, :, 1]).max() > 1e4:
         raise FloatingPointError("the simulation diverged")
     return run
+
+
+def rotor_motion(plant: Plant, points: np.ndarray) -> np.ndarray:
+    """How the rotors of a robot move along set points, for `simulate`.
+
+    Args:
+        plant: The robot with its servo.
+        points: From `set_points`.
+
+    Returns:
+        Motor speed at every `plant.STEP`, shape (steps, n_axes), in [rad/s].
+    """
+    slow = np.tile(STILL, (len(plant.table), 1))
+    body, state, integral = _at_rest(plant, points)
+    return motor_speeds(body, plant.table, points, slow, state, STEP, LEAD, integral)
 
 
 def sample_times(rows: int, period: float) -> np.ndarray:
