@@ -32,11 +32,15 @@ from laboratories.robots import (
     sampled,
     set_points,
     simulate,
+    with_worn_forward,
 )
 from laboratories.servo import with_servo
 
 _TEMPERATURES = (30.0, 55.0)
-_CURRENT = (0.03, 0.005)  # error of the gain; of the offset, over the torque limit
+CURRENT = (0.03, 0.005)
+"""Largest error of a current's gain, and of its zero over the torque limit; even distributions."""
+LOG_GAIN = (0.03, 0.2)
+"""Smallest and largest error of the gain of a torque log, drawn evenly in its logarithm."""
 _QUADRATURE = 4
 _COMMON, _OWN = 0.8, 0.6  # of differences between runs: of all axes together, of each
 
@@ -69,6 +73,31 @@ class Setup:
     def period(self) -> float:
         """Sample period [s]."""
         return 1.0 / float(self.lab.factors["rate"])
+
+
+def log_gain(lab: Laboratory) -> np.ndarray:
+    """Gain of the torque log of each axis, shape (n_axes,): wrong for none, for all or for some."""
+    n, rng = lab.machine.n_axes, np.random.default_rng([lab.seed, 8])
+    low, high = np.log(LOG_GAIN)
+    size = rng.choice([-1.0, 1.0], n) * np.exp(rng.uniform(low, high, n))
+    some = rng.uniform(size=n) < 0.5
+    some[rng.integers(n)] = True
+    kinds = {"right": 0 * size, "robot": np.full(n, size[0]), "axes": np.where(some, size, 0)}
+    gain: np.ndarray = 1 + kinds[lab.factors["log_gain"]]
+    return gain
+
+
+def beside(lab: Laboratory, mode: str) -> list[dict[str, Any]]:
+    """What a recording has in every case of a laboratory, and a perfect answer may list.
+
+    A log whose gain is g shows what a motor does whose torque constant is lower by 1 - 1 / g. A
+    healthy recording of the same robot has it as well.
+    """
+    gain = log_gain(lab) if mode == "alone" else np.ones(lab.machine.n_axes)
+    return [
+        {"name": "torque_constant", "axis": axis + 1, "severity": float(1 - 1 / gain[axis])}
+        for axis in np.flatnonzero(gain != 1).tolist()
+    ]
 
 
 def set_up(lab: Laboratory) -> Setup:
@@ -121,8 +150,8 @@ def set_up(lab: Laboratory) -> Setup:
         points=points,
         runs=runs,
         noise=noise,
-        gain=1 + current * _CURRENT[0] * rng.uniform(-1, 1, n),
-        zero=current * _CURRENT[1] * machine.limit * rng.uniform(-1, 1, n),
+        gain=log_gain(lab) * (1 + current * CURRENT[0] * rng.uniform(-1, 1, n)),
+        zero=current * CURRENT[1] * machine.limit * rng.uniform(-1, 1, n),
         n_measured=count,
     )
 
@@ -192,7 +221,10 @@ def record(
     arrays: dict[str, list[np.ndarray]] = {}
     errors, torques = [], []
     for motion in motions:
-        run = simulate(plant, setup.points[motion], _slow(session, motion, effects))
+        slow, points = _slow(session, motion, effects), setup.points[motion]
+        if factors["feed_forward"] == "worn":
+            points = with_worn_forward(points, setup.lab.machine, plant, slow)
+        run = simulate(plant, points, slow)
         times = sample_times(len(setup.points[motion]), period)
         samples = len(times)
         if factors["jitter"]:
@@ -304,7 +336,8 @@ def record_case(
     validate, floor = record(setup, effects, after, beyond, rng)
     healthy, _ = record(setup, [], before, inside, rng)
     files = {"measured": measured, "validate": validate, "healthy": healthy}
-    write_case(folder, robot, setup.period, files, "both")
+    known = setup.lab.factors["times"] == "known"
+    write_case(folder, robot, None if known else setup.period, files, "both")
     return floor
 
 
@@ -343,6 +376,7 @@ def make_laboratory(lab: Laboratory, folder: Path) -> list[dict[str, Any]]:
                     "d_prime": found,
                     "separation": apart,
                     "floor": floor,
+                    "beside": beside(lab, mode),
                     "stressed": list(lab.stressed),
                     "factors": lab.factors | {"possible_bandwidth": round(setup.bandwidth, 2)},
                 }

@@ -176,6 +176,38 @@ def level(p, w, lagged, q, load, factor, warm):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def viscous(p, w, factor):  # type: ignore[no-untyped-def]
+    """Viscous friction of an axis at a speed [N m s/rad]; see `level` for the arguments."""
+    out = p[VISCOUS] * factor[0]
+    if p[X_VISCOUS] != 0:
+        out += p[VISCOUS] * p[X_VISCOUS] * 1.15 / (1 + 0.15 * abs(w) / p[X_REF])
+    return out
+
+
+@njit(cache=True)
+def steady_friction(p, w, q, load, slow):  # type: ignore[no-untyped-def]
+    """Friction at steady speeds, smooth where the motor turns back: what a controller may know.
+
+    Args:
+        p: Shape (n_axes, columns).
+        w: Motor speed, shape (times, n_axes), in [rad/s].
+        q: Joint position, same shape.
+        load: Torque of the gearbox over the ratio, same shape, in [N m].
+        slow: See `integrate`.
+
+    Returns:
+        Same shape, in [N m].
+    """
+    out = np.zeros_like(w)
+    for k in range(len(w)):
+        for i in range(len(p)):
+            top = level(p[i], w[k, i], w[k, i], q[k, i], load[k, i], slow[i], 0.0)
+            out[k, i] = top * math.tanh(w[k, i] / (0.5 * p[i, SPEED]))
+            out[k, i] += viscous(p[i], w[k, i], slow[i]) * w[k, i]
+    return out
+
+
+@njit(cache=True)
 def dahl(p, top, turned, z):  # type: ignore[no-untyped-def]
     """Bristle torque after the motor turned by an angle, in closed form [N m].
 
@@ -359,12 +391,7 @@ def _run(body, p, table, slow, state, step, every, before, ticks, servo_on, inte
             hard = top * (1 - p[i, SMOOTH])
             z[i] = dahl(p[i], hard, thm[i] - th[i], z[i])
             friction = z[i] + top * p[i, SMOOTH] * math.tanh(wm / p[i, TANH])
-            viscous = p[i, VISCOUS] * slow[i, 0]
-            if p[i, X_VISCOUS] != 0:
-                viscous += (
-                    p[i, VISCOUS] * p[i, X_VISCOUS] * 1.15 / (1 + 0.15 * abs(wm) / p[i, X_REF])
-                )
-            friction += viscous * wm
+            friction += viscous(p[i], wm, slow[i]) * wm
             given = 0.0 if followed else drive[i]
             if not followed and p[i, X_CONSTANT] != 0:
                 given *= 1 - p[i, X_CONSTANT] * (0.9 + 0.2 * abs(drive[i]) / p[i, LIMIT])

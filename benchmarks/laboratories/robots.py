@@ -15,7 +15,7 @@ import numpy as np
 from laboratories.arm import Body, body_arrays, inverse
 from laboratories.mjcf import Machine, read_machine
 from laboratories.parameters import INDEX, NAMES
-from laboratories.plant import DENSE, GRID, STEP, integrate, motor_speeds
+from laboratories.plant import DENSE, GRID, STEP, integrate, motor_speeds, steady_friction
 
 PACKAGE = Path(__file__).parents[2] / "robots"
 OWN = Path(__file__).with_name("robots")
@@ -106,10 +106,38 @@ def set_points(machine: Machine, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray)
     """
     load = inverse(body_arrays(machine), q, qd, qdd) / machine.ratio
     w = machine.ratio * qd
-    share = np.tanh(w / (0.5 * machine.stribeck))
-    friction = machine.coulomb * share + machine.viscous * w - machine.offset * np.abs(share)
-    forward = load + machine.rotor * machine.ratio * qdd + friction
+    forward = load + machine.rotor * machine.ratio * qdd + _told_friction(machine, w)
     return np.ascontiguousarray(np.stack([machine.ratio * q, w, forward], axis=1))
+
+
+def _told_friction(machine: Machine, w: np.ndarray) -> np.ndarray:
+    """Friction by the model's numbers at motor speeds, without its rise at rest [N m]."""
+    share = np.tanh(w / (0.5 * machine.stribeck))
+    out: np.ndarray = machine.coulomb * share + machine.viscous * w
+    return out - machine.offset * np.abs(share)
+
+
+def with_worn_forward(
+    points: np.ndarray, model: Machine, plant: Plant, slow: np.ndarray
+) -> np.ndarray:
+    """Set points of a controller that was told the present friction of the robot.
+
+    Args:
+        points: From `set_points` of the model.
+        model: The model.
+        plant: The robot as it is now.
+        slow: See `plant.integrate`, shape (n_axes, 5).
+
+    Returns:
+        The set points; friction in the feed-forward torque is that of the robot.
+    """
+    w = points[:, 1]
+    rotor = model.rotor * np.gradient(w, GRID, axis=0)
+    load = points[:, 2] - _told_friction(model, w) - rotor
+    friction = steady_friction(plant.table, w, points[:, 0] / model.ratio, load, slow)
+    out = points.copy()
+    out[:, 2] += friction - _told_friction(model, w)
+    return out
 
 
 def _at_rest(plant: Plant, points: np.ndarray) -> tuple[Body, np.ndarray, np.ndarray]:
