@@ -7,7 +7,6 @@ from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 
-import laboratories_score
 import numpy as np
 import pytest
 from laboratories.arm import body_arrays, forward, inverse, workspace
@@ -32,13 +31,11 @@ from laboratories.robots import (
     set_points,
     simulate,
 )
-from laboratories.score import judge, share
 from laboratories.servo import SERVOS, with_servo
 from sealed.motions import protocol
 from sealed.physics import LEAD, SAMPLE_PERIOD, nominal_physics
 from sealed.physics import set_points as sealed_points
 from sealed.physics import simulate as sealed_simulate
-from typer.testing import CliRunner
 
 from faultgen.discovery import check_recording, read_recording
 from faultgen.robot import load_robot
@@ -359,73 +356,3 @@ def test_a_model_can_lack_friction(tmp_path: Path) -> None:
 
     assert np.allclose(read_machine(path).coulomb, 0.01 * machine_of("puma560").coulomb)
     assert np.allclose(read_machine(path).viscous, 0.01 * machine_of("puma560").viscous)
-
-
-def test_scores_by_hand() -> None:
-    """Measures of answers whose score is known."""
-    truth = {
-        "name": "a",
-        "mode": "alone",
-        "kind": "single",
-        "effects": [{"name": "backlash", "axis": 2, "severity": 1e-3}],
-        "factors": {"noise": "constant"},
-        "d_prime": 20.0,
-        "floor": 0.1,
-    }
-    gap = {"validation": {"before": 0.5, "after": 0.3}}
-    named = {"verdict": "named", "effects": [{"effect": "backlash", "axis": 2}], "gap": gap}
-    row = judge(truth, named)
-    assert row.first and row.listed and row.axis and not row.wrong and row.healthy is None
-    assert row.closed == pytest.approx((0.25 - 0.09) / (0.25 - 0.01))
-    other = {"verdict": "named", "effects": [{"effect": "delay", "axis": 2}]}
-    row = judge(truth, other)
-    assert row.wrong and row.axis and not row.first and row.closed is None
-    unsure = {
-        "verdict": "ambiguous",
-        "effects": other["effects"],
-        "alternatives": named["effects"],
-    }
-    row = judge(truth, unsure)
-    assert row.listed and not row.first and not row.wrong
-    faint = truth | {"d_prime": 3.0}
-    row = judge(faint, other)
-    assert row.first is None and row.wrong and row.oracle is False
-    nothing = {"verdict": "no missing effect", "effects": []}
-    assert judge(truth | {"kind": "healthy", "effects": []}, nothing).healthy
-    odd = truth | {"kind": "unlisted"}
-    assert judge(odd, {"verdict": "unknown effect", "effects": []}).unknown
-    learned = {"verdict": "named", "effects": [{"effect": "learned", "axis": 2}]}
-    assert judge(odd, learned).unknown and not judge(odd, learned).wrong
-    wrong_axis = {"verdict": "named", "effects": [{"effect": "learned", "axis": 1}]}
-    assert not judge(odd, wrong_axis).unknown and judge(odd, wrong_axis).wrong
-    one = share([judge(truth, named), judge(truth, other)], "first")
-    assert (one["hits"], one["count"]) == (1, 2)
-    assert one["low"] == pytest.approx(0.0945, abs=1e-3)  # Wilson, 1 of 2
-
-
-def test_command_scores_what_is_answered(tmp_path: Path) -> None:
-    """With all answers there, the command prints and writes the table; it refuses bad factors."""
-    case = {
-        "name": "case_1",
-        "mode": "twin",
-        "kind": "healthy",
-        "effects": [],
-        "factors": {"noise": "by_motion", "robot": "puma560"},
-    }
-    other = case | {"name": "case_2", "mode": "alone"}
-    write_truth([case, other], tmp_path / "truth.json")
-    (tmp_path / "mine").mkdir()
-    for name, verdict in (("case_1", "no missing effect"), ("case_2", "unknown effect")):
-        answer = {"verdict": verdict, "effects": [], "seconds": 2.0}
-        (tmp_path / "mine" / f"{name}.json").write_text(json.dumps(answer))
-        # the folder of a case is read only when it has no answer
-    saved = tmp_path / "scores.json"
-    command = ["--trial", str(tmp_path), "--results", "mine", "--save", str(saved)]
-    done = CliRunner().invoke(laboratories_score.app, command)
-    assert done.exit_code == 0, done.output
-    groups = json.loads(saved.read_text())["groups"]
-    assert groups["twin, noise = by_motion"]["healthy"]["hits"] == 1
-    assert groups["alone"]["healthy"]["hits"] == 0
-    assert "| twin, noise = by_motion |" in done.output
-    for bad in ("colour=red", "noise=loud"):
-        assert CliRunner().invoke(laboratories_score.app, ["--factor", bad]).exit_code == 2

@@ -1,4 +1,4 @@
-"""Factors of the laboratories that were added later: logs, clocks, controllers, loads, real noise."""
+"""Factors of the laboratories that came later: logs, clocks, controllers, loads, real noise."""
 
 from __future__ import annotations
 
