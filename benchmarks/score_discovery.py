@@ -26,7 +26,7 @@ from tqdm import tqdm
 
 from faultgen.system.files import write_text
 
-Set = StrEnum("Set", list(batches.SETS))
+Set = StrEnum("Set", ["development", "report"])
 CACHE = Path.home() / ".cache" / "faultgen-sealed"
 PLAN, VERSION, PAGE, SCORES = "plan.json", "version.txt", "score.md", "score_all.json"
 

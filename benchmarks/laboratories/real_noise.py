@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
@@ -39,14 +40,15 @@ def _torques(machine: str) -> list[tuple[float, np.ndarray]]:
         return [(1e-3, table[:, 4:5])]
     if machine == "ur10e":
         with np.load(folder / "test_50s_feb12.npz") as raw:
-            period = float(np.median(np.diff(raw["t"])))
-            even = np.arange(raw["t"][0], raw["t"][-1], period)
-            return [(period, np.stack([np.interp(even, raw["t"], x) for x in raw["i"].T], axis=1))]
+            time, current = np.asarray(raw["t"]), np.asarray(raw["i"])
+        period = float(np.median(np.diff(time)))
+        even = np.arange(time[0], time[-1], period)
+        return [(period, np.stack([np.interp(even, time, x) for x in current.T], axis=1))]
     out = []
     for name in ("opti_traj_testing1", "opti_traj_testing2"):
         path = folder / f"{name}.csv.gz"
-        table = np.genfromtxt(path, delimiter=",", names=True)
-        out.append((1e-3, np.stack([table[f"TorqueCur{k}"] for k in range(1, 8)], axis=1)))
+        named: Any = np.genfromtxt(path, delimiter=",", names=True)
+        out.append((1e-3, np.stack([named[f"TorqueCur{k}"] for k in range(1, 8)], axis=1)))
     return out
 
 

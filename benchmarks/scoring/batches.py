@@ -7,7 +7,7 @@ for batch in planned("development", cache):
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +73,7 @@ def planned(which: str, cache: Path) -> list[Batch]:
     sealed: list[Case] = []
     for mode in ("twin", "alone"):
         sealed += plan_cases(SEALED_SEEDS[which], mode, limits, SEALED, SEALED_MULTIPLES)
-    sealed += _logs(which, limits)
+    sealed = [_rounded(case) for case in sealed] + _logs(which, limits)
     batches += [{"name": case.name, "kind": "sealed", "what": case.as_dict()} for case in sealed]
     for number, name in enumerate(OWN):
         (case,) = (one for one in OWN_CASES if one[0] == name)
@@ -82,6 +82,12 @@ def planned(which: str, cache: Path) -> list[Batch]:
         batches.append({"name": f"own_{name or 'healthy'}", "kind": "own", "what": own})
     batches += [{"name": name, "kind": "real", "what": {}} for name in real.MACHINES]
     return batches
+
+
+def _rounded(case: Case) -> Case:
+    """The case with four digits of its severities, so that a plan is the same on any machine."""
+    effects = (replace(e, severity=float(f"{e.severity:.4g}")) for e in case.effects)
+    return replace(case, effects=tuple(effects))
 
 
 def answers(planned: Sequence[Batch]) -> int:
@@ -185,10 +191,9 @@ _KINDS = {"single": "single", "clean": "healthy", "unknown": "unlisted"}
 
 def _sealed(batch: Batch, trial: Path) -> list[dict[str, Any]]:
     told = dict(batch["what"])
-    effects = tuple(Effect(**effect) for effect in told.pop("effects"))
-    lists = {name: tuple(told.pop(name)) for name in ("multiples", "exclude")}
-    case = Case(**told, **lists, effects=effects)
-    make_case(case, trial / "cases")
+    told["effects"] = tuple(Effect(**effect) for effect in told["effects"])
+    told |= {name: tuple(told[name]) for name in ("multiples", "exclude")}
+    make_case(Case(**told), trial / "cases")
     return [sealed_entry(batch["what"])]
 
 
