@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from laboratories.arm import body_arrays, forward, inverse, workspace
-from laboratories.draw import BASE, LEVELS, draw_cases, draw_laboratory
+from laboratories.draw import ADDED, BASE, LEVELS, draw_cases, draw_laboratory
 from laboratories.effects import CATALOGUE, UNLISTED, Effect, apply, axes_of, unit
 from laboratories.files import read_truth, write_truth
 from laboratories.make import Session, make_laboratory, record, set_up, without_friction
@@ -186,7 +186,7 @@ def test_oracle_sees_the_recorded_motion(robot: str) -> None:
     n = lab.machine.n_axes
     day = Session(np.ones(n), np.full(len(setup.motions), 40.0), np.ones(len(setup.motions)))
     arrays, _ = record(setup, [], day, range(2), np.random.default_rng(0))
-    seen = np.concatenate([torque for torque, _ in oracle._healthy])
+    seen = np.concatenate([torque for torque, _ in oracle.healthy])
     assert seen.shape == arrays["motor_torque"].shape
     for axis in range(n):
         assert np.corrcoef(seen[:, axis], arrays["motor_torque"][:, axis])[0, 1] > 0.999
@@ -315,7 +315,9 @@ def test_plan_is_balanced_and_repeatable() -> None:
     assert kinds.count("healthy") == len(plans) / 4
     assert kinds.count("unlisted") == len(plans) / 8
     assert {plan.effect for plan in plans if plan.kind == "single"} == set(CATALOGUE)
-    assert {name for lab in labs for name in lab.stressed} == {*BASE, "all"}
+    assert {name for lab in labs for name in lab.stressed} == {*BASE, "all"} - {*ADDED}
+    newer = [draw_laboratory("report2", k) for k in range(48)]
+    assert {name for lab in newer for name in lab.stressed} == {*BASE, "all"}
     forced = draw_laboratory("development", 3, {"noise": "by_motion"})
     assert forced.factors["noise"] == "by_motion"
     assert all(lab.factors[name] in LEVELS[name] for lab in labs for name in ("robot", "servo"))

@@ -87,7 +87,8 @@ class Oracle:
         return self._torque(self.ideal)
 
     @cached_property
-    def _healthy(self) -> Runs:
+    def healthy(self) -> Runs:
+        """Torque and speed of the robot without an effect, on a day of average friction."""
         return self._torque(self.robot)
 
     def _white(self, seen: Runs, mode: str, base: Runs | None = None) -> np.ndarray:
@@ -166,7 +167,7 @@ class Oracle:
     def _signal(self, effect: Effect, mode: str) -> np.ndarray:
         """Change by an effect in the robot, in units of the noise."""
         plant = apply(effect, self.robot, self.lab.machine)
-        return self._white(self._torque(plant, [effect]), mode, self._healthy)
+        return self._white(self._torque(plant, [effect]), mode, self.healthy)
 
     def d_prime(self, effect: Effect, mode: str) -> float:
         """Distance of the robot with the effect from healthy ones, in standard deviations.
