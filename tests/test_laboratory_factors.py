@@ -16,10 +16,11 @@ from laboratories.arm import body_arrays, inverse
 from laboratories.draw import ADDED, BASE, Laboratory, draw_cases, draw_laboratory
 from laboratories.effects import Effect, apply
 from laboratories.files import write_case
-from laboratories.make import Session, Setup, beside, log_gain, record, set_up
+from laboratories.make import Session, record
 from laboratories.noise import REAL, draw_noise
 from laboratories.robots import STILL, machine_of, nominal, simulate, with_worn_forward
 from laboratories.servo import with_servo
+from laboratories.setup import Setup, beside, log_gain, set_up
 
 from faultgen.discovery import read_recording
 

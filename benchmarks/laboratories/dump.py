@@ -28,7 +28,7 @@ from laboratories.effects import (
     unit,
 )
 from laboratories.files import read_truth, write_truth
-from laboratories.make import Setup, make_laboratory, set_up
+from laboratories.make import make_laboratory
 from laboratories.robots import (
     Plant,
     parameters,
@@ -39,6 +39,7 @@ from laboratories.robots import (
     sampled,
     simulate,
 )
+from laboratories.setup import Setup, set_up
 
 LABORATORIES: dict[str, dict[str, Any]] = {
     "lift1_a": {"robot": "lift1"},

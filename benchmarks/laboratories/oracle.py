@@ -38,7 +38,7 @@ from laboratories.robots import (
 DETECTED = 4.0
 """d' at the limit: an ideal search of 120 candidates with 1 % false alarms finds half of them."""
 _CURRENT_GAIN, _CURRENT_ZERO = 0.017, 0.003
-"""Standard deviations of `make.CURRENT`."""
+"""Standard deviations of `setup.CURRENT`."""
 _LOG_GAIN = 0.1
 """Standard deviation of a gain that is off by 3 to 20 %: its RMS."""
 _DIFFERENCE = 0.05  # of parameters, for the sensitivities

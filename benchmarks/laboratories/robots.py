@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from laboratories.arm import Body, body_arrays, inverse
+from laboratories.laws import steady_friction
 from laboratories.mjcf import Machine, read_machine
 from laboratories.parameters import INDEX, NAMES
-from laboratories.plant import DENSE, GRID, STEP, integrate, motor_speeds, steady_friction
+from laboratories.plant import DENSE, GRID, STEP, integrate, motor_speeds
 
 PACKAGE = Path(__file__).parents[2] / "robots"
 OWN = Path(__file__).with_name("robots")
