@@ -54,6 +54,7 @@ def test_only_effects_that_can_be_told_count() -> None:
     """Faint effects, and those that look like another one, count for no share of right answers."""
     faint = judge(TRUTH | {"d_prime": 5.0}, said("named", DELAY))
     assert (faint.first, faint.wrong, faint.detectable, faint.nameable) == (None, True, True, True)
+    assert judge(TRUTH | {"d_prime": 5.0}, said("named", BACKLASH)).severity_error is None
     hidden = judge(TRUTH | {"d_prime": 3.0}, said("no missing effect"))
     assert (hidden.first, hidden.detectable, hidden.nameable) == (None, False, False)
     alike = judge(TRUTH | {"separation": 3.0}, said("named", BACKLASH))
@@ -111,6 +112,7 @@ def test_shares_and_page() -> None:
         judge(TRUTH, said("named", BACKLASH)),
         judge(TRUTH | {"name": "b"}, said("named", DELAY)),
         judge(HEALTHY | {"name": "c", "group": "with baseline"}, said("refused")),
+        judge(HEALTHY | {"name": "d", "group": "with baseline"}, said("unknown effect")),
     ]
     one = share(rows, "first")
     assert (one["hits"], one["count"]) == (1, 2)
@@ -118,9 +120,17 @@ def test_shares_and_page() -> None:
     assert list(by_group(rows)) == ["alone", "with baseline", "all"]
     assert "alone, noise = constant" in by_factor(rows)
     assert "1/2 (50 %, 9–91)" in scores(by_group(rows))
-    about = {"set": "report", "plan_sha256": "abc", "version": "v", "planned": 3, "skipped": {}}
+    about = {"set": "report", "plan_sha256": "abc", "version": "v", "planned": 4, "skipped": {}}
     text = page(rows, about)
-    for part in ("report set", "`abc`", "source v", "3 of 3", "**sure and wrong**", "no answer"):
+    for part in (
+        "report set",
+        "`abc`",
+        "source v",
+        "4 of 4",
+        "**sure and wrong**",
+        "no answer",
+        "false alarm",
+    ):
         assert part in text, part
 
 

@@ -63,6 +63,7 @@ class Row:
     recognised: bool | None
     """Of clear effects of no catalogue: called unknown, or learned on the right axis."""
     severity_error: float | None
+    """Relative, where `first` is true and the answer has a severity."""
     closed: float | None
     """Share of the squared gap to the noise that the answer closes, on motions for the score."""
     held_out: float | None
@@ -135,7 +136,7 @@ def judge(entry: Json, answer: Json) -> Row:
     validation = gap.get("validation") or {}
     floor = entry.get("floor")
     scored = validation if validation.get("after") is not None else gap
-    errors = [severity_error(e, answer) for e in entry["effects"]] if right else []
+    errors = [severity_error(e, answer) for e in entry["effects"]] if right and counts else []
     said = verdict + (": " + ", ".join(f"{name} {axis}" for name, axis in given) if given else "")
     return Row(
         name=entry["name"],

@@ -121,7 +121,9 @@ def _verdict(row: Row) -> str:
         return "right"
     if row.wrong:
         return "**sure and wrong**"
-    counts = row.kind == "healthy" or (row.first, row.recognised) != (None, None)
+    if row.kind == "healthy":
+        return "false alarm"
+    counts = (row.first, row.recognised) != (None, None)
     return "missed" if counts else "too faint to count"
 
 
@@ -178,9 +180,12 @@ process of its own, without a cache. The SHA-256 of the drawn plan is
 ## By set
 
 {scores(by_group(rows))}
+
 ## Laboratories by factor
 
 {scores(by_factor(rows))}
+
 ## All cases
 
-{cases(rows)}"""
+{cases(rows)}
+"""
