@@ -38,7 +38,7 @@ def list_faults(experiment: Experiment, robot: Robot) -> list[Fault]:
             found[healthy] = None
             continue
         effect = get_effect(name)
-        for axes in experiment.axis or [[axis] for axis in effect.axes_on(robot)]:
+        for axes in experiment.axis or [[axis] for axis in effect.usual_axes_on(robot)]:
             for severity in experiment.severities_of(name):
                 worn = severity > 0 or not isinstance(experiment.schedule, str)
                 fault: Fault = (name, tuple(sorted(axes)), float(severity)) if worn else healthy

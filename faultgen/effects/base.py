@@ -131,8 +131,13 @@ def _all_axes(n_axes: int) -> range:
 
 
 def last_axis(n_axes: int) -> range:
-    """Return the only axis on which effects of the payload can act."""
+    """Return the axis that carries the payload, as a range."""
     return range(n_axes, n_axes + 1)
+
+
+def is_loaded(robot: Robot, axis: int) -> bool:
+    """Whether the model has a payload with a mass on the link of an axis: on the last one only."""
+    return axis == robot.n_axes and robot.payload_mass >= MASSLESS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,7 +155,7 @@ class Effect:
     slide_units: str = ""
     """SI unit on a joint that slides, if it differs."""
     point_units: str = ""
-    """SI unit if the robot's payload has no mass, if it differs."""
+    """SI unit on a link on which the model has no payload with a mass, if it differs."""
     signature: str
     """Visible trace in the motor's torque."""
     element: str
@@ -159,6 +164,8 @@ class Effect:
     """Source of the law."""
     largest: float = 10.0
     """Largest severity that is sensible."""
+    point_largest: float = 0.0
+    """The same in `point_units`."""
     smallest: float = 0.0
     """Smallest severity that is sensible; negative if the effect has two directions."""
     prior: Prior = None  # type: ignore[assignment]  # required: refused with its name when made
@@ -173,6 +180,8 @@ class Effect:
     """Whether severity is a torque on the rotor, which stays below the motor's torque limit."""
     axes: Callable[[int], range] = _all_axes
     """Axes on which the effect can act, as a function of the number of axes. See `axes_on`."""
+    usual_axes: Callable[[int], range] | None = None
+    """Axes on which it acts if an experiment names none. Default: `axes`. See `usual_axes_on`."""
     payload: float | None = None
     """Smallest mass of the robot's payload [kg] with which the effect can act; None: no payload is
     needed."""
@@ -230,6 +239,11 @@ class Effect:
             return ()
         return tuple(self.axes(robot.n_axes))
 
+    def usual_axes_on(self, robot: Robot) -> tuple[int, ...]:
+        """Those of `axes_on` on which the effect acts if an experiment names none."""
+        usual = self.usual_axes or self.axes
+        return tuple(axis for axis in self.axes_on(robot) if axis in usual(robot.n_axes))
+
     def units_on(self, robot: Robot, axis: int) -> str:
         """Return the SI unit of the severity on an axis of a robot.
 
@@ -240,7 +254,7 @@ class Effect:
         Returns:
             The unit, "1" for a fraction.
         """
-        if self.point_units and robot.payload_mass < MASSLESS:
+        if self.point_units and not is_loaded(robot, axis):
             return self.point_units
         if self.slide_units and robot.slides[axis - 1]:
             return self.slide_units
@@ -258,8 +272,12 @@ class Effect:
             InputError: The severity is too large. The message states the largest one.
         """
         limit = robot.motor_torque_limit[axis - 1] if self.motor_torque else np.inf
-        if severity > self.largest:
-            raise InputError(f"severity: {self.name} takes up to {self.largest:g} ({self.unit})")
+        units = self.units_on(robot, axis)
+        point = bool(self.point_units) and units == self.point_units
+        largest, unit = (self.point_largest, units) if point else (self.largest, self.unit)
+        if severity > largest:
+            where = f" on axis {axis} of robot {robot.name}" if self.point_units else ""
+            raise InputError(f"severity: {self.name}{where} takes up to {largest:g} ({unit})")
         if severity > limit:
             raise InputError(
                 f"severity: {self.name} on axis {axis} of robot {robot.name} takes up to the "
@@ -271,12 +289,13 @@ class Effect:
 
         Args:
             severity: The severity.
-            units: SI unit on the axis, if it is known; slides have other units than hinges.
+            units: SI unit on the axis, if it is known; slides have other units than hinges, and
+                links without a payload other ones than links with one.
         """
+        if units and units in (self.slide_units, self.point_units):
+            return f"{severity:g} {units}"
         if self.in_fractions:
             return f"{100 * severity:g} %"
-        if units and units == self.slide_units:
-            return f"{severity:g} {units}"
         return f"{severity:g} {self.unit.split(',')[0].split(' of ')[0]}"
 
     def complete(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
