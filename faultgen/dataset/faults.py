@@ -63,10 +63,14 @@ def _check_faults(faults: list[Applied], robot: Robot) -> None:
         unit = effect.units_on(robot, one.axis)
         if units.setdefault(one.effect, unit) != unit:
             raise InputError(
-                f"axis: the severity of {one.effect} is in {units[one.effect]} on some axes of "
-                f"robot {robot.name} and in {unit} on axis {one.axis}; put these axes into "
-                "separate runs"
+                f"axis: the severity of {one.effect} is {_in_words(units[one.effect])} on some "
+                f"axes of robot {robot.name} and {_in_words(unit)} on axis {one.axis}; put these "
+                "axes into separate runs"
             )
+
+
+def _in_words(unit: str) -> str:
+    return "a fraction" if unit == "1" else f"in {unit}"
 
 
 def beside_of(experiment: Experiment, axes: tuple[int, ...]) -> tuple[Applied, ...]:

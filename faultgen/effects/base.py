@@ -260,6 +260,14 @@ class Effect:
             return self.slide_units
         return self.units
 
+    def unit_with(self, parameters: Mapping[str, Any]) -> str:
+        """Return what severity 1 means, in words, where the parameters tell: a point has a place.
+
+        Args:
+            parameters: Parameters of one case.
+        """
+        return self.point_units if self.point_units and parameters else self.unit
+
     def check_severity(self, severity: float, robot: Robot, axis: int) -> None:
         """Refuse a severity that is too large for its unit on an axis of a robot.
 

@@ -156,8 +156,10 @@ EFFECTS = (
     Effect(
         name="payload_mass",
         description="the payload is heavier, a fraction of its mass; by default on the last axis. "
-        "On the link of any other axis, and where the model's payload has no mass: a small ball of "
-        "severity kg (up to 3000) at x, y, z [m] from the next joint, or from the tool",
+        "On a link without payload, such as that of any other axis: a small ball of severity kg "
+        "(up to 3000) at x, y, z [m], counted along the link's axes from the next joint. On the "
+        "last link they are counted from the site tool, or from its centre of mass if it has none, "
+        "and in the frame of the body payload if that has no mass",
         unit=FRACTION,
         point_units="kg",
         point_largest=_HEAVIEST,
@@ -172,10 +174,10 @@ EFFECTS = (
     ),
     Effect(
         name="payload_offset",
-        description="the payload sits off its place; by default on the last axis. On the link of "
-        "any other axis, and where the model's payload has no mass: the centre of mass of the link "
+        description="the payload sits off its place; by default on the last axis. On a "
+        "link without payload, such as that of any other axis: the centre of mass of the link "
         "itself, along the link's own axes",
-        unit="m, along the flange's x, or y or z by direction (0, 1, 2)",
+        unit="m, along x of the flange or the link, or y or z by direction (0, 1, 2)",
         units="m",
         signature="gravity on the wrist by the tool's orientation",
         element="body payload, or the body of joint{i}: inertial pos",
