@@ -8,7 +8,7 @@ from swing import STEP, channels, force_added, newton, run, servo
 
 import faultgen.simulation.stepping as module
 from faultgen.effects import EFFECTS, Applied, get_effect
-from faultgen.effects.base import Moment
+from faultgen.effects.hooks import Moment
 from faultgen.effects.temperature import friction_ratios
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, load_robot
