@@ -13,6 +13,8 @@ from faultgen.dataset.sweep import generate
 from faultgen.effects import Applied, get_effect
 from faultgen.effects.structure import far_end
 from faultgen.errors import InputError
+from faultgen.evaluation.isolate import in_fractions
+from faultgen.evaluation.outcomes import shown_level
 from faultgen.mjcf.edit import add_point
 from faultgen.robot import Robot, load_robot
 from faultgen.simulation.motion import plan
@@ -240,6 +242,14 @@ def test_a_dataset_tells_kilograms_from_fractions(small, tmp_path, tiny_robot_pa
     with pytest.raises(InputError, match="or 3000 kg where the model has no payload, not 5000"):
         generate(small(**heavy), tmp_path / "no", progress=False)
     assert not (tmp_path / "no").exists()
+
+
+def test_levels_of_wear_are_not_asked_for_in_kilograms():
+    """0.05 kg is no 5 % of wear; where only the effect is known, both units are told."""
+    assert in_fractions({"effect": "payload_mass", "severity_units": "1"})
+    assert not in_fractions({"effect": "payload_mass", "severity_units": "kg"})
+    assert shown_level("payload_mass", 0.5) == "0.5 of nominal, or kg"
+    assert shown_level("friction_wear", 0.5) == "50 %"
 
 
 def test_the_list_of_effects_says_where_masses_can_be():
