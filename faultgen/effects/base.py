@@ -53,7 +53,12 @@ def last_axis(n_axes: int) -> range:
 
 
 def is_loaded(robot: Robot, axis: int) -> bool:
-    """Whether the model has a payload with a mass on the link of an axis: on the last one only."""
+    """Whether a link carries a payload of at least `MASSLESS` in the model; only the last one may.
+
+    Args:
+        robot: The robot.
+        axis: Number of the joint that carries the link, from 1.
+    """
     return axis == robot.n_axes and robot.payload_mass >= MASSLESS
 
 
