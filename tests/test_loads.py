@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from conftest import faultgen_here
 
+import faultgen
 from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
+from faultgen.discovery.recording import write_recording
 from faultgen.effects import Applied, get_effect
 from faultgen.effects.structure import far_end
 from faultgen.errors import InputError
@@ -256,3 +258,26 @@ def test_the_list_of_effects_says_where_masses_can_be():
     told = faultgen_here("effects").stdout
     entry = re.search(r"^payload_mass\n(  .*\n)+", told, re.MULTILINE).group()
     assert "link without payload" in entry and "kg" in entry
+
+
+@pytest.mark.slow
+def test_a_mass_on_the_first_link_is_found(measured, tiny_robot, tiny_robot_path, tmp_path):
+    """In kg, first of what the data cannot tell apart; its inertia about the joint is right.
+
+    The first joint is vertical, so that only this inertia shows, and not mass and place by
+    themselves.
+    """
+    write_recording(measured([], 1), tmp_path / "healthy.h5")
+    write_recording(measured([("payload_mass", 1, 0.4)], 2), tmp_path / "loaded.h5")
+    result = faultgen.discover(
+        tmp_path / "loaded.h5",
+        tiny_robot_path,
+        tmp_path / "healthy.h5",
+        exclude=("transmission_error", "backlash", "gear_stiffness"),
+    )
+    (one,) = result["effects"]
+    assert (one["effect"], one["axis"], one["parameters"]["unit"]) == ("payload_mass", 1, "kg")
+    end = far_end(tiny_robot.spec(), 1)
+    place = end + [one["parameters"][name] for name in "xyz"]
+    found = one["parameters"]["severity"] * (place[:2] @ place[:2])
+    assert found == pytest.approx(0.4 * (end[:2] @ end[:2]), rel=0.1)
