@@ -11,7 +11,7 @@ import faultgen
 from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
-from faultgen.discovery.recording import write_recording
+from faultgen.recordings.recording import write_recording
 from faultgen.effects import Applied, get_effect
 from faultgen.effects.structure import far_end
 from faultgen.errors import InputError

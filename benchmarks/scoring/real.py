@@ -25,7 +25,7 @@ from measured_data import (
 from real_arms import CASES as ARMS
 from real_arms import model
 
-from faultgen.discovery.recording import Recording, write_recording
+from faultgen.recordings.recording import Recording, write_recording
 
 PENDULUM_RATIO = 6.0
 """Published gear ratio; see the README of the data set."""
