@@ -1,7 +1,7 @@
 """What others would say of a blind case with a twin: sparse and Gaussian-process regression.
 
-python benchmarks/blind_discovery.py run DIR --function blind_baselines:sparse --results sparse
-python benchmarks/blind_discovery.py score DIR --results sparse
+python benchmarks/blind_baselines.py sparse DIR
+python benchmarks/score_discovery.py --trial DIR --answers sparse
 
 Both see the difference of the two torque recordings and the measured motion, axis by axis, on the
 parts that discovery fits to; neither simulates.
@@ -9,6 +9,8 @@ parts that discovery fits to; neither simulates.
 
 from __future__ import annotations
 
+import argparse
+import json
 import warnings
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
@@ -18,6 +20,8 @@ from typing import Any
 
 import numpy as np
 import pysindy
+from scoring.answering import version
+from scoring.trials import entries
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, WhiteKernel
@@ -28,6 +32,7 @@ from faultgen.discovery.result import NAMED, NONE, UNKNOWN
 from faultgen.recordings.read import read_recording
 from faultgen.recordings.recording import Recording
 from faultgen.robot import STRIBECK_VELOCITY, Robot, load_robot
+from faultgen.system.files import write_text
 
 SHARE = 0.5
 """Size that a term needs, over the noise: chosen on development cases, where no healthy robot gets
@@ -139,8 +144,11 @@ def _gaussian_process(
     return size * process.predict(features), []
 
 
-sparse = partial(_tried, _sparse)
-gaussian_process = partial(_tried, _gaussian_process)
+METHODS = {
+    "sparse": partial(_tried, _sparse),
+    "gaussian_process": partial(_tried, _gaussian_process),
+}
+"""Regressions by name."""
 
 
 def _shapes(case: _Case, axis: int) -> list[tuple[str, np.ndarray]]:
@@ -179,3 +187,24 @@ def _gap(case: _Case, after: np.ndarray) -> dict[str, float]:
         "floor": np.broadcast_to(noise**2, after.shape),
     }
     return {k: relative_error(x, case.recording, case.scoring) for k, x in squares.items()}
+
+
+def main() -> None:
+    """Answer the cases of a trial that have a twin."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("method", choices=METHODS)
+    parser.add_argument("trial", type=Path)
+    told = parser.parse_args()
+    answers = told.trial / told.method
+    answers.mkdir(exist_ok=True)
+    write_text(answers / "version.txt", version() + "\n")
+    for entry in entries(told.trial):
+        measured, _, robot, *rest = entry["discover"]
+        if rest:
+            files = [told.trial / name for name in (measured, rest[1])]
+            result = METHODS[told.method](files[0], robot, files[1])
+            write_text(answers / f"{entry['name']}.json", json.dumps(result, default=float) + "\n")
+
+
+if __name__ == "__main__":
+    main()

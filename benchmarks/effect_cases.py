@@ -122,7 +122,11 @@ CASES: dict[str, Case] = {
         equation="torque on the rotor = (1 − s) of the logged one", severity=0.1, over="torque"
     ),
     "payload_mass": Case(
-        equation="mass and inertia times 1 + s", severity=0.15, axis=6, seen=2, over="angle"
+        equation="mass and inertia times 1 + s; without a payload: + s kg",
+        severity=0.15,
+        axis=6,
+        seen=2,
+        over="angle",
     ),
     "payload_offset": Case(
         equation="centre of mass + s",

@@ -77,7 +77,7 @@ def main() -> None:
 def _runs(args: argparse.Namespace) -> Iterator[Run]:
     """The run of each effect."""
     for name in args.effects.split(","):
-        axes = list(get_effect(name).axes_on(load_robot(args.robot)))
+        axes = list(get_effect(name).usual_axes_on(load_robot(args.robot)))
         if not axes:
             continue
         entries = {

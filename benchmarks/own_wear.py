@@ -1,28 +1,29 @@
-"""Does discovery name the effects in this project's own datasets, when the label is hidden?
+"""Cases with the effects of this project's own datasets, for the question whether they are named.
 
 Datasets are generated with one effect of a size that matters in a plant, and with the noise of a
 sensor preset. The runs are not paired: each has noise of its own. The last cycle of each task of
-the worn run is given to `faultgen.discover`, with and without that of the healthy run.
+the worn run is a case, with and without that of the healthy run.
 
-    python benchmarks/own_wear.py --workers 2
+    python benchmarks/own_wear.py -o DIR
+    python benchmarks/score_discovery.py --trial DIR
 """
 
 from __future__ import annotations
 
-import tempfile
+import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 
-import faultgen
 from faultgen import generate, open_dataset
 from faultgen.dataset.experiment import Experiment
 from faultgen.discovery import write_recording
 from faultgen.recordings.from_runs import recording_of
 from faultgen.robot import COULOMB, Robot, load_robot
 from faultgen.simulation.motion import plan
+from faultgen.system.files import write_text
 from faultgen.tasks import load_task
 
 TASKS = ["pick_and_place", "spot_weld", "arc_weld"]
@@ -62,8 +63,6 @@ FURTHER: tuple[tuple[str, int, float], ...] = (
     ("sensor_stuck", 2, 0.05),
 )
 """The same for effects whose place, phase or moment has to be found. Their parameters are drawn."""
-
-HEALTHY = "no missing effect"
 
 
 def parameters_of(robot: Robot, effect: str, axis: int, seed: int) -> dict[str, int | float | str]:
@@ -113,56 +112,55 @@ def generated(
         write_recording(recording_of(chosen), out / f"{name}.h5")
 
 
+def write_case(
+    robot: Robot, case: tuple[str, int, float], seed: int, sensors: str, folder: Path
+) -> list[dict[str, Any]]:
+    """Write the recordings of a case, unless they exist.
+
+    Args:
+        robot: The robot.
+        case: Effect, axis and severity, of `CASES` or `FURTHER`.
+        seed: Of its noise.
+        sensors: Preset.
+        folder: Of the case.
+
+    Returns:
+        What is in it: an entry with a baseline and one without, see scoring.judging.
+    """
+    effect, axis, size = case
+    if not (folder / "measured.h5").is_file():
+        generated(robot, case, seed, sensors, folder)
+        # of a case without an effect, both are healthy
+        first, second = ("worn", "healthy") if effect else ("healthy", "worn")
+        (folder / f"{first}.h5").replace(folder / "measured.h5")
+        if second != "healthy":
+            (folder / f"{second}.h5").replace(folder / "healthy.h5")
+    severity = severity_of(robot, effect, axis, size) if effect else 0.0
+    entry = {
+        "folder": folder.name,
+        "kind": "single" if effect else "healthy",
+        "robot": robot.name,
+        "effects": [{"name": effect, "axis": axis, "severity": severity}] if effect else [],
+        "factors": {"robot": robot.name, "sensors": sensors},
+    }
+    return [{"name": f"{folder.name}_{mode}", "mode": mode, **entry} for mode in ("twin", "alone")]
+
+
 def main(
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the cases.")],
     sensors: Annotated[str, typer.Option(help="Sensor preset of the datasets.")] = "thesis",
     robots: Annotated[str, typer.Option(help="Names of robots.")] = "puma560,irb6700",
-    mode: Annotated[str, typer.Option(help="'twin', 'alone' or 'both'.")] = "both",
     seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 1,
     further: Annotated[bool, typer.Option(help="Effects that have a place or a moment.")] = False,
-    workers: Annotated[int, typer.Option(help="Processes.")] = 1,
-    cache: Annotated[Path | None, typer.Option(help="Folder for sensitivities.")] = None,
 ) -> None:
-    """Generate, hide the label, discover, and print a table."""
-    print("| robot | hidden | twin | verdict | named | severity | not excluded | right | seconds |")
-    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
-    right: dict[tuple[str, str], list[bool]] = {}
-    with tempfile.TemporaryDirectory() as folder:
-        kept = cache or Path(folder) / "sensitivities"
-        for name in robots.split(","):
-            robot = load_robot(name)
-            for number, case in enumerate(FURTHER if further else CASES):
-                effect, axis, size = case
-                out = Path(folder) / f"{name}-{number}"
-                generated(robot, case, 100 * seed + number, sensors, out)
-                measured = out / ("worn.h5" if effect else "healthy.h5")
-                other = out / ("healthy.h5" if effect else "worn.h5")  # both without wear
-                for how in ("twin", "alone") if mode == "both" else (mode,):
-                    told = faultgen.discover(
-                        measured,
-                        name,
-                        healthy=other if how == "twin" else None,
-                        workers=workers,
-                        cache=kept,
-                    )
-                    found = [(one["effect"], one["axis"]) for one in told["effects"]]
-                    is_right = told["verdict"] == HEALTHY if not effect else found[:1] == [case[:2]]
-                    right.setdefault((name, how), []).append(is_right)
-                    sizes = ", ".join(
-                        f"{one['parameters']['severity']:.3g}" for one in told["effects"]
-                    )
-                    others = ", ".join(
-                        f"{one['effect']} {one['axis']}" for one in told["alternatives"]
-                    )
-                    hidden = f"{effect} {axis}, {severity_of(robot, *case):.3g}" if effect else "–"
-                    print(
-                        f"| {name} | {hidden} | {how} | {told['verdict']} "
-                        f"| {', '.join(f'{e} {k}' for e, k in found)} | {sizes} | {others} "
-                        f"| {'yes' if is_right else 'no'} | {told['seconds']:.0f} |",
-                        flush=True,
-                    )
-    print()
-    for (name, how), answers in right.items():
-        print(f"{name}, {how}: {sum(answers)} of {len(answers)} right")
+    """Write cases and what is in them, for benchmarks/score_discovery.py --trial."""
+    truth = []
+    for name in robots.split(","):
+        robot = load_robot(name)
+        for number, case in enumerate(FURTHER if further else CASES):
+            folder = out / "cases" / f"{name}_{number + 1}"
+            truth += write_case(robot, case, 100 * seed + number, sensors, folder)
+    write_text(out / "truth.json", json.dumps(truth, indent=1) + "\n")
 
 
 if __name__ == "__main__":

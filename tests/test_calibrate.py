@@ -82,9 +82,9 @@ def test_a_payload_of_no_mass_is_points(tiny_robot):
     """Their masses make one body: its weight is the sum, its centre the mean of their places."""
     robot = massless(tiny_robot)
     assert {t.axis for t in inertia_terms(robot)} == {1, 2}
-    points = payload_terms(robot)
-    assert [t.name for t in effect_terms(robot) if t.name.startswith("payload")] == (
-        ["payload_mass"] * 4
+    points = payload_terms(2)
+    assert [t.key for t in effect_terms(robot) if t.name.startswith("payload")] == (
+        [("payload_mass", 1)] * 4 + [("payload_mass", 2)] * 4
     )
     (one,) = applied(list(zip(points, [1.0, 2.0, -1.0, 0.0], strict=True)))
     assert one.severity == pytest.approx(2.0)
@@ -93,6 +93,10 @@ def test_a_payload_of_no_mass_is_points(tiny_robot):
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "payload")
     assert model.body_mass[body] == pytest.approx(2.0, rel=1e-5)
     np.testing.assert_allclose(model.body_ipos[body], [0.1, -0.05, 0.0], atol=1e-6)
+    changes = zip(payload_terms(1) + points, [0.0, 0.0, 3.0, 0.0, 1.0, 2.0, -1.0, 0.0], strict=True)
+    both = applied(list(changes))  # each link has its own
+    assert [(b.axis, b.severity) for b in both] == [(1, 3.0), (2, pytest.approx(2.0))]
+    assert dict(both[0].parameters) == pytest.approx({"x": 0.0, "y": 0.1, "z": 0.0})
 
 
 def test_a_payload_moves_along_any_axis_of_the_flange(tiny_robot):

@@ -328,11 +328,6 @@ def test_elements_that_are_added_twice_get_a_number(tiny_robot):
     ]
 
 
-def test_payload_effects_belong_to_the_last_axis(robot):
-    with pytest.raises(InputError, match="belong to the last axis, not to axis 2"):
-        get_effect("payload_mass").apply(robot.spec(), 2, 0.1)
-
-
 def test_temperature_follows_the_published_ratios(robot):
     """33 to 80 deg C: viscous x 0.4, Stribeck height x 3.7, Stribeck velocity 8 to 54 rad/s.
 

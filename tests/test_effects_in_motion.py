@@ -8,7 +8,7 @@ from swing import STEP, channels, force_added, newton, run, servo
 
 import faultgen.simulation.stepping as module
 from faultgen.effects import EFFECTS, Applied, get_effect
-from faultgen.effects.base import Moment
+from faultgen.effects.hooks import Moment
 from faultgen.effects.temperature import friction_ratios
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, load_robot
@@ -308,7 +308,7 @@ def test_what_cannot_be_is_refused(tiny_robot, robot):
     wrong = {
         ("torque_ripple", 3, 0.1): "axis 3: robot tiny has axes 1 to 2",
         ("wrist_coupling_friction", 1, 0.1): "wrist_coupling_friction acts on axis 2 of robot",
-        ("payload_mass", 1, 0.1): "payload_mass acts on axis 2 of robot tiny",
+        ("loose_tool", 1, 0.001): "loose_tool acts on axis 2 of robot tiny",
         ("torque_constant", 1, 1.0): "severity must be below 1",
     }
     for effect, message in wrong.items():

@@ -7,18 +7,18 @@ from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
 
-import laboratories_score
 import numpy as np
 import pytest
 from laboratories.arm import body_arrays, forward, inverse, workspace
-from laboratories.draw import BASE, LEVELS, draw_cases, draw_laboratory
+from laboratories.draw import ADDED, BASE, LEVELS, draw_cases, draw_laboratory
 from laboratories.effects import CATALOGUE, UNLISTED, Effect, apply, axes_of, unit
 from laboratories.files import read_truth, write_truth
-from laboratories.make import make_laboratory, without_friction
+from laboratories.make import Session, make_laboratory, record, set_up, without_friction
 from laboratories.mjcf import Machine
 from laboratories.motions import MOTIONS, draw_motion
 from laboratories.noise import KINDS, draw_noise
-from laboratories.plant import DENSE, GRID, integrate
+from laboratories.oracle import Oracle
+from laboratories.plant import DENSE, GRID, STEP, integrate, whole
 from laboratories.robots import (
     ROBOTS,
     STILL,
@@ -26,17 +26,16 @@ from laboratories.robots import (
     machine_of,
     nominal,
     robot_file,
+    rotor_motion,
     sampled,
     set_points,
     simulate,
 )
-from laboratories.score import judge, share
 from laboratories.servo import SERVOS, with_servo
 from sealed.motions import protocol
 from sealed.physics import LEAD, SAMPLE_PERIOD, nominal_physics
 from sealed.physics import set_points as sealed_points
 from sealed.physics import simulate as sealed_simulate
-from typer.testing import CliRunner
 
 from faultgen.discovery import check_recording, read_recording
 from faultgen.robot import load_robot
@@ -83,7 +82,7 @@ def free(plant: Plant, seconds: float, angle: float = 0.0, speed: float = 0.0) -
     table = np.zeros((round(seconds / GRID) + 1, 3, 1))
     slow = np.tile(STILL, (1, 1))
     run: np.ndarray = integrate(
-        body_arrays(plant.machine), plant.table, table, slow, state, 1e-4, 0.0, False, np.zeros(1)
+        body_arrays(plant.machine), plant.table, table, slow, state, STEP, 0.0, False, np.zeros(1)
     )
     return run[:, 0]
 
@@ -157,7 +156,7 @@ def test_agrees_with_the_sealed_simulator() -> None:
     """The same healthy PUMA on the same motion: motor torques differ by less than 0.1 %."""
     physics = nominal_physics(load_robot("puma560"))
     table = physics.table.copy()
-    plant, _ = with_servo(nominal(machine_of("puma560")), "model", 0.0, 1e-4)
+    plant, _ = with_servo(nominal(machine_of("puma560")), "model", 0.0, STEP)
     # without a rise at low speed, both friction laws are Dahl's
     for axis in range(6):
         level = float(plant.column("COULOMB")[axis])
@@ -172,6 +171,52 @@ def test_agrees_with_the_sealed_simulator() -> None:
         torque = sampled(own, times)[:, :, 2]
         error = np.sqrt(((torque - theirs) ** 2).mean(axis=0) / (theirs**2).mean(axis=0))
         assert (error < 1e-3).all(), error
+
+
+@pytest.mark.parametrize("robot", ["scara4", "lift1"])
+def test_oracle_sees_the_recorded_motion(robot: str) -> None:
+    """The oracle's torque of the robot is the recorded one but for noise, on every axis."""
+    lab = draw_laboratory("development", 1)
+    changes = {"robot": robot, "seconds": 5.0, "segments": 2, "level": 0.002, "rate": 250}
+    lab = replace(lab, factors=BASE | changes)
+    setup = set_up(lab)
+    oracle = Oracle(
+        setup.ideal, setup.robot, setup.points[:2], setup.noise, setup.period, setup.lab
+    )
+    n = lab.machine.n_axes
+    day = Session(np.ones(n), np.full(len(setup.motions), 40.0), np.ones(len(setup.motions)))
+    arrays, _ = record(setup, [], day, range(2), np.random.default_rng(0))
+    seen = np.concatenate([torque for torque, _ in oracle.healthy])
+    assert seen.shape == arrays["motor_torque"].shape
+    for axis in range(n):
+        assert np.corrcoef(seen[:, axis], arrays["motor_torque"][:, axis])[0, 1] > 0.999
+
+
+def test_steps_must_divide() -> None:
+    """A step that does not divide the time between rows, or a servo's period, is refused."""
+    assert whole(DENSE, STEP) == 4
+    assert all(whole(period, STEP) for period in LEVELS["servo_period"])
+    for time, part in ((DENSE, 2e-4), (0.25e-3, 1e-4), (1e-4, STEP)):
+        with pytest.raises(ValueError, match="does not divide"):
+            whole(time, part)
+    plant, points, _ = healthy_puma()
+    with pytest.raises(ValueError, match="0.0002 s does not divide 0.0005 s"):
+        simulate(plant, points, step=2e-4)
+
+
+def test_prescribed_rotors_need_the_same_torque() -> None:
+    """On its own motion a robot needs its own torque; friction adds itself, a delay nothing."""
+    plant, points, healthy = healthy_puma()
+    machine, follow = machine_of("puma560"), rotor_motion(plant, points)
+    same = simulate(plant, points, follow=follow)
+    assert np.allclose(same, healthy, rtol=0, atol=1e-8 * np.abs(healthy).max(axis=(0, 1)))
+    late = simulate(apply(Effect("delay", 2, 2e-3), plant, machine), points, follow=follow)
+    assert np.array_equal(late, same)
+    moved = simulate(plant.changed(2, OFFSET=1.25), points, follow=follow)
+    change = moved[:, :, 2] - same[:, :, 2]
+    expected = float(plant.column("OFFSET")[1]) - 1.25
+    assert np.allclose(change[:, 1], expected, atol=1e-9)
+    assert np.abs(change[:, [0, 2, 3, 4, 5]]).max() < 1e-9
 
 
 @pytest.mark.parametrize("kind", MOTIONS)
@@ -270,7 +315,9 @@ def test_plan_is_balanced_and_repeatable() -> None:
     assert kinds.count("healthy") == len(plans) / 4
     assert kinds.count("unlisted") == len(plans) / 8
     assert {plan.effect for plan in plans if plan.kind == "single"} == set(CATALOGUE)
-    assert {name for lab in labs for name in lab.stressed} == {*BASE, "all"}
+    assert {name for lab in labs for name in lab.stressed} == {*BASE, "all"} - {*ADDED}
+    newer = [draw_laboratory("report2", k) for k in range(48)]
+    assert {name for lab in newer for name in lab.stressed} == {*BASE, "all"}
     forced = draw_laboratory("development", 3, {"noise": "by_motion"})
     assert forced.factors["noise"] == "by_motion"
     assert all(lab.factors[name] in LEVELS[name] for lab in labs for name in ("robot", "servo"))
@@ -311,73 +358,3 @@ def test_a_model_can_lack_friction(tmp_path: Path) -> None:
 
     assert np.allclose(read_machine(path).coulomb, 0.01 * machine_of("puma560").coulomb)
     assert np.allclose(read_machine(path).viscous, 0.01 * machine_of("puma560").viscous)
-
-
-def test_scores_by_hand() -> None:
-    """Measures of answers whose score is known."""
-    truth = {
-        "name": "a",
-        "mode": "alone",
-        "kind": "single",
-        "effects": [{"name": "backlash", "axis": 2, "severity": 1e-3}],
-        "factors": {"noise": "constant"},
-        "d_prime": 20.0,
-        "floor": 0.1,
-    }
-    gap = {"validation": {"before": 0.5, "after": 0.3}}
-    named = {"verdict": "named", "effects": [{"effect": "backlash", "axis": 2}], "gap": gap}
-    row = judge(truth, named)
-    assert row.first and row.listed and row.axis and not row.wrong and row.healthy is None
-    assert row.closed == pytest.approx((0.25 - 0.09) / (0.25 - 0.01))
-    other = {"verdict": "named", "effects": [{"effect": "delay", "axis": 2}]}
-    row = judge(truth, other)
-    assert row.wrong and row.axis and not row.first and row.closed is None
-    unsure = {
-        "verdict": "ambiguous",
-        "effects": other["effects"],
-        "alternatives": named["effects"],
-    }
-    row = judge(truth, unsure)
-    assert row.listed and not row.first and not row.wrong
-    faint = truth | {"d_prime": 3.0}
-    row = judge(faint, other)
-    assert row.first is None and row.wrong and row.oracle is False
-    nothing = {"verdict": "no missing effect", "effects": []}
-    assert judge(truth | {"kind": "healthy", "effects": []}, nothing).healthy
-    odd = truth | {"kind": "unlisted"}
-    assert judge(odd, {"verdict": "unknown effect", "effects": []}).unknown
-    learned = {"verdict": "named", "effects": [{"effect": "learned", "axis": 2}]}
-    assert judge(odd, learned).unknown and not judge(odd, learned).wrong
-    wrong_axis = {"verdict": "named", "effects": [{"effect": "learned", "axis": 1}]}
-    assert not judge(odd, wrong_axis).unknown and judge(odd, wrong_axis).wrong
-    one = share([judge(truth, named), judge(truth, other)], "first")
-    assert (one["hits"], one["count"]) == (1, 2)
-    assert one["low"] == pytest.approx(0.0945, abs=1e-3)  # Wilson, 1 of 2
-
-
-def test_command_scores_what_is_answered(tmp_path: Path) -> None:
-    """With all answers there, the command prints and writes the table; it refuses bad factors."""
-    case = {
-        "name": "case_1",
-        "mode": "twin",
-        "kind": "healthy",
-        "effects": [],
-        "factors": {"noise": "by_motion", "robot": "puma560"},
-    }
-    other = case | {"name": "case_2", "mode": "alone"}
-    write_truth([case, other], tmp_path / "truth.json")
-    (tmp_path / "mine").mkdir()
-    for name, verdict in (("case_1", "no missing effect"), ("case_2", "unknown effect")):
-        answer = {"verdict": verdict, "effects": [], "seconds": 2.0}
-        (tmp_path / "mine" / f"{name}.json").write_text(json.dumps(answer))
-        # the folder of a case is read only when it has no answer
-    saved = tmp_path / "scores.json"
-    command = ["--trial", str(tmp_path), "--results", "mine", "--save", str(saved)]
-    done = CliRunner().invoke(laboratories_score.app, command)
-    assert done.exit_code == 0, done.output
-    groups = json.loads(saved.read_text())["groups"]
-    assert groups["twin, noise = by_motion"]["healthy"]["hits"] == 1
-    assert groups["alone"]["healthy"]["hits"] == 0
-    assert "| twin, noise = by_motion |" in done.output
-    for bad in ("colour=red", "noise=loud"):
-        assert CliRunner().invoke(laboratories_score.app, ["--factor", bad]).exit_code == 2

@@ -14,12 +14,14 @@ from typer.testing import CliRunner
 
 import faultgen
 from faultgen.building.build import build
+from faultgen.building.check import check
 from faultgen.building.drive_numbers import Value
 from faultgen.building.drives import Drives, read_drives
 from faultgen.building.plain import plain_arm
 from faultgen.building.quantities import QUANTITIES
 from faultgen.building.resonance import largest_step, resonances, zero_pose
 from faultgen.cli.app import app
+from faultgen.effects import get_effect
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.robot import STICTION, STRIBECK_VELOCITY, load_robot
 from faultgen.simulation.arm import Arm, motor_torque
@@ -97,6 +99,53 @@ def test_torque_is_that_of_the_plain_model_plus_rotor_and_friction(built, arm_pa
             rotor = number["rotor_inertia"] * n * qdd[row, k]
             wanted[row, k] = data.qfrc_inverse[k] / n + rotor + friction
     np.testing.assert_allclose(motor_torque(Arm(robot), q, qd, qdd), wanted, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("with_body", [True, False])
+def test_an_arm_can_carry_nothing(with_body, built, tmp_path):
+    """With mass = 0 only the flange is marked; what is written can be stated, and masses added."""
+    path, drives = tmp_path / "arm.urdf", tmp_path / "drives.toml"
+    text = urdf()
+    path.write_text(text if with_body else text[: text.index('<link name="payload">')] + "</robot>")
+    drives.write_text("[payload]\nmass = 0\n")
+    made = build(path, read_drives(drives), "bare")
+    assert made.robot.payload_mass == 0.0
+    poses = np.random.default_rng(4).uniform(-1, 1, (5, 6))
+    still = np.zeros_like(poses)
+    lighter, heavier = (
+        Arm(one).inverse_dynamics(poses, still, still) for one in (made.robot, built.robot)
+    )
+    payload = built.robot.model.body("payload")
+    loaded = made.robot.spec()
+    place = payload.ipos if with_body else payload.pos + payload.ipos  # there its frame is the link
+    at = dict(zip("xyz", place.tolist(), strict=True))
+    get_effect("payload_mass").apply(loaded, 6, float(payload.mass[0]), **at)
+    loaded.compile()
+    found = Arm(made.robot.edited(loaded)).inverse_dynamics(poses, still, still)
+    np.testing.assert_allclose(found, heavier, atol=1e-9)
+    assert np.abs(lighter - heavier).max() > 1.0
+    made.write(tmp_path / "out")
+    assert check(str(tmp_path / "out")).fit
+    drives.write_text(made.drives.replace("# position", "position").replace("# inertia", "inertia"))
+    again = Arm(build(path, read_drives(drives), "bare").robot)
+    np.testing.assert_array_equal(again.inverse_dynamics(poses, still, still), lighter)
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("mass = -1", "payload.mass: input should be greater than or equal to 0"),
+        ("mass = 2\ninertia = [0, 1, 1]", "inertia: must be above 0, or 0 for a payload with"),
+        ("mass = 0\ninertia = [1, 1, 1]", "inertia: must be 0 for a payload with mass = 0"),
+        ("inertia = [1, -1, 1]", "inertia: must be above 0"),
+    ],
+)
+def test_a_payload_that_cannot_be_is_refused(tmp_path, entry, message):
+    path = tmp_path / "drives.toml"
+    path.write_text(f"[payload]\n{entry}\n")
+    with pytest.raises(InputError, match=message) as caught:
+        read_drives(path)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("kind", ["built", "coupled"])

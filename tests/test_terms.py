@@ -26,9 +26,16 @@ def test_every_effect_is_a_term_of_every_axis_that_can_have_it():
     keys = {term.key for term in effect_terms(robot)}
     assert {name for name, _ in keys} == set(names_by_use("always"))
     assert keys >= {("viscous_friction", axis) for axis in range(1, 7)}
-    assert {axis for name, axis in keys if name == "payload_mass"} == {6}
+    assert {axis for name, axis in keys if name == "payload_mass"} == set(range(1, 7))
+    points = {axis for axis in range(1, 7) if len(terms_of(robot, "payload_mass", axis)) == 4}
+    assert points == {1, 2, 3, 4, 5}  # of unknown place; the payload of the model has one
+    assert {axis for name, axis in keys if name == "payload_offset"} == {6}
     without = {term.name for term in effect_terms(robot, exclude=["backlash"])}
     assert "backlash" not in without
+
+
+def terms_of(robot, name, axis):
+    return [term for term in effect_terms(robot) if term.key == (name, axis)]
 
 
 @pytest.mark.parametrize(

@@ -15,12 +15,15 @@ import numpy as np
 from laboratories.effects import CATALOGUE, ORDERS, UNLISTED, WAVES, axes_of
 from laboratories.mjcf import Machine
 from laboratories.motions import MOTIONS
-from laboratories.noise import KINDS
+from laboratories.noise import KINDS, REAL
 from laboratories.robots import ROBOTS, machine_of
 from laboratories.servo import SERVOS
 
-SEEDS = {"development": 1, "report": 500_000}
-"""First seed of each set; what is tuned is tuned on the first, the other is for one frozen run."""
+SEEDS = {"development": 1, "report": 500_000, "development2": 1_000_000, "report2": 2_000_000}
+"""First seed of each set. What is tuned is tuned on development seeds; each report laboratory is
+for one frozen run."""
+FIRST_SETS = ("development", "report")
+"""Sets that are drawn without what was added later: `ADDED`, real noise, loads on other links."""
 LEVELS: dict[str, tuple[Any, ...]] = {
     "robot": ROBOTS,
     "servo": SERVOS,
@@ -31,7 +34,7 @@ LEVELS: dict[str, tuple[Any, ...]] = {
     "motion": (*MOTIONS, "mixed"),
     "seconds": (5.0, 10.0, 25.0, 60.0),
     "segments": (1, 2, 4, 8),
-    "noise": KINDS,
+    "noise": (*KINDS, REAL),
     "level": (0.002, 0.005, 0.01, 0.03),
     "reference": (True, False),
     "torque": ("torque", "current"),
@@ -39,6 +42,9 @@ LEVELS: dict[str, tuple[Any, ...]] = {
     "model_error": (0.005, 0.02, 0.05, 0.1),
     "repeat": (0.001, 0.01, 0.05, 0.15),
     "model_friction": ("given", "missing"),
+    "log_gain": ("right", "robot", "axes"),
+    "times": ("unknown", "known"),
+    "feed_forward": ("model", "worn"),
 }
 """Factors and their levels; docs/laboratories.md says what they mean."""
 BASE: dict[str, Any] = {
@@ -58,8 +64,13 @@ BASE: dict[str, Any] = {
     "model_error": 0.02,
     "repeat": 0.001,
     "model_friction": "given",
+    "log_gain": "right",
+    "times": "unknown",
+    "feed_forward": "model",
 }
 """An easy laboratory: two of three have one or two factors at another level, one is all random."""
+ADDED = ("log_gain", "times", "feed_forward")
+"""Factors that the first sets do not have."""
 _SHARE_RANDOM = 1 / 3
 _ROBOTS = ("puma560", "scara4", "irb6700", "puma560", "arm7", "lift1")  # in turn
 CASES = 4
@@ -145,23 +156,37 @@ def draw_laboratory(
     """
     rng = np.random.default_rng([SEEDS[seeds] + number, 1])
     factors = {"robot": _ROBOTS[number % len(_ROBOTS)], **BASE}
-    free = [name for name in BASE if name not in (forced or {})]
+    first = seeds in FIRST_SETS
+    free = [n for n in BASE if n not in (forced or {}) and not (first and n in ADDED)]
+    levels = LEVELS | ({"noise": KINDS} if first else {})
     if (number + 1) % round(1 / _SHARE_RANDOM) == 0:
         stressed = ["all"]
         for name in free:
-            factors[name] = _pick(name, LEVELS[name], rng, quick)
+            factors[name] = _pick(name, levels[name], rng, quick)
     else:
         # each factor in turn, so that a few laboratories already cover them
         turn = np.random.default_rng([SEEDS[seeds], 2]).permutation(len(free))
         stressed = [free[turn[number % len(free)]]]
+        if not first:
+            # what was added comes first, then real noise
+            order = [name for name in (*ADDED, "noise") if name in free]
+            order += [free[k] for k in turn if free[k] not in order]
+            place = number - (number + 1) // round(1 / _SHARE_RANDOM)
+            stressed = [order[place % len(order)]]
+            if stressed == ["noise"]:
+                levels["noise"] = (REAL,)
         if rng.uniform() < 0.3:
             stressed.append(free[int(rng.integers(len(free)))])
         for name in dict.fromkeys(stressed):
-            others = tuple(level for level in LEVELS[name] if level != BASE[name])
+            others = tuple(level for level in levels[name] if level != BASE[name])
             factors[name] = _pick(name, others, rng, quick)
     factors |= dict(forced or {})
     if "bandwidth" in stressed and factors["servo"] == "model":
         factors["servo"] = "cascade_ff"  # the model's own gains have no bandwidth to choose
+    if "feed_forward" in stressed and factors["servo"] in ("pd", "cascade"):
+        factors["servo"] += "_ff"
+    if "times" in stressed and not factors["jitter"]:
+        factors["jitter"] = 0.1  # without jitter there is nothing to know
     # at least 2.5 s a segment
     factors["segments"] = min(factors["segments"], max(1, int(factors["seconds"] / 2.5)))
     return Laboratory(seeds, number, factors, tuple(dict.fromkeys(stressed)))
@@ -198,7 +223,7 @@ def draw_cases(lab: Laboratory) -> list[Plan]:
             continue
         if kind == "unlisted":
             effect = UNLISTED[(lab.number // 2) % len(UNLISTED)]
-            plans.append(_plan(name, kind, effect, n, UNLISTED_MULTIPLE, lab, rng))
+            plans.append(_plan(name, kind, effect, UNLISTED_MULTIPLE, lab, rng))
             continue
         for _ in range(len(CATALOGUE)):
             effect = CATALOGUE[order[start % len(CATALOGUE)]]
@@ -210,20 +235,27 @@ def draw_cases(lab: Laboratory) -> list[Plan]:
         many: float | None = MULTIPLES[int(rng.integers(len(MULTIPLES)))]
         if effect in PLANT_UNITS and rng.uniform() < 0.75:
             many = None
-        plans.append(_plan(name, kind, effect, n, many, lab, rng))
+        plans.append(_plan(name, kind, effect, many, lab, rng))
     return sorted(plans, key=lambda plan: plan.name)
+
+
+def effect_axes(lab: Laboratory, name: str) -> tuple[int, ...]:
+    """Axes on which an effect may be in a laboratory; loads of the first sets are at the end."""
+    n = lab.machine.n_axes
+    if name.startswith("payload") and lab.seeds in FIRST_SETS:
+        return (n,)
+    return axes_of(name, n)
 
 
 def _plan(
     name: str,
     kind: str,
     effect: str,
-    n_axes: int,
     multiple: float | None,
     lab: Laboratory,
     rng: np.random.Generator,
 ) -> Plan:
-    axes = axes_of(effect, n_axes)
+    axes = effect_axes(lab, effect)
     axis = axes[int(rng.integers(len(axes)))]
     severity = None
     if multiple is None:
@@ -231,6 +263,8 @@ def _plan(
         severity = units[int(rng.integers(len(units)))]
         if effect == "torque_ripple":
             severity *= float(lab.machine.coulomb[axis - 1])
+        if effect == "payload_mass" and axis < lab.machine.n_axes:
+            severity *= float(lab.machine.payload[0])  # [kg] on another link
         if effect == "backlash" and lab.machine.kind[axis - 1] == 1:
             severity *= 0.1  # [m] of a slide
     order = ORDERS[int(rng.integers(len(ORDERS)))] if effect in WAVES else 0

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.signal import lfilter
 
-from laboratories.mjcf import Machine
+from laboratories.mjcf import Machine, merged
 from laboratories.robots import Plant
 
 WAVES = ("transmission_error", "torque_ripple")
@@ -70,8 +70,6 @@ class Effect:
 
 def axes_of(name: str, n_axes: int) -> tuple[int, ...]:
     """Axes on which an effect can act, from 1; none for some effects of small robots."""
-    if name.startswith("payload"):
-        return (n_axes,)
     if name == "wrist_coupling_friction":
         return (n_axes - 1, n_axes) if n_axes >= 6 else ()
     return tuple(range(1, n_axes + 1))
@@ -94,6 +92,7 @@ def unit(name: str, axis: int, machine: Machine) -> float:
         "torque_offset": 0.2 * friction,
         "torque_constant": 0.05,
         "delay": 2e-3,
+        "payload_mass": 0.2 if axis == machine.n_axes else 0.2 * float(machine.payload[0]),
         "payload_offset": 0.02,
         "gravity_spring": 0.05 * float(machine.limit[k]) * ratio,
         "encoder_offset": 0.01,
@@ -181,6 +180,8 @@ def apply(effect: Effect, plant: Plant, model: Machine) -> Plant:
     if name == "rotor_inertia":
         rotor = float(plant.column("ROTOR")[k]) + s * float(model.rotor[k])
         return plant.changed(axis, ROTOR=rotor)
+    if name.startswith("payload") and axis < model.n_axes:
+        return replace(plant, machine=_loaded_link(plant.machine, name, k, s))
     if name == "payload_mass":
         payload = plant.machine.payload.copy()
         more = 1 + s * model.payload[0] / payload[0]
@@ -200,6 +201,19 @@ def apply(effect: Effect, plant: Plant, model: Machine) -> Plant:
     if name in ("temperature_friction", "torque_lowpass"):
         return plant
     raise ValueError(f"no form of effect '{name}'")
+
+
+def _loaded_link(machine: Machine, name: str, k: int, severity: float) -> Machine:
+    """A robot with a mass [kg] near the far end of a link, or with a moved centre of mass [m]."""
+    mass, com, inertia = machine.mass.copy(), machine.com.copy(), machine.inertia.copy()
+    if name == "payload_offset":
+        com[k] += severity * np.array([1.0, 0.08, 0.0])
+    else:
+        # a compact body beside the next joint, with a radius of gyration of 3 cm
+        place = machine.place[k + 1] + np.array([0.01, -0.01, 0.015])
+        added = (severity, place, severity * 0.03**2 * np.eye(3))
+        mass[k], com[k], inertia[k] = merged([(mass[k], com[k], inertia[k]), added])
+    return machine.changed(mass=mass, com=com, inertia=inertia)
 
 
 def temperature_factors(temperature: float, share: float) -> np.ndarray:

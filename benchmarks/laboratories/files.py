@@ -20,7 +20,7 @@ FILES = ("measured", "healthy", "validate")
 def write_case(
     folder: Path,
     robot: str,
-    sample_period: float,
+    sample_period: float | None,
     files: Mapping[str, Mapping[str, np.ndarray]],
     mode: str,
 ) -> None:
@@ -29,7 +29,7 @@ def write_case(
     Args:
         folder: Folder of the case.
         robot: Name of the robot, or path of its model relative to the folder.
-        sample_period: [s].
+        sample_period: [s]; None: the files have the true `time` of each sample instead.
         files: Arrays by file and name; `segments` becomes an attribute. docs/measured.md describes
             the names.
         mode: 'twin', 'alone' or 'both'.
@@ -38,12 +38,13 @@ def write_case(
     for name, arrays in files.items():
         with h5py.File(folder / f"{name}.h5", "w") as file:
             file.attrs["robot"] = Path(robot).stem
-            file.attrs["sample_period"] = sample_period
+            if sample_period is not None:
+                file.attrs["sample_period"] = sample_period
             file.attrs["segments"] = np.asarray(arrays["segments"], dtype=np.int64)
             for channel, values in arrays.items():
-                if channel != "segments":
+                if channel != "segments" and (channel != "time" or sample_period is None):
                     # angles of a motor need the digits; torque is coarser than float32
-                    exact = channel.endswith("position")
+                    exact = channel.endswith(("position", "time"))
                     kind = np.float64 if exact else np.float32
                     file.create_dataset(channel, data=values.astype(kind), compression="gzip")
     told = {"robot": robot, "mode": mode}

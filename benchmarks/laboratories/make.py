@@ -17,113 +17,22 @@ import numpy as np
 from laboratories.draw import Laboratory, Plan, draw_cases
 from laboratories.effects import Effect, apply, axes_of, logged_torque, temperature_factors
 from laboratories.files import write_case
-from laboratories.motions import MOTIONS, Motion, draw_motion
-from laboratories.noise import TorqueNoise, draw_noise
 from laboratories.oracle import DETECTED, Oracle
 from laboratories.plant import GRID
 from laboratories.robots import (
     OWN,
     STILL,
-    Plant,
-    nominal,
-    random_robot,
     robot_file,
+    sample_times,
     sampled,
-    set_points,
     simulate,
+    with_worn_forward,
 )
-from laboratories.servo import with_servo
+from laboratories.setup import Setup, beside, set_up
 
 _TEMPERATURES = (30.0, 55.0)
-_CURRENT = (0.03, 0.005)  # error of the gain; of the offset, over the torque limit
 _QUADRATURE = 4
 _COMMON, _OWN = 0.8, 0.6  # of differences between runs: of all axes together, of each
-
-
-@dataclass(frozen=True)
-class Setup:
-    """What all recordings of a laboratory share."""
-
-    lab: Laboratory
-    ideal: Plant
-    """The model with the laboratory's servo."""
-    robot: Plant
-    """The healthy robot."""
-    bandwidth: float
-    """Of the servo that was possible [Hz]."""
-    motions: tuple[Motion, ...]
-    """Of the recordings, then of the one to score on."""
-    points: tuple[np.ndarray, ...]
-    runs: tuple[np.ndarray, ...]
-    """Of the ideal robot."""
-    noise: TorqueNoise
-    gain: np.ndarray
-    """Of the logged torque, shape (n_axes,)."""
-    zero: np.ndarray
-    """Of the logged torque [N m], shape (n_axes,)."""
-    n_measured: int
-    """Motions that are in the recording; the others are to score on."""
-
-    @property
-    def period(self) -> float:
-        """Sample period [s]."""
-        return 1.0 / float(self.lab.factors["rate"])
-
-
-def set_up(lab: Laboratory) -> Setup:
-    """Draw everything that the recordings of a laboratory share.
-
-    Args:
-        lab: The laboratory.
-    """
-    rng = np.random.default_rng([lab.seed, 5])
-    factors, machine = lab.factors, lab.machine
-    ideal, bandwidth = with_servo(
-        nominal(machine), factors["servo"], factors["bandwidth"], factors["servo_period"]
-    )
-    count = int(factors["segments"])
-    length = round(float(factors["seconds"]) / count, 2)
-    kinds = MOTIONS if factors["motion"] == "mixed" else (factors["motion"],)
-    first = int(rng.integers(len(kinds)))
-    motions = [
-        draw_motion(kinds[(first + k) % len(kinds)], machine, length, rng) for k in range(count)
-    ]
-    # two motions of other types to score on, of 5 s together
-    others = [kind for kind in ("task", "multisine") if count > 0]
-    motions += [draw_motion(kind, machine, 2.5, rng) for kind in others]
-    points = tuple(set_points(machine, m.q, m.qd, m.qdd) for m in motions)
-    runs = tuple(simulate(ideal, one, step=2e-4) for one in points)
-    rows = np.concatenate(runs)
-    ideal = ideal.with_columns(
-        X_REF=np.sqrt(np.mean(rows[:, :, 1] ** 2, axis=0)),
-        X_LOAD_REF=np.sqrt(np.mean((rows[:, :, 3] / machine.ratio) ** 2, axis=0)),
-        X_TWIST_REF=np.sqrt(np.mean((rows[:, :, 3] / machine.stiffness) ** 2, axis=0)),
-    )
-    noise = draw_noise(
-        factors["noise"],
-        factors["level"],
-        rows[:, :, 2],
-        rows[:, :, 1],
-        n_motions=len(motions),
-        sample_period=1 / factors["rate"],
-        limit=machine.limit,
-        rng=rng,
-    )
-    n = machine.n_axes
-    current = factors["torque"] == "current"
-    return Setup(
-        lab=lab,
-        ideal=ideal,
-        robot=random_robot(ideal, factors["model_error"], rng),
-        bandwidth=bandwidth,
-        motions=tuple(motions),
-        points=points,
-        runs=runs,
-        noise=noise,
-        gain=1 + current * _CURRENT[0] * rng.uniform(-1, 1, n),
-        zero=current * _CURRENT[1] * machine.limit * rng.uniform(-1, 1, n),
-        n_measured=count,
-    )
 
 
 @dataclass(frozen=True)
@@ -180,7 +89,8 @@ def record(
         rng: Source of randomness, of the noise.
 
     Returns:
-        The arrays of docs/measured.md with `segments`, and the gap that noise alone would leave.
+        The arrays of docs/measured.md with `segments` and the true `time`, and the gap that noise
+        alone would leave.
     """
     factors, period = setup.lab.factors, setup.period
     plant = setup.robot
@@ -190,9 +100,12 @@ def record(
     arrays: dict[str, list[np.ndarray]] = {}
     errors, torques = [], []
     for motion in motions:
-        run = simulate(plant, setup.points[motion], _slow(session, motion, effects))
-        samples = int(setup.motions[motion].seconds / period) + 1
-        times = period * np.arange(samples)
+        slow, points = _slow(session, motion, effects), setup.points[motion]
+        if factors["feed_forward"] == "worn":
+            points = with_worn_forward(points, setup.lab.machine, plant, slow)
+        run = simulate(plant, points, slow)
+        times = sample_times(len(setup.points[motion]), period)
+        samples = len(times)
         if factors["jitter"]:
             late = factors["jitter"] * period * rng.standard_normal(samples)
             times = np.maximum.accumulate(np.maximum(times + late, 0))
@@ -208,6 +121,7 @@ def record(
         k = x.astype(int)
         f = (x - k)[:, None]
         parts = {
+            "time": times,
             "motor_position": position,
             "motor_velocity": np.gradient(position, period, axis=0),
             "motor_torque": torques[-1],
@@ -301,7 +215,8 @@ def record_case(
     validate, floor = record(setup, effects, after, beyond, rng)
     healthy, _ = record(setup, [], before, inside, rng)
     files = {"measured": measured, "validate": validate, "healthy": healthy}
-    write_case(folder, robot, setup.period, files, "both")
+    known = setup.lab.factors["times"] == "known"
+    write_case(folder, robot, None if known else setup.period, files, "both")
     return floor
 
 
@@ -340,6 +255,7 @@ def make_laboratory(lab: Laboratory, folder: Path) -> list[dict[str, Any]]:
                     "d_prime": found,
                     "separation": apart,
                     "floor": floor,
+                    "beside": beside(lab, mode),
                     "stressed": list(lab.stressed),
                     "factors": lab.factors | {"possible_bandwidth": round(setup.bandwidth, 2)},
                 }

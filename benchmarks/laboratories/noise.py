@@ -11,8 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
+from laboratories.real_noise import colour, draw_series
+
 KINDS = ("constant", "by_motion", "by_speed", "by_load", "coloured", "quantised", "outliers")
 """Kinds of noise; `draw_noise` says what each of them is."""
+REAL = "real"
+"""Kind whose noise is taken from recordings of real machines, see `real_noise`."""
+_BLOCK = 0.5  # blocks of real noise [s]: several times its memory
 _FAR = (8.0, 20.0)  # size of an outlier, in standard deviations of the noise
 
 
@@ -37,6 +42,10 @@ class TorqueNoise:
     """Resolution of the logged torque [N m]."""
     outliers: float
     """Share of samples that are outliers."""
+    bank: tuple[np.ndarray, ...] = ()
+    """Residuals of a real machine with unit variance, one array for each axis."""
+    block: int = 0
+    """Samples of `bank` that stay together."""
 
     def scale(self, torque: np.ndarray, speed: np.ndarray, motion: int) -> np.ndarray:
         """Compute the standard deviation of the noise along a motion.
@@ -66,6 +75,8 @@ class TorqueNoise:
         Returns:
             Noise [N m], same shape.
         """
+        if self.bank:
+            return scale * self._from_bank(len(scale), rng)
         white, kicks = rng.standard_normal((2, *scale.shape))
         for axis, memory in enumerate(self.memory):
             kicks[1:, axis] *= np.sqrt(1 - memory**2)
@@ -75,6 +86,17 @@ class TorqueNoise:
             hit = rng.random(scale.shape) < self.outliers
             unit += hit * rng.uniform(*_FAR, scale.shape) * rng.choice([-1.0, 1.0], scale.shape)
         return scale * unit
+
+    def _from_bank(self, samples: int, rng: np.random.Generator) -> np.ndarray:
+        """Blocks of the residuals one after another, shape (samples, n_axes)."""
+        out = np.empty((samples, len(self.bank)))
+        for axis, series in enumerate(self.bank):
+            length = min(self.block, len(series))
+            for start in range(0, samples, length):
+                at = int(rng.integers(len(series) - length + 1))
+                part = series[at : at + min(length, samples - start)]
+                out[start : start + length, axis] = part * rng.choice([-1.0, 1.0])
+        return out
 
     def logged(self, torque: np.ndarray) -> np.ndarray:
         """Round torques to the resolution of the log [N m], shape (samples, n_axes)."""
@@ -115,10 +137,11 @@ def draw_noise(
     `constant` is white with a weak coloured part. `by_motion` has another level on each motion
     (factors between 0.3 and 3). `by_speed` and `by_load` grow with speed and torque. `coloured` is
     almost only coloured. `quantised` is logged in steps of 2 to 4 standard deviations. `outliers`
-    has 0.1 to 1 % of samples far off.
+    has 0.1 to 1 % of samples far off. `real` is taken from residuals of a real machine; its share
+    and memory are fitted to their autocorrelation.
 
     Args:
-        kind: Of `KINDS`.
+        kind: Of `KINDS`, or `REAL`.
         level: Standard deviation over RMS torque.
         torque: Typical torque [N m], shape (samples, n_axes).
         speed: Typical motor speed [rad/s], same shape.
@@ -129,6 +152,9 @@ def draw_noise(
 
     Returns:
         The noise.
+
+    Raises:
+        FileNotFoundError: The kind is `REAL`, and the recordings of real machines are not here.
     """
     rms = np.sqrt(np.mean(torque**2, axis=0))
     axes = len(rms)
@@ -141,6 +167,11 @@ def draw_noise(
         # spread over the whole range, so that motions surely differ
         place = (np.arange(n_motions) + rng.uniform(0, 1, n_motions)) / n_motions
         factors = rng.permutation(0.3 * 10**place)
+    memory = np.exp(-sample_period / time)
+    bank: tuple[np.ndarray, ...] = ()
+    if kind == REAL:
+        bank = draw_series(axes, sample_period, rng)
+        share, memory = (np.array(values) for values in zip(*map(colour, bank), strict=True))
     step = limit / 2**13
     if kind == "quantised":
         step = rng.uniform(2.0, 4.0) * size
@@ -151,7 +182,9 @@ def draw_noise(
         rms_speed=np.sqrt(np.mean(speed**2, axis=0)),
         by_motion=factors,
         share=share,
-        memory=np.exp(-sample_period / time),
+        memory=memory,
         step=step,
         outliers=float(10 ** rng.uniform(-3, -2)) if kind == "outliers" else 0.0,
+        bank=bank,
+        block=max(1, round(_BLOCK / sample_period)),
     )

@@ -24,11 +24,23 @@ from laboratories.effects import (
     unit,
 )
 from laboratories.noise import TorqueNoise
-from laboratories.robots import STILL, Plant, parameters, perturbed, sampled, simulate
+from laboratories.robots import (
+    STILL,
+    Plant,
+    parameters,
+    perturbed,
+    sample_times,
+    sampled,
+    simulate,
+    with_worn_forward,
+)
 
 DETECTED = 4.0
 """d' at the limit: an ideal search of 120 candidates with 1 % false alarms finds half of them."""
-_STEP = 2e-4  # [s]
+_CURRENT_GAIN, _CURRENT_ZERO = 0.017, 0.003
+"""Standard deviations of `setup.CURRENT`."""
+_LOG_GAIN = 0.1
+"""Standard deviation of a gain that is off by 3 to 20 %: its RMS."""
 _DIFFERENCE = 0.05  # of parameters, for the sensitivities
 _WARM = (32.0, 52.0, 38.0, 45.0)  # temperatures of the motions, in turn [deg C]
 
@@ -63,9 +75,10 @@ class Oracle:
                 if effect.name == "temperature_friction":
                     warm = _WARM[motion % len(_WARM)]
                     slow[effect.axis - 1, :4] *= temperature_factors(warm, effect.severity)
-            run = simulate(plant, points, slow, step=_STEP)
-            seconds = (len(run) - 1) * 5e-4
-            seen = sampled(run, np.arange(0, seconds, self.period))
+            if self.lab.factors["feed_forward"] == "worn":
+                points = with_worn_forward(points, self.lab.machine, plant, slow)
+            run = simulate(plant, points, slow)
+            seen = sampled(run, sample_times(len(points), self.period))
             out.append((logged_torque(effects, seen[:, :, 2], self.period), seen[:, :, 1]))
         return out
 
@@ -74,7 +87,8 @@ class Oracle:
         return self._torque(self.ideal)
 
     @cached_property
-    def _healthy(self) -> Runs:
+    def healthy(self) -> Runs:
+        """Torque and speed of the robot without an effect, on a day of average friction."""
         return self._torque(self.robot)
 
     def _white(self, seen: Runs, mode: str, base: Runs | None = None) -> np.ndarray:
@@ -120,19 +134,22 @@ class Oracle:
                     self._white(self._torque(plant), mode)[None] for plant in (stiffer, smooth)
                 ]
             if self.lab.factors["torque"] == "current":
-                columns += self._of_current()
+                columns += self._of_log(_CURRENT_GAIN, _CURRENT_ZERO)
+            if self.lab.factors["log_gain"] != "right":
+                columns += self._of_log(_LOG_GAIN, 0.0)
         self._known[mode] = np.concatenate(columns)
         return self._known[mode]
 
-    def _of_current(self) -> list[np.ndarray]:
-        """Errors of the gain and the zero of a measured current."""
+    def _of_log(self, gain: float, zero: float) -> list[np.ndarray]:
+        """Errors of the gain of a logged torque, and of its zero over the torque limit."""
         n, limit = self.lab.machine.n_axes, self.lab.machine.limit
         columns = []
-        for axis in range(n):
-            one = np.eye(n)[axis]
-            scaled = [(torque * (1 + 0.017 * one), w) for torque, w in self._base]
-            moved = [(torque + 0.003 * limit * one, w) for torque, w in self._base]
-            columns += [self._white(seen, "alone")[None] for seen in (scaled, moved)]
+        for one in np.eye(n):
+            scaled = [(torque * (1 + gain * one), w) for torque, w in self._base]
+            columns.append(self._white(scaled, "alone")[None])
+            if zero:
+                moved = [(torque + zero * limit * one, w) for torque, w in self._base]
+                columns.append(self._white(moved, "alone")[None])
         return columns
 
     @cached_property
@@ -150,7 +167,7 @@ class Oracle:
     def _signal(self, effect: Effect, mode: str) -> np.ndarray:
         """Change by an effect in the robot, in units of the noise."""
         plant = apply(effect, self.robot, self.lab.machine)
-        return self._white(self._torque(plant, [effect]), mode, self._healthy)
+        return self._white(self._torque(plant, [effect]), mode, self.healthy)
 
     def d_prime(self, effect: Effect, mode: str) -> float:
         """Distance of the robot with the effect from healthy ones, in standard deviations.

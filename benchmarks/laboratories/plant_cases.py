@@ -4,7 +4,7 @@ Each laboratory has a healthy robot and nine effects on axes 1 to 4 (payload: 6)
 of 6.25 s. Their servos are that of the model and another one. No oracle is computed.
 
     python -m laboratories.plant_cases DIR [--first 1000]       # in the folder benchmarks
-    python laboratories_score.py --trial DIR --results NAME --mode alone
+    python score_discovery.py --trial DIR --answers NAME --only alone
 """
 
 from __future__ import annotations

@@ -12,10 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from laboratories.arm import body_arrays, inverse
+from laboratories.arm import Body, body_arrays, inverse
+from laboratories.laws import steady_friction
 from laboratories.mjcf import Machine, read_machine
 from laboratories.parameters import INDEX, NAMES
-from laboratories.plant import DENSE, STEP, integrate
+from laboratories.plant import DENSE, GRID, STEP, integrate, motor_speeds
 
 PACKAGE = Path(__file__).parents[2] / "robots"
 OWN = Path(__file__).with_name("robots")
@@ -106,14 +107,62 @@ def set_points(machine: Machine, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray)
     """
     load = inverse(body_arrays(machine), q, qd, qdd) / machine.ratio
     w = machine.ratio * qd
-    share = np.tanh(w / (0.5 * machine.stribeck))
-    friction = machine.coulomb * share + machine.viscous * w - machine.offset * np.abs(share)
-    forward = load + machine.rotor * machine.ratio * qdd + friction
+    forward = load + machine.rotor * machine.ratio * qdd + _told_friction(machine, w)
     return np.ascontiguousarray(np.stack([machine.ratio * q, w, forward], axis=1))
 
 
+def _told_friction(machine: Machine, w: np.ndarray) -> np.ndarray:
+    """Friction by the model's numbers at motor speeds, without its rise at rest [N m]."""
+    share = np.tanh(w / (0.5 * machine.stribeck))
+    out: np.ndarray = machine.coulomb * share + machine.viscous * w
+    return out - machine.offset * np.abs(share)
+
+
+def with_worn_forward(
+    points: np.ndarray, model: Machine, plant: Plant, slow: np.ndarray
+) -> np.ndarray:
+    """Set points of a controller that was told the present friction of the robot.
+
+    Args:
+        points: From `set_points` of the model.
+        model: The model.
+        plant: The robot as it is now.
+        slow: See `plant.integrate`, shape (n_axes, 5).
+
+    Returns:
+        The set points; friction in the feed-forward torque is that of the robot.
+    """
+    w = points[:, 1]
+    rotor = model.rotor * np.gradient(w, GRID, axis=0)
+    load = points[:, 2] - _told_friction(model, w) - rotor
+    friction = steady_friction(plant.table, w, points[:, 0] / model.ratio, load, slow)
+    out = points.copy()
+    out[:, 2] += friction - _told_friction(model, w)
+    return out
+
+
+def _at_rest(plant: Plant, points: np.ndarray) -> tuple[Body, np.ndarray, np.ndarray]:
+    """Arm, state and integral of the servo before a motion, as `plant.integrate` takes them."""
+    body = body_arrays(plant.machine)
+    ratio = plant.column("RATIO")
+    motor = points[0, 0] + ratio * plant.column("X_ENCODER")
+    joint, still = motor / ratio, np.zeros(len(plant.table))
+    load = inverse(body, joint[None], still[None], still[None])[0]
+    state = np.stack([joint - load / plant.column("STIFF"), still, motor, still])
+    # the integral holds the load already, as after a long rest
+    gain = plant.column("KI")
+    hold = load / ratio - plant.column("FORWARD") * points[0, 2]
+    integral = np.where(gain > 0, hold / np.where(gain > 0, gain, 1.0), 0.0)
+    return body, state, integral
+
+
 def simulate(
-    plant: Plant, points: np.ndarray, slow: np.ndarray | None = None, *, step: float = STEP
+    plant: Plant,
+    points: np.ndarray,
+    slow: np.ndarray | None = None,
+    *,
+    step: float = STEP,
+    follow: np.ndarray | None = None,
 ) -> np.ndarray:
     """Run a robot along set points, from rest.
 
@@ -122,6 +171,7 @@ def simulate(
         points: From `set_points`.
         slow: See `plant.integrate`, shape (n_axes, 5); default: nothing changes.
         step: [s].
+        follow: From `rotor_motion`: the rotors move like that, and there is no servo.
 
     Returns:
         Shape (rows, n_axes, channels), as in `plant.CHANNELS`, every `plant.DENSE`.
@@ -129,22 +179,40 @@ def simulate(
     Raises:
         FloatingPointError: The simulation diverged.
     """
-    n = len(plant.table)
-    slow = np.tile(STILL, (n, 1)) if slow is None else slow
-    body = body_arrays(plant.machine)
-    ratio = plant.column("RATIO")
-    motor = points[0, 0] + ratio * plant.column("X_ENCODER")
-    joint, still = motor / ratio, np.zeros(n)
-    load = inverse(body, joint[None], still[None], still[None])[0]
-    state = np.stack([joint - load / plant.column("STIFF"), still, motor, still])
-    # the integral holds the load already, as after a long rest
-    gain = plant.column("KI")
-    hold = load / ratio - plant.column("FORWARD") * points[0, 2]
-    integral = np.where(gain > 0, hold / np.where(gain > 0, gain, 1.0), 0.0)
-    run: np.ndarray = integrate(body, plant.table, points, slow, state, step, LEAD, True, integral)
+    slow = np.tile(STILL, (len(plant.table), 1)) if slow is None else slow
+    body, state, integral = _at_rest(plant, points)
+    run = integrate(body, plant.table, points, slow, state, step, LEAD, True, integral, follow)
     if not np.isfinite(run).all() or np.abs(run[:, :, 1]).max() > 1e4:
         raise FloatingPointError("the simulation diverged")
     return run
+
+
+def rotor_motion(plant: Plant, points: np.ndarray) -> np.ndarray:
+    """How the rotors of a robot move along set points, for `simulate`.
+
+    Args:
+        plant: The robot with its servo.
+        points: From `set_points`.
+
+    Returns:
+        Motor speed at every `plant.STEP`, shape (steps, n_axes), in [rad/s].
+    """
+    slow = np.tile(STILL, (len(plant.table), 1))
+    body, state, integral = _at_rest(plant, points)
+    return motor_speeds(body, plant.table, points, slow, state, STEP, LEAD, integral)
+
+
+def sample_times(rows: int, period: float) -> np.ndarray:
+    """Times of the samples of a motion.
+
+    Args:
+        rows: Rows of the motion, one every `plant.GRID`.
+        period: Between two samples [s].
+
+    Returns:
+        Times from 0 to the end of the motion [s].
+    """
+    return period * np.arange(int((rows - 1) * GRID / period + 1e-6) + 1)
 
 
 def sampled(run: np.ndarray, times: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ Each laboratory has two motions of 10 s, a servo of 7 Hz at 1 kHz, and parameter
 1 to 3 %. Six effects of twelve and one of three unlisted ones are drawn. No oracle is computed.
 
     python -m laboratories.servo_cases DIR [--first 6000]       # in the folder benchmarks
-    python laboratories_score.py --trial DIR --results NAME
+    python score_discovery.py --trial DIR --answers NAME
 """
 
 from __future__ import annotations

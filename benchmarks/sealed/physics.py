@@ -162,6 +162,7 @@ def simulate(
 
     Raises:
         FloatingPointError: The simulation diverged.
+        ValueError: The step does not divide the sample period.
     """
     n_axes = len(physics.table)
     samples = (len(points) - 1) // round(SAMPLE_PERIOD / GRID) + 1
@@ -174,6 +175,8 @@ def simulate(
     load = inverse_dynamics(body, joint[None], still, still)[0]
     state = np.stack([joint - load / physics.column("K"), still[0], motor, still[0]])
     every = round(SAMPLE_PERIOD / step)
+    if abs(every * step - SAMPLE_PERIOD) > 1e-6 * step:
+        raise ValueError(f"a step of {step:g} s does not divide the sample period")
     run = integrate(body, physics.table, points, GRID, slow, state, step, every, lead)
     if not np.isfinite(run).all():
         raise FloatingPointError("the sealed simulation diverged")

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from faultgen.building.drive_numbers import Value
 from faultgen.building.masses import Masses
@@ -36,12 +36,23 @@ class Payload(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    mass: Positive | None = None
-    """[kg]"""
+    mass: Annotated[float, Field(ge=0, le=_HEAVIEST, allow_inf_nan=False)] | None = None
+    """[kg]; 0: the arm carries nothing, and the body ``payload`` only marks the flange."""
     position: Vector | None = None
     """Centre of mass in the frame of the flange [m]."""
-    inertia: Annotated[list[Positive], Field(min_length=3, max_length=3)] | None = None
-    """Inertia about the axes of the flange's frame, through the centre of mass [kg m^2]."""
+    inertia: Vector | None = None
+    """Inertia about the axes of the flange's frame, through the centre of mass [kg m^2]; 0 only for
+    a payload without mass."""
+
+    @model_validator(mode="after")
+    def _possible(self) -> Payload:
+        """Refuse an inertia that does not fit to the mass."""
+        least = min(self.inertia or [1.0])
+        if least < 0 or (least == 0 and self.mass != 0):
+            raise ValueError("inertia: must be above 0, or 0 for a payload with mass = 0")
+        if self.mass == 0 and max(self.inertia or [0.0]) > 0:
+            raise ValueError("inertia: must be 0 for a payload with mass = 0")
+        return self
 
 
 class Coupling(BaseModel):

@@ -52,16 +52,22 @@ def add_payload(
         body = spec.body(flange.body).add_body(
             name="payload", pos=list(flange.pos), quat=list(flange.quat)
         )
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[side / 2] * 3,
-            pos=[_four(side / 2), 0, _four(side / 2)],
-            rgba=[0.85, 0.45, 0.12, 1],
-            density=0.0,
+        if mass > 0:
+            body.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                size=[side / 2] * 3,
+                pos=[_four(side / 2), 0, _four(side / 2)],
+                rgba=[0.85, 0.45, 0.12, 1],
+                density=0.0,
+            )
+        whys = (
+            "an aluminium cube that is held at its edge, so that it loads the last axis",
+            "that of this cube",
         )
-        why = "an aluminium cube that is held at its edge, so that it loads the last axis"
-        position = choose("position", [_four(side / 2), 0.0, _four(side / 2)], why)
-        inertia = choose("inertia", [_four(mass * side**2 / 6)] * 3, "that of this cube")
+        if mass == 0:
+            whys = ("the flange, where nothing is carried", "nothing is carried")
+        position = choose("position", [_four(side / 2), 0.0, _four(side / 2)], whys[0])
+        inertia = choose("inertia", [_four(mass * side**2 / 6)] * 3, whys[1])
         _set_inertia(body, mass, position, inertia)
         if "tool" not in sites:
             body.add_site(name="tool", pos=[position[0], position[1], 2 * position[2]])

@@ -158,7 +158,7 @@ def states_mass(body: mujoco.MjsBody) -> bool:
         body: The link.
     """
     if body.explicitinertial:
-        return bool(body.mass >= LIGHTEST)
+        return bool(body.mass >= LIGHTEST or body.name == _PAYLOAD)  # a payload may weigh nothing
     return any(
         geom.mass > 0 or (np.isnan(geom.mass) and geom.density not in _PLAIN) for geom in body.geoms
     )

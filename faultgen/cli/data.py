@@ -61,7 +61,7 @@ def generate(
         typer.Option(
             help="Axes that wear. 1,2,3 makes one run for each axis; 2+3 makes one run in which "
             "both axes wear at once. Default, also written 'all': every axis that the effect can "
-            "act on."
+            "act on; for payload_mass and payload_offset the last one."
         ),
     ] = None,
     effect: Annotated[

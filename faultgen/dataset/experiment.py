@@ -25,7 +25,7 @@ from pydantic import (
     model_validator,
 )
 
-from faultgen.dataset.severity import check_severity, default_severity
+from faultgen.dataset.severity import check_largest, check_severity, default_severity
 from faultgen.dataset.wear import severities
 from faultgen.effects import HEALTHY, get_effect
 from faultgen.effects.base import DEFAULT_FRACTION
@@ -316,11 +316,10 @@ class Experiment(BaseModel):
         for one in self.beside:
             effect = get_effect(one.effect)
             effect.complete(one.parameters)
-            if not 0 <= one.severity <= effect.largest:
-                raise InputError(
-                    f"beside: the severity of {one.effect} must be from 0 to {effect.largest:g} "
-                    f"({effect.unit}), not {one.severity:g}"
-                )
+            what = f"beside: the severity of {one.effect}"
+            if not one.severity >= 0:
+                raise InputError(f"{what} must be at least 0, not {one.severity:g}")
+            check_largest(what, effect, one.severity)
 
     @property
     def own_repetitions(self) -> range:

@@ -38,7 +38,7 @@ def list_faults(experiment: Experiment, robot: Robot) -> list[Fault]:
             found[healthy] = None
             continue
         effect = get_effect(name)
-        for axes in experiment.axis or [[axis] for axis in effect.axes_on(robot)]:
+        for axes in experiment.axis or [[axis] for axis in effect.usual_axes_on(robot)]:
             for severity in experiment.severities_of(name):
                 worn = severity > 0 or not isinstance(experiment.schedule, str)
                 fault: Fault = (name, tuple(sorted(axes)), float(severity)) if worn else healthy
@@ -63,10 +63,14 @@ def _check_faults(faults: list[Applied], robot: Robot) -> None:
         unit = effect.units_on(robot, one.axis)
         if units.setdefault(one.effect, unit) != unit:
             raise InputError(
-                f"axis: the severity of {one.effect} is in {units[one.effect]} on some axes of "
-                f"robot {robot.name} and in {unit} on axis {one.axis}; put these axes into "
-                "separate runs"
+                f"axis: the severity of {one.effect} is {_in_words(units[one.effect])} on some "
+                f"axes of robot {robot.name} and {_in_words(unit)} on axis {one.axis}; put these "
+                "axes into separate runs"
             )
+
+
+def _in_words(unit: str) -> str:
+    return "a fraction" if unit == "1" else f"in {unit}"
 
 
 def beside_of(experiment: Experiment, axes: tuple[int, ...]) -> tuple[Applied, ...]:

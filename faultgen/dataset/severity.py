@@ -59,11 +59,26 @@ def check_severity(
     for name, effect in effects.items():
         own = severity[name] if isinstance(severity, dict) else severity
         largest = max(own if isinstance(schedule, str) else schedule, default=0.0)
-        if largest > effect.largest:
-            raise InputError(
-                f"severity: {name} must be at most {effect.largest:g} ({effect.unit}), "
-                f"not {largest:g}"
-            )
+        check_largest(f"severity: {name}", effect, largest)
+
+
+def check_largest(what: str, effect: Effect, severity: float) -> None:
+    """Refuse a severity that is too large for an effect on any axis of any robot.
+
+    Args:
+        what: What has the severity, for the message.
+        effect: The effect.
+        severity: The severity. `Effect.check_severity` compares it with the limit of an axis.
+
+    Raises:
+        InputError: The severity is too large.
+    """
+    if severity <= max(effect.largest, effect.point_largest):
+        return
+    most = f"{effect.largest:g} ({effect.unit})"
+    if effect.point_units:
+        most += f", or {effect.point_largest:g} {effect.point_units} where the model has no payload"
+    raise InputError(f"{what} must be at most {most}, not {severity:g}")
 
 
 def _unit(effect: Effect) -> str:

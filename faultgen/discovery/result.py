@@ -116,7 +116,7 @@ class Answer:
                     "axis": one.axis,
                     "parameters": {
                         "severity": one.severity,
-                        "unit": get_effect(one.effect).unit,
+                        "unit": get_effect(one.effect).unit_with(one.parameters),
                         **one.parameters,
                     },
                     "interval": {"severity": list(one.interval)},

@@ -15,12 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
 
 from faultgen.applied import Applied as Applied
+from faultgen.effects.hooks import Place, Update
 from faultgen.effects.prior import Prior, check_prior
 from faultgen.errors import InputError, what_it_says
 
@@ -41,98 +42,24 @@ MASSLESS = 1e-3
 FRACTION = "fraction of nominal (0.1 = 10 % more)"
 """Unit of effects that scale a nominal value."""
 
-Temperature: TypeAlias = float | tuple[np.ndarray, np.ndarray] | None
-"""Gearbox temperature [deg C]: constant, or (times [s] from the start of the control, values); None
-for the temperature at which the model's friction holds. The values have shape (times,), or (times,
-n_axes) if every axis has its own."""
-
-
-def course_of(temperature: tuple[np.ndarray, np.ndarray], axis: int) -> tuple[np.ndarray, ...]:
-    """Return the course of the temperature of one axis.
-
-    Args:
-        temperature: Times [s] and values, see `Temperature`.
-        axis: Axis, from 1.
-
-    Returns:
-        Times [s] and temperatures [deg C], shape (times,) each.
-    """
-    times, values = (np.asarray(part, float) for part in temperature)
-    return times, values if values.ndim == 1 else values[:, axis - 1]
-
-
-Loads: TypeAlias = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""Inverse dynamics of a robot, see `simulation.arm.loads`."""
-
-
-@dataclass(frozen=True, eq=False)
-class Place:
-    """Where an effect acts, and its severity. Hooks get it as an argument."""
-
-    robot: Robot
-    """The healthy robot."""
-    model: mujoco.MjModel
-    """The robot with all its effects, compiled."""
-    axis: int
-    """From 1."""
-    severity: float
-    """Severity in the unit of the effect, never 0."""
-    parameters: Mapping[str, Any]
-    """All parameters, including defaults."""
-    loads: Loads
-    """Function from joint positions [rad], velocities and accelerations to the load of the motors
-    and the torque that they need [N m]; all of shape (samples, n_axes)."""
-
-    def element(self, kind: str, name: str) -> int:
-        """Return the id in `model` of an actuator or tendon of the axis.
-
-        Args:
-            kind: "actuator" or "tendon".
-            name: Name without the number of the axis, such as "gearbox".
-
-        Returns:
-            The id.
-        """
-        return int(self.robot.ids(kind, name, self.model)[self.axis - 1])
-
-
-@dataclass(eq=False)
-class Moment:
-    """State and friction of nsim simulations between two steps.
-
-    The arrays are those of the simulation. Hooks change `biasprm`, `dynprm` and `damping`, and must
-    not change the state. Before the first hook these three have the values of the model.
-    """
-
-    time: float
-    """Since the start of the cycle [s]; negative in the lead-in."""
-    interval: float
-    """Until the next call [s]."""
-    qpos: np.ndarray
-    """Shape (nsim, nq)."""
-    qvel: np.ndarray
-    """Shape (nsim, nv)."""
-    biasprm: np.ndarray
-    """mjModel.actuator_biasprm, shape (nsim, nactuator, 10)."""
-    dynprm: np.ndarray
-    """mjModel.actuator_dynprm, same shape."""
-    damping: np.ndarray
-    """mjModel.actuator_damping, shape (nsim, nactuator)."""
-    control: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)))
-    """Mean control until the next call, shape (nsim, n_controls). Hooks must not change it."""
-
-
-Update = Callable[[Moment], None]
-"""Function that changes friction parameters between two steps."""
-
 
 def _all_axes(n_axes: int) -> range:
     return range(1, n_axes + 1)
 
 
 def last_axis(n_axes: int) -> range:
-    """Return the only axis on which effects of the payload can act."""
+    """Return the axis that carries the payload, as a range."""
     return range(n_axes, n_axes + 1)
+
+
+def is_loaded(robot: Robot, axis: int) -> bool:
+    """Whether a link carries a payload of at least `MASSLESS` in the model; only the last one may.
+
+    Args:
+        robot: The robot.
+        axis: Number of the joint that carries the link, from 1.
+    """
+    return axis == robot.n_axes and robot.payload_mass >= MASSLESS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,7 +77,7 @@ class Effect:
     slide_units: str = ""
     """SI unit on a joint that slides, if it differs."""
     point_units: str = ""
-    """SI unit if the robot's payload has no mass, if it differs."""
+    """SI unit on a link on which the model has no payload with a mass, if it differs."""
     signature: str
     """Visible trace in the motor's torque."""
     element: str
@@ -159,6 +86,8 @@ class Effect:
     """Source of the law."""
     largest: float = 10.0
     """Largest severity that is sensible."""
+    point_largest: float = 0.0
+    """The same in `point_units`."""
     smallest: float = 0.0
     """Smallest severity that is sensible; negative if the effect has two directions."""
     prior: Prior = None  # type: ignore[assignment]  # required: refused with its name when made
@@ -173,6 +102,8 @@ class Effect:
     """Whether severity is a torque on the rotor, which stays below the motor's torque limit."""
     axes: Callable[[int], range] = _all_axes
     """Axes on which the effect can act, as a function of the number of axes. See `axes_on`."""
+    usual_axes: Callable[[int], range] | None = None
+    """Axes on which it acts if an experiment names none. Default: `axes`. See `usual_axes_on`."""
     payload: float | None = None
     """Smallest mass of the robot's payload [kg] with which the effect can act; None: no payload is
     needed."""
@@ -230,6 +161,11 @@ class Effect:
             return ()
         return tuple(self.axes(robot.n_axes))
 
+    def usual_axes_on(self, robot: Robot) -> tuple[int, ...]:
+        """Those of `axes_on` on which the effect acts if an experiment names none."""
+        usual = self.usual_axes or self.axes
+        return tuple(axis for axis in self.axes_on(robot) if axis in usual(robot.n_axes))
+
     def units_on(self, robot: Robot, axis: int) -> str:
         """Return the SI unit of the severity on an axis of a robot.
 
@@ -240,11 +176,19 @@ class Effect:
         Returns:
             The unit, "1" for a fraction.
         """
-        if self.point_units and robot.payload_mass < MASSLESS:
+        if self.point_units and not is_loaded(robot, axis):
             return self.point_units
         if self.slide_units and robot.slides[axis - 1]:
             return self.slide_units
         return self.units
+
+    def unit_with(self, parameters: Mapping[str, Any]) -> str:
+        """Return what severity 1 means, in words, where the parameters tell: a point has a place.
+
+        Args:
+            parameters: Parameters of one case.
+        """
+        return self.point_units if self.point_units and parameters else self.unit
 
     def check_severity(self, severity: float, robot: Robot, axis: int) -> None:
         """Refuse a severity that is too large for its unit on an axis of a robot.
@@ -258,8 +202,12 @@ class Effect:
             InputError: The severity is too large. The message states the largest one.
         """
         limit = robot.motor_torque_limit[axis - 1] if self.motor_torque else np.inf
-        if severity > self.largest:
-            raise InputError(f"severity: {self.name} takes up to {self.largest:g} ({self.unit})")
+        units = self.units_on(robot, axis)
+        point = bool(self.point_units) and units == self.point_units
+        largest, unit = (self.point_largest, units) if point else (self.largest, self.unit)
+        if severity > largest:
+            where = f" on axis {axis} of robot {robot.name}" if self.point_units else ""
+            raise InputError(f"severity: {self.name}{where} takes up to {largest:g} ({unit})")
         if severity > limit:
             raise InputError(
                 f"severity: {self.name} on axis {axis} of robot {robot.name} takes up to the "
@@ -271,12 +219,13 @@ class Effect:
 
         Args:
             severity: The severity.
-            units: SI unit on the axis, if it is known; slides have other units than hinges.
+            units: SI unit on the axis, if it is known; slides have other units than hinges, and
+                links without a payload other ones than links with one.
         """
+        if units and units in (self.slide_units, self.point_units):
+            return f"{severity:g} {units}"
         if self.in_fractions:
             return f"{100 * severity:g} %"
-        if units and units == self.slide_units:
-            return f"{severity:g} {units}"
         return f"{severity:g} {self.unit.split(',')[0].split(' of ')[0]}"
 
     def complete(self, parameters: Mapping[str, Any]) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from faultgen.robot import (
 )
 
 if TYPE_CHECKING:
-    from faultgen.effects.base import Moment
+    from faultgen.effects.hooks import Moment
 
 ONE_WAY = "viscous_asymmetry"
 """Name of the elements that damp in one direction only."""

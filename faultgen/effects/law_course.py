@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from faultgen.effects.base import Loads, Temperature, course_of
+from faultgen.effects.hooks import Loads, Temperature, course_of
 from faultgen.robot import Robot
 
 SMOOTHING = 0.03

@@ -22,7 +22,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from faultgen.effects.base import Effect, Place, Temperature
+from faultgen.effects.base import Effect
+from faultgen.effects.hooks import Place, Temperature
 from faultgen.effects.law_course import FACTORS, UNITS, Course
 from faultgen.effects.prior import Prior
 from faultgen.errors import InputError

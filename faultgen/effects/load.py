@@ -10,8 +10,9 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from faultgen.effects.base import Effect, Moment, Place, Update
+from faultgen.effects.base import Effect
 from faultgen.effects.elements import ToldFriction, add_told_friction
+from faultgen.effects.hooks import Moment, Place, Update
 from faultgen.effects.prior import Prior
 from faultgen.mjcf.gearbox import Gearbox
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 
-from faultgen.effects.base import FRACTION, Effect, Place
+from faultgen.effects.base import FRACTION, Effect
+from faultgen.effects.hooks import Place
 from faultgen.effects.prior import Prior
 from faultgen.errors import InputError
 

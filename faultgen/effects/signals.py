@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from faultgen.effects.base import Effect, Place
+from faultgen.effects.base import Effect
+from faultgen.effects.hooks import Place
 from faultgen.effects.prior import Prior, encoder_zero_std
 
 if TYPE_CHECKING:

@@ -11,8 +11,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from faultgen.effects.base import Effect, Moment, Place, Update
+from faultgen.effects.base import Effect
 from faultgen.effects.elements import ToldFriction, add_told_friction, numbered
+from faultgen.effects.hooks import Moment, Place, Update
 from faultgen.effects.prior import Prior, Search, Seen
 from faultgen.errors import InputError
 from faultgen.mjcf.dcmotor import COULOMB

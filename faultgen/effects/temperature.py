@@ -12,7 +12,8 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from faultgen.effects.base import Effect, Moment, Place, Temperature, Update, course_of
+from faultgen.effects.base import Effect
+from faultgen.effects.hooks import Moment, Place, Temperature, Update, course_of
 from faultgen.effects.prior import Prior
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY
 

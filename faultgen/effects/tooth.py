@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
-from faultgen.effects.base import Effect, Place
+from faultgen.effects.base import Effect
 from faultgen.effects.elements import add_cogging, add_tendon, gear_ratio
+from faultgen.effects.hooks import Place
 from faultgen.effects.prior import Prior, Search, Seen
 from faultgen.effects.ripple import motor_order, with_error
 from faultgen.errors import InputError

@@ -13,8 +13,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from faultgen.effects.base import Effect, Moment, Place, Update
+from faultgen.effects.base import Effect
 from faultgen.effects.elements import add_cogging, numbered
+from faultgen.effects.hooks import Moment, Place, Update
 from faultgen.effects.prior import Prior, Search, Seen
 from faultgen.errors import InputError
 from faultgen.robot import OFFSET

@@ -82,7 +82,7 @@ def isolate(
         worn = tuple(int(axis) for axis in run["axes"])
         severity = run.read("cycle/severity")
         ends = list(cuts(run, levels))
-        asked = levels if in_fractions(run["effect"]) else ()
+        asked = levels if in_fractions(run) else ()
         short |= {a for a in asked if worn and severity.max() >= a} - {a for a, _ in ends}
         isolators, lacking = place.fitted(table, run)
         place.note_left_out(left_out, run, lacking)
@@ -105,9 +105,10 @@ def isolate(
     )
 
 
-def in_fractions(effect: str) -> bool:
-    """Whether the severity of an effect is a fraction of nominal, so that levels apply to it."""
-    return effect == HEALTHY or get_effect(effect).in_fractions
+def in_fractions(run: StoredRun) -> bool:
+    """Whether the severity of a run is a fraction of nominal, so that levels apply to it."""
+    effect = run["effect"]
+    return effect == HEALTHY or (get_effect(effect).in_fractions and run["severity_units"] == "1")
 
 
 class TooFewCycles(InputError):
@@ -155,7 +156,7 @@ def cuts(run: StoredRun, levels: tuple[float, ...]) -> Iterator[tuple[float, int
     """
     severity = run.read("cycle/severity")
     worn = len(run["axes"]) > 0
-    if worn and not in_fractions(run["effect"]):
+    if worn and not in_fractions(run):
         levels = (float(severity.max()),)
     if not worn:
         if len(severity) >= FEWEST:

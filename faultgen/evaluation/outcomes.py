@@ -135,9 +135,12 @@ def shown_level(effect: str, level: float) -> str:
         level: Severity, 0 for the healthy robot.
 
     Returns:
-        The text; '-' for the healthy robot.
+        The text; '-' for the healthy robot. Where the unit depends on the axis, it names both.
     """
-    return get_effect(effect).shown(level) if level else "-"
+    if not level:
+        return "-"
+    one = get_effect(effect)
+    return f"{level:g} of nominal, or {one.point_units}" if one.point_units else one.shown(level)
 
 
 def other_effects(effects: Iterable[str]) -> list[str]:

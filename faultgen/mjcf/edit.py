@@ -69,6 +69,40 @@ def _is_plain(body: mujoco.MjsBody) -> bool:
     return bool(body.explicitinertial and quaternion and np.isnan(body.fullinertia[0]))
 
 
+def add_point(body: mujoco.MjsBody, mass: float, place: np.ndarray, gyration: float = 0.0) -> None:
+    """Fix a small ball to a body, in place: one mass, centre and inertia for both together.
+
+    Args:
+        body: The body. If it has a mass, its inertia is diagonal, as after `resolve_inertias`.
+        mass: Mass of the ball [kg], positive.
+        place: Position of the ball in the frame of the body [m], shape (3,).
+        gyration: Radius of gyration of the ball [m].
+    """
+    place = np.asarray(place, float)
+    own = float(body.mass) if body.explicitinertial else 0.0
+    body.explicitinertial = True
+    body.fullinertia = np.append(np.nan, np.zeros(5))
+    if not own > 0:  # the orientation does not matter
+        body.mass, body.ipos, body.inertia = mass, place, np.full(3, mass * gyration**2)
+        return
+    turned = np.empty(9)
+    mujoco.mju_quat2Mat(turned, np.array(body.iquat))
+    axes, before = turned.reshape(3, 3), np.array(body.ipos)
+    centre = (own * before + mass * place) / (own + mass)
+    inertia = axes @ np.diag(body.inertia) @ axes.T + mass * gyration**2 * np.eye(3)
+    inertia += own * _about(before - centre) + mass * _about(place - centre)
+    moments, axes = np.linalg.eigh(inertia)
+    axes[:, 0] *= np.sign(np.linalg.det(axes))  # right-handed
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, axes.ravel())
+    body.mass, body.ipos, body.inertia, body.iquat = own + mass, centre, moments, quaternion
+
+
+def _about(place: np.ndarray) -> np.ndarray:
+    """Inertia of a unit mass at a place about the origin (parallel axes), shape (3, 3)."""
+    return float(place @ place) * np.eye(3) - np.outer(place, place)
+
+
 def forget_defaults(spec: mujoco.MjSpec) -> None:
     """Let joints, tendons and actuators that are added later have the defaults of MuJoCo, in place.
 

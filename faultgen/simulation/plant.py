@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from faultgen.effects import Applied, Effect, Temperature, get_effect
-from faultgen.effects.base import Place, Update
+from faultgen.effects.hooks import Place, Update
 from faultgen.errors import InputError
 from faultgen.robot import Robot
 from faultgen.simulation.arm import loads

@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch, SimulationError
 
-from faultgen.effects.base import Moment
+from faultgen.effects.hooks import Moment
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.mjcf.warnings import mujoco_warnings
 from faultgen.robot import Robot

@@ -106,12 +106,12 @@ def _fault(
     if effect is None and axis is None and severity is None:
         return []
     law = get_effect(effect or _USUAL_EFFECT)
-    possible = law.axes_on(robot)
+    possible = law.usual_axes_on(robot)
     if not possible:
         raise InputError(f"effect {law.name}: cannot act on any axis of robot {robot.name}")
     chosen = possible[0] if axis is None else axis
     strength = law.default if severity is None else severity
-    if not law.smallest <= strength <= law.largest:
+    if not law.smallest <= strength <= max(law.largest, law.point_largest):
         raise InputError(
             f"severity: {law.name} takes {law.smallest:g} to {law.largest:g} ({law.unit}), "
             f"not {strength:g}"

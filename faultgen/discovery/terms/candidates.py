@@ -10,11 +10,10 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
-import mujoco
 import numpy as np
 
 from faultgen.effects import EFFECTS, Applied
-from faultgen.effects.structure import MASSLESS
+from faultgen.effects.structure import MASSLESS, is_loaded
 from faultgen.errors import InputError
 from faultgen.robot import Robot
 
@@ -34,8 +33,8 @@ NUMBERS = (*(one.name for one in EFFECTS.values() if one.prior.in_every_model), 
 larger."""
 
 PAYLOAD = "payload_mass"
-"""Effect that consists of four terms, the masses of four points, if the model's payload has no
-mass."""
+"""Effect that consists of four terms, the masses of four points, on every link on which the model
+has no payload with a mass."""
 
 HIDDEN_BEHIND_GEARS = tuple(one.name for one in EFFECTS.values() if one.prior.at_motor)
 """Effects that a torque sensor behind the gearbox does not see."""
@@ -122,18 +121,16 @@ def effect_terms(
     Returns:
         The terms, with their prior standard deviations.
     """
-    payload = robot.spec().body("payload") is not None
     terms = []
     for effect in EFFECTS.values():
         name, prior = effect.name, effect.prior
         if name in exclude or not (prior.use == "always" or name in include):
             continue
-        if name.startswith("payload") and not payload:
-            continue
-        if name.startswith("payload") and _massless(robot):
-            terms += payload_terms(robot) if name == PAYLOAD else []
-            continue
         for axis in effect.axes_on(robot):
+            if name.startswith("payload") and not is_loaded(robot, axis):
+                # the centre of mass of a link without a payload is a number of its inertia
+                terms += payload_terms(axis) if name == PAYLOAD else []
+                continue
             terms += [
                 Term(name, axis, step, prior.std_on(robot, axis), tuple(parameters.items()))
                 for step in prior.steps_on(robot, axis)
@@ -161,20 +158,18 @@ def scanned_terms(robot: Robot, exclude: Collection[str] = ()) -> list[Term]:
     ]
 
 
-def _massless(robot: Robot) -> bool:
-    body = mujoco.mj_name2id(robot.model, mujoco.mjtObj.mjOBJ_BODY, "payload")
-    return body >= 0 and bool(robot.model.body_mass[body] < MASSLESS)
-
-
-def payload_terms(robot: Robot) -> list[Term]:
-    """Terms for a payload of unknown mass and place: four point masses that make one candidate.
+def payload_terms(axis: int) -> list[Term]:
+    """Terms for a load of unknown mass and place: four point masses that make one candidate.
 
     Weight and first moment are linear in the four masses. One of the masses may be negative,
     because only their sum and their common centre are used: together they are again one point mass.
+
+    Args:
+        axis: Number of the joint that carries the link on which the load is.
     """
     places = np.vstack([np.zeros(3), _ARM * np.eye(3)])
     return [
-        Term(PAYLOAD, robot.n_axes, 0.1, _POINTS, tuple(zip("xyz", place.tolist(), strict=True)))
+        Term(PAYLOAD, axis, 0.1, _POINTS, tuple(zip("xyz", place.tolist(), strict=True)))
         for place in places
     ]
 
@@ -199,17 +194,17 @@ def payload_of(
 
 
 def applied(changes: Sequence[tuple[Term, float]]) -> list[Applied]:
-    """List the effects among changes, ready for simulation. Payload points become one effect."""
+    """List the effects among changes, ready for simulation. The points on a link become one."""
     effects = [change for change in changes if change[0].is_effect]
     points = [(t, v) for t, v in effects if t.name == PAYLOAD and t.parameters]
     made = [
         Applied(t.name, t.axis, v, dict(t.parameters)) for t, v in effects if (t, v) not in points
     ]
-    if points:
-        places = np.array([[value for _, value in t.parameters] for t, _ in points])
-        mass, place = payload_of([v for _, v in points], places)
-        at = dict(zip("xyz", place.tolist(), strict=True))
-        made.append(Applied(PAYLOAD, points[0][0].axis, mass, at))
+    for axis in dict.fromkeys(t.axis for t, _ in points):
+        own = [(t, v) for t, v in points if t.axis == axis]
+        places = np.array([[value for _, value in t.parameters] for t, _ in own])
+        mass, place = payload_of([v for _, v in own], places)
+        made.append(Applied(PAYLOAD, axis, mass, dict(zip("xyz", place.tolist(), strict=True))))
     return made
 
 

@@ -290,10 +290,10 @@ def _number(*words: object) -> list[int]:
 def _rows(
     place: Place, robot: str, task: str, effect: Effect, size: Size, seed: int
 ) -> list[dict[str, Any]]:
-    """One row for each axis on which the effect can act."""
+    """One row for each axis on which the effect acts if none is named."""
     where = place_name(robot, task)
     rows = []
-    for axis in effect.axes_on(place.bench.robot):
+    for axis in effect.usual_axes_on(place.bench.robot):
         rng = np.random.default_rng([seed, *_number(*where, effect.name, axis)])
         row: dict[str, Any] = {
             "robot": where[0],

@@ -1,0 +1,191 @@
+"""Tables of scores with Wilson intervals (95 %), and the page.
+
+text = page(rows, {"set": "development", ...})
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from statsmodels.stats.proportion import proportion_confint
+
+from faultgen.evaluation.markdown import table as markdown
+from scoring.judging import CLEAR, DETECTED, Row
+
+SHARES = {
+    "first": "clear effect first",
+    "named": "clear effect named",
+    "false_alarm": "healthy given an effect",
+    "abstained": "abstained",
+    "refused": "refused",
+    "failed": "failed",
+    "wrong": "sure and wrong",
+    "recognised": "unlisted recognised",
+}
+"""Measures that are shares, with their columns."""
+MEDIANS = {
+    "severity_error": "severity error, median",
+    "closed": "gap closed, median",
+    "seconds": "processor time [s], median",
+}
+
+
+def share(rows: Iterable[Row], measure: str) -> dict[str, Any]:
+    """A share with its Wilson interval (95 %).
+
+    Args:
+        rows: The cases; those to which the measure does not apply are left out.
+        measure: Of `SHARES`, or `detectable` or `nameable`.
+
+    Returns:
+        `hits`, `count`, `value`, `low` and `high`.
+    """
+    seen = [value for value in (getattr(row, measure) for row in rows) if value is not None]
+    if not seen:
+        return {"hits": 0, "count": 0, "value": None, "low": None, "high": None}
+    low, high = proportion_confint(sum(seen), len(seen), method="wilson")
+    return {
+        "hits": int(sum(seen)),
+        "count": len(seen),
+        "value": sum(seen) / len(seen),
+        "low": float(low),
+        "high": float(high),
+    }
+
+
+def median(rows: Iterable[Row], measure: str) -> float | None:
+    """Median of a measure over the cases that have it; None if there is none."""
+    values = (getattr(row, measure) for row in rows)
+    seen = sorted(value for value in values if value is not None and math.isfinite(value))
+    if not seen:
+        return None
+    middle = len(seen) // 2
+    return float(seen[middle] if len(seen) % 2 else (seen[middle - 1] + seen[middle]) / 2)
+
+
+def by_group(rows: Sequence[Row]) -> dict[str, list[Row]]:
+    """Rows by group, in the order in which groups appear, then all of them."""
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        found.setdefault(row.group, []).append(row)
+    return found | {"all": list(rows)}
+
+
+def by_factor(rows: Sequence[Row]) -> dict[str, list[Row]]:
+    """Rows of the laboratories by group and by the factor that was stressed, with its level."""
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        for name in row.stressed:
+            level = "all factors random" if name == "all" else f"{name} = {row.factors[name]}"
+            found.setdefault(f"{row.group}, {level}", []).append(row)
+    return dict(sorted(found.items()))
+
+
+def _shown(one: Mapping[str, Any]) -> str:
+    if not one["count"]:
+        return "–"
+    return (
+        f"{one['hits']}/{one['count']} ({100 * one['value']:.0f} %, "
+        f"{100 * one['low']:.0f}–{100 * one['high']:.0f})"
+    )
+
+
+def _number(value: float | None, factor: float = 1.0, unit: str = "") -> str:
+    return "–" if value is None or not math.isfinite(value) else f"{factor * value:.3g}{unit}"
+
+
+def scores(groups: Mapping[str, Sequence[Row]]) -> str:
+    """All measures of all groups as a Markdown table."""
+    heads = ["cases", *SHARES.values(), *MEDIANS.values(), "oracle: detectable", "nameable"]
+    lines = []
+    for name, rows in groups.items():
+        cells = [_shown(share(rows, measure)) for measure in SHARES]
+        cells.append(_number(median(rows, "severity_error"), 100, " %"))
+        cells += [_number(median(rows, name)) for name in ("closed", "seconds")]
+        cells += [_shown(share(rows, measure)) for measure in ("detectable", "nameable")]
+        lines.append([f"{name} ({len(rows)})", *cells])
+    return markdown(heads, lines)
+
+
+def _verdict(row: Row) -> str:
+    """Right, wrong, or what else an answer is."""
+    if row.kind == "healthy":
+        right = row.false_alarm is False
+    else:
+        right = bool(row.first if row.kind == "single" else row.recognised)
+    if row.abstained or row.refused or row.failed:
+        return "no answer"
+    if right:
+        return "right"
+    if row.wrong:
+        return "**sure and wrong**"
+    if row.kind == "healthy":
+        return "false alarm"
+    counts = (row.first, row.recognised) != (None, None)
+    return "missed" if counts else "too faint to count"
+
+
+def cases(rows: Sequence[Row]) -> str:
+    """Every case as a Markdown table, with the oracle beside it."""
+    heads = ["case", "truth", "d′", "separation", "oracle", "answer", "", "severity error"]
+    heads += ["held-out error", "processor time [s]"]
+    lines = []
+    for row in rows:
+        oracle = {True: "nameable", False: "hidden" if row.detectable is False else "detectable"}
+        lines.append(
+            [
+                row.name,
+                row.truth,
+                _number(row.d_prime),
+                _number(row.separation),
+                "–" if row.detectable is None else oracle[bool(row.nameable)],
+                row.said,
+                _verdict(row),
+                _number(row.severity_error, 100, " %"),
+                _number(row.held_out, 100, " %"),
+                _number(row.seconds),
+            ]
+        )
+    return markdown(heads, lines)
+
+
+def page(rows: Sequence[Row], about: Mapping[str, Any]) -> str:
+    """The page of a set.
+
+    Args:
+        rows: All cases that were answered.
+        about: `set`, `plan_sha256`, `version`, `planned` (number of answers of the whole set) and
+            `skipped` (reasons by batch).
+    """
+    skipped = "".join(f"- {name} was left out: {why}\n" for name, why in about["skipped"].items())
+    return f"""# Score of discovery: the {about["set"]} set
+
+`benchmarks/score_discovery.py` wrote this page: {len(rows)} of {about["planned"]} answers of one
+version (source {about["version"]}), each by the public command `faultgen discover … --json` in a
+process of its own, without a cache. The SHA-256 of the drawn plan is
+`{about["plan_sha256"]}`.
+
+- An effect is *clear* from d′ = {CLEAR:g} on. It counts if its separation from every other effect
+  of its axis is at least {DETECTED:g}. The oracle calls it detectable from d′ = {DETECTED:g} on,
+  and nameable if its separation is at least {DETECTED:g}, too. Where there is no oracle (own data,
+  real machines, logs), every effect counts.
+- *Abstained* is the verdict "model not good enough", *refused* an exit status of 2. Both count as
+  not right for a clear effect, and as no false alarm for a healthy robot.
+- *Sure and wrong* is a verdict "named" or "partly named" whose first effect is not there.
+- Intervals are Wilson's (95 %). Cases of one laboratory share robot, motions and sensors, so that
+  they are too narrow.
+{skipped}
+## By set
+
+{scores(by_group(rows))}
+
+## Laboratories by factor
+
+{scores(by_factor(rows))}
+
+## All cases
+
+{cases(rows)}
+"""
