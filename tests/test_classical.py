@@ -15,7 +15,7 @@ from faultgen.discovery.rigid.classical import (
     identify,
 )
 from faultgen.discovery.rigid.physical import Drives, Spread, fit
-from faultgen.discovery.rigid.regressor import link_parameters, link_regressor
+from faultgen.discovery.terms.regressor import link_parameters, link_regressor
 from faultgen.discovery.terms.candidates import INERTIA
 from faultgen.effects.coupling import add_coupling_friction
 from faultgen.recordings.checks import without_friction

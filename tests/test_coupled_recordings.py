@@ -12,7 +12,7 @@ from faultgen.discovery.inputs import read_together, usable
 from faultgen.discovery.replay.followed import differences
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.rigid.following import rigid_columns, suited_replay
-from faultgen.discovery.rigid.regressor import link_parameters
+from faultgen.discovery.terms.regressor import link_parameters
 from faultgen.effects import Applied
 from faultgen.errors import InputError
 from faultgen.robot import COULOMB, Robot

@@ -23,7 +23,7 @@ from faultgen.discovery.laws.friction_discrepancy import (
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.samples import counted
 from faultgen.discovery.replay.sensitivities import own_sensitivities, sensitivities
-from faultgen.discovery.rigid.regressor import PER_LINK, link_ids, link_regressor
+from faultgen.discovery.terms.regressor import PER_LINK, link_ids, link_regressor
 from faultgen.discovery.terms.candidates import Term
 from faultgen.discovery.terms.inertia import (
     PAIRS,

@@ -29,7 +29,7 @@ TURN = 0.2
 """Motor angle after which friction no longer depends on how the axis came to rest [rad]: assumed,
 about ten times the reach of the bristles."""
 
-_HEAVIER = 1e8  # inertia that is added to the rotors, over their own
+_HEAVIER = 1e7  # inertia that is added to the rotors, over their own
 _DRIFT = 10.0  # frequency of the spring that keeps the rotors from drifting [rad/s]
 _RUN_UP = 0.3  # time before a motion in which it gets up to its speed and the arm settles [s]
 _REST = 2  # steps before that

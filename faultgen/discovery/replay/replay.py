@@ -17,6 +17,7 @@ from faultgen.effects import Applied, get_effect
 from faultgen.errors import InputError, SimulationFailed, one_line
 from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot
+from faultgen.simulation.cycle import Cycle
 from faultgen.simulation.plant import Plant, assemble
 from faultgen.simulation.servo import control_signal
 from faultgen.simulation.stepping import simulate
@@ -143,6 +144,17 @@ class Replay:
         if disturbance is not None:  # the drives of a robot that follows commands log their part
             torque -= disturbance / self.robot.torque_gain
         return torque if self.recording.side == "motor" else torque * self.robot.gear_ratio
+
+    def cycles(self) -> list[Cycle]:
+        """Simulate the unchanged model on its measured positions.
+
+        Returns:
+            What would be logged in each separate recording, at every step of the simulation.
+        """
+        return [
+            prescribed(self.robot, self._plant((), part), rotors)
+            for part, rotors in zip(self.recording.parts, self._rotors, strict=True)
+        ]
 
     def position(self, changes: Changes = ()) -> np.ndarray:
         """Simulate the position on the recorded motion.

@@ -24,7 +24,7 @@ from scipy.signal import butter, filtfilt
 from faultgen.discovery.replay.followed import followed_by_rigid_arm
 from faultgen.discovery.replay.replay import settled
 from faultgen.discovery.replay.samples import blocks, counted
-from faultgen.discovery.rigid.regressor import link_parameters, link_regressor
+from faultgen.discovery.terms.regressor import link_parameters, link_regressor
 from faultgen.recordings.recording import Recording
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot
 from faultgen.simulation.arm import Arm

@@ -15,7 +15,7 @@ import numpy as np
 
 from faultgen.discovery.replay.followed import differences
 from faultgen.discovery.replay.replay import Replay, relative_error, settled
-from faultgen.discovery.rigid.regressor import link_regressor
+from faultgen.discovery.terms.regressor import link_regressor
 from faultgen.errors import SimulationFailed
 from faultgen.recordings.recording import Recording
 from faultgen.robot import STRIBECK_VELOCITY, Robot

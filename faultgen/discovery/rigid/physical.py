@@ -26,7 +26,7 @@ from faultgen.discovery.rigid.classical import (
     axis_weights,
     identify,
 )
-from faultgen.discovery.rigid.regressor import PER_LINK, link_parameters
+from faultgen.discovery.terms.regressor import PER_LINK, link_parameters
 from faultgen.discovery.terms.candidates import INERTIA, Term
 from faultgen.discovery.terms.inertia import (
     PAIRS,

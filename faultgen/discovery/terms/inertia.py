@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from faultgen.discovery.terms.candidates import INERTIA, Term
+from faultgen.discovery.terms.regressor import PER_LINK
 from faultgen.effects.prior import LINK_STD
 from faultgen.effects.structure import MASSLESS
 from faultgen.robot import Robot
@@ -76,6 +77,32 @@ def apply_inertia(spec: mujoco.MjSpec, robot: Robot, changes: Sequence[tuple[Ter
                 factor[PAIRS[int(dict(term.parameters)["component"])]] += value
         if np.any(factor != np.eye(4)):
             _transform(body, factor)
+
+
+_SLIGHT = 1e-4  # of a component, for the slope of the parameters
+
+
+def slopes_of(robot: Robot, term: Term) -> np.ndarray:
+    """Compute how the parameters of the torque's regressor change with an inertia term.
+
+    Args:
+        robot: The unchanged robot.
+        term: One of `inertia_terms`.
+
+    Returns:
+        Change of `regressor.link_parameters` per unit of the term, shape (parameters,).
+    """
+    bodies = inertial_bodies(robot.spec(), robot)
+    heavy = [body for k, body in enumerate(bodies) if k < robot.n_axes or body.mass >= MASSLESS]
+    body = bodies[term.axis - 1]
+    frame, pseudo = main_frame(body), pseudo_inertia(body)
+    change = np.zeros((4, 4))
+    change[PAIRS[int(dict(term.parameters)["component"])]] = 1.0
+    slope = np.zeros((len(heavy), PER_LINK))
+    more, less = (np.eye(4) + side * _SLIGHT * change for side in (1, -1))
+    changes = [parameters_of(frame @ (f @ pseudo @ f.T) @ frame.T) for f in (more, less)]
+    slope[term.axis - 1] = (changes[0] - changes[1]) / (2 * _SLIGHT)
+    return slope.ravel()
 
 
 _THIN = 1e-9

@@ -1,0 +1,102 @@
+"""Signatures by formula against simulations of rotors on the same motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from faultgen.discovery.replay.formulas import Formulas
+from faultgen.discovery.replay.replay import Replay, settled
+from faultgen.discovery.terms.candidates import INERTIA, Term, periodic_terms
+from faultgen.discovery.terms.inertia import inertia_terms
+from faultgen.recordings.recording import Recording
+from faultgen.robot import load_robot
+from faultgen.simulation.motion import plan
+from faultgen.simulation.plant import assemble
+from faultgen.simulation.servo import control_signal
+from faultgen.simulation.stepping import simulate
+from faultgen.tasks import load_task
+
+SECONDS = 3.0
+
+
+@pytest.fixture(scope="module", params=["puma560", "irb6700"])
+def replay(request) -> Replay:
+    """A healthy robot on its own motion, at 500 Hz."""
+    robot = load_robot(request.param)
+    timestep = robot.model.opt.timestep
+    control = control_signal(plan(load_task(robot.name, "pick_and_place"), robot), timestep)
+    control = control[: round(SECONDS / timestep)]
+    (run,) = simulate(robot, control, [assemble(robot)], sample_period=0.002, lead_in=0.0)
+    recording = Recording(
+        source="test",
+        robot=robot.name,
+        side="motor",
+        sample_period=0.002,
+        position=run.motor_position,
+        torque=run.motor_torque,
+    )
+    return Replay(recording, robot, measured=True)
+
+
+SMALL = {
+    "viscous_friction": 0.1,
+    "quadratic_viscous_friction": 0.1,
+    "torque_offset": 1e-3,
+    "torque_constant": 1e-4,
+    "rotor_inertia": 1e-2,
+    "gear_stiffness": 1e-3,
+    "stiffness_hardening": 1e-3,
+    "gravity_spring": 1.0,
+    "encoder_offset": 1e-4,
+}
+
+
+def agreement(replay: Replay, term: Term) -> tuple[float, float]:
+    """Correlation of a formula with the simulation, and the ratio of their sizes."""
+    column = Formulas(replay).columns([term])[term]
+    change = (replay.torque([(term, term.step)]) - replay.torque()) / term.step
+    inside = settled(replay.recording, replay.robot)
+    one, other = column[inside].astype(float), change[inside]
+    if np.std(other) * term.step < 1e-5 * np.std(replay.recording.torque[inside]):
+        return 0.0, 0.0  # nothing but rounding
+    return float(np.corrcoef(one, other)[0, 1]), float(one @ other / (other @ other))
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_formulas_agree_with_simulations(replay, name):
+    correlation, ratio = agreement(replay, Term(name, 2, SMALL[name], 1.0))
+    assert correlation > 0.99
+    assert ratio == pytest.approx(1, abs=0.02)
+
+
+@pytest.mark.parametrize("name", ["torque_ripple", "transmission_error"])
+def test_waves_agree_with_simulations(replay, name):
+    for term in periodic_terms(replay.robot, name, 3, 2.0):
+        small = Term(term.name, 3, 0.01 * term.step, term.prior_std, term.parameters)
+        correlation, ratio = agreement(replay, small)
+        assert correlation > 0.99
+        assert ratio == pytest.approx(1, abs=0.02)
+
+
+def test_links_agree_with_simulations(replay):
+    for term in inertia_terms(replay.robot):
+        if term.axis not in (2, replay.robot.n_axes + 1):
+            continue
+        assert term.name == INERTIA
+        small = Term(INERTIA, term.axis, 0.1 * term.prior_std, term.prior_std, term.parameters)
+        correlation, ratio = agreement(replay, small)
+        if ratio == 0:
+            continue
+        assert correlation > 0.98, term
+        assert ratio == pytest.approx(1, abs=0.05), term
+
+
+def test_play_agrees_with_simulations_while_it_is_small(replay):
+    robot = replay.robot
+    gear = np.std(replay.cycles()[0].gear_torque[:, 0])  # its torque changes sign
+    stiffness = robot.model.tendon_stiffness[robot.ids("tendon", "gearbox")[0]]
+    term = Term("backlash", 1, float(0.01 * gear / stiffness), 1.0)
+    correlation, ratio = agreement(replay, term)
+    assert correlation > 0.9
+    assert ratio == pytest.approx(1, abs=0.1)
