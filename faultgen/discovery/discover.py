@@ -34,16 +34,14 @@ from faultgen.discovery.laws.friction_discrepancy import (
 from faultgen.discovery.laws.learned_law import Learned
 from faultgen.discovery.laws.order_analysis import find_orders
 from faultgen.discovery.planning.next_experiment import Experiment, next_experiment
-from faultgen.discovery.replay.samples import counted
+from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import (
     are_alone,
     impossible,
     own_sensitivities,
     sensitivities,
 )
-from faultgen.discovery.replay.transients import unsettled
 from faultgen.discovery.result import AMBIGUOUS, Answer
-from faultgen.discovery.rigid.following import suited_replay
 from faultgen.discovery.terms.candidates import (
     HIDDEN_BEHIND_GEARS,
     ORDERS,
@@ -59,7 +57,6 @@ from faultgen.discovery.terms.candidates import (
 from faultgen.discovery.terms.inertia import inertia_terms
 from faultgen.effects import get_effect
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.recordings.noise import is_same_noise
 from faultgen.recordings.recording import Recording, mean_of
 from faultgen.robot import Robot
 from faultgen.system.progress import Progress
@@ -80,8 +77,6 @@ class Discovery:
     """The answer."""
     experiment: Experiment | None
     """A motion that distinguishes what this recording cannot distinguish."""
-    following: str
-    """Which positions the model follows, and why."""
     prior_scales: Mapping[str, float] = field(default_factory=dict)
     """Learned factors of the prior standard deviations by kind of number; empty with a baseline, or
     if they were given."""
@@ -129,13 +124,9 @@ def investigate(
     """
     runs = [healthy] if isinstance(healthy, Recording) else list(healthy or ())
     baseline = mean_of(runs) if runs else None
-    if recording.reference_position is None:
-        for run in runs:
-            _check_followed(recording, run)
     if recording.link:
         exclude = {*exclude, *HIDDEN_BEHIND_GEARS}
-    compared = counted(recording, robot, baseline=baseline is not None)
-    given, following = suited_replay(recording, robot, compared)
+    given = Replay(recording, robot)
     replay = given if baseline is not None else given.on(with_own_links(recording, robot))
     terms = effect_terms(robot, exclude, include) + inertia_terms(robot) + _waves(robot, exclude)
     alone = are_alone(replay, terms)
@@ -149,8 +140,6 @@ def investigate(
     base = given_torque if replay is given else None
     base, of_plays = sensitivities(replay, plays, base, workers=workers, cache=cache)
     notes = impossible(given, terms, raw) + impossible(replay, plays, of_plays)
-    if baseline is None:
-        replay = replay.without(unsettled(given, terms, given_torque, raw))
     discrepancy = discrepancy_terms(robot)
     raw = np.concatenate(
         [
@@ -164,7 +153,9 @@ def investigate(
         ]
     )
     terms += plays + discrepancy + own
-    residual = recording.torque - (given_torque if baseline is None else baseline.torque)
+    residual = recording.torque - given_torque
+    if baseline is not None:  # what the model lacked of the robot before
+        residual -= baseline.torque - Replay(baseline, robot).torque()
     if baseline is not None:
         terms = between_runs(terms)
     elif prior_scale is not None:
@@ -203,26 +194,7 @@ def investigate(
                 experiment = next_experiment(problem, choice)
             except (InputError, SimulationFailed) as error:  # the answer is not lost
                 notes.append(f"no next experiment was planned: {error}")
-    return Discovery(problem, choice, told, experiment, following, scales, notes=tuple(notes))
-
-
-def _check_followed(recording: Recording, baseline: Recording) -> None:
-    """Refuse two recordings with the same noise if their measured, noisy position is followed.
-
-    Raises:
-        InputError: They have the same noise, or there are too few samples.
-    """
-    try:
-        same = is_same_noise(recording.torque, baseline.torque, recording.parts)
-    except ValueError as error:
-        raise InputError(f"{recording.source}: {error}") from None
-    if same.any():
-        axes = ", ".join(str(axis + 1) for axis in np.flatnonzero(same))
-        raise InputError(
-            f"{recording.source}: axis {axes}: has the same noise as {baseline.source}, as runs of "
-            "one dataset with paired = true do, and no reference_position; generate the dataset "
-            "with paired = false, or add reference_position to the recordings"
-        )
+    return Discovery(problem, choice, told, experiment, scales, notes=tuple(notes))
 
 
 def _waves(robot: Robot, exclude: Collection[str]) -> list[Term]:

@@ -163,7 +163,7 @@ def discover(
             except (InputError, SimulationFailed) as error:  # what was found is not lost
                 result["gap"]["validation"] = None
                 warnings.append(f"{validate}: not scored: {error}")
-    result["following"] = "; ".join(filter(None, (servo, fitted, found.following)))
+    result["following"] = "; ".join(filter(None, (servo, fitted)))
     result["torque_constants"] = _torque_constants(found)
     if recording.constants is not None and not runs:
         warnings.append(
@@ -387,8 +387,7 @@ def _validation(
         SimulationFailed: The model diverges on these motions.
     """
     problem = found.problem
-    measured = problem.replay.measured or validate.reference_position is None
-    replay = Replay(validate, given, measured=measured)
+    replay = Replay(validate, given)
     full = replay.with_effects([*late.applied(), *(one.applied for one in found.laws)])
     inside = counted(validate, problem.robot, baseline=False)
 

@@ -23,7 +23,7 @@ from faultgen.dataset.experiment import check_seed
 from faultgen.discovery.calibration.calibrate import calibrate
 from faultgen.discovery.calibration.limits import with_limits_for, with_limits_of
 from faultgen.discovery.inputs import read_all
-from faultgen.discovery.rigid.following import suited_replay
+from faultgen.discovery.replay.replay import Replay
 from faultgen.errors import InputError
 from faultgen.monitoring.autoregression import impulse_response
 from faultgen.monitoring.sensors import FILE, Remainder, Sensors
@@ -145,7 +145,7 @@ def furnish(
     say = say or (lambda line: None)
     say("learning noise and differences of the runs")
     mean = mean_of(recordings)
-    replay, following = suited_replay(mean, robot)
+    replay = Replay(mean, robot)
     text = recorded_task(mean, robot, TASK)
     robot, raised = with_limits_for(load_task(robot.name, TASK, {TASK: text}), robot)
     for line in raised:
@@ -187,7 +187,6 @@ def furnish(
     rms = np.sqrt(np.nanmean(np.mean(means, axis=0) ** 2, axis=0))
     left = np.sqrt(np.nanmean((np.mean(means, axis=0) - clean)[known.compared] ** 2, axis=0))
     result: dict[str, Any] = {
-        "following": following,
         "task": TASK,
         "sample_period": period,
         "cycles": [len(cycles) for cycles in by_recording],

@@ -23,7 +23,6 @@ from faultgen.discovery.laws.friction_discrepancy import (
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.samples import counted
 from faultgen.discovery.replay.sensitivities import own_sensitivities, sensitivities
-from faultgen.discovery.terms.regressor import PER_LINK, link_ids, link_regressor
 from faultgen.discovery.terms.candidates import Term
 from faultgen.discovery.terms.inertia import (
     PAIRS,
@@ -33,6 +32,7 @@ from faultgen.discovery.terms.inertia import (
     parameters_of,
     pseudo_inertia,
 )
+from faultgen.discovery.terms.regressor import PER_LINK, link_ids, link_regressor
 from faultgen.effects import EFFECTS
 from faultgen.recordings.noise import Autoregression
 from faultgen.recordings.recording import Recording

@@ -6,9 +6,9 @@ the unchanged model:
 
     M x'' + G' D G x' + G' K (G x - u) = l,        change of the gear torque  K (u - G x) - D G x'
 
-with the inertia M of the arm at its pose, stiffness K and damping D of the gearboxes, the turns G of
-the gearboxes for one turn of each joint (the unit matrix in most robots), errors u of the gearboxes
-and loads l of the joints. Coriolis terms and the change of gravity with x are left out. The time
+with the inertia M of the arm at its pose, stiffness K and damping D of the gearboxes, the turns G
+of the gearboxes for one turn of each joint (the unit matrix in most robots), errors u of the
+gearboxes and loads l of the joints. Coriolis terms and the change of gravity with x are left out. The time
 integration is that of Newmark (1959) with constant mean acceleration: it is stable and adds no
 damping. tests/test_formulas.py compares every formula with the simulation.
 """
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 _STEP = 1e-3  # of the integration [s]: some 30 steps in a period of a resonance of 30 Hz
 _POSE = 0.01  # time in which the inertia of the arm counts as constant [s]
 _CHUNK = 2000  # steps of which the causes are in memory
+_SMALL_PLAY = 0.1  # play, over the deviation of the twist, up to which the formula holds
 _SHIFT = 1e-3  # of a position, for the slope of the torque of the arm [rad]
 
 
@@ -57,6 +58,8 @@ class _Motion:
     """Torque of the gearboxes, joint side [N m]."""
     torque: np.ndarray
     """Logged torque of the motors [N m]."""
+    rate: np.ndarray
+    """Its rate of change [N m/s]."""
 
 
 class Formulas:
@@ -85,7 +88,7 @@ class Formulas:
         """
         recording = self.replay.recording
         at_rotor = [term for term in terms if term.name in _AT_ROTOR and not recording.link]
-        in_gear = [term for term in terms if term.name in _IN_GEAR]
+        in_gear = [term for term in terms if term.name in _IN_GEAR and not self._is_large(term)]
         links = [term for term in terms if term.name in (INERTIA, *_AT_JOINT)]
         out = {term: np.zeros(recording.torque.shape, np.float32) for term in at_rotor}
         for number, part in enumerate(recording.parts):
@@ -96,6 +99,13 @@ class Formulas:
             out |= self._behind_gears(in_gear, links)
         scale = 1.0 if recording.side == "motor" or recording.link else self.robot.gear_ratio
         return {term: (column * scale).astype(np.float32) for term, column in out.items()}
+
+    def _is_large(self, term: Term) -> bool:
+        """Whether a play is so large that the arm does not pass through it at once."""
+        if term.name != "backlash":
+            return False
+        gear = np.concatenate([run.gear_torque[:, term.axis - 1] for run in self._runs])
+        return bool(term.step > _SMALL_PLAY * np.std(gear) / self._stiffness[term.axis - 1])
 
     @cached_property
     def _runs(self) -> list[Cycle]:
@@ -120,6 +130,7 @@ class Formulas:
             joint=run.joint_position[at],
             gear=run.gear_torque[at],
             torque=run.motor_torque[at],
+            rate=np.gradient(run.motor_torque, timestep, axis=0)[at],
         )
 
     def friction(self, name: str, axis: int) -> float:
@@ -184,9 +195,7 @@ class Formulas:
             out[part] = gear
         return {term: out[..., k] for k, term in enumerate(terms)}
 
-    def _gear_changes(
-        self, number: int, in_gear: Sequence[Term], loads: np.ndarray
-    ) -> np.ndarray:
+    def _gear_changes(self, number: int, in_gear: Sequence[Term], loads: np.ndarray) -> np.ndarray:
         """Change of the gear torques at the samples: (samples, n_axes, terms), joint side [N m]."""
         run, timestep = self._runs[number], self.robot.model.opt.timestep
         every = max(1, round(_STEP / timestep))
@@ -318,9 +327,11 @@ _AT_ROTOR: dict[str, Callable[[Formulas, _Motion, Term], np.ndarray]] = {
     "rotor_inertia": lambda of, seen, term: (
         of.inertia(term.axis) * seen.acceleration[:, term.axis - 1]
     ),
+    "delay": lambda of, seen, term: -seen.rate[:, term.axis - 1],
     "torque_ripple": lambda of, seen, term: -_sine(seen.angle[:, term.axis - 1], term),
 }
-"""Change of the motor torque of the term's axis per unit of the term."""
+"""Change of the motor torque of the term's axis per unit of the term. Set points that come late
+have no part in a measured motion; what shows is a log whose torque is later than its position."""
 
 _IN_GEAR: dict[str, Callable[[np.ndarray, np.ndarray, Term], np.ndarray]] = {
     "gear_stiffness": lambda twist, angle, term: -twist,

@@ -50,29 +50,33 @@ class Replay:
     model.
     """
 
-    def __init__(self, recording: Recording, robot: Robot, *, measured: bool | None = None) -> None:
-        """Compute what the controller commands.
+    def __init__(self, recording: Recording, robot: Robot, *, measured: bool = True) -> None:
+        """Prepare the motion.
 
         Args:
             recording: The measured data.
             robot: The model.
-            measured: Whether the rotors are on their measured positions. None: if the recording
-                has no commanded ones.
+            measured: Whether the rotors are on their measured positions. Otherwise the servo of the
+                model follows the commanded ones; the measured ones if none were recorded.
         """
         self.recording = recording
         self.robot = robot
-        self.measured = recording.reference_position is None if measured is None else measured
+        self.measured = measured
         """Whether the rotors are on their measured positions."""
         self.left_out: np.ndarray | None = None
         """Samples that are not compared, beside those of `samples.counted`; shape (samples,
         n_axes)."""
-        self.wanted = recording.commanded(robot)
-        """Position that the model is to follow, joint side, shape (samples, n_axes)."""
-        if not self.measured:
+        self.wanted = (
+            followed(recording, robot, settled(recording, robot))
+            if measured
+            else recording.commanded(robot)
+        )
+        """Measured position, smoothed, or the commanded one; joint side, shape (samples, n_axes),
+        without twist of the gearboxes."""
+        if measured:
+            self._rotors = [self._steps(part) for part in recording.parts]
+        else:
             self.controls = self._controls(self.wanted)
-            return
-        self.wanted = followed(recording, robot, settled(recording, robot))
-        self._rotors = [self._steps(part) for part in recording.parts]
 
     def _steps(self, part: slice) -> np.ndarray:
         """Rotor position at every step of a separate recording, shape (steps, n_axes), in [rad]."""

@@ -1,7 +1,8 @@
-"""How each term changes the measured torque: sensitivities from closed-loop simulations.
+"""How each term changes the measured torque: by formula, or by a simulation with the term.
 
-They are not found by regression on measured signals, because the servo reacts to an effect and its
-reaction is part of the measurement. Robots of one type that run one program share their
+Where the rotors are on their measured positions, most terms have a formula (see `formulas`). Where
+they follow commands, the servo reacts to an effect, and its reaction is part of the measurement:
+there, every term is simulated in closed loop. Robots of one type that run one program share their
 sensitivities, which can be kept in a folder.
 """
 
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 from joblib import delayed
 
+from faultgen.discovery.replay.formulas import Formulas
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.terms.candidates import Term
 from faultgen.effects import get_effect
@@ -64,14 +66,14 @@ def sensitivities(
     Raises:
         SimulationFailed: The unchanged model diverged.
     """
-    simulated = [(term,) for term in terms if term.name != TEMPERATURE]
+    by_term = _by_formula(replay, terms)
+    simulated = [(t,) for t in terms if t.name != TEMPERATURE and t not in by_term]
     if base is None:
         base, *moved = _runs(replay, [(), *simulated], workers, cache)
     else:
         moved = _runs(replay, simulated, workers, cache)
     if not np.isfinite(base).all():
         raise SimulationFailed("the model diverges on the recorded motion")
-    by_term: dict[Term, np.ndarray] = {}
     for (term,), run in zip(simulated, moved, strict=True):
         if np.isfinite(run).all():
             by_term[term] = (run - base) / term.step
@@ -156,16 +158,16 @@ def own_sensitivities(
     Returns:
         Shape (terms, samples, n_axes), per unit of each term. Only the term's own axis is not zero.
     """
+    known = _by_formula(replay, terms)
     of_axis: dict[tuple, list[Term]] = {}
     for term in terms:
-        if term.name != TEMPERATURE:
+        if term.name != TEMPERATURE and term not in known:
             of_axis.setdefault((term.key, term.parameters), []).append(term)
     together: dict[tuple, list[Term]] = {}
     for alike in of_axis.values():
         for place, term in enumerate(alike):
             together.setdefault((term.name, term.parameters, place), []).append(term)
     groups = [tuple(group) for group in together.values()]
-    known: dict[Term, np.ndarray] = {}
     for group, run in zip(groups, _runs(replay, groups, workers, cache), strict=True):
         runs = [run] * len(group)
         if not np.isfinite(run).all():  # perhaps because of one axis
@@ -176,6 +178,11 @@ def own_sensitivities(
                 known[term] = np.zeros(base.shape, np.float32)
                 known[term][:, axis] = (own - base)[:, axis] / term.step
     return _in_order(replay, terms, known)
+
+
+def _by_formula(replay: Replay, terms: Sequence[Term]) -> dict[Term, np.ndarray]:
+    """Columns that need no simulation of their own."""
+    return Formulas(replay).columns(terms) if replay.measured else {}
 
 
 def _runs(

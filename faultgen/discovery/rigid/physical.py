@@ -26,7 +26,6 @@ from faultgen.discovery.rigid.classical import (
     axis_weights,
     identify,
 )
-from faultgen.discovery.terms.regressor import PER_LINK, link_parameters
 from faultgen.discovery.terms.candidates import INERTIA, Term
 from faultgen.discovery.terms.inertia import (
     PAIRS,
@@ -37,6 +36,7 @@ from faultgen.discovery.terms.inertia import (
     parameters_of,
     pseudo_inertia,
 )
+from faultgen.discovery.terms.regressor import PER_LINK, link_parameters
 from faultgen.effects import get_effect
 from faultgen.effects.coupling import add_coupling_friction
 from faultgen.effects.friction import add_offset
