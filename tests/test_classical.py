@@ -15,8 +15,8 @@ from faultgen.discovery.rigid.classical import (
     identify,
 )
 from faultgen.discovery.rigid.physical import Drives, Spread, fit
-from faultgen.discovery.terms.regressor import link_parameters, link_regressor
 from faultgen.discovery.terms.candidates import INERTIA
+from faultgen.discovery.terms.regressor import link_parameters, link_regressor
 from faultgen.effects.coupling import add_coupling_friction
 from faultgen.recordings.checks import without_friction
 from faultgen.recordings.recording import Recording
