@@ -1,7 +1,7 @@
 """Recordings whose samples are not evenly spaced in time.
 
-Times that scatter by little because they were rounded are taken as even. Otherwise everything is interpolated at even
-times, and long gaps begin a new segment:
+Times that scatter by little because they were rounded are taken as even. Otherwise everything is
+interpolated at even times, and long gaps begin a new segment:
 
     even = evened("measured.h5", time, arrays, segments=(0,))
     even.arrays["torque"], even.period, even.notes

@@ -8,9 +8,9 @@ the unchanged model:
 
 with the inertia M of the arm at its pose, stiffness K and damping D of the gearboxes, the turns G
 of the gearboxes for one turn of each joint (the unit matrix in most robots), errors u of the
-gearboxes and loads l of the joints. Coriolis terms and the change of gravity with x are left out. The time
-integration is that of Newmark (1959) with constant mean acceleration: it is stable and adds no
-damping. tests/test_formulas.py compares every formula with the simulation.
+gearboxes and loads l of the joints. Coriolis terms and the change of gravity with x are left out.
+The time integration is that of Newmark (1959) with constant mean acceleration: it is stable and
+adds no damping. tests/test_formulas.py compares every formula with the simulation.
 """
 
 from __future__ import annotations
