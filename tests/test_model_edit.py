@@ -174,7 +174,7 @@ def test_the_written_model_replays_the_recording(columns, monkeypatch, refused):
     problem = posed(columns)
     asked = []
 
-    def replaying(recording, robot, changes, *, measured=None):
+    def replaying(recording, robot, changes):
         asked.append((recording, robot, measured))
         return None if len(asked) <= refused else "the robot"
 
