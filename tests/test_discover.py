@@ -273,17 +273,6 @@ def test_noise_that_two_recordings_share_is_reckoned_with(shared, tiny_robot_pat
     assert "paired = false" in warning
 
 
-def test_shared_noise_is_refused_where_the_noisy_position_is_followed(
-    shared, tiny_robot_path, tmp_path
-):
-    """Without commanded positions the simulation follows the noise of the position as well."""
-    for name in ("play", "healthy"):
-        recording = replace(read_recording(shared / f"{name}.h5"), reference_position=None)
-        write_recording(recording, tmp_path / f"{name}.h5")
-    with pytest.raises(InputError, match="has the same noise as .* paired = false, or add ref"):
-        against_healthy(tmp_path, tiny_robot_path, "play")
-
-
 @pytest.mark.slow
 def test_what_is_larger_than_shared_noise_is_named(shared, tiny_robot_path):
     result, effects = against_healthy(shared, tiny_robot_path, "worn")

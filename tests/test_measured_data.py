@@ -43,7 +43,7 @@ def model(name):
 def gap(recording, robot):
     """RMS torque error over RMS torque of each axis, after settling."""
     inside = settled(recording, robot)
-    error = np.where(inside, recording.torque - replay(recording, robot), 0.0)
+    error = np.where(inside, recording.torque - replay(recording, robot, measured=False), 0.0)
     torque = np.where(inside, recording.torque, 0.0)
     return np.sqrt((error**2).sum(axis=0) / (torque**2).sum(axis=0))
 

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from faultgen.discovery.replay.prescribed import STIFFER
 from faultgen.discovery.terms.candidates import INERTIA, Term
 from faultgen.discovery.terms.inertia import slopes_of
 from faultgen.discovery.terms.regressor import link_regressor
@@ -74,6 +75,8 @@ class Formulas:
         self.replay, self.robot = replay, replay.robot
         self._stiffness = self.robot.model.tendon_stiffness[self.robot.ids("tendon", "gearbox")]
         self._damping = self.robot.model.tendon_damping[self.robot.ids("tendon", "gearbox")]
+        if replay.recording.link:
+            self._stiffness, self._damping = STIFFER * self._stiffness, STIFFER**0.5 * self._damping
         self._turns = self.robot.gearing.matrix / self.robot.gear_ratio[:, None]
 
     def columns(self, terms: Sequence[Term]) -> dict[Term, np.ndarray]:
