@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from faultgen.discovery.accept import check_recording
     from faultgen.discovery.discover import Discovery, investigate
     from faultgen.discovery.replay.replay import Replay, replay, settled
-    from faultgen.recordings.checks import Finding
+    from faultgen.recordings.finding import Finding
     from faultgen.recordings.read import read_recording
     from faultgen.recordings.recording import Recording, write_recording
 
@@ -38,7 +38,7 @@ lazily(
     __name__,
     {
         "Discovery": "faultgen.discovery.discover",
-        "Finding": "faultgen.recordings.checks",
+        "Finding": "faultgen.recordings.finding",
         "Recording": "faultgen.recordings.recording",
         "Replay": "faultgen.discovery.replay.replay",
         "check_recording": "faultgen.discovery.accept",

@@ -21,6 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
+from faultgen.discovery.rigid.free_fit import BLOCKS, independent, left_by
 from faultgen.discovery.rigid.regressor import link_ids, link_regressor
 from faultgen.effects.prior import torque_offset_std
 from faultgen.recordings.recording import Recording
@@ -45,9 +46,8 @@ _QUICKEST = 0.99  # share of the samples that are slower than what counts as the
 _EDGE = 0.06  # time at both ends of a motion whose derivatives are not used [s]
 _LOOSE = 3.0  # standard deviation of friction, over what alone would explain the torque: assumed
 _OFFSETS, _OFFSET_SHARE = 10.0, 0.05  # offset of an unknown sensor, over a usual one; over torque
-_BLOCKS = 8  # of a recording, each left out once of a fit
-_RIDGES = (1e-4, 1e-2, 1.0)  # of the fit with free parameters, over the number of samples
 _PER_PIECE = 3.0  # independent errors in each piece of motion at most: assumed
+_ROUNDING = 1e-12  # of products of columns that depend on each other, over the largest
 _ROUNDS = 3  # in which the noise of a hypothesis settles
 
 
@@ -124,7 +124,7 @@ class LogFit:
         """Gather what is known of an axis; None if it hardly moves, or its torque is constant."""
         at = np.flatnonzero(moving)
         torque = self.measured[self.rows[at], axis]
-        if len(at) < 2 * _BLOCKS or np.ptp(torque) == 0:
+        if len(at) < 2 * BLOCKS or np.ptp(torque) == 0:
             return None
         seen = np.flatnonzero(np.abs(links).max(axis=0) > 0)
         speed, acceleration = self.speed[at, axis], self.acceleration[at, axis]
@@ -133,7 +133,7 @@ class LogFit:
         given = _Axis(at, columns, 0.0, 1.0)
         left, around = self._held_out(axis, given), torque - torque.mean()
         noise = float(min(np.mean(left**2), np.mean(around**2)))
-        pieces = min(_independent(left), _PER_PIECE * _independent(around))
+        pieces = min(independent(left), _PER_PIECE * independent(around))
         return replace(given, noise=noise, pieces=pieces)
 
     def _held_out(self, axis: int, given: _Axis) -> np.ndarray:
@@ -150,7 +150,7 @@ class LogFit:
         few = given.columns[:, -6:-1]
         best = torque - torque.mean()
         for x in (few, np.column_stack([given.columns[:, :-1], *shared])):
-            left = _left_by(x, torque)
+            left = left_by(x, torque)
             if np.sum(left**2) < np.sum(best**2):
                 best = left
         return best
@@ -228,15 +228,15 @@ class LogFit:
         noise = least
         for _ in range(_ROUNDS):
             weight = given.pieces / noise
-            system = weight * inner + np.eye(len(own))
+            system = weight * inner
+            system += (1 + _ROUNDING * np.diag(system).max()) * np.eye(len(own))
             value = _bounded(system, weight * right + expected, positive)
             error = square - 2 * value @ right + value @ inner @ value
             noise = max(float(error), least)
         distance = float(np.sum((value - expected) ** 2))
         some = slice(count if links else 0)
-        volume = float(
-            np.linalg.slogdet(np.eye(len(inner))[some, some] + weight * inner[some, some])[1]
-        )
+        curved = np.linalg.eigvalsh(weight * inner[some, some])
+        volume = float(np.log1p(np.maximum(curved, 0.0)).sum())
         factors = np.zeros(count + 5)
         factors[own], factors[-1] = scale * value, float(links)
         return factors, noise, distance, volume
@@ -263,34 +263,6 @@ def gear_torque(recording: Recording, robot: Robot) -> np.ndarray:
     if recording.side == "motor":
         return np.asarray(torque * robot.gear_ratio)
     return np.asarray(robot.gearing.torque(torque))
-
-
-def _left_by(x: np.ndarray, torque: np.ndarray) -> np.ndarray:
-    """Least error of each block with factors of the columns that were fitted to the other blocks.
-
-    Args:
-        x: Columns, shape (samples, columns).
-        torque: What they have to explain, shape (samples,).
-
-    Returns:
-        Shape (samples,), with the ridge of `_RIDGES` that predicts best.
-    """
-    x = x / np.maximum(np.sqrt(np.mean(x**2, axis=0)), 1e-12)
-    gram, right = x.T @ x, x.T @ torque
-    blocks = np.array_split(np.arange(len(x)), _BLOCKS)
-    own = [(x[one].T @ x[one], x[one].T @ torque[one]) for one in blocks]
-    tried = []
-    for ridge in _RIDGES:
-        more = ridge * len(x) * np.eye(len(gram))
-        tried.append(
-            np.concatenate(
-                [
-                    torque[one] - x[one] @ np.linalg.solve(gram - theirs + more, right - product)
-                    for one, (theirs, product) in zip(blocks, own, strict=True)
-                ]
-            )
-        )
-    return min(tried, key=lambda left: float(left @ left))
 
 
 def _bounded(system: np.ndarray, right: np.ndarray, positive: np.ndarray) -> np.ndarray:
@@ -323,17 +295,3 @@ def _link_errors(arm: Arm, n_axes: int) -> np.ndarray:
     carried = of(PAYLOAD * float(model.body_mass[ids].sum()), OFF_CENTRE * length)
     std[n_axes - 1] = np.hypot(std[n_axes - 1], carried)
     return std.ravel()
-
-
-def _independent(error: np.ndarray) -> float:
-    """Count the independent values of a series, from its autocorrelation until it is negative."""
-    count = len(error)
-    around = error - error.mean()
-    spectrum = np.abs(np.fft.rfft(around, 2 * count)) ** 2
-    correlation = np.fft.irfft(spectrum)[:count]
-    if correlation[0] <= 0:
-        return 1.0
-    correlation = correlation / correlation[0]
-    below = np.flatnonzero(correlation < 0)
-    stop = int(below[0]) if len(below) else count
-    return max(count / (1 + 2 * float(correlation[1:stop].sum())), 1.0)

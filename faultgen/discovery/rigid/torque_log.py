@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import nnls
 
 from faultgen.discovery.rigid.log_fit import PARTS, LogFit
 from faultgen.robot import Robot
@@ -27,7 +28,9 @@ LARGE = 3.0
 that wrong. Assumed."""
 
 _AGREES = 3.0  # log likelihood ratio of every axis that a common factor needs: 1 in 20
-_SMALL = 2.0  # evidence for a common small unit, over the usual: axes may swing nearly freely
+_CLEAR = 3.0  # log likelihood ratio of one known factor over another: 20 to 1
+_SMALL, _SMALL_AXES = 2.0, 3  # evidence for a common small unit, over the usual, and axes with it:
+# an arm that swings nearly freely, such as a double pendulum, also needs little torque
 _NEAR = 0.5  # standard deviation of the log of a gain about a known factor: model and constants
 _ALONE = 300.0  # torque of the links over that of one axis, from which it may have a small unit
 _WIDTHS = np.linspace(-1.0, 1.0, 9)  # of the log of a gain about a factor
@@ -86,15 +89,15 @@ def known_factors(robot: Robot, side: str) -> list[Factor]:
     at_motor = side == "motor"
     largest = robot.motor_torque_limit * (1.0 if at_motor else ratio)
     return [
-        Factor("thousandths of the unit, such as mN m", 1e3 * every, False),
-        Factor("thousands of the unit, such as kN m", 1e-3 * every, False),
-        Factor("the torque of the joint", ratio, False)
+        Factor("is in thousandths of its unit, such as mN m", 1e3 * every, False),
+        Factor("is in thousands of its unit, such as kN m", 1e-3 * every, False),
+        Factor("is that of the joint, not of the motor", ratio, False)
         if at_motor
-        else Factor("the torque of the motor", 1 / ratio, False),
-        Factor("kgf m", every / 9.80665, True),
-        Factor("the unit times 9.80665", 9.80665 * every, True),
+        else Factor("is that of the motor, not of the joint", 1 / ratio, False),
+        Factor("is in kgf m", every / 9.80665, True),
+        Factor("was multiplied by 9.80665", 9.80665 * every, True),
         *(
-            [Factor("per cent of the drive's largest torque", 100 / largest, True)]
+            [Factor("is in per cent of the drive's largest torque", 100 / largest, True)]
             if np.isfinite(largest).all()
             else []
         ),
@@ -150,26 +153,28 @@ def _of_axis(fit: LogFit, axis: int, factors: Sequence[float]) -> Evidence:
 
 
 def _lateness(fit: LogFit, axis: int, sign: float) -> int:
-    """Samples by which the measured torque is behind the fitted one; 0 unless it is clear.
+    """Samples by which the measured torque is behind the motion; 0 unless it is clear.
 
-    A lag is clear if it explains half of the variance that remains without it. Near its maximum the
-    correlation is so flat that elasticity and smoothing shift it by some samples.
+    A lag is clear if it explains half of what the model with friction leaves without it. Near its
+    best value it explains so little that elasticity and smoothing shift it by some samples.
     """
     given = fit.axes[axis]
     assert given is not None
-    rows, expected = fit.rows[given.at], fit.predicted(axis, sign)
+    rows = fit.rows[given.at]
     inside = (rows >= _LATEST) & (rows < len(fit.measured) - _LATEST)
-    rows, expected = rows[inside], expected[inside] - expected[inside].mean()
+    if inside.sum() < _LATEST:
+        return 0
+    one, direction, speed, acceleration, model = given.columns[inside, -6:-1].T
+    moved = model + (0.0 if fit.recording.link else fit.rotor[axis]) * acceleration
+    columns = np.column_stack([moved, direction, speed, one, -one])
 
     def left(lag: int) -> float:
-        torque = fit.measured[rows + lag, axis]
-        torque = torque - torque.mean()
-        size = (expected @ expected) * (torque @ torque)
-        return 1.0 - float((expected @ torque) ** 2 / size) if size > 0 else 1.0
+        torque = sign * fit.measured[rows[inside] + lag, axis]
+        return float(nnls(columns, torque)[1] ** 2)
 
     by_lag = {lag: left(lag) for lag in range(-_LATEST, _LATEST + 1)}
     best = min(by_lag, key=lambda lag: by_lag[lag])
-    return best if by_lag[best] < 0.5 * min(by_lag[0], 1.0) else 0
+    return best if by_lag[best] < 0.5 * by_lag[0] else 0
 
 
 def common_factor(found: Sequence[Evidence | None], factors: Sequence[Factor]) -> int | None:
@@ -191,11 +196,12 @@ def common_factor(found: Sequence[Evidence | None], factors: Sequence[Factor]) -
         for k in range(len(factors))
     ]
     best = int(np.argmax(totals))
-    small = factors[best].values.max() < 1
-    return best if totals[best] >= (_SMALL if small else 1.0) * CERTAIN else None
+    if factors[best].values.max() < 1:
+        return best if totals[best] >= _SMALL * CERTAIN and len(able) >= _SMALL_AXES else None
+    return best if totals[best] >= CERTAIN else None
 
 
-def own_factor(one: Evidence, factors: Sequence[Factor]) -> int | None:
+def own_factor(one: Evidence, factors: Sequence[Factor]) -> tuple[int, int | None] | None:
     """Find the factor of a single axis.
 
     A torque that is much smaller than the parts of which it consists may also be that of an axis
@@ -206,7 +212,8 @@ def own_factor(one: Evidence, factors: Sequence[Factor]) -> int | None:
         factors: Those of `known_factors`.
 
     Returns:
-        Its number, or None.
+        Its number, and that of another factor that explains the torque about as well or None; None
+        if the torque is as it should be, or has no known factor.
     """
     if not one.is_shown:
         return None
@@ -217,7 +224,11 @@ def own_factor(one: Evidence, factors: Sequence[Factor]) -> int | None:
         and one.factors[k] >= CERTAIN
         and (factor.values.min() > 1 or one.parts > _ALONE)
     ]
-    return max(able, key=lambda k: one.factors[k], default=None)
+    able.sort(key=lambda k: -one.factors[k])
+    if not able:
+        return None
+    close = len(able) > 1 and one.factors[able[0]] < one.factors[able[1]] + _CLEAR
+    return able[0], able[1] if close else None
 
 
 def own_gain(one: Evidence) -> float | None:
@@ -231,6 +242,16 @@ def own_gain(one: Evidence) -> float | None:
     if one.gain < 1 and PARTS * one.parts >= 1:  # it may swing nearly freely
         return None
     return one.gain
+
+
+def doubtful_gain(one: Evidence) -> float | None:
+    """Return the gain of an axis if it seems large, although that is not certain; otherwise None.
+
+    Args:
+        one: The evidence of the axis.
+    """
+    size = abs(np.log(one.gain))
+    return one.gain if one.is_shown and size > max(np.log(LARGE), 2 * one.spread) else None
 
 
 def signs(
