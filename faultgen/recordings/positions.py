@@ -68,6 +68,8 @@ def with_unit(recording: Recording, robot: Robot) -> tuple[Recording, list[Findi
             if fits(axis, own * factor)
         ]:
             factor, unit = units[0]
+            if recording.side == "motor" and "motor" in unit:
+                unit = "those of the motor, multiplied by the gear ratio"
             position[:, axis] *= factor
             if reference is not None and not fits(axis, reference[:, axis]):
                 reference[:, axis] *= factor
