@@ -48,6 +48,8 @@ _LOOSE = 3.0  # standard deviation of friction, over what alone would explain th
 _OFFSETS, _OFFSET_SHARE = 10.0, 0.05  # offset of an unknown sensor, over a usual one; over torque
 _PER_PIECE = 3.0  # independent errors in each piece of motion at most: assumed
 _ROUNDING = 1e-12  # of products of columns that depend on each other, over the largest
+_ACCURACIES = (1.0, 0.3, 0.1)  # of the links' errors over those above: with wide errors alone, a
+# gain would come out too small where they make more torque than the links do
 _ROUNDS = 3  # in which the noise of a hypothesis settles
 
 
@@ -183,13 +185,21 @@ class LogFit:
             gain: Logged torque over the torque; negative if its sign is reversed.
             links: Whether the arm is part of the torque; otherwise it is friction only.
             parts: Whether the error of the model grows with the torques of its links (`PARTS`);
-                otherwise it is the same share of the measured torque, which favours no gain.
+                otherwise it is the same share of the measured torque, which favours no gain, and
+                the links may be as accurate as the data show.
 
         Returns:
             The misfit; differences between hypotheses of the same `parts` have a meaning.
         """
-        _, noise, distance, volume = self._solve(axis, gain, links, parts)
-        return float(self._of(axis).pieces * np.log(noise * gain**2) + distance + volume)
+        pieces = self._of(axis).pieces
+        found = [
+            self._solve(axis, gain, links, parts, accuracy)[1:]
+            for accuracy in (_ACCURACIES[:1] if parts or not links else _ACCURACIES)
+        ]
+        return min(
+            float(pieces * np.log(noise * gain**2) + distance + volume)
+            for noise, distance, volume in found
+        )
 
     def predicted(self, axis: int, gain: float) -> np.ndarray:
         """Predict the measured torque of an axis where it moves, shape (samples,)."""
@@ -198,7 +208,7 @@ class LogFit:
         return np.asarray(gain * given.columns[:, :-1] @ value)
 
     def _solve(
-        self, axis: int, gain: float, links: bool, parts: bool
+        self, axis: int, gain: float, links: bool, parts: bool, accuracy: float = 1.0
     ) -> tuple[np.ndarray, float, float, float]:
         """Factors of all columns but the measured torque; noise; distance and volume of links."""
         given = self._of(axis)
@@ -212,6 +222,7 @@ class LogFit:
             least += (PARTS / LINKS) ** 2 * float(np.trace(gram[:count, :count]))
         # standard deviation of each factor, and what is expected, both in this unit
         scale = np.ones(count + 4)
+        scale[:count] = accuracy
         scale[count] = self.offset[axis] + _OFFSET_SHARE * rms
         scale[count + 1 : count + 3] = _LOOSE * rms / size[count + 1 : count + 3]
         scale[count + 3] = self.rotor[axis]
