@@ -17,8 +17,10 @@ from faultgen.recordings.positions import continued, with_unit, without_gaps
 from faultgen.recordings.recording import Recording
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot
 
+STILL = 1e-3
+"""Range of a joint that does not move [rad]."""
+
 _LAGS = 12  # samples by which a velocity may be late to be told so
-STILL = 1e-3  # range of a joint that does not move [rad]
 _STUCK = 0.25  # time without any change of position while the reference moves [s]
 _SAME = 0.9  # correlation from which a velocity is the derivative of the position, but for its unit
 _SLOW = 3.0  # motor speed, in Stribeck velocities, that friction has to be told from
@@ -120,6 +122,9 @@ def _with_velocity(recording: Recording, robot: Robot) -> tuple[Recording, list[
     velocity = recording.velocity.copy()
     _, derived, _ = recording.derivatives(recording.position)
     size = np.abs(robot.gear_ratio) if recording.side == "motor" else np.ones(robot.n_axes)
+    speed = robot.gearing.outputs(recording.derivatives(recording.joint_position(robot))[1])
+    # the velocity of an axis that creeps is all noise
+    fast = np.abs(speed * robot.gear_ratio).max(axis=0) > _SLOW * robot.stribeck_velocity
     is_used = True
     for axis in range(recording.n_axes):
         given, own = velocity[:, axis], derived[:, axis]
@@ -139,7 +144,7 @@ def _with_velocity(recording: Recording, robot: Robot) -> tuple[Recording, list[
             factor = -1.0 if -1.25 < slope < -0.8 else 1 / slope
             text += f": it is multiplied by {factor:.4g}; {TRUST}"
             findings.append(Finding(CORRECTED, axis + 1, text))
-        elif abs(correlation) > 0.5 or not 0.5 < slope < 2:
+        elif fast[axis] and (abs(correlation) > 0.5 or not 0.5 < slope < 2):
             is_used = False
             text += f", to which it hardly belongs: no velocity is used; {TRUST}"
             findings.append(Finding(CORRECTED, axis + 1, text))

@@ -24,6 +24,7 @@ import numpy as np
 from faultgen.discovery.rigid.free_fit import BLOCKS, independent, left_by
 from faultgen.discovery.rigid.regressor import link_ids, link_regressor
 from faultgen.effects.prior import torque_offset_std
+from faultgen.recordings.checks import STILL
 from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm
@@ -95,6 +96,7 @@ class LogFit:
         speed = robot.gearing.outputs(qd)
         slow = _SLOW * np.quantile(np.abs(speed), _QUICKEST, axis=0)
         moving = np.abs(speed) > np.maximum(slow, 1e-9)
+        moving[:, np.ptp(q, axis=0) < STILL] = False
         inner = np.zeros(len(q), bool)
         edge = max(2, round(_EDGE / recording.sample_period))
         for part in recording.parts:
@@ -193,7 +195,7 @@ class LogFit:
         """
         pieces = self._of(axis).pieces
         found = [
-            self._solve(axis, gain, links, parts, accuracy)[1:]
+            self._solve(axis, gain, links, parts, accuracy)
             for accuracy in (_ACCURACIES[:1] if parts or not links else _ACCURACIES)
         ]
         return min(
@@ -201,16 +203,10 @@ class LogFit:
             for noise, distance, volume in found
         )
 
-    def predicted(self, axis: int, gain: float) -> np.ndarray:
-        """Predict the measured torque of an axis where it moves, shape (samples,)."""
-        given = self._of(axis)
-        value, _, _, _ = self._solve(axis, gain, True, True)
-        return np.asarray(gain * given.columns[:, :-1] @ value)
-
     def _solve(
         self, axis: int, gain: float, links: bool, parts: bool, accuracy: float = 1.0
-    ) -> tuple[np.ndarray, float, float, float]:
-        """Factors of all columns but the measured torque; noise; distance and volume of links."""
+    ) -> tuple[float, float, float]:
+        """Noise of a hypothesis, distance of its parameters from the model, and their volume."""
         given = self._of(axis)
         gram, count = given.gram, len(given.gram) - 6
         size = np.sqrt(np.maximum(np.diag(gram), 1e-24))
@@ -248,9 +244,7 @@ class LogFit:
         some = slice(count if links else 0)
         curved = np.linalg.eigvalsh(weight * inner[some, some])
         volume = float(np.log1p(np.maximum(curved, 0.0)).sum())
-        factors = np.zeros(count + 5)
-        factors[own], factors[-1] = scale * value, float(links)
-        return factors, noise, distance, volume
+        return noise, distance, volume
 
     def _of(self, axis: int) -> _Axis:
         given = self.axes[axis]

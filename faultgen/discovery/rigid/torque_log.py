@@ -247,11 +247,13 @@ def own_gain(one: Evidence) -> float | None:
 def doubtful_gain(one: Evidence) -> float | None:
     """Return the gain of an axis if it seems large, although that is not certain; otherwise None.
 
+    A small one is not doubtful, as it may be that of an axis that swings nearly freely.
+
     Args:
         one: The evidence of the axis.
     """
-    size = abs(np.log(one.gain))
-    return one.gain if one.is_shown and size > max(np.log(LARGE), 2 * one.spread) else None
+    is_large = np.log(one.gain) > max(np.log(LARGE), 2 * one.spread)
+    return one.gain if one.is_shown and is_large else None
 
 
 def signs(
