@@ -179,9 +179,6 @@ class LogFit:
     def misfit(self, axis: int, gain: float, *, links: bool = True, parts: bool = True) -> float:
         """Compute minus two times the log likelihood of a gain of the log, but for a constant.
 
-        Its parts are the squared error, which counts as `pieces` independent errors of unknown
-        variance, and the distance of the links from the model.
-
         Args:
             axis: From 0; one that is not None in `axes`.
             gain: Logged torque over the torque; negative if its sign is reversed.
