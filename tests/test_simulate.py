@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import faultgen.simulation.stepping as module
-from faultgen.mjcf.dcmotor import set_servo
 from faultgen.effects import Applied
 from faultgen.errors import InputError, SimulationFailed
+from faultgen.mjcf.dcmotor import set_servo
 from faultgen.robot import load_robot, robot_names
 from faultgen.simulation.arm import Arm, motor_torque
 from faultgen.simulation.motion import plan

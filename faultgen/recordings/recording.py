@@ -141,6 +141,11 @@ class Recording:
     They hold interpolated values."""
     faults: tuple[LogFault, ...] = ()
     """Faults of the log that were found when it was read."""
+    torque_factor: tuple[float, ...] = ()
+    """Factor with which the logged torque of each axis was multiplied when the recording was
+    accepted; empty before that."""
+    left_out: tuple[int, ...] = ()
+    """Axes, from 1, whose torque is not used. All of their samples are among those `lost`."""
 
     def __repr__(self) -> str:
         """One line; the arrays would fill the screen."""
