@@ -137,14 +137,23 @@ class Formulas:
         )
 
     def friction(self, name: str, axis: int) -> float:
-        """Coulomb friction ('coulomb') or viscous friction of the model on an axis, motor side."""
+        """Read a parameter of the model's friction, motor side.
+
+        Args:
+            name: 'coulomb' [N m] or 'viscous' [N m s/rad].
+            axis: Axis, from 1.
+        """
         element = self.robot.ids("actuator", "friction")[axis - 1]
         if name == "coulomb":
             return float(self.robot.model.actuator_biasprm[element, COULOMB])
         return float(self.robot.model.actuator_damping[element])
 
     def inertia(self, axis: int) -> float:
-        """Inertia of a rotor [kg m^2]."""
+        """Read the inertia of a rotor [kg m^2].
+
+        Args:
+            axis: Axis, from 1.
+        """
         return float(self.robot.model.dof_M0[self.robot.motors[axis - 1]])
 
     @cached_property
