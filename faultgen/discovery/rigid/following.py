@@ -15,7 +15,7 @@ import numpy as np
 
 from faultgen.discovery.replay.followed import differences
 from faultgen.discovery.replay.replay import Replay, relative_error, settled
-from faultgen.discovery.rigid.regressor import link_regressor
+from faultgen.discovery.rigid.regressor import gear_regressor
 from faultgen.errors import SimulationFailed
 from faultgen.recordings.recording import Recording
 from faultgen.robot import STRIBECK_VELOCITY, Robot
@@ -110,9 +110,7 @@ def rigid_columns(replay: Replay, rows: np.ndarray) -> np.ndarray:
     """
     robot = replay.robot
     speed, acceleration = (x[rows] for x in differences(replay.recording, replay.wanted))
-    links = link_regressor(Arm(robot), replay.wanted[rows], speed, acceleration)
-    to_gears = robot.gearing.torque(np.eye(robot.n_axes))  # of coupled gearboxes
-    links = np.einsum("sjp,ji->sip", links, to_gears)
+    links = gear_regressor(Arm(robot), replay.wanted[rows], speed, acceleration)
     speed, acceleration = robot.gearing.outputs(speed), robot.gearing.outputs(acceleration)
     width = robot.model.actuator_biasprm[robot.ids("actuator", "friction"), STRIBECK_VELOCITY]
     slow = speed * robot.gear_ratio / np.where(width > 0, width, 1.0)
