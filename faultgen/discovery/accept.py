@@ -76,8 +76,7 @@ def accepted(
         fits, evidence = _judged(made, robot, empty)
     made = _with_sign(made, evidence, known, findings)
     for k, fit in enumerate(fits):
-        factor = np.array(made[k].torque_factor)
-        sign = np.sign(factor)
+        sign = np.sign(made[k].torque_factor)
         _tell_of_lags(fit, evidence[k], findings[k])
         out = {*empty[k], *weightless(fit, sign, empty[k], findings[k])}
         out |= set(unexplained(fit, evidence[k], findings[k]))

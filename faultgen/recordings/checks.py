@@ -20,7 +20,9 @@ from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot
 STILL = 1e-3
 """Range of a joint that does not move [rad]."""
 
-_LAGS = 12  # samples by which a velocity may be late to be told so
+LATEST = 12
+"""Samples by which a velocity or a torque is looked for earlier and later."""
+
 _STUCK = 0.25  # time without any change of position while the reference moves [s]
 _SAME = 0.9  # correlation from which a velocity is the derivative of the position, but for its unit
 _SLOW = 3.0  # motor speed, in Stribeck velocities, that friction has to be told from
@@ -75,7 +77,7 @@ def _stuck(recording: Recording, robot: Robot) -> list[Finding]:
         return []
     findings = []
     period = recording.sample_period
-    fastest = robot.motor_velocity_limit / np.abs(robot.gear_ratio)
+    fastest = robot.joint_velocity_limit
     length = max(2, round(_STUCK / period))
     joint = recording.joint_position(robot)
     for part in recording.parts:
@@ -108,7 +110,7 @@ def _lag(x: np.ndarray, y: np.ndarray) -> tuple[int, float]:
         size = np.sqrt((a @ a) * (b @ b))
         return float(a @ b / size) if size > 0 else 0.0
 
-    by_lag = {lag: correlation(lag) for lag in range(-_LAGS, _LAGS + 1)}
+    by_lag = {lag: correlation(lag) for lag in range(-LATEST, LATEST + 1)}
     best = max(by_lag, key=lambda lag: abs(by_lag[lag]))
     is_clear = 1 - by_lag[best] ** 2 < 0.5 * (1 - by_lag[0] ** 2)
     return (best, by_lag[best]) if is_clear else (0, by_lag[0])
@@ -116,7 +118,7 @@ def _lag(x: np.ndarray, y: np.ndarray) -> tuple[int, float]:
 
 def _with_velocity(recording: Recording, robot: Robot) -> tuple[Recording, list[Finding]]:
     """A velocity in the unit and with the sign of the change of position; none if it is neither."""
-    if recording.velocity is None or len(recording.position) <= 2 * _LAGS:
+    if recording.velocity is None or len(recording.position) <= 2 * LATEST:
         return recording, []
     findings: list[Finding] = []
     velocity = recording.velocity.copy()
@@ -140,9 +142,9 @@ def _with_velocity(recording: Recording, robot: Robot) -> tuple[Recording, list[
                 text = f"velocity is {abs(lag)} samples {'late' if lag > 0 else 'early'}"
                 findings.append(Finding(WARN, axis + 1, text))
         elif abs(correlation) > _SAME:
-            velocity[:, axis] /= -1.0 if -1.25 < slope < -0.8 else slope
-            factor = -1.0 if -1.25 < slope < -0.8 else 1 / slope
-            text += f": it is multiplied by {factor:.4g}; {TRUST}"
+            divisor = -1.0 if -1.25 < slope < -0.8 else slope
+            velocity[:, axis] /= divisor
+            text += f": it is multiplied by {1 / divisor:.4g}; {TRUST}"
             findings.append(Finding(CORRECTED, axis + 1, text))
         elif fast[axis] and (abs(correlation) > 0.5 or not 0.5 < slope < 2):
             is_used = False

@@ -6,11 +6,12 @@ recording, findings = with_unit(recording, robot)
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from faultgen.recordings.finding import CORRECTED, TRUST, WARN, Finding
-from faultgen.recordings.recording import Recording
+from faultgen.recordings.recording import ARRAYS, Recording
 from faultgen.robot import Robot
 
 _TURN = 2 * np.pi  # [rad]
@@ -57,7 +58,7 @@ def with_unit(recording: Recording, robot: Robot) -> tuple[Recording, list[Findi
         is_hinge = not robot.slides[axis]
         asked = None if reference is None else reference[:, axis]
         per_joint = ratio if recording.side == "motor" else 1.0
-        if turns and not robot.slides[axis] and fits(axis, own + turns * _TURN):
+        if turns and is_hinge and fits(axis, own + turns * _TURN):
             position[:, axis] += turns * _TURN * per_joint
             if reference is not None and not fits(axis, reference[:, axis]):
                 reference[:, axis] += turns * _TURN
@@ -128,7 +129,7 @@ def continued(recording: Recording, robot: Robot) -> tuple[Recording, list[Findi
         return recording, []
     findings: list[Finding] = []
     position = recording.position.copy()
-    fastest = robot.motor_velocity_limit / np.abs(robot.gear_ratio)
+    fastest = robot.joint_velocity_limit
     per_joint = robot.gear_ratio if recording.side == "motor" else np.ones(robot.n_axes)
     for axis in np.flatnonzero(~robot.slides).tolist():
         turn = _TURN * abs(per_joint[axis])
@@ -161,7 +162,7 @@ def without_gaps(recording: Recording, robot: Robot) -> tuple[Recording, list[Fi
     """
     findings: list[Finding] = []
     period = recording.sample_period
-    fastest = robot.motor_velocity_limit / np.abs(robot.gear_ratio)
+    fastest = robot.joint_velocity_limit
     starts: set[int] = set()
     for axis in range(robot.n_axes):
         gaps: list[int] = []
@@ -205,7 +206,7 @@ def _cut_at(recording: Recording, starts: list[int]) -> Recording:
     new = set(starts)
     pieces = [
         slice(start, stop)
-        for start, stop in zip(edges, edges[1:], strict=False)
+        for start, stop in pairwise(edges)
         if stop - start >= _SHORTEST or not ({start, stop} & new)
     ]
     if not pieces or len(pieces) == len(recording.segments):
@@ -214,7 +215,7 @@ def _cut_at(recording: Recording, starts: list[int]) -> Recording:
     ends = np.cumsum([piece.stop - piece.start for piece in pieces])
     arrays = {
         name: None if getattr(recording, name) is None else getattr(recording, name)[rows]
-        for name in ("position", "torque", "velocity", "reference_position", "temperature", "lost")
+        for name in (*ARRAYS, "lost")
     }
     segments = (0, *(int(end) for end in ends[:-1]))
     return replace(recording, **arrays, segments=segments)  # type: ignore[arg-type]

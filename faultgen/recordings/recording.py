@@ -37,7 +37,9 @@ if TYPE_CHECKING:
 OPTIONAL = ("velocity", "reference_position", "temperature")
 """Arrays that a recording may lack."""
 
-_ARRAYS = ("position", "torque", *OPTIONAL)
+ARRAYS = ("position", "torque", *OPTIONAL)
+"""All arrays that files hold; the samples come first in each."""
+
 _SMOOTHING = 0.06  # window of the derivatives [s]
 _PADDING = 15  # samples that the filter of `low_passed` needs beyond each end
 
@@ -340,7 +342,7 @@ def mean_of(recordings: Sequence[Recording]) -> Recording:
         return None if any(one is None for one in arrays) else np.mean(arrays, axis=0)
 
     source = f"mean of {len(recordings)} recordings"
-    return replace(first, source=source, **{name: mean(name) for name in _ARRAYS})  # type: ignore[arg-type]
+    return replace(first, source=source, **{name: mean(name) for name in ARRAYS})  # type: ignore[arg-type]
 
 
 def low_passed(recording: Recording, cut_off: float) -> Recording:
@@ -416,7 +418,7 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     own = {"position", "torque", "velocity"}
     arrays = {
         f"{side}_{name}" if name in own else name: getattr(recording, name)
-        for name in _ARRAYS
+        for name in ARRAYS
         if getattr(recording, name) is not None
     }
     if recording.current:

@@ -22,7 +22,8 @@ from functools import cached_property
 import numpy as np
 
 from faultgen.discovery.rigid.free_fit import BLOCKS, independent, left_by
-from faultgen.discovery.terms.regressor import link_ids, link_regressor
+from faultgen.discovery.terms.inertia import size_of
+from faultgen.discovery.terms.regressor import gear_regressor, link_ids
 from faultgen.effects.prior import torque_offset_std
 from faultgen.recordings.checks import STILL
 from faultgen.recordings.recording import Recording
@@ -117,11 +118,7 @@ class LogFit:
         usual = np.array([torque_offset_std(robot, k + 1) for k in range(n)])
         self.offset = _OFFSETS * usual * np.abs(robot.gear_ratio)
         """Standard deviation of each offset [N m]."""
-        to_gears = robot.gearing.torque(np.eye(n))
-        links = np.einsum(
-            "sjp,ji->sip", link_regressor(arm, q[rows], qd[rows], qdd[rows]), to_gears
-        )
-        links = links * _link_errors(arm, n)
+        links = gear_regressor(arm, q[rows], qd[rows], qdd[rows]) * _link_errors(arm, n)
         self.axes = [self._axis(k, moving[rows, k], links[:, k]) for k in range(n)]
 
     def _axis(self, axis: int, moving: np.ndarray, links: np.ndarray) -> _Axis | None:
@@ -291,8 +288,8 @@ def _link_errors(arm: Arm, n_axes: int) -> np.ndarray:
 
     for row, body in zip(std, ids, strict=True):
         mass = float(model.body_mass[body])
-        gyration = np.sqrt(np.sum(model.body_inertia[body]) / 2 / max(mass, 1e-9))
-        row[:] = of(LINKS * mass, max(gyration, float(np.linalg.norm(model.body_ipos[body]))))
+        size = size_of(mass, model.body_inertia[body], model.body_ipos[body])
+        row[:] = of(LINKS * mass, size)
     length = float(np.linalg.norm(model.body_pos[1:], axis=1).sum())
     carried = of(PAYLOAD * float(model.body_mass[ids].sum()), OFF_CENTRE * length)
     std[n_axes - 1] = np.hypot(std[n_axes - 1], carried)

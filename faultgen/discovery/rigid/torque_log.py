@@ -16,6 +16,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from faultgen.discovery.rigid.log_fit import PARTS, LogFit
+from faultgen.recordings.checks import LATEST
 from faultgen.robot import Robot
 
 CERTAIN = 10.0
@@ -35,7 +36,6 @@ _NEAR = 0.5  # standard deviation of the log of a gain about a known factor: mod
 _ALONE = 300.0  # torque of the links over that of one axis, from which it may have a small unit
 _WIDTHS = np.linspace(-1.0, 1.0, 9)  # of the log of a gain about a factor
 _GRID = np.arange(-4.0, 4.1, 0.25)  # of the decimal log of any gain
-_LATEST = 12  # samples by which a torque is looked for earlier and later
 
 
 @dataclass(frozen=True)
@@ -161,8 +161,8 @@ def _lateness(fit: LogFit, axis: int, sign: float) -> int:
     given = fit.axes[axis]
     assert given is not None
     rows = fit.rows[given.at]
-    inside = (rows >= _LATEST) & (rows < len(fit.measured) - _LATEST)
-    if inside.sum() < _LATEST:
+    inside = (rows >= LATEST) & (rows < len(fit.measured) - LATEST)
+    if inside.sum() < LATEST:
         return 0
     one, direction, speed, acceleration, model = given.columns[inside, -6:-1].T
     moved = model + (0.0 if fit.recording.link else fit.rotor[axis]) * acceleration
@@ -172,7 +172,7 @@ def _lateness(fit: LogFit, axis: int, sign: float) -> int:
         torque = sign * fit.measured[rows[inside] + lag, axis]
         return float(nnls(columns, torque)[1] ** 2)
 
-    by_lag = {lag: left(lag) for lag in range(-_LATEST, _LATEST + 1)}
+    by_lag = {lag: left(lag) for lag in range(-LATEST, LATEST + 1)}
     best = min(by_lag, key=lambda lag: by_lag[lag])
     return best if by_lag[best] < 0.5 * by_lag[0] else 0
 
