@@ -141,7 +141,12 @@ def investigate(
     terms = [term for term in others if not _is_play(term)]
     given_torque, raw = sensitivities(given, terms, workers=workers, cache=cache)
     base = given_torque if replay is given else None
-    base, of_plays = sensitivities(replay, plays, base, workers=workers, cache=cache)
+    if replay.measured:  # one formula for all plays
+        base, raws = sensitivities(replay, [*plays, *scanned], base, workers=workers, cache=cache)
+        of_plays, of_scanned = raws[: len(plays)], raws[len(plays) :]
+    else:
+        base, of_plays = sensitivities(replay, plays, base, workers=workers, cache=cache)
+        of_scanned = own_sensitivities(replay, scanned, base, workers=workers, cache=cache)
     notes = impossible(given, terms, raw) + impossible(replay, plays, of_plays)
     discrepancy = discrepancy_terms(robot)
     raw = np.concatenate(
@@ -152,7 +157,7 @@ def investigate(
                 given, discrepancy, given_torque, workers=workers, cache=cache
             ),
             own_sensitivities(given, own, given_torque, workers=workers, cache=cache),
-            own_sensitivities(replay, scanned, base, workers=workers, cache=cache),
+            of_scanned,
         ]
     )
     terms += plays + discrepancy + own

@@ -9,6 +9,11 @@ the unchanged model:
 with the inertia M of the arm at its pose, stiffness K and damping D of the gearboxes, the turns G
 of the gearboxes for one turn of each joint (the unit matrix in most robots), errors u of the
 gearboxes and loads l of the joints. Coriolis terms and the change of gravity with x are left out.
+The play b of a gearbox is an error that depends on x. With the twist w of the unchanged model,
+
+    u = -clip(w - G x, -b/2, b/2),
+
+which each step of the integration solves exactly.
 The time integration is that of Newmark (1959) with constant mean acceleration: it is stable and
 adds no damping. tests/test_formulas.py compares every formula with the simulation.
 """
@@ -21,11 +26,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 from faultgen.discovery.replay.prescribed import STIFFER
 from faultgen.discovery.terms.candidates import INERTIA, Term
-from faultgen.discovery.terms.inertia import slopes_of
+from faultgen.discovery.terms.inertia import MASSES, slopes_of
 from faultgen.discovery.terms.regressor import link_regressor
 from faultgen.effects.friction import QUADRATIC_SPEED
 from faultgen.effects.transmission import REFERENCE_TWIST
@@ -36,10 +40,12 @@ if TYPE_CHECKING:
     from faultgen.discovery.replay.replay import Replay
     from faultgen.simulation.cycle import Cycle
 
+PLAY = "backlash"
+"""Effect that is a play of a gearbox."""
+
 _STEP = 1e-3  # of the integration [s]: some 30 steps in a period of a resonance of 30 Hz
 _POSE = 0.01  # time in which the inertia of the arm counts as constant [s]
 _CHUNK = 2000  # steps of which the causes are in memory
-_SMALL_PLAY = 0.1  # play, over the deviation of the twist, up to which the formula holds
 _SHIFT = 1e-3  # of a position, for the slope of the torque of the arm [rad]
 
 
@@ -91,8 +97,8 @@ class Formulas:
         """
         recording = self.replay.recording
         at_rotor = [term for term in terms if term.name in _AT_ROTOR and not recording.link]
-        in_gear = [term for term in terms if term.name in _IN_GEAR and not self._is_large(term)]
-        links = [term for term in terms if term.name in (INERTIA, *_AT_JOINT)]
+        in_gear = [term for term in terms if term.name in _IN_GEAR]
+        links = [term for term in terms if term.name in (INERTIA, *MASSES, *_AT_JOINT)]
         out = {term: np.zeros(recording.torque.shape, np.float32) for term in at_rotor}
         for number, part in enumerate(recording.parts):
             seen = self._at_samples(number)
@@ -102,13 +108,6 @@ class Formulas:
             out |= self._behind_gears(in_gear, links)
         scale = 1.0 if recording.side == "motor" or recording.link else self.robot.gear_ratio
         return {term: (column * scale).astype(np.float32) for term, column in out.items()}
-
-    def _is_large(self, term: Term) -> bool:
-        """Whether a play is so large that the arm does not pass through it at once."""
-        if term.name != "backlash":
-            return False
-        gear = np.concatenate([run.gear_torque[:, term.axis - 1] for run in self._runs])
-        return bool(term.step > _SMALL_PLAY * np.std(gear) / self._stiffness[term.axis - 1])
 
     @cached_property
     def _runs(self) -> list[Cycle]:
@@ -160,21 +159,30 @@ class Formulas:
     def _arm(self) -> Arm:
         return Arm(self.robot)
 
-    def _loads(self, number: int, terms: Sequence[Term]) -> np.ndarray:
-        """Loads of the joints at the samples for a unit of each term: (samples, n_axes, terms)."""
-        recording = self.replay.recording
-        part = recording.parts[number]
-        times = np.arange(part.stop - part.start) * recording.sample_period
-        way = make_interp_spline(times, self.replay.wanted[part])
-        q, qd, qdd = way(times), way(times, 1), way(times, 2)
-        out = np.zeros((len(times), self.robot.n_axes, len(terms)))
-        regressor = None
+    def _loads(self, number: int, terms: Sequence[Term], slopes: np.ndarray) -> np.ndarray:
+        """Loads of the joints at the samples for a unit of each term.
+
+        Args:
+            number: Of the separate recording, from 0.
+            terms: Terms of masses, and of `_AT_JOINT`.
+            slopes: As from `slopes_of`, for the terms of masses.
+
+        Returns:
+            Shape (samples, n_axes, terms), in [N m].
+        """
+        timestep, at = self.robot.model.opt.timestep, self._steps(number)
+        joint = self._runs[number].joint_position
+        rate = np.gradient(joint, timestep, axis=0)
+        q, qd, qdd = joint[at], rate[at], np.gradient(rate, timestep, axis=0)[at]
+        out = np.zeros((len(at), self.robot.n_axes, len(terms)))
+        masses = [k for k, term in enumerate(terms) if term.name not in _AT_JOINT]
+        if masses:
+            regressor = link_regressor(self._arm, q, qd, qdd)
+            out[:, :, masses] = regressor @ slopes
         for k, term in enumerate(terms):
-            if term.name == INERTIA:
-                if regressor is None:
-                    regressor = link_regressor(self._arm, q, qd, qdd)
-                out[:, :, k] = regressor @ slopes_of(self.robot, term)
-            elif term.name == "gravity_spring":
+            if term.name not in _AT_JOINT:
+                continue
+            if term.name == "gravity_spring":
                 out[:, term.axis - 1, k] = q[:, term.axis - 1]
             else:  # the true angle is the logged one plus the offset
                 shift = _SHIFT * np.eye(self.robot.n_axes)[term.axis - 1]
@@ -191,8 +199,9 @@ class Formulas:
         recording, ratio = self.replay.recording, self.robot.gear_ratio
         terms = [*in_gear, *links]
         out = np.zeros((*recording.torque.shape, len(terms)), np.float32)
+        slopes = slopes_of(self.robot, [term for term in links if term.name not in _AT_JOINT])
         for number, part in enumerate(recording.parts):
-            loads = self._loads(number, links)
+            loads = self._loads(number, links, slopes)
             gear = self._gear_changes(number, in_gear, loads)
             if not recording.link:
                 gear /= ratio[:, None]
@@ -212,23 +221,28 @@ class Formulas:
         run, timestep = self._runs[number], self.robot.model.opt.timestep
         every = max(1, round(_STEP / timestep))
         h = every * timestep
-        twist = run.gear_torque[::every] / self._stiffness
         angle, joint = run.motor_position[::every], run.joint_position[::every]
+        twist = angle / self.robot.gear_ratio - joint @ self._turns.T
         count, n = twist.shape
         samples = np.minimum(np.round(self._steps(number) / every).astype(int), count - 1)
         period = self.replay.recording.sample_period
         of_load = np.arange(count) * h / period  # number of the sample, not whole
         axes = np.array([term.axis - 1 for term in in_gear], int)
+        plays = np.array([term.name == PLAY for term in in_gear], bool)
         system = _Newmark(self._poses(joint, h), self._stiffness, self._damping, self._turns, h)
+        system.plays = _Plays(np.flatnonzero(plays), axes[plays], _sizes(in_gear)[plays] / 2)
         out = np.zeros((len(samples), n, len(in_gear) + loads.shape[2]), np.float32)
         done = 0
         for start in range(0, count, _CHUNK):
             rows = slice(start, min(start + _CHUNK, count))
             errors = np.zeros((rows.stop - rows.start, n, len(in_gear)))
-            for k, term in enumerate(in_gear):
-                own = axes[k]
+            for k in np.flatnonzero(~plays):
+                own, term = axes[k], in_gear[k]
                 errors[:, own, k] = _IN_GEAR[term.name](twist[rows, own], angle[rows, own], term)
-            changes = system.advance(start, errors, _interpolated(loads, of_load[rows]))
+            changes = system.advance(
+                start, errors, _interpolated(loads, of_load[rows]), twist[rows]
+            )
+            changes[:, :, system.plays.causes] /= 2 * system.plays.half
             last = int(np.searchsorted(samples, rows.stop))
             out[done:last] = changes[samples[done:last] - start]
             done = last
@@ -239,6 +253,31 @@ class Formulas:
         held = max(1, round(_POSE / h))
         matrices = [self._arm.inertia(q) for q in joint[::held]]
         return lambda step: matrices[step // held]
+
+
+@dataclass(frozen=True, eq=False)
+class _Plays:
+    """Causes that are plays. Arrays have shape (plays,)."""
+
+    causes: np.ndarray
+    """Their numbers among all causes, from 0."""
+    axes: np.ndarray
+    """Their axes, from 0."""
+    half: np.ndarray
+    """Half of each play [rad]."""
+
+    def errors(self, twist: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+        """Solve for the errors of the gearboxes at the end of a step.
+
+        Args:
+            twist: Twist of the own gearbox if there were no error, shape (plays,), in [rad].
+            stiffness: Share of an error by which the twist becomes less, shape (plays,), below 1.
+
+        Returns:
+            The errors, shape (plays,), in [rad]. Where the gearbox is within its play, no torque is
+            left.
+        """
+        return -np.clip(twist / (1 - stiffness), -self.half, self.half)
 
 
 class _Newmark:
@@ -257,15 +296,21 @@ class _Newmark:
         self._stiffness = self._pull @ turns
         self._damping = (turns.T * damping) @ turns
         self._gear = stiffness[:, None], stiffness[:, None] * turns, damping[:, None] * turns
+        self._turns = turns
+        self.plays = _Plays(np.zeros(0, int), np.zeros(0, int), np.zeros(0))
+        """Causes whose errors depend on the twist of the gearboxes."""
         self._state: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
-    def advance(self, start: int, errors: np.ndarray, loads: np.ndarray) -> np.ndarray:
+    def advance(
+        self, start: int, errors: np.ndarray, loads: np.ndarray, twist: np.ndarray
+    ) -> np.ndarray:
         """Advance by some steps.
 
         Args:
             start: Number of the first step.
-            errors: Of the gearboxes, shape (steps, n_axes, causes), in [rad].
+            errors: Of the gearboxes, shape (steps, n_axes, causes), in [rad]; 0 for `plays`.
             loads: Of the joints, shape (steps, n_axes, further causes), in [N m].
+            twist: Of the gearboxes of the unchanged model, shape (steps, n_axes), in [rad].
 
         Returns:
             Change of the gear torques for both kinds of causes, shape (steps, n_axes, all causes).
@@ -276,25 +321,33 @@ class _Newmark:
         force = np.concatenate([np.einsum("ij,tjk->tik", self._pull, errors), -loads], axis=2)
         out = np.empty_like(force)
         of_error, of_place, of_rate = self._gear
+        causes, own = self.plays.causes, self.plays.axes
         known: np.ndarray | None = None
         for k in range(len(force)):
             matrix = self._inertia(start + k)
-            if matrix is not known:
-                inverse = np.linalg.inv(4 / h**2 * matrix + 2 / h * damping + self._stiffness)
-                known = matrix
             if self._state is None:  # at rest, in equilibrium
+                sizes = -np.sign(twist[0, own]) * self.plays.half
+                force[0][:, causes] += self._pull[:, own] * sizes
                 place = np.linalg.solve(self._stiffness, force[0])
                 self._state = place, np.zeros_like(place), np.zeros_like(place)
             else:
+                if matrix is not known:
+                    inverse = np.linalg.inv(4 / h**2 * matrix + 2 / h * damping + self._stiffness)
+                    known, answer = matrix, inverse @ self._pull[:, own]
+                    share = np.einsum("ki,ik->k", self._turns[own], answer)
                 place, rate, change = self._state
                 new = inverse @ (
                     force[k]
                     + matrix @ (4 / h**2 * place + 4 / h * rate + change)
                     + damping @ (2 / h * place + rate)
                 )
+                turned = np.einsum("ki,ik->k", self._turns[own], new[:, causes])
+                sizes = self.plays.errors(twist[k, own] - turned, share)
+                new[:, causes] += answer * sizes
                 acceleration = 4 / h**2 * (new - place) - 4 / h * rate - change
                 self._state = new, rate + h / 2 * (change + acceleration), acceleration
             place, rate, _ = self._state
+            errors[k, own, causes] = sizes
             out[k] = -of_place @ place - of_rate @ rate
             out[k, :, :number] += of_error * errors[k]
         return out
@@ -314,15 +367,14 @@ def _wave(term: Term) -> tuple[float, float]:
     return given["order"], given["phase"]
 
 
+def _sizes(terms: Sequence[Term]) -> np.ndarray:
+    """Severity with which each term is probed, shape (terms,)."""
+    return np.array([term.step for term in terms], float)
+
+
 def _sine(angle: np.ndarray, term: Term) -> np.ndarray:
     order, phase = _wave(term)
     return np.sin(order * angle + phase)
-
-
-def _play(twist: np.ndarray, angle: np.ndarray, term: Term) -> np.ndarray:
-    """Per unit, but at the severity that is probed: a play is far from linear."""
-    half = term.step / 2
-    return -np.clip(twist, -half, half) / term.step
 
 
 _AT_ROTOR: dict[str, Callable[[Formulas, _Motion, Term], np.ndarray]] = {
@@ -348,7 +400,7 @@ have no part in a measured motion; what shows is a log whose torque is later tha
 _IN_GEAR: dict[str, Callable[[np.ndarray, np.ndarray, Term], np.ndarray]] = {
     "gear_stiffness": lambda twist, angle, term: -twist,
     "stiffness_hardening": lambda twist, angle, term: twist**3 / REFERENCE_TWIST**2,
-    "backlash": _play,
+    PLAY: lambda twist, angle, term: np.zeros_like(twist),  # see `_Plays`
     "transmission_error": lambda twist, angle, term: _sine(angle, term),
 }
 """Error of the gearbox per unit of the term, of its twist and the angle of the motor [rad]."""

@@ -10,9 +10,14 @@ from scipy.spatial.transform import Rotation
 
 from faultgen.discovery.terms.candidates import INERTIA, Term
 from faultgen.discovery.terms.regressor import PER_LINK
+from faultgen.effects import get_effect
 from faultgen.effects.prior import LINK_STD
 from faultgen.effects.structure import MASSLESS
+from faultgen.errors import InputError
 from faultgen.robot import Robot
+
+MASSES = ("payload_mass", "payload_offset")
+"""Effects that change nothing but the mass and the centre of mass of links."""
 
 _COMPONENTS = 10
 
@@ -91,27 +96,70 @@ def apply_inertia(spec: mujoco.MjSpec, robot: Robot, changes: Sequence[tuple[Ter
 _SLIGHT = 1e-4  # of a component, for the slope of the parameters
 
 
-def slopes_of(robot: Robot, term: Term) -> np.ndarray:
-    """Compute how the parameters of the torque's regressor change with an inertia term.
+def slopes_of(robot: Robot, terms: Sequence[Term]) -> np.ndarray:
+    """Compute how the parameters of the torque's regressor change with terms of masses.
 
     Args:
         robot: The unchanged robot.
-        term: One of `inertia_terms`.
+        terms: Terms of `inertia_terms`, or of effects that change masses; see `MASSES`.
 
     Returns:
-        Change of `regressor.link_parameters` per unit of the term, shape (parameters,).
+        Change of `regressor.link_parameters` per unit of each term, shape (parameters, terms). A
+        payload that has no mass in the model counts as a part of the last link. 0 for effects that
+        the model cannot have.
     """
-    bodies = inertial_bodies(robot.spec(), robot)
-    heavy = [body for k, body in enumerate(bodies) if k < robot.n_axes or body.mass >= MASSLESS]
-    body = bodies[term.axis - 1]
+    spec = robot.spec()
+    bodies = inertial_bodies(spec, robot)
+    own = [_parameters(body) for body in bodies]
+    slots = len(bodies) - (len(bodies) > robot.n_axes and bodies[-1].mass < MASSLESS)
+    slopes = np.zeros((slots, PER_LINK, len(terms)))
+    on_link = _place_of_payload(robot) if slots < len(bodies) else np.eye(4)
+    for k, term in enumerate(terms):
+        if term.name == INERTIA:
+            slopes[term.axis - 1, :, k] = _slope(bodies[term.axis - 1], term)
+            continue
+        changed = robot.spec()
+        effect = get_effect(term.name)
+        try:
+            effect.apply(changed, term.axis, term.step, **effect.complete(dict(term.parameters)))
+        except InputError:  # the model cannot have it
+            continue
+        for link, body in enumerate(inertial_bodies(changed, robot)):
+            slot = min(link, slots - 1)
+            frame = on_link if link != slot else np.eye(4)
+            before = own[link] if link == slot else 0.0
+            slopes[slot, :, k] += (_parameters(body, frame) - before) / term.step
+    return slopes.reshape(slots * PER_LINK, len(terms))
+
+
+def _place_of_payload(robot: Robot) -> np.ndarray:
+    """Frame of the body ``payload`` in that of the last link, a transformation of shape (4, 4)."""
+    data = mujoco.MjData(robot.model)
+    mujoco.mj_kinematics(robot.model, data)
+    frames = []
+    for body in (robot.model.joint(f"joint{robot.n_axes}").bodyid[0], "payload"):
+        frame = np.eye(4)
+        frame[:3, :3], frame[:3, 3] = data.body(body).xmat.reshape(3, 3), data.body(body).xpos
+        frames.append(frame)
+    return np.asarray(np.linalg.solve(*frames))
+
+
+def _parameters(body: mujoco.MjsBody, frame: np.ndarray | None = None) -> np.ndarray:
+    """Parameters of the regressor of a body, in its own frame or in that of another one."""
+    if body.mass <= 0:
+        return np.zeros(PER_LINK)
+    placed = main_frame(body) if frame is None else frame @ main_frame(body)
+    return parameters_of(placed @ pseudo_inertia(body) @ placed.T)
+
+
+def _slope(body: mujoco.MjsBody, term: Term) -> np.ndarray:
+    """Change of the parameters of a link per unit of one of `inertia_terms`."""
     frame, pseudo = main_frame(body), pseudo_inertia(body)
     change = np.zeros((4, 4))
     change[PAIRS[int(dict(term.parameters)["component"])]] = 1.0
-    slope = np.zeros((len(heavy), PER_LINK))
     more, less = (np.eye(4) + side * _SLIGHT * change for side in (1, -1))
     changes = [parameters_of(frame @ (f @ pseudo @ f.T) @ frame.T) for f in (more, less)]
-    slope[term.axis - 1] = (changes[0] - changes[1]) / (2 * _SLIGHT)
-    return slope.ravel()
+    return np.asarray((changes[0] - changes[1]) / (2 * _SLIGHT))
 
 
 _THIN = 1e-9
