@@ -19,7 +19,7 @@ from faultgen.discovery.calibration.simulated_fit import changed, replaying
 from faultgen.discovery.inputs import usable
 from faultgen.discovery.laws.friction_law import with_friction_law
 from faultgen.discovery.rigid.classical import Regression, identify
-from faultgen.discovery.rigid.physical import Drives
+from faultgen.discovery.rigid.drives import Drives
 from faultgen.discovery.terms.candidates import (
     Term,
     applied,

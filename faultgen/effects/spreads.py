@@ -62,6 +62,9 @@ and a standard deviation of 0.33 N m (39 %); joints 5 to 7 have 47 %."""
 _FACTOR = 3.0
 """Three standard deviations of a log-normal spread of 40 % from unit to unit: exp(3 x 0.37) = 3."""
 
+TORQUE_CONSTANT = 0.1
+"""Largest error of a torque constant on a data sheet, as a share. Source: `_MOTORS`."""
+
 SPREADS = {
     "coulomb_friction": Spread(
         0.035, "between days of one robot, after warming up", _UR10E, factor=_FACTOR

@@ -30,7 +30,8 @@ from faultgen.discovery.calibration.simulated_fit import SimulatedFit
 from faultgen.discovery.laws.friction_law import with_friction_law
 from faultgen.discovery.replay.own_servo import with_own_servo
 from faultgen.discovery.rigid.classical import Coupling, Regression, held_out_error
-from faultgen.discovery.rigid.physical import GAIN, NAMES, Drives, Spread, fit
+from faultgen.discovery.rigid.drives import GAIN, NAMES, Drives
+from faultgen.discovery.rigid.physical import Spread, fit
 from faultgen.discovery.terms.candidates import INERTIA, NUMBERS, check_names
 from faultgen.effects.coupling import coupled_axes
 from faultgen.errors import InputError, SimulationFailed

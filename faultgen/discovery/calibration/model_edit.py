@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultgen.discovery.calibration.ranges import severities
 from faultgen.discovery.calibration.simulated_fit import SHARES, replaying, step_of
 from faultgen.discovery.fit.fit import Fit, bounds_of, changes_of
 from faultgen.discovery.fit.gap import unexplained
@@ -23,7 +24,6 @@ from faultgen.robot import Robot
 _STEPS = 6  # simulations in which numbers are calibrated
 _SETTLED = 0.01  # share of the misfit that a step has to take off
 _WITHIN = 0.9  # share of the bounds of an effect that a number may reach
-_HELD = 1e12  # weight of the square of a term that stays zero
 _BENT = ("stiffness_hardening",)  # the torque is so far from straight in it that no step finds it
 
 
@@ -60,16 +60,18 @@ def simulated_numbers(problem: Problem, fitted: Fit) -> np.ndarray:
     scale = np.array([term.prior_std for term in problem.terms])
     usable = _usable(problem, fitted)
     bounded = [k for k in np.flatnonzero(usable).tolist() if problem.terms[k].is_effect]
-    bounds = np.array([[-np.inf], [np.inf]]) * np.ones(len(scale))
-    bounds[:, bounded] = _WITHIN * np.array(bounds_of(problem, bounded)) / scale[bounded]
-    weight = np.where(usable, 1.0, _HELD)
+    low, high = np.array([severities(t) for t in problem.terms]).T
+    smallest, largest = bounds_of(problem, bounded)
+    low[bounded] = np.maximum(low[bounded], _WITHIN * smallest)
+    high[bounded] = np.minimum(high[bounded], _WITHIN * largest)
+    low, high = np.where(usable, low / scale, 0.0), np.where(usable, high / scale, 0.0)
+    weight = np.ones(len(scale))
     effects = changes_of(problem, fitted)
     best, damping = np.zeros(len(scale)), 0.0
     left = problem.evidence(problem.residual - fitted.change)
     least = float(left.energy.sum())
     for _ in range(_STEPS):
-        value = best + step_of(left, weight, best, damping)
-        value = np.clip(np.where(usable, value, 0.0), *bounds)
+        value = step_of(left, weight, best, damping, (low, high))
         change = problem.change_of_given(effects + _changes(problem, value))
         here = np.inf
         if change is not None:

@@ -17,7 +17,8 @@ import numpy as np
 
 from faultgen.discovery.laws.friction_law import with_friction_law
 from faultgen.discovery.rigid.classical import DRIVE, Regression
-from faultgen.discovery.rigid.physical import GAIN, NAMES, Drives, Physical, Spread, fit
+from faultgen.discovery.rigid.drives import GAIN, NAMES, Drives, built
+from faultgen.discovery.rigid.physical import Physical, Spread, fit
 from faultgen.discovery.terms.candidates import INERTIA
 from faultgen.recordings.checks import without_friction
 from faultgen.recordings.recording import Recording
@@ -63,7 +64,7 @@ def with_own_friction(
     before, after = Drives.of(lawful).named(), fitted.drives.named()
     drives = Drives(*(np.where(own, after[name], before[name]) for name in DRIVE))
     drives = replace(drives, inertia=before["rotor inertia"], offset=before["offset"])
-    made = replace(fitted, links=[], gain=np.ones(robot.n_axes), drives=drives).robot
+    made = built(lawful, drives)
     lines = [
         f"axis {axis + 1}: friction in the healthy recording is {_rounded(ratio[axis])} times that "
         "of the model and is used instead; severities are relative to it"

@@ -15,7 +15,8 @@ from dataclasses import replace
 
 from faultgen.discovery.calibration.held_out import EQUAL, HeldOut
 from faultgen.discovery.rigid.classical import Regression
-from faultgen.discovery.rigid.physical import GAIN, Drives, Physical, Spread, fit
+from faultgen.discovery.rigid.drives import GAIN, Drives
+from faultgen.discovery.rigid.physical import Physical, Spread, fit
 from faultgen.errors import SimulationFailed
 from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot

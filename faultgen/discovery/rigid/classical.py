@@ -118,8 +118,9 @@ class Regression:
     """The regressor of a recording, and its inner products with the measured torque.
 
     The columns are the ten parameters of each link (`regressor.link_parameters`), `DRIVE` for each
-    axis, and `COUPLING` for each coupling. What else the model has, such as springs, the payload
-    and the rise of friction at low speed, counts as known.
+    axis, and `COUPLING` for each coupling. Friction at low speed rises as in the model: its static
+    friction keeps its ratio to Coulomb friction. What else the model has, such as springs and the
+    payload, counts as known.
     """
 
     def __init__(
@@ -230,7 +231,13 @@ class Regression:
             return columns, (arm - links @ self._nominal) @ to_motor
         speed, acceleration = qd @ self.gearing.T, qdd @ self.gearing.T
         each = np.arange(n)
-        shapes = (acceleration, np.sign(speed), speed, np.ones_like(speed))
+        friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")]
+        width = np.where(friction[:, STRIBECK_VELOCITY] > 0, friction[:, STRIBECK_VELOCITY], 1.0)
+        curve = np.exp(-((speed / width) ** 2)) * np.sign(speed)
+        coulomb = friction[:, COULOMB]
+        height = friction[:, STICTION] - coulomb
+        share = np.where(coulomb > 0, height / np.where(coulomb > 0, coulomb, 1.0), 0.0)
+        shapes = (acceleration, np.sign(speed) + share * curve, speed, np.ones_like(speed))
         for name, shape in zip(DRIVE, shapes, strict=True):
             columns[:, each, self.drive(name)] = shape
         for number, coupling in enumerate(self.couplings):
@@ -243,11 +250,8 @@ class Regression:
                 self.coupling(number), (acceleration @ weight, np.sign(shared), shared), strict=True
             ):
                 columns[..., at] = np.outer(shape, weight)
-        friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")]
-        width = np.where(friction[:, STRIBECK_VELOCITY] > 0, friction[:, STRIBECK_VELOCITY], 1.0)
-        rise = (friction[:, STICTION] - friction[:, COULOMB]) * np.exp(-((speed / width) ** 2))
-        known = (arm - links @ self._nominal) @ to_motor + rise * np.sign(speed)
-        return columns, known
+        known = (arm - links @ self._nominal) @ to_motor
+        return columns, known + np.where(coulomb > 0, 0.0, height) * curve
 
     def _products(self) -> Products:
         recording, n = self.recording, self.robot.n_axes

@@ -15,10 +15,9 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from functools import cached_property
 
-import mujoco
 import numpy as np
 
-from faultgen.discovery.laws.friction_law import set_bristles
+from faultgen.discovery.fit.bounded import bounded_minimum
 from faultgen.discovery.rigid.classical import (
     DRIVE,
     Products,
@@ -26,10 +25,10 @@ from faultgen.discovery.rigid.classical import (
     axis_weights,
     identify,
 )
+from faultgen.discovery.rigid.drives import GAIN, NAMES, Drives, built
 from faultgen.discovery.terms.candidates import INERTIA, Term
 from faultgen.discovery.terms.inertia import (
     PAIRS,
-    apply_inertia,
     inertia_terms,
     inertial_bodies,
     main_frame,
@@ -38,33 +37,14 @@ from faultgen.discovery.terms.inertia import (
 )
 from faultgen.discovery.terms.regressor import PER_LINK, link_parameters
 from faultgen.effects import get_effect
-from faultgen.effects.coupling import add_coupling_friction
-from faultgen.effects.friction import add_offset
-from faultgen.effects.motor import scale_rotor_inertia
-from faultgen.errors import SimulationFailed, one_line
-from faultgen.mjcf.edit import set_numeric
-from faultgen.mjcf.rotors import nest_rotor
-from faultgen.robot import COULOMB, OFFSET, STICTION, Robot
+from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm
-
-NAMES = dict(
-    zip(
-        DRIVE,
-        ("rotor_inertia", "coulomb_friction", "viscous_friction", "torque_offset"),
-        strict=True,
-    )
-)
-"""Effect that changes each parameter of the drives."""
-
-GAIN = "torque_constant"
-"""Effect for which MJCF has no element. The robot's `torque_gain` represents it."""
 
 _LEAST = 1e-3  # smallest rotor inertia, as a share of the given one
 _QUICK = 0.5  # largest time step times frequency of a rotor on its gearbox
 _LOOSE = 30.0  # prior standard deviation of free parameters, in units of their size
 _STIFF = 1e-4  # the same of excluded parameters, in units of their default standard deviation
 _NOTHING = 1e-4  # smallest Coulomb friction, as a share of the RMS torque
-_NEW = 3.0  # growth of friction from which the model's bristles do not fit it any more
 _STEPS = 100  # of the search at most
 _SETTLED = 1e-5  # share of the misfit that a step has to take off
 
@@ -91,43 +71,6 @@ class Spread:
         if name in self.exclude:
             return _STIFF * max(default, 1e-12)
         return default if name in self.known and default > 0 else free
-
-
-@dataclass(frozen=True, eq=False)
-class Drives:
-    """Parameters of the drives as the model has them. Arrays of shape (n_axes,), motor side."""
-
-    inertia: np.ndarray
-    """Inertia of the rotor [kg m^2]."""
-    coulomb: np.ndarray
-    """Coulomb friction [N m]."""
-    viscous: np.ndarray
-    """Viscous friction [N m s/rad]."""
-    offset: np.ndarray
-    """Torque that the motor needs in addition [N m]."""
-
-    @staticmethod
-    def of(robot: Robot) -> Drives:
-        """Read them from a model."""
-        model, friction = robot.model, robot.ids("actuator", "friction")
-        bias = model.actuator_biasprm[friction]
-        constant = bias[:, OFFSET + 1] == 0  # a ripple without poles
-        return Drives(
-            model.dof_M0[list(robot.motors)].copy(),
-            bias[:, COULOMB].copy(),
-            model.actuator_damping[friction].copy(),
-            np.where(constant, -bias[:, OFFSET] * np.sin(bias[:, OFFSET + 2]), 0.0),
-        )
-
-    def named(self) -> dict[str, np.ndarray]:
-        """Return the arrays by the names of `DRIVE`.
-
-        Returns:
-            Arrays of shape (n_axes,).
-        """
-        return dict(
-            zip(DRIVE, (self.inertia, self.coulomb, self.viscous, self.offset), strict=True)
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,52 +108,7 @@ class Physical:
         Raises:
             SimulationFailed: MuJoCo cannot compile it.
         """
-        given, drives = self.given, self.drives
-        spec = given.spec()
-        apply_inertia(spec, given, self.links)
-        before = Drives.of(given)
-        for k in range(given.n_axes):
-            scale_rotor_inertia(spec, k + 1, drives.inertia[k] / before.inertia[k] - 1)
-            friction = spec.actuator(f"friction{k + 1}")
-            friction.biasprm[COULOMB] += drives.coulomb[k] - before.coulomb[k]
-            friction.biasprm[STICTION] += drives.coulomb[k] - before.coulomb[k]
-            friction.damping[0] = drives.viscous[k]
-            if drives.coulomb[k] > _NEW * before.coulomb[k]:  # bristles for another order of size
-                set_bristles(
-                    spec, k + 1, drives.coulomb[k], drives.inertia[k], spec.option.timestep
-                )
-            if drives.offset[k] != before.offset[k]:
-                add_offset(spec, k + 1, before.offset[k] - drives.offset[k])
-        for axis, ratio, (inertia, coulomb, viscous) in self.couplings:
-            add_coupling_friction(spec, axis, coulomb, ratio=ratio)
-            spec.actuators[-1].damping[0] = viscous
-            spec.tendons[-1].armature = inertia
-            nest_rotor(spec, axis)
-        return edited(given, spec, given.torque_gain * self.gain)
-
-
-def edited(robot: Robot, spec: mujoco.MjSpec, torque_gain: np.ndarray) -> Robot:
-    """Compile an edited model, and make a robot of it.
-
-    Args:
-        robot: The robot before the edit.
-        spec: Its specification with the edit. It is changed and compiled.
-        torque_gain: Torque of the motors over the torque that is logged, shape (n_axes,).
-
-    Returns:
-        The robot with the edited model.
-
-    Raises:
-        SimulationFailed: MuJoCo cannot compile it.
-    """
-    if np.any(torque_gain != 1):
-        set_numeric(spec, "torque_gain", torque_gain.tolist())
-    try:
-        spec.compile()
-    except ValueError as error:
-        line = one_line(error)
-        raise SimulationFailed(f"MuJoCo cannot compile the changed model: {line}") from None
-    return robot.edited(spec)
+        return built(self.given, self.drives, self.links, self.couplings, self.gain)
 
 
 class _Links:
@@ -265,7 +163,7 @@ def fit(
     first, last = len(links.nominal), regression.size
     count = len(links.terms)
     centre, std = np.zeros(count + last - first + n), np.empty(count + last - first + n)
-    low = np.full(len(std), -np.inf)
+    low, high = np.full(len(std), -np.inf), np.full(len(std), np.inf)
     scale = spread.of(INERTIA, 1.0, spread.scale)
     std[:count] = [scale * term.prior_std for term in links.terms]
     lightest = np.minimum(np.maximum(_LEAST * before.inertia, _lightest(robot)), before.inertia)
@@ -292,7 +190,7 @@ def fit(
         low[at] = 0.0
     default = get_effect(GAIN).prior.std_on(robot, 1)
     std[-n:] = spread.of(GAIN, default, spread.scale * default)
-    low[-n:] = -0.5
+    low[-n:], high[-n:] = -0.5, 1.0
 
     grams = products.gram.sum(axis=0)
     rights, energy = products.right.sum(axis=0), products.energy.sum(axis=0)
@@ -317,7 +215,7 @@ def fit(
         return total, gradient, matrix
 
     begin = centre if start is None else _unknowns(start)
-    unknown = std * _bounded(cost, np.maximum(begin, low) / std, low / std)
+    unknown = std * _bounded(cost, begin / std, low / std, high / std)
     own, _ = links.parameters(unknown[:count])
     value = np.concatenate([own, unknown[count:-n]])
     return Physical(
@@ -353,17 +251,15 @@ def _bounded(
     cost: Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]],
     begin: np.ndarray,
     low: np.ndarray,
+    high: np.ndarray,
 ) -> np.ndarray:
-    """Minimise a sum of squares above lower bounds (Levenberg and Marquardt, projected)."""
-    at, damping = begin, 1e-3
+    """Minimise a sum of squares within bounds (Levenberg and Marquardt)."""
+    at, damping = np.clip(begin, low, high), 1e-3
     total, gradient, matrix = cost(at)
     for _ in range(_STEPS):
-        free = ~((at <= low) & (gradient > 0))
-        system = matrix[np.ix_(free, free)].copy()
+        system = matrix.copy()
         system[np.diag_indices_from(system)] *= 1 + damping
-        step = np.zeros_like(at)
-        step[free] = -np.linalg.solve(system, gradient[free])
-        new = np.maximum(at + step, low)
+        new = np.clip(at + bounded_minimum(system, -gradient, low - at, high - at), low, high)
         told = cost(new)
         if told[0] > total:
             damping = 10 * damping
