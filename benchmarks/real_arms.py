@@ -285,6 +285,9 @@ def judge(name: str, data: Path, out: Path, workers: int) -> dict[str, list[floa
     row(f"calibrated ({found.method})", simulated(case.judged, found.robot))
     print(f"{seconds:.0f} s; couplings {found.couplings}; prior scale {found.prior_scale:g}")
     print({key: round(100 * value, 1) for key, value in found.errors.items()}, *found.lacks)
+    for one in found.per_axis:
+        print("not fitted:", one)
+    print(*found.findings, sep="\n")
     found.robot.write(out / f"{name}_calibrated")
     return table
 

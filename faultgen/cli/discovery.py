@@ -280,7 +280,7 @@ def calibrate(
         result["torque_constants"] = replace(recording.constants, constant=changed).contract()
     found.robot.write(out)
     write_listed(out, "calibration.json", dump(result))
-    for line in found.lacks:
+    for line in (*found.lacks, *found.findings):
         note(line)
     if as_json:
         print_json(result)
@@ -290,6 +290,17 @@ def calibrate(
         f"torque error on motions that were not fitted: given model {errors['given']}, "
         f"classical identification {errors['classical']}, this model {errors['calibrated']}"
     )
+    for one in found.per_axis:
+        shares = {
+            label: "-" if one[name] is None else f"{100 * one[name]:.1f} %"
+            for label, name in (
+                ("given model", "given"),
+                ("classical identification", "classical"),
+                ("this model", "calibrated"),
+            )
+        }
+        told = ", ".join(f"{label} {share}" for label, share in shares.items())
+        say(f"  axis {one['axis']}: {told}")
     say(f"assumed uncertainty of the parameters: {found.prior_scale:g} times the default")
     for one in found.couplings:
         say(f"axes {one.axis - 1} and {one.axis} are coupled: they share friction and inertia")

@@ -14,15 +14,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from faultgen.discovery.rigid.classical import STATIC
 from faultgen.discovery.rigid.drives import Drives
 from faultgen.discovery.terms.candidates import Term
 from faultgen.effects.spreads import SPREADS, TORQUE_CONSTANT
 from faultgen.recordings.checks import without_friction
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot
-
-STATIC = 3.0
-"""Largest static over Coulomb friction that is physical: assumed. The robots of this project have
-1.2 to 2.3; the largest is that of the ABB IRB 6700 after Bittencourt et al. 2010."""
 
 _BOUND = 0.999  # share of a limit at which a number stands at it
 
@@ -91,15 +88,12 @@ def _ratios(given: Robot, made: Robot) -> Iterator[str]:
 
 def _numbers(robot: Robot) -> dict[str, tuple[str, np.ndarray]]:
     """Numbers that are compared, by their effect; each with its name and values, (n_axes,)."""
-    friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")]
     drives = Drives.of(robot)
+    friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")]
     return {
         "coulomb_friction": ("Coulomb friction", drives.coulomb),
         "viscous_friction": ("viscous friction", drives.viscous),
-        "static_friction": (
-            "static friction above Coulomb friction",
-            friction[:, STICTION] - friction[:, COULOMB],
-        ),
+        "static_friction": ("static friction above Coulomb friction", drives.rise),
         "stribeck_velocity": ("Stribeck velocity", friction[:, STRIBECK_VELOCITY]),
         "rotor_inertia": ("rotor inertia", drives.inertia),
         "gear_stiffness": (
@@ -115,4 +109,4 @@ def _axes(which: np.ndarray) -> str:
 
 
 def _listed(values: np.ndarray) -> str:
-    return ", ".join(f"{value:.2g}" for value in values)
+    return ", ".join(f"{float(f'{value:.2g}'):g}" for value in values)

@@ -51,6 +51,8 @@ class Drives:
     """Viscous friction [N m s/rad]."""
     offset: np.ndarray
     """Torque that the motor needs in addition [N m]."""
+    rise: np.ndarray
+    """Static friction above Coulomb friction [N m]."""
 
     @staticmethod
     def of(robot: Robot) -> Drives:
@@ -63,6 +65,7 @@ class Drives:
             bias[:, COULOMB].copy(),
             model.actuator_damping[friction].copy(),
             np.where(constant, -bias[:, OFFSET] * np.sin(bias[:, OFFSET + 2]), 0.0),
+            bias[:, STICTION] - bias[:, COULOMB],
         )
 
     def named(self) -> dict[str, np.ndarray]:
@@ -85,8 +88,6 @@ def built(
 ) -> Robot:
     """Give a model other drives, links and couplings.
 
-    Static friction changes with Coulomb friction in the same ratio.
-
     Args:
         given: The model.
         drives: Its new drives.
@@ -107,10 +108,8 @@ def built(
     for k in range(given.n_axes):
         scale_rotor_inertia(spec, k + 1, drives.inertia[k] / before.inertia[k] - 1)
         friction = spec.actuator(f"friction{k + 1}")
-        static = friction.biasprm[STICTION] + drives.coulomb[k] - before.coulomb[k]
-        if before.coulomb[k] > 0:  # the shape of the law stays
-            static = friction.biasprm[STICTION] * drives.coulomb[k] / before.coulomb[k]
-        friction.biasprm[COULOMB], friction.biasprm[STICTION] = drives.coulomb[k], static
+        friction.biasprm[COULOMB] = drives.coulomb[k]
+        friction.biasprm[STICTION] = drives.coulomb[k] + drives.rise[k]
         friction.damping[0] = drives.viscous[k]
         if drives.coulomb[k] > _NEW * before.coulomb[k]:  # bristles for another order of size
             set_bristles(spec, k + 1, drives.coulomb[k], drives.inertia[k], spec.option.timestep)
