@@ -211,7 +211,21 @@ def _physical(held_out: HeldOut, told: Sequence[Spread]) -> tuple[Spread, Robot,
     """The physical model with the least spread with which no axis is worse than classical.
 
     Otherwise the one with the fewest such axes, and the smallest error. With it is its torque.
+    Numbers of the drives leave the range of other units of their type only if fewer axes are worse
+    then, or if some axis predicts better beyond its interval and none predicts worse.
     """
+    near = _least(held_out, told)
+    far = _least(held_out, [replace(spread, far=True) for spread in told])
+    gained = held_out.against(near[-1], far[-1]).worse.any()
+    lost = held_out.against(far[-1], near[-1]).worse.any()
+    better = far[0][0] < near[0][0] or (gained and not lost)
+    return (far if better else near)[1:]
+
+
+def _least(
+    held_out: HeldOut, told: Sequence[Spread]
+) -> tuple[tuple[int, float], Spread, Robot, np.ndarray]:
+    """The first spread with which no axis is worse, or the best: rank, spread, model, torque."""
     best: tuple[tuple[int, float], Spread, Robot, np.ndarray] | None = None
     for spread in told:
         made = fit(held_out.regression, held_out.products, spread).robot
@@ -222,7 +236,7 @@ def _physical(held_out: HeldOut, told: Sequence[Spread]) -> tuple[Spread, Robot,
         if rank[0] == 0:
             break
     assert best is not None
-    return best[1:]
+    return best
 
 
 def _rank(held_out: HeldOut, torque: np.ndarray) -> tuple[int, float]:

@@ -56,7 +56,7 @@ def constants_of(recording: Recording, robot: Robot) -> TorqueConstants:
         columns = np.stack([current[:, axis], np.ones(len(current))], axis=1)
         slope = abs(float(np.linalg.lstsq(columns, needed[:, axis])[0][0]))
         constant[axis] = slope or 1.0
-    spread = Spread(_WIDE / get_effect(GAIN).prior.std_on(robot, 1), _KNOWN)
+    spread = Spread(_WIDE / get_effect(GAIN).prior.std_on(robot, 1), _KNOWN, far=True)
     offset = np.zeros(robot.n_axes)
     for _ in range(_ROUNDS):
         motor = replace(

@@ -79,7 +79,7 @@ def with_own_friction(
 
 def _fitted(regression: Regression, numbers: Sequence[int]) -> Physical:
     """Friction and offsets identified from some blocks; all else as in the model."""
-    spread = Spread(1.0, exclude=(INERTIA, GAIN, NAMES["rotor inertia"]))
+    spread = Spread(1.0, exclude=(INERTIA, GAIN, NAMES["rotor inertia"]), far=True)
     return fit(regression, regression.products.only(numbers), spread)
 
 

@@ -37,6 +37,7 @@ from faultgen.discovery.terms.inertia import (
 )
 from faultgen.discovery.terms.regressor import PER_LINK, link_parameters
 from faultgen.effects import get_effect
+from faultgen.effects.spreads import SPREADS
 from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm
 
@@ -45,6 +46,7 @@ _QUICK = 0.5  # largest time step times frequency of a rotor on its gearbox
 _LOOSE = 30.0  # prior standard deviation of free parameters, in units of their size
 _STIFF = 1e-4  # the same of excluded parameters, in units of their default standard deviation
 _NOTHING = 1e-4  # smallest Coulomb friction, as a share of the RMS torque
+_KNOWN = 0.01  # Coulomb friction over RMS torque from which a model states its friction: assumed
 _STEPS = 100  # of the search at most
 _SETTLED = 1e-5  # share of the misfit that a step has to take off
 
@@ -59,6 +61,9 @@ class Spread:
     """Parameters (`candidates.NUMBERS`) that keep their default prior standard deviation."""
     exclude: Collection[str] = ()
     """Parameters that are not changed."""
+    far: bool = False
+    """Whether numbers of the drives may be further from the model than those of another unit of its
+    type (`SPREADS`)."""
 
     def of(self, name: str, default: float, free: float) -> float:
         """Return the prior standard deviation of a parameter.
@@ -168,6 +173,7 @@ def fit(
     std[:count] = [scale * term.prior_std for term in links.terms]
     lightest = np.minimum(np.maximum(_LEAST * before.inertia, _lightest(robot)), before.inertia)
     speed = np.sqrt(np.einsum("baii->ai", products.gram).T / samples)  # RMS of each column
+    known = before.coulomb > _KNOWN * rms
     for name, value in before.named().items():
         columns = regression.drive(name)
         at = columns - first + count
@@ -181,6 +187,9 @@ def fit(
             centre[at[k]], std[at[k]] = size, spread.of(effect.name, default, free)
             least = {"rotor inertia": lightest[k], "Coulomb": _NOTHING * rms[k], "offset": -np.inf}
             low[at[k]] = least.get(name, 0.0)
+            factor = SPREADS[effect.name].factor
+            if not spread.far and factor and size > 0 and (name == "rotor inertia" or known[k]):
+                low[at[k]], high[at[k]] = max(low[at[k]], size / factor), size * factor
     for number, coupling in enumerate(regression.couplings):
         columns = regression.coupling(number)
         at = columns - first + count
@@ -190,7 +199,7 @@ def fit(
         low[at] = 0.0
     default = get_effect(GAIN).prior.std_on(robot, 1)
     std[-n:] = spread.of(GAIN, default, spread.scale * default)
-    low[-n:], high[-n:] = -0.5, 1.0
+    low[-n:] = -0.5
 
     grams = products.gram.sum(axis=0)
     rights, energy = products.right.sum(axis=0), products.energy.sum(axis=0)
