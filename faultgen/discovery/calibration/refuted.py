@@ -12,6 +12,7 @@ from faultgen.discovery.calibration.model_edit import Built, build
 from faultgen.discovery.fit.fit import Fit
 from faultgen.discovery.fit.gap import gap, scored
 from faultgen.discovery.fit.regression import Problem
+from faultgen.discovery.terms.candidates import INERTIA
 
 
 def without_refuted(
@@ -20,8 +21,9 @@ def without_refuted(
     """Take back what calibration has made worse on motions that it was not fitted to.
 
     An axis that has become worse beyond the interval of the difference keeps its own numbers of the
-    given model: friction, rotor inertia, offset, stiffness. If an axis is still worse then, or the
-    error of all together, all numbers are kept, those of the links too.
+    given model: friction, rotor inertia, offset, stiffness. If an axis is worse still, the links of
+    the given model are kept, and at last all numbers. These are also kept if the error of all axes
+    together has grown.
 
     Args:
         problem: The residual and the terms.
@@ -33,25 +35,28 @@ def without_refuted(
         The model, the values, and one line for what was taken back.
     """
     worse = against_given(problem, basic).worse
-    lines = []
-    if worse.any():
-        own = [t.is_effect and worse[min(t.axis, len(worse)) - 1] for t in problem.terms]
-        values = np.where(own, 0.0, values)
+    lines: list[str] = []
+    weak = worse.copy()
+    links = np.array([t.name == INERTIA for t in problem.terms])
+    for kept in ("numbers of its drive", "numbers of its drive and the links", "whole model"):
+        if not worse.any():
+            break
+        weak |= worse
+        own = np.array([t.is_effect and weak[min(t.axis, len(weak)) - 1] for t in problem.terms])
+        back = {"numbers of its drive": own, "whole model": np.ones_like(own)}.get(
+            kept, own | links
+        )
+        values = np.where(back, 0.0, values)
         basic = build(problem, empty, values)
-        axes = ", ".join(str(k + 1) for k in np.flatnonzero(worse))
+        axes = ", ".join(str(k + 1) for k in np.flatnonzero(weak))
         lines = [
-            f"the calibrated numbers of axis {axes} are not used, because with them the error on "
-            "motions that were not fitted is larger than with those of the given model"
+            f"axis {axes}: the {kept} as given, because after calibration the error on motions "
+            "that were not fitted is larger than before"
         ]
-    still = against_given(problem, basic).worse.any()
-    if still or gap(problem, basic.left)[0] > gap(problem, problem.residual)[0]:
+        worse = against_given(problem, basic).worse
+    if gap(problem, basic.left)[0] > gap(problem, problem.residual)[0]:
         values = np.zeros_like(values)
         basic = build(problem, empty, values)
-        if still:
-            lines = [
-                "no calibrated number is used, because on some axis the error on motions that were "
-                "not fitted is larger with them than with those of the given model"
-            ]
     return basic, values, lines
 
 
