@@ -12,21 +12,28 @@ from faultgen.discovery.calibration.compared import compared
 from faultgen.discovery.calibration.held_out import HeldOut
 from faultgen.discovery.calibration.model_edit import build, simulated_numbers
 from faultgen.discovery.calibration.ranges import severities, unphysical
-from faultgen.discovery.calibration.refuted import without_refuted
+from faultgen.discovery.calibration.refuted import against_given, without_refuted
 from faultgen.discovery.calibration.result import at_bound
 from faultgen.discovery.calibration.weak_axes import AGAIN, GIVEN, repaired, weak_axes, with_choices
 from faultgen.discovery.decision import healthy_spread
 from faultgen.discovery.fit.bounded import bounded_minimum
 from faultgen.discovery.fit.fit import fit
+from faultgen.discovery.fit.gap import gap
+from faultgen.discovery.fit.regression import pose
+from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.replay.sensitivities import sensitivities
 from faultgen.discovery.rigid.drives import Drives, built
-from faultgen.discovery.terms.candidates import Term
-from faultgen.effects import EFFECTS
+from faultgen.discovery.terms.candidates import Term, effect_terms
+from faultgen.discovery.terms.inertia import inertia_terms
+from faultgen.effects import EFFECTS, get_effect
 from faultgen.effects.spreads import SPREADS
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY
 from faultgen.simulation.motion import plan
 from faultgen.simulation.servo import control_signal
 from faultgen.simulation.stepping import simulate
 from faultgen.tasks import load_task
+
+LOW_SPEED = ("static_friction", "stribeck_velocity")
 
 
 def other_law(robot, coulomb, viscous, ratio):
@@ -185,6 +192,34 @@ def test_a_missing_spring_and_ripple_do_not_become_friction(measured, tiny_robot
     assert found.report()["per_axis"][1]["calibrated"] < found.report()["per_axis"][1]["given"]
 
 
+def test_calibration_in_discovery_does_not_spoil_an_axis(measured, tiny_robot):
+    """A spring that is missing on axis 2 and no candidate: links that imitate it spoil axis 1."""
+    effects = [("gravity_spring", 2, 3.0), ("torque_ripple", 1, 0.05), ("torque_ripple", 2, 0.03)]
+    recording = measured(effects, 3, torque_ripple={"order": 8.0})
+    replay = Replay(recording, tiny_robot)
+    terms = [
+        term
+        for term in effect_terms(tiny_robot, exclude=["gravity_spring", "delay"])
+        if not get_effect(term.name).prior.play
+    ]
+    terms += inertia_terms(tiny_robot)
+    base, raw = sensitivities(replay, terms)
+    problem = pose(replay, terms, base, raw, recording.torque - base, baseline=False)
+    scales = healthy_spread.learned_scales(problem)
+    assert healthy_spread.at_bound(scales)  # what is missing makes the numbers look far off
+    problem = healthy_spread.with_scales(problem, scales)
+    empty = fit(problem, [])
+    values = simulated_numbers(problem, empty)
+    first = build(problem, empty, values)
+    size = {t.key: 1 + value for t, value in first.changes if t.is_effect and not t.parameters}
+    assert all(1 / 3.01 < size[name, axis] < 3.01 for name in LOW_SPEED for axis in (1, 2))
+    assert against_given(problem, first).worse.tolist() == [True, False]
+    kept, _, lines = without_refuted(problem, empty, first, values)
+    assert not against_given(problem, kept).worse.any()
+    assert lines and lines[0].startswith("axis 1: the ")
+    assert gap(problem, kept.left)[0] < 0.8 * gap(problem, problem.residual)[0]
+
+
 def test_an_axis_that_hardly_moves_stays_physical(tiny_robot, measured, tmp_path):
     """Axis 1 turns by half a degree, so that its friction, inertia and offset look alike."""
     task = tmp_path / "little.toml"
@@ -247,7 +282,9 @@ def test_numbers_that_other_motions_refute_are_taken_back(tiny_robot):
     basic, kept, lines = without_refuted(problem, empty, build_of(problem, empty, values), values)
     np.testing.assert_allclose(kept, [0.5, 0.0])
     assert [(t.axis, v) for t, v in basic.changes] == [(1, 0.5)]
-    assert len(lines) == 1 and lines[0].startswith("the calibrated numbers of axis 2 are not used")
+    assert len(lines) == 1 and lines[0].startswith(
+        "axis 2: the numbers of its drive are used as given"
+    )
 
 
 def build_of(problem, empty, values):

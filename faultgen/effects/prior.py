@@ -1,8 +1,8 @@
 """What discovery assumes about an effect before it has seen any data.
 
 Every effect has such a record. It states whether the effect is a candidate, how large the effect is
-in healthy robots, and with which severities it is probed. The standard deviations are assumed: the
-numbers of a data sheet are off by some per cent, and what a model lacks is small in a new robot.
+in healthy robots, and with which severities it is probed. The standard deviations of the catalogue
+stand in one table with their reasons and sources, `spreads`.
 """
 
 from __future__ import annotations

@@ -38,19 +38,19 @@ def without_refuted(
     lines: list[str] = []
     weak = worse.copy()
     links = np.array([t.name == INERTIA for t in problem.terms])
-    for kept in ("numbers of its drive", "numbers of its drive and the links", "whole model"):
+    everything = np.ones_like(links)
+    drives = "the numbers of its drive are"
+    for kept in (drives, "the numbers of its drive and all links are", "the whole model is"):
         if not worse.any():
             break
         weak |= worse
         own = np.array([t.is_effect and weak[min(t.axis, len(weak)) - 1] for t in problem.terms])
-        back = {"numbers of its drive": own, "whole model": np.ones_like(own)}.get(
-            kept, own | links
-        )
+        back = own if kept == drives else own | links if kept.endswith("are") else everything
         values = np.where(back, 0.0, values)
         basic = build(problem, empty, values)
         axes = ", ".join(str(k + 1) for k in np.flatnonzero(weak))
         lines = [
-            f"axis {axes}: the {kept} as given, because after calibration the error on motions "
+            f"axis {axes}: {kept} used as given, because after calibration the error on motions "
             "that were not fitted is larger than before"
         ]
         worse = against_given(problem, basic).worse

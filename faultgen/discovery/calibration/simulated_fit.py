@@ -253,7 +253,7 @@ def replaying(
     robot: Robot,
     changes: Sequence[tuple[Term, float]],
     *,
-    measured: bool | None = None,
+    measured: bool = True,
 ) -> Robot | None:
     """Put changes into a model, and check that the written model can replay the recording.
 

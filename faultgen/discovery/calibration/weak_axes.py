@@ -115,7 +115,8 @@ def with_choices(
             rise[axis] = Drives.of(given).rise[axis]
         elif held_out.regression.scaled[axis]:
             rise[axis] *= values["Coulomb"][axis] / drives.coulomb[axis]
-    return built(model, Drives(*values.values(), rise))
+    inertia, coulomb, viscous, offset = values.values()
+    return built(model, Drives(inertia, coulomb, viscous, offset, rise))
 
 
 def _columns(held_out: HeldOut, model: Robot, axis: int) -> np.ndarray:

@@ -227,13 +227,13 @@ def fit(
     unknown = std * _bounded(cost, begin / std, low / std, high / std)
     own, _ = links.parameters(unknown[:count])
     value = np.concatenate([own, unknown[count:-n]])
-    named = {name: value[regression.drive(name)] for name in DRIVE}
-    coulomb = np.where(regression.scaled, before.coulomb, 1.0)
-    rise = before.rise * np.where(regression.scaled, named["Coulomb"] / coulomb, 1.0)
+    inertia, coulomb, viscous, offset = (value[regression.drive(name)] for name in DRIVE)
+    scaled = regression.scaled
+    rise = before.rise * np.where(scaled, coulomb / np.where(scaled, before.coulomb, 1.0), 1.0)
     return Physical(
         given=robot,
         links=list(zip(links.terms, unknown[:count].tolist(), strict=True)),
-        drives=Drives(*named.values(), rise),
+        drives=Drives(inertia, coulomb, viscous, offset, rise),
         couplings=[
             (coupling.axis, coupling.ratio, value[regression.coupling(number)])
             for number, coupling in enumerate(regression.couplings)
