@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from faultgen.discovery.rigid.following import rigid_columns, suited_replay
 
 from faultgen.discovery import Recording, write_recording
 from faultgen.discovery.calibration.calibrate import calibrate
@@ -12,6 +11,7 @@ from faultgen.discovery.discover import investigate
 from faultgen.discovery.inputs import read_together, usable
 from faultgen.discovery.replay.followed import differences
 from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.rigid.following import rigid_columns, suited_replay
 from faultgen.discovery.terms.regressor import link_parameters
 from faultgen.effects import Applied
 from faultgen.errors import InputError

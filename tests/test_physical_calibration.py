@@ -1,13 +1,14 @@
 """Calibration stays physical, is no worse than classical identification on any axis, and tells."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from linear import COUNT, written_down
 from scipy.optimize import minimize
 
-from faultgen.discovery.calibration.calibrate import _regression, calibrate
+from faultgen.discovery.calibration.calibrate import calibrate
 from faultgen.discovery.calibration.compared import compared
 from faultgen.discovery.calibration.held_out import HeldOut
 from faultgen.discovery.calibration.model_edit import build, simulated_numbers
@@ -22,6 +23,7 @@ from faultgen.discovery.fit.gap import gap
 from faultgen.discovery.fit.regression import pose
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import sensitivities
+from faultgen.discovery.rigid.classical import possible_regression
 from faultgen.discovery.rigid.drives import Drives, built
 from faultgen.discovery.terms.candidates import Term, effect_terms
 from faultgen.discovery.terms.inertia import inertia_terms
@@ -255,7 +257,7 @@ def test_a_weak_axis_gets_better_numbers_of_its_drive(measured, tiny_robot, wron
         tiny_robot,
         replace(Drives.of(tiny_robot), coulomb=Drives.of(tiny_robot).coulomb * [1.0, 1.5]),
     )
-    held_out = HeldOut(recording, _regression(recording, tiny_robot, ()))
+    held_out = HeldOut(recording, possible_regression(recording, tiny_robot))
     given = tiny_robot if wrong == "model" else worn
     before, of_given = held_out.torque_of(worn), held_out.torque_of(given)
     weak = weak_axes(held_out, before, of_given)
@@ -282,9 +284,8 @@ def test_numbers_that_other_motions_refute_are_taken_back(tiny_robot):
     basic, kept, lines = without_refuted(problem, empty, build_of(problem, empty, values), values)
     np.testing.assert_allclose(kept, [0.5, 0.0])
     assert [(t.axis, v) for t, v in basic.changes] == [(1, 0.5)]
-    assert len(lines) == 1 and lines[0].startswith(
-        "axis 2: the numbers of its drive are used as given"
-    )
+    (line,) = lines
+    assert line.startswith("axis 2: the numbers of its drive are used as given")
 
 
 def build_of(problem, empty, values):
@@ -293,6 +294,14 @@ def build_of(problem, empty, values):
     changes = [(t, v * t.prior_std) for t, v in zip(problem.terms, values, strict=True)]
     left = problem.residual - problem.change_of_given(changes)
     return replace(made, changes=changes, left=left, share=1.0)
+
+
+def test_the_documentation_has_the_table_of_spreads():
+    page = (Path(__file__).parents[1] / "docs" / "discovery.md").read_text()
+    for name, one in SPREADS.items():
+        value = f"{one.std:g} of the {one.of}" if one.of else f"{one.std:g}"
+        row = f"| `{name}` | {value} | {one.reason} | {one.source or 'assumed'} |"
+        assert row in page, row
 
 
 def test_every_candidate_has_a_spread_with_a_reason():

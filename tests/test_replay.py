@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from faultgen.discovery.rigid.following import suited_replay
 from scipy.signal import lfilter
 
 from faultgen.discovery import Recording, Replay, replay, settled
 from faultgen.discovery.replay import followed
 from faultgen.discovery.replay.prescribed import prescribed_torque
 from faultgen.discovery.replay.replay import relative_error
+from faultgen.discovery.rigid.following import suited_replay
 from faultgen.effects import get_effect
 from faultgen.effects.coupling import add_coupling_friction
 from faultgen.errors import InputError

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from faultgen.discovery.replay.transients import unsettled
 
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.samples import counted
 from faultgen.discovery.replay.sensitivities import sensitivities
+from faultgen.discovery.replay.transients import unsettled
 from faultgen.discovery.terms.candidates import effect_terms
 
 

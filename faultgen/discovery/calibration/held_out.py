@@ -65,7 +65,11 @@ class HeldOut:
 
     @cached_property
     def classical_torque(self) -> np.ndarray:
-        """Torque by classical identification, in the unit of the regression's recording."""
+        """Torque by classical identification, in the unit of the regression's recording.
+
+        Returns:
+            Shape (samples, n_axes).
+        """
         return self.regression.torque(identify(self.products))
 
     @cached_property

@@ -32,7 +32,7 @@ def without_refuted(
         values: Value of every term in prior standard deviations, shape (terms,).
 
     Returns:
-        The model, the values, and one line for what was taken back.
+        The model, the values of shape (terms,), and one line for what was taken back.
     """
     worse = against_given(problem, basic).worse
     lines: list[str] = []

@@ -61,8 +61,8 @@ def repaired(
         weak: Axes that are looked at, mask of shape (n_axes,).
 
     Returns:
-        The torque with the chosen numbers, and the choice for each axis (from 0) on which one
-        predicts better: `AGAIN` or `GIVEN`.
+        The torque with the chosen numbers, shape (samples, n_axes), and the choice for each axis
+        (from 0) on which one predicts better: `AGAIN` or `GIVEN`.
     """
     torque, choices = torque.copy(), {}
     rows = samples_of([held_out.regression.parts[k] for k in held_out.fitting], len(torque))
