@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 from joblib import Parallel, delayed
 from sealed.cases import make_case, write_truth
-from sealed.limits import Limits
+from sealed.limits import CACHE, Limits
 from sealed.plan import ROBOTS, left_out, plan_cases, sample
 from tqdm import tqdm
 
@@ -25,7 +25,6 @@ Mode = StrEnum("Mode", ["twin", "alone"])
 Kind = StrEnum("Kind", ["single", "clean", "unknown", "pair"])
 
 CASES, SEALED = "cases", "sealed"
-CACHE = Path.home() / ".cache" / "faultgen-sealed"
 
 app = typer.Typer(add_completion=False, help=__doc__)
 Out = Annotated[Path, typer.Option("-o", "--out", help="Folder of the trial.")]

@@ -99,7 +99,7 @@ def emps_closed_loop(
         Relative errors of force and position [%].
     """
     changes = [(term, value) for term, value in changes if term.name != "delay"]
-    replay = Replay(recording, robot)
+    replay = Replay(recording, robot, measured=False)
     pairs = (
         (recording.torque, replay.torque(changes)),
         (recording.position, replay.position(changes)),
@@ -342,7 +342,7 @@ def xl330_error(recording: Recording, robot: Robot, changes: Changes = ()) -> fl
     spec.compile()
     fine = Robot(robot.name, spec.to_xml())
     try:
-        simulated = Replay(recording, fine).position(changes)
+        simulated = Replay(recording, fine, measured=False).position(changes)
     except SimulationFailed:
         return float("nan")
     return float(np.abs(recording.position - simulated).mean())

@@ -22,12 +22,12 @@ from scoring import batches, trials
 from scoring.answering import LIMIT, answer, version
 from scoring.judging import Row, judge
 from scoring.table import SHARES, by_factor, by_group, page, scores, share
+from sealed.limits import CACHE
 from tqdm import tqdm
 
 from faultgen.system.files import write_text
 
 Set = StrEnum("Set", ["development", "report"])
-CACHE = Path.home() / ".cache" / "faultgen-sealed"
 PLAN, VERSION, PAGE, SCORES = "plan.json", "version.txt", "score.md", "score_all.json"
 
 app = typer.Typer(add_completion=False, help=__doc__)

@@ -160,6 +160,11 @@ class Robot:
         forget_defaults(spec)
         return spec
 
+    @property
+    def joint_velocity_limit(self) -> np.ndarray:
+        """Largest speed of the joints that the motors allow, shape (n_axes,), in [rad/s]."""
+        return np.asarray(self.motor_velocity_limit / np.abs(self.gear_ratio))
+
     @cached_property
     def model(self) -> mujoco.MjModel:
         """The compiled model of the healthy robot. It must not be changed."""

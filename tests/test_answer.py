@@ -296,7 +296,7 @@ def test_a_model_that_diverges_is_not_written(posed, monkeypatch, fails, share):
     case = linear(problem, {offset: 0.03})
     asked = []
 
-    def sometimes(recording, robot, changes, *, measured=None):
+    def sometimes(recording, robot, changes):
         asked.append(changes)
         return None if len(asked) <= fails else robot
 

@@ -298,7 +298,7 @@ def test_the_largest_share_of_the_changes_that_can_be_simulated_is_kept(
     """Where a model of all that was fitted diverges; a line says so."""
     asked = []
 
-    def sometimes(recording, robot, changes, *, measured=True):
+    def sometimes(recording, robot, changes):
         asked.append((robot, dict(changes)))
         return None if len(asked) <= failing else replaying(recording, robot, changes)
 

@@ -9,10 +9,7 @@ from faultgen.discovery import Recording, write_recording
 from faultgen.discovery.calibration.calibrate import calibrate
 from faultgen.discovery.discover import investigate
 from faultgen.discovery.inputs import read_together, usable
-from faultgen.discovery.replay.followed import differences
 from faultgen.discovery.replay.replay import Replay
-from faultgen.discovery.rigid.following import rigid_columns, suited_replay
-from faultgen.discovery.terms.regressor import link_parameters
 from faultgen.effects import Applied
 from faultgen.errors import InputError
 from faultgen.robot import COULOMB, Robot
@@ -127,7 +124,7 @@ def test_a_hidden_effect_is_named(robot, record, baseline, tmp_path):
 def test_the_measured_motion_is_followed(robot, record):
     """Without commanded positions, the replay reaches the torque that was measured."""
     recording = replace(record([], 4), reference_position=None)
-    replay, _ = suited_replay(recording, robot)
+    replay = Replay(recording, robot)
     error = (replay.torque() - recording.torque)[50:-50]
     assert np.sqrt(np.mean(error**2) / np.mean(recording.torque**2)) < 0.05
 
@@ -164,15 +161,3 @@ def test_what_cannot_be_converted_is_refused(robot, record, tmp_path):
     robot.write(tmp_path / "model")
     with pytest.raises(InputError, match="gearbox2 also turns with another joint"):
         make_twin([tmp_path / "one.h5"], tmp_path / "model", tmp_path / "out")
-
-
-def test_what_a_rigid_arm_explains_is_the_torque_of_the_gearboxes(robot, record):
-    """Each gearbox that turns with another joint carries a part of the load of both."""
-    replay = Replay(record([], 4), robot, measured=True)
-    rows = np.arange(100, 400, 10)
-    arm = Arm(robot)
-    speed, acceleration = differences(replay.recording, replay.wanted)
-    load = arm.inverse_dynamics(replay.wanted, speed, acceleration)[rows]
-    parameters = link_parameters(arm)
-    found = rigid_columns(replay, rows)[..., : len(parameters)] @ parameters
-    np.testing.assert_allclose(found, robot.gearing.torque(load), atol=1e-9)

@@ -9,6 +9,7 @@ import pytest
 import faultgen
 from faultgen.dataset.experiment import Experiment
 from faultgen.discovery import check_recording, investigate, read_recording, write_recording
+from faultgen.discovery.inputs import read_together
 from faultgen.discovery.replay.samples import near_reversal, rolling
 from faultgen.errors import InputError
 from faultgen.recordings.from_runs import recording_of
@@ -103,7 +104,7 @@ def test_what_is_not_in_the_catalogue_is_not_named(measured, files, tiny_robot_p
 
 
 def test_what_cannot_be_used_is_refused(files, tiny_robot_path, measured, tmp_path):
-    """A baseline of another length; signs turned round."""
+    """A baseline of another length."""
     recording = measured([], 6)
     short = replace(
         recording,
@@ -114,10 +115,19 @@ def test_what_cannot_be_used_is_refused(files, tiny_robot_path, measured, tmp_pa
     write_recording(short, tmp_path / "short.h5")
     with pytest.raises(InputError, match="not the same motions"):
         faultgen.discover(files / "worn.h5", tiny_robot_path, tmp_path / "short.h5")
+
+
+def test_a_recording_and_its_baseline_may_have_other_signs(files, tiny_robot, measured, tmp_path):
+    """Each is brought to the sign of its positions before they are subtracted."""
+    recording = measured([], 6)
     turned = replace(recording, torque=recording.torque * np.array([1, -1]))
     write_recording(turned, tmp_path / "turned.h5")
-    with pytest.raises(InputError, match="axis 2: torque has the opposite sign"):
-        faultgen.discover(tmp_path / "turned.h5", tiny_robot_path, files / "healthy.h5")
+    given = read_together([tmp_path / "turned.h5"], tiny_robot, [files / "healthy.h5"])
+    np.testing.assert_allclose(given.recording.torque, recording.torque, rtol=1e-6)
+    apart = given.recording.torque - given.runs[0].torque
+    assert np.all(apart.std(axis=0) < 0.1 * recording.torque.std(axis=0))
+    (line,) = given.findings
+    assert "turned.h5: corrected: axis 2: the torque has the opposite sign" in line
 
 
 @pytest.mark.parametrize(
@@ -271,17 +281,6 @@ def test_noise_that_two_recordings_share_is_reckoned_with(shared, tiny_robot_pat
     (warning,) = set(result["warnings"]) - {warning}
     assert "axis 1, 2: the recording and its baseline differ by far less" in warning
     assert "paired = false" in warning
-
-
-def test_shared_noise_is_refused_where_the_noisy_position_is_followed(
-    shared, tiny_robot_path, tmp_path
-):
-    """Without commanded positions the simulation follows the noise of the position as well."""
-    for name in ("play", "healthy"):
-        recording = replace(read_recording(shared / f"{name}.h5"), reference_position=None)
-        write_recording(recording, tmp_path / f"{name}.h5")
-    with pytest.raises(InputError, match="has the same noise as .* paired = false, or add ref"):
-        against_healthy(tmp_path, tiny_robot_path, "play")
 
 
 @pytest.mark.slow

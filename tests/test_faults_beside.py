@@ -86,7 +86,7 @@ def test_toml_says_it_all():
         ),
         ({"parameters": {"torque_ripple": {"waves": 2}}}, "no parameter 'waves'"),
         ({"beside": [{"effect": "rust", "severity": 1.0}]}, "rust"),
-        ({"beside": [{"effect": "friction_wear", "severity": 99.0}]}, "0 to 10"),
+        ({"beside": [{"effect": "friction_wear", "severity": 99.0}]}, "at most 10"),
         ({"beside": [{"effect": "friction_wear", "severity": 0.1, "axis": 7}]}, "axis 7"),
     ],
 )

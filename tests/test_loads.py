@@ -11,13 +11,13 @@ import faultgen
 from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
-from faultgen.recordings.recording import write_recording
 from faultgen.effects import Applied, get_effect
 from faultgen.effects.structure import far_end
 from faultgen.errors import InputError
 from faultgen.evaluation.isolate import in_fractions
 from faultgen.evaluation.outcomes import shown_level
 from faultgen.mjcf.edit import add_point
+from faultgen.recordings.recording import write_recording
 from faultgen.robot import Robot, load_robot
 from faultgen.simulation.motion import plan
 from faultgen.simulation.plant import assemble

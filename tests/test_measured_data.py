@@ -2,6 +2,7 @@
 
 import importlib
 import importlib.util
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from faultgen import discover
 from faultgen.discovery import check_recording, replay, settled
+from faultgen.discovery.accept import accepted
 from faultgen.discovery.laws.friction_law import with_friction_law
 from faultgen.discovery.rigid.classical import DRIVE, Coupling, Regression, identify
 from faultgen.recordings.recording import write_recording
@@ -43,7 +45,7 @@ def model(name):
 def gap(recording, robot):
     """RMS torque error over RMS torque of each axis, after settling."""
     inside = settled(recording, robot)
-    error = np.where(inside, recording.torque - replay(recording, robot), 0.0)
+    error = np.where(inside, recording.torque - replay(recording, robot, measured=False), 0.0)
     torque = np.where(inside, recording.torque, 0.0)
     return np.sqrt((error**2).sum(axis=0) / (torque**2).sum(axis=0))
 
@@ -71,6 +73,21 @@ def test_the_ur10e_is_replayed_with_published_parameters(measured, data):
     recording = measured.read_ur10e(data / "ur10e", "train_40s_feb12")
     assert check_recording(recording, robot) == []
     assert gap(recording, robot).max() < 0.15
+
+
+def test_no_sign_or_unit_of_a_real_machine_is_doubted(measured, data):
+    """Not as they are, and each flipped axis is found."""
+    recordings = {
+        "emps": measured.read_emps(data / "emps", "validation"),
+        "ur10e": measured.read_ur10e(data / "ur10e", "train_40s_feb12"),
+        "xl330": measured.read_xl330(data / "bam_xl330", "xl330_kp400_sin_time_square"),
+    }
+    for name, recording in recordings.items():
+        (made,), _ = accepted([recording], model(name))
+        assert set(made.torque_factor) == {1.0} and made.left_out == (), name
+        flipped = replace(recording, torque=-recording.torque)
+        (made,), _ = accepted([flipped], model(name))
+        assert set(made.torque_factor) == {-1.0} and made.left_out == (), name
 
 
 def test_the_pendulum_is_replayed_with_published_parameters(measured, data, tmp_path):

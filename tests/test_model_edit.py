@@ -174,14 +174,14 @@ def test_the_written_model_replays_the_recording(columns, monkeypatch, refused):
     problem = posed(columns)
     asked = []
 
-    def replaying(recording, robot, changes, *, measured=None):
-        asked.append((recording, robot, measured))
+    def replaying(recording, robot, changes):
+        asked.append((recording, robot))
         return None if len(asked) <= refused else "the robot"
 
     monkeypatch.setattr(model_edit, "replaying", replaying)
     found = fit(problem, [(0,)])
     built, robot, lacks = build_stable(problem, found, unexplained(problem, found)[1])
-    assert all(one == (problem.recording, problem.robot, True) for one in asked)
+    assert all(one == (problem.recording, problem.robot) for one in asked)
     shares = [1.0, 0.5, 0.25, 0.1, 0.0]
     assert built.share == (shares[refused] if refused < 5 else 0.0)
     assert robot == ("the robot" if refused < 5 else problem.robot)

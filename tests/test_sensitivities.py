@@ -71,7 +71,7 @@ def test_they_agree_with_simulations_of_their_own(recording, tiny_robot):
 def test_an_axis_that_diverges_does_not_spoil_the_others(recording, tiny_robot, monkeypatch):
     """Each axis is then simulated for itself."""
     replay = Replay(recording, tiny_robot, measured=True)
-    terms = [term for term in shared(replay) if term.name == "viscous_friction"]
+    terms = [term for term in shared(replay) if term.name == "coulomb_friction"]
     base = replay.torque()
     whole = own_sensitivities(replay, terms, base)
     simulate = Replay.torque

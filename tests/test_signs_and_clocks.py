@@ -324,7 +324,7 @@ def test_a_torque_that_is_a_position_is_told(measured, tiny_robot):
     torque[:, 1] = 0.02 * recording.position[:, 0] - 3
     wrong = replace(recording, torque=torque)
     assert torque_doubts(wrong) == [
-        (2, "the torque is the position of axis 1 times 0.02: name the column of the torque")
+        (2, "the torque is the position of axis 1 times 0.02: name the column of the torque", False)
     ]
     assert any(
         "is the position of axis 1" in str(one) for one in check_recording(wrong, tiny_robot)
@@ -337,8 +337,8 @@ def test_a_torque_that_was_held_is_told(measured, held):
     recording = measured([], 1)
     rows = np.arange(len(recording.torque)) // held * held
     told = torque_doubts(replace(recording, torque=recording.torque[rows]))
-    assert [axis for axis, _ in told] == [1, 2]
-    assert all(f"is held for {held} samples" in text for _, text in told)
+    assert [(axis, is_torque) for axis, _, is_torque in told] == [(1, True), (2, True)]
+    assert all(f"is held for {held} samples" in text for _, text, _ in told)
     assert torque_doubts(replace(recording, torque=np.round(recording.torque, 2))) == []
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import faultgen.simulation.stepping as module
-from faultgen.discovery.replay.prescribed import stiffen
 from faultgen.effects import Applied
 from faultgen.errors import InputError, SimulationFailed
+from faultgen.mjcf.dcmotor import set_servo
 from faultgen.robot import load_robot, robot_names
 from faultgen.simulation.arm import Arm, motor_torque
 from faultgen.simulation.motion import plan
@@ -178,7 +178,9 @@ def test_a_changed_robot_starts_in_equilibrium(effect, severity):
     control[:, at + 2] = motor_torque(Arm(robot), pose / robot.gear_ratio + still, still, still)
     axis = 6 if effect in ("payload_mass", "loose_tool") else 2
     spec = robot.spec()
-    stiffen(spec, robot, 0.35)  # so that no rotor gives way
+    fast = 0.35 / robot.model.opt.timestep  # a servo so stiff that no rotor gives way [rad/s]
+    for number, inertia in enumerate(robot.model.dof_M0[list(robot.motors)].tolist(), start=1):
+        set_servo(spec.actuator(f"drive{number}"), inertia * fast**2, 0, inertia * 2 * fast)
     plant = assemble(robot, [Applied(effect, axis, severity)], spec=spec)
     (cycle,) = simulate(robot, control, [plant], sample_period=0.005, lead_in=0.0)
     load = cycle.gear_torque[:, 1]

@@ -150,14 +150,8 @@ def integrate(
     Raises:
         ValueError: The step does not divide `DENSE`, the lead or the period of a servo.
     """
-    every = whole(DENSE, step)
-    before = whole(lead, step) if lead else 0
-    ticks = np.array([whole(period, step) for period in p[:, PERIOD]], np.int64)
     track = np.zeros((0, len(p))) if follow is None else follow
-    run: np.ndarray
-    run, _ = _run(
-        body, p, table, slow, state, step, every, before, ticks, servo_on, integral, track
-    )
+    run, _ = _whole_run(body, p, table, slow, state, step, lead, servo_on, integral, track)
     return run
 
 
@@ -186,12 +180,31 @@ def motor_speeds(
     Returns:
         Shape (steps, n_axes), from the beginning of the lead, in [rad/s].
     """
+    none = np.zeros((0, len(p)))
+    _, speeds = _whole_run(body, p, table, slow, state, step, lead, True, integral, none)
+    return speeds
+
+
+def _whole_run(
+    body: Body,
+    p: np.ndarray,
+    table: np.ndarray,
+    slow: np.ndarray,
+    state: np.ndarray,
+    step: float,
+    lead: float,
+    servo_on: bool,
+    integral: np.ndarray,
+    track: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of a run, and motor speeds at all of its steps; no `track` stands for a servo."""
+    every = whole(DENSE, step)
     before = whole(lead, step) if lead else 0
     ticks = np.array([whole(period, step) for period in p[:, PERIOD]], np.int64)
-    every, none = whole(DENSE, step), np.zeros((0, len(p)))
-    speeds: np.ndarray
-    _, speeds = _run(body, p, table, slow, state, step, every, before, ticks, True, integral, none)
-    return speeds
+    run, speeds = _run(
+        body, p, table, slow, state, step, every, before, ticks, servo_on, integral, track
+    )
+    return run, speeds
 
 
 @njit(cache=True)

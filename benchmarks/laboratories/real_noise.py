@@ -16,6 +16,7 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "measured"
+MACHINES = ("tx40", "gen3", "emps", "ur10e")
 _CUT_OFF = 12.0
 """Below this frequency [Hz] a torque counts as signal: assumed, as the motions have up to 5 Hz and
 servos up to 12 Hz. What is left also has ripple and reversals of friction, as in reality."""
@@ -25,7 +26,7 @@ _LEAST = 1500  # samples of a series that is worth drawing blocks from
 
 def available() -> bool:
     """Whether the recordings of the real machines are here."""
-    return all((DATA / name).is_dir() for name in ("tx40", "gen3", "emps", "ur10e"))
+    return all((DATA / name).is_dir() for name in MACHINES)
 
 
 def _torques(machine: str) -> list[tuple[float, np.ndarray]]:
@@ -50,9 +51,6 @@ def _torques(machine: str) -> list[tuple[float, np.ndarray]]:
         named: Any = np.genfromtxt(path, delimiter=",", names=True)
         out.append((1e-3, np.stack([named[f"TorqueCur{k}"] for k in range(1, 8)], axis=1)))
     return out
-
-
-MACHINES = ("tx40", "gen3", "emps", "ur10e")
 
 
 @lru_cache

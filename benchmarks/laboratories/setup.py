@@ -97,8 +97,7 @@ def set_up(lab: Laboratory) -> Setup:
         draw_motion(kinds[(first + k) % len(kinds)], machine, length, rng) for k in range(count)
     ]
     # two motions of other types to score on, of 5 s together
-    others = [kind for kind in ("task", "multisine") if count > 0]
-    motions += [draw_motion(kind, machine, 2.5, rng) for kind in others]
+    motions += [draw_motion(kind, machine, 2.5, rng) for kind in ("task", "multisine")]
     points = tuple(set_points(machine, m.q, m.qd, m.qdd) for m in motions)
     runs = tuple(simulate(ideal, one) for one in points)
     rows = np.concatenate(runs)

@@ -17,7 +17,7 @@ from own_wear import CASES as OWN_CASES
 from own_wear import write_case
 from sealed.cases import make_case
 from sealed.effects import Effect
-from sealed.limits import Limits
+from sealed.limits import DETECTED, Limits
 from sealed.plan import ROBOTS, Case, plan_cases
 
 from faultgen.robot import load_robot
@@ -204,7 +204,7 @@ def sealed_entry(case: Mapping[str, Any]) -> dict[str, Any]:
         "mode": case["mode"],
         "kind": _KINDS[case["kind"]],
         "effects": list(case["effects"]),
-        "d_prime": 4.0 * min(case["multiples"]) if case["multiples"] else None,
+        "d_prime": DETECTED * min(case["multiples"]) if case["multiples"] else None,
         "separation": None,
         "factors": {"robot": case["robot"], "level": case["level"]},
         "discover": asked(case["robot"], f"cases/{case['name']}", case["mode"], False),

@@ -6,6 +6,7 @@ text = page(rows, {"set": "development", ...})
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -58,11 +59,8 @@ def share(rows: Iterable[Row], measure: str) -> dict[str, Any]:
 def median(rows: Iterable[Row], measure: str) -> float | None:
     """Median of a measure over the cases that have it; None if there is none."""
     values = (getattr(row, measure) for row in rows)
-    seen = sorted(value for value in values if value is not None and math.isfinite(value))
-    if not seen:
-        return None
-    middle = len(seen) // 2
-    return float(seen[middle] if len(seen) % 2 else (seen[middle - 1] + seen[middle]) / 2)
+    seen = [value for value in values if value is not None and math.isfinite(value)]
+    return float(statistics.median(seen)) if seen else None
 
 
 def by_group(rows: Sequence[Row]) -> dict[str, list[Row]]:

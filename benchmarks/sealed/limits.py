@@ -34,6 +34,8 @@ from sealed.recording import BITS, LEVELS
 from sealed.robots import OFF, baseline, other_forms, perturbed
 from sealed.unlisted import UNLISTED, apply_unlisted, sensed
 
+CACHE = Path.home() / ".cache" / "faultgen-sealed"
+"""Where sensitivities are kept if nothing else is asked for."""
 MODES = ("twin", "alone")
 """With a recording of the same robot before the change, or without."""
 DETECTED = 4.0

@@ -74,6 +74,14 @@ Workers = Annotated[
         "Default: one process for each processor core."
     ),
 ]
+TrustLog = Annotated[
+    bool,
+    typer.Option(
+        "--trust-log",
+        help="Take the recordings as they are. Signs, units and sides of the log are neither "
+        "tested nor corrected, and no axis is left out.",
+    ),
+]
 Robot = Annotated[
     str,
     typer.Option(help="Name of the robot, or the path of its MJCF file or folder."),

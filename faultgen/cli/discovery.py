@@ -9,7 +9,17 @@ from typing import Annotated
 
 import typer
 
-from faultgen.cli.app import Json, Out, Robot, Workers, app, out_option, print_json, worker_count
+from faultgen.cli.app import (
+    Json,
+    Out,
+    Robot,
+    TrustLog,
+    Workers,
+    app,
+    out_option,
+    print_json,
+    worker_count,
+)
 from faultgen.cli.checks import existing_robot, readable_recordings
 from faultgen.errors import InputError
 from faultgen.system.terminal import note, say
@@ -88,6 +98,7 @@ def discover(
         ),
     ] = False,
     low_pass: LowPass = None,
+    trust_log: TrustLog = False,
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
@@ -100,6 +111,10 @@ def discover(
 
     The recording has position and torque of every axis, or motor current [A] instead of torque; its
     samples need not be evenly spaced.
+
+    Signs, units and sides of the log are tested with an arm that can exist. What the recording
+    shows to be wrong is corrected and told, an axis without a usable torque is left out, and all
+    findings stand in discovery.json. --trust-log takes the recordings as they are.
 
     The verdict is one of: no missing effect, named, partly named, ambiguous, unknown effect. If it
     is ambiguous, the command proposes the motion that would decide between the candidates. It
@@ -120,6 +135,7 @@ def discover(
             "--prior-scale": prior_scale is not None,
             "--white-noise": white_noise,
             "--low-pass": low_pass is not None,
+            "--trust-log": trust_log,
         }
         _plan(robot, others, out, worker_count(workers), include or (), cache, as_json)
         return
@@ -140,6 +156,7 @@ def discover(
         prior_scale=prior_scale,
         white_noise=white_noise,
         low_pass=low_pass,
+        trust_log=trust_log,
         cache=cache,
     )
     for warning in result["warnings"]:
@@ -238,6 +255,7 @@ def calibrate(
         ),
     ] = None,
     low_pass: LowPass = None,
+    trust_log: TrustLog = False,
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
@@ -247,7 +265,8 @@ def calibrate(
     the model than usual. How much more is chosen with parts of the recording that were not used
     for the fit. A recording can hardly separate the torque constants from the masses of the links,
     so name one of them with --known. The model may be without friction. The recording may have
-    motor current [A] instead of torque; its samples need not be evenly spaced.
+    motor current [A] instead of torque; its samples need not be evenly spaced. Signs and units are
+    tested and corrected as in discover, unless --trust-log is given.
 
     The command prints the relative RMS torque error on motions that were not fitted, beside that
     of classical identification. It writes a robot folder, which every command accepts as --robot,
@@ -267,14 +286,14 @@ def calibrate(
     if out.suffix == ".xml" or out.is_file():
         raise InputError(f"out: must be a folder, not {out}; the model is written to its model.xml")
     model = load_robot(robot)
-    given = read_together(measured, model, low_pass=low_pass)
+    given = read_together(measured, model, low_pass=low_pass, trust_log=trust_log)
     recording = given.recording
     model, raised = with_limits_of([recording], model)
     for warning in [*given.warnings, *raised]:
         note(warning)
     with threadpool_limits(limits=1):
         found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))
-    result = found.report()
+    result = found.report() | {"findings": list(given.findings)}
     if recording.constants is not None:
         changed = recording.constants.constant * found.robot.torque_gain / model.torque_gain
         result["torque_constants"] = replace(recording.constants, constant=changed).contract()

@@ -11,6 +11,7 @@ from faultgen.cli.app import (
     Folder,
     Json,
     Robot,
+    TrustLog,
     Workers,
     app,
     dataset_to_judge,
@@ -49,6 +50,7 @@ def twin(
         ),
     ] = False,
     seed: Annotated[int, typer.Option(help="Seed of the generated data in the report.")] = 0,
+    trust_log: TrustLog = False,
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
@@ -82,6 +84,7 @@ def twin(
         with_discovery=discovery,
         workers=worker_count(workers),
         seed=seed,
+        trust_log=trust_log,
         say=note,
     )
     if as_json:

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 from faultgen.system.lazy import lazily
 
 if TYPE_CHECKING:
+    from faultgen.discovery.accept import check_recording
     from faultgen.discovery.discover import Discovery, investigate
     from faultgen.discovery.replay.replay import Replay, replay, settled
-    from faultgen.recordings.checks import Finding, check_recording
+    from faultgen.recordings.finding import Finding
     from faultgen.recordings.read import read_recording
     from faultgen.recordings.recording import Recording, write_recording
 
@@ -37,10 +38,10 @@ lazily(
     __name__,
     {
         "Discovery": "faultgen.discovery.discover",
-        "Finding": "faultgen.recordings.checks",
+        "Finding": "faultgen.recordings.finding",
         "Recording": "faultgen.recordings.recording",
         "Replay": "faultgen.discovery.replay.replay",
-        "check_recording": "faultgen.recordings.checks",
+        "check_recording": "faultgen.discovery.accept",
         "investigate": "faultgen.discovery.discover",
         "read_recording": "faultgen.recordings.read",
         "replay": "faultgen.discovery.replay.replay",

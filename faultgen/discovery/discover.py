@@ -62,6 +62,7 @@ from faultgen.robot import Robot
 from faultgen.system.progress import Progress
 
 _LOWEST = 0.9  # cycles per motor turn without a baseline: errors of gravity look like slower waves
+_PAYLOAD = "payload_"  # effects of a payload, which loads the axes before its own as well
 _LESS = 0.8  # noise, over that before effects were known, from which it is estimated again
 
 
@@ -129,9 +130,10 @@ def investigate(
     given = Replay(recording, robot)
     replay = given if baseline is not None else given.on(with_own_links(recording, robot))
     terms = effect_terms(robot, exclude, include) + inertia_terms(robot) + _waves(robot, exclude)
+    terms = _on_used_axes(terms, recording)
     alone = are_alone(replay, terms)
     own = [term for term, is_alone in zip(terms, alone, strict=True) if is_alone]
-    scanned = scanned_terms(robot, exclude)
+    scanned = _on_used_axes(scanned_terms(robot, exclude), recording)
     others = [term for term, is_alone in zip(terms, alone, strict=True) if not is_alone]
     # what is nearly proportional is the same on the given model, and is kept for other recordings
     plays = [term for term in others if _is_play(term)]
@@ -207,6 +209,17 @@ def _waves(robot: Robot, exclude: Collection[str]) -> list[Term]:
         for order in ORDERS
         for axis in range(1, robot.n_axes + 1)
         for term in periodic_terms(robot, name, axis, order)
+    ]
+
+
+def _on_used_axes(terms: Sequence[Term], recording: Recording) -> list[Term]:
+    """The terms without effects of axes that are left out; a payload loads other axes, too."""
+    return [
+        term
+        for term in terms
+        if term.axis not in recording.left_out
+        or not term.is_effect
+        or term.name.startswith(_PAYLOAD)
     ]
 
 

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from faultgen.discovery.accept import accepted, current_signs
 from faultgen.discovery.calibration.motor_current import constants_of, in_torque
 from faultgen.errors import InputError
-from faultgen.recordings.checks import check_recording
 from faultgen.recordings.log_faults import new_faults, repaired
 from faultgen.recordings.read import read_recording
 from faultgen.recordings.recording import OPTIONAL, LogFault, Recording, TorqueConstants, low_passed
@@ -43,6 +43,8 @@ class Given:
     """Torque constants of the first file with motor currents; None if there is none."""
     warnings: list[str]
     """One line for each thing that the user should know."""
+    findings: tuple[str, ...] = ()
+    """Those of them that tell what the tests of the recordings found, with what was corrected."""
     faults: tuple[LogFault, ...] = ()
     """Faults of the log that the healthy recordings do not have."""
 
@@ -52,6 +54,8 @@ def read_together(
     robot: Robot,
     healthy: Sequence[str | Path] = (),
     low_pass: float | None = None,
+    *,
+    trust_log: bool = False,
 ) -> Given:
     """Read recordings of one robot, and the healthy ones of the same motions.
 
@@ -61,6 +65,7 @@ def read_together(
         healthy: Files from before the change, in any order: for each measured file equally many
             of the same motions, or none.
         low_pass: Cut-off frequency [Hz] of a filter, used if there is no reference.
+        trust_log: Whether the files are taken as they are, without tests and corrections.
 
     Returns:
         The recordings.
@@ -69,7 +74,8 @@ def read_together(
         InputError: A file or the cut-off frequency cannot be used, or the files do not belong
             together. The message is one line.
     """
-    found, warnings = read_all([*healthy, *measured], robot, low_pass)
+    read = read_all([*healthy, *measured], robot, low_pass, trust_log=trust_log)
+    found, warnings = read.recordings, read.warnings
     own = found[len(healthy) :]
     check_distinct(own)
     recording, runs = with_healthy(own, found[: len(healthy)])
@@ -85,51 +91,82 @@ def read_together(
     lost = [one.lost for one in (recording, *runs) if one.lost is not None]
     if lost:
         recording = replace(recording, lost=np.any(lost, axis=0))
-    return Given(recording, runs, constants, warnings, new_faults(recording, runs, robot))
+    faults = new_faults(recording, runs, robot)
+    return Given(recording, runs, constants, warnings, read.findings, faults)
+
+
+@dataclass(frozen=True, eq=False)
+class Read:
+    """Recordings that were read one by one."""
+
+    recordings: list[Recording]
+    """In the order of the files."""
+    warnings: list[str]
+    """One line for each thing that the user should know."""
+    findings: tuple[str, ...]
+    """Those of them that the tests found."""
 
 
 def read_all(
-    paths: Sequence[str | Path], robot: Robot, low_pass: float | None = None
-) -> tuple[list[Recording], list[str]]:
-    """Read recordings of one robot, with the torque constants of the first one with currents.
+    paths: Sequence[str | Path],
+    robot: Robot,
+    low_pass: float | None = None,
+    *,
+    trust_log: bool = False,
+    known: Recording | None = None,
+) -> Read:
+    """Read recordings of one robot, and test them together.
+
+    Motor currents are converted with the torque constants of the first recording that has them.
 
     Args:
         paths: The files.
         robot: The model.
         low_pass: Cut-off frequency [Hz] of a filter, used if there is no reference.
+        trust_log: Whether the files are taken as they are, without tests and corrections.
+        known: A recording of the same sensors that was accepted before.
 
     Returns:
-        The recordings in the order of the files, and one line for each warning.
+        The recordings.
 
     Raises:
         InputError: A file or the cut-off frequency cannot be used. The message is one line.
     """
+    if low_pass is not None:
+        check_positive("low-pass", low_pass)
     recordings: list[Recording] = []
     warnings: list[str] = []
-    constants = None
+    constants = None if known is None else known.constants
     for path in paths:
-        one, more = usable(path, robot, low_pass, constants)
+        one, more = _in_torque(path, robot, low_pass, constants, trust_log)
         constants = constants or one.constants
         recordings.append(one)
         warnings += more
-    return recordings, warnings
+    made, findings = accepted(recordings, robot, trust_log=trust_log, known=known)
+    lines = tuple(
+        f"{path}: {finding}"
+        for path, found in zip(paths, findings, strict=True)
+        for finding in found
+    )
+    return Read(made, [*warnings, *lines], lines)
 
 
 def usable(
     path: str | Path,
     robot: Robot,
     low_pass: float | None = None,
-    constants: TorqueConstants | None = None,
+    known: Recording | None = None,
+    *,
+    trust_log: bool = False,
 ) -> tuple[Recording, list[str]]:
-    """Read a recording, and refuse it if a check finds that it cannot be used.
-
-    It is filtered if asked, and motor currents are converted to torque.
+    """Read one recording, and make it usable; see `read_all`.
 
     Args:
         path: The file.
         robot: The model.
         low_pass: Cut-off frequency [Hz] of a filter, used if there is no reference.
-        constants: Torque constants, if it has motor currents. None: they are found from it.
+        known: A recording of the same sensors that was accepted before, if there is one.
+        trust_log: Whether the file is taken as it is, without tests and corrections.
 
     Returns:
         The recording, and one line for each warning.
@@ -137,8 +174,18 @@ def usable(
     Raises:
         InputError: The file or the cut-off frequency cannot be used. The message is one line.
     """
-    if low_pass is not None:
-        check_positive("low-pass", low_pass)
+    read = read_all([path], robot, low_pass, trust_log=trust_log, known=known)
+    return read.recordings[0], read.warnings
+
+
+def _in_torque(
+    path: str | Path,
+    robot: Robot,
+    low_pass: float | None,
+    constants: TorqueConstants | None,
+    trust_log: bool,
+) -> tuple[Recording, list[str]]:
+    """Read a recording; it is filtered if asked, and motor currents are converted to torque."""
     recording = repaired(read_recording(path))
     _check_length(recording)
     recording, found = _with_smooth_reference(recording, robot)
@@ -149,14 +196,16 @@ def usable(
     if recording.current and recording.n_axes == robot.n_axes:
         if constants is None:
             constants = constants_of(recording, robot)
+            turned = np.ones(robot.n_axes)
+            if not trust_log:
+                turned = current_signs(in_torque(recording, robot, constants), robot)
+            if np.any(turned < 0):
+                # with the sign that is corrected below, so that other files get the same constants
+                again = constants_of(replace(recording, torque=recording.torque * turned), robot)
+                constants = replace(again, offset=again.offset * turned)
             found += [str(constants)]
         recording = in_torque(recording, robot, constants)
-    findings = check_recording(recording, robot)
-    for finding in findings:
-        if finding.level == "refuse":
-            where = f"axis {finding.axis}: " if finding.axis else ""
-            raise InputError(f"{path}: {where}{finding.message}")
-    return recording, [*found, *(f"{path}: {finding}" for finding in findings)]
+    return recording, found
 
 
 def _with_smooth_reference(recording: Recording, robot: Robot) -> tuple[Recording, list[str]]:

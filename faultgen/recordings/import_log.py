@@ -82,7 +82,7 @@ def _doubts(recording: Recording) -> Iterator[str]:
             "the map, and whether this is the position of the motor"
         )
     still = [str(k + 1) for k in np.flatnonzero(np.ptp(recording.torque, axis=0) == 0)]
-    for axis, text in torque_doubts(recording):
+    for axis, text, _ in torque_doubts(recording):
         yield f"warning: axis {axis}: {text}"
     if still:
         what = "current" if recording.current else "torque"

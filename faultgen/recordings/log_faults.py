@@ -258,6 +258,8 @@ def _apart(recording: Recording, robot: Robot, axis: int) -> tuple[np.ndarray, f
     """
     position = recording.motor_position(robot)[:, axis]
     values = np.unique(position if recording.lost is None else position[~recording.lost[:, axis]])
+    if not len(values):  # the axis is left out
+        return values, 0.0
     rounding = 1e-6 * max(float(np.abs(values).max()), 1e-12)
     apart = np.diff(values)
     return apart[apart > rounding], rounding

@@ -37,7 +37,9 @@ if TYPE_CHECKING:
 OPTIONAL = ("velocity", "reference_position", "temperature")
 """Arrays that a recording may lack."""
 
-_ARRAYS = ("position", "torque", *OPTIONAL)
+ARRAYS = ("position", "torque", *OPTIONAL)
+"""All arrays that files hold; the samples come first in each."""
+
 _SMOOTHING = 0.06  # window of the derivatives [s]
 _PADDING = 15  # samples that the filter of `low_passed` needs beyond each end
 
@@ -141,6 +143,11 @@ class Recording:
     They hold interpolated values."""
     faults: tuple[LogFault, ...] = ()
     """Faults of the log that were found when it was read."""
+    torque_factor: tuple[float, ...] = ()
+    """Factor with which the logged torque of each axis was multiplied when the recording was
+    accepted; empty before that."""
+    left_out: tuple[int, ...] = ()
+    """Axes, from 1, whose torque is not used. All of their samples are among those `lost`."""
 
     def __repr__(self) -> str:
         """One line; the arrays would fill the screen."""
@@ -335,7 +342,7 @@ def mean_of(recordings: Sequence[Recording]) -> Recording:
         return None if any(one is None for one in arrays) else np.mean(arrays, axis=0)
 
     source = f"mean of {len(recordings)} recordings"
-    return replace(first, source=source, **{name: mean(name) for name in _ARRAYS})  # type: ignore[arg-type]
+    return replace(first, source=source, **{name: mean(name) for name in ARRAYS})  # type: ignore[arg-type]
 
 
 def low_passed(recording: Recording, cut_off: float) -> Recording:
@@ -411,7 +418,7 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     own = {"position", "torque", "velocity"}
     arrays = {
         f"{side}_{name}" if name in own else name: getattr(recording, name)
-        for name in _ARRAYS
+        for name in ARRAYS
         if getattr(recording, name) is not None
     }
     if recording.current:

@@ -1,7 +1,7 @@
 """Recordings whose samples are not evenly spaced in time.
 
-Times that scatter by little are taken as they are. Otherwise everything is interpolated at even
-times, and long gaps begin a new segment:
+Times that scatter by little because they were rounded are taken as even. Otherwise everything is
+interpolated at even times, and long gaps begin a new segment:
 
     even = evened("measured.h5", time, arrays, segments=(0,))
     even.arrays["torque"], even.period, even.notes
@@ -21,6 +21,8 @@ FEWEST = 5
 """Fewest samples that a separate recording may have."""
 
 _UNEVEN = 0.05  # share of the sample period by which times may be off even ones
+_EXACT = 1e-3  # the same share up to which it does not matter why: 4 us at 250 Hz
+_MOST_DIGITS = 9  # decimal places of times that may have been rounded
 _ROUNDING = 1e-6  # share of the sample period below which jitter is that of the numbers
 _CLOSE = 0.2  # share of the sample period below which a sample adds nothing to the one before
 _DIGITS = 3  # of the period of resampled recordings, so that two of one program have the same
@@ -56,7 +58,8 @@ def evened(
         segments: First sample of each separate recording, ascending from 0.
 
     Returns:
-        The arrays, unchanged if the times are even to within 5 % of the period.
+        The arrays, unchanged if the times are even to within 0.1 % of the period, or to within 5 %
+        where rounding to their last decimal place explains the rest.
 
     Raises:
         InputError: The times do not ascend, or too few samples are left.
@@ -77,7 +80,8 @@ def evened(
     median = float(np.median(steps))
     longer = _over_longer(time, parts, median)
     for period in (median, longer):
-        if _off_even(time, parts, period) <= _UNEVEN:
+        off = _off_even(time, parts, period)
+        if off <= _EXACT or off <= _UNEVEN and _scatter(time, parts) <= _last_place(time):
             return Even(dict(arrays), period, tuple(segments), ())
     period = float(f"{longer:.{_DIGITS - 1}e}")
     pieces = [piece for part in parts for piece in _pieces(time, part, period)]
@@ -156,6 +160,27 @@ def _off_even(time: np.ndarray, parts: Sequence[slice], period: float) -> float:
         )
         / period
     )
+
+
+def _scatter(time: np.ndarray, parts: Sequence[slice]) -> float:
+    """Largest distance of a time from a straight line [s]."""
+    found = 0.0
+    for part in parts:
+        number = np.arange(part.stop - part.start)
+        own = time[part] - time[part.start]
+        found = max(
+            found, float(np.abs(own - np.polyval(np.polyfit(number, own, 1), number)).max())
+        )
+    return found
+
+
+def _last_place(time: np.ndarray) -> float:
+    """Size of the last decimal place of the times [s]; 0 if they have too many."""
+    precision = 4 * np.spacing(np.abs(time).max())
+    for digits in range(_MOST_DIGITS + 1):
+        if np.abs(time - np.round(time, digits)).max() <= precision:
+            return float(10.0**-digits)
+    return 0.0
 
 
 def _pieces(time: np.ndarray, part: slice, period: float) -> list[np.ndarray]:

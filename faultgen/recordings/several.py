@@ -66,6 +66,7 @@ def joined(recordings: Sequence[Recording]) -> Recording:
         notes=tuple(note for one in recordings for note in one.notes),
         lost=_all_lost(recordings),
         faults=tuple(fault for one in recordings for fault in one.faults),
+        left_out=tuple(sorted(set.intersection(*(set(one.left_out) for one in recordings)))),
     )
 
 

@@ -1,6 +1,6 @@
 """Torques that are none: a position under another name, samples that were held, no weight.
 
-for axis, text in torque_doubts(recording):
+for axis, text, is_torque in torque_doubts(recording):
     print(axis, text)
 share, error = weight_share(torque, gravity, [inertia, friction], offset=0.01)
 """
@@ -24,20 +24,33 @@ _CERTAIN = 5.0  # standard errors between all weight and none, from which the tw
 _SINGULAR = 1e10  # condition from which gravity cannot be told from the rest: rounding
 
 
-def torque_doubts(recording: Recording) -> list[tuple[int, str]]:
+def torque_doubts(recording: Recording) -> list[tuple[int, str, bool]]:
     """Find torques that look like something else, without a model.
 
     Args:
         recording: The recording.
 
     Returns:
-        Axis, from 1, and what is wrong with its torque.
+        Axis, from 1, what is wrong with its torque, and whether it is a torque nevertheless.
     """
     what = "current" if recording.current else "torque"
     return [
-        *((axis, f"the {what} {text}") for axis, text in _images(recording)),
-        *((axis, f"the {what} {text}") for axis, text in _held(recording)),
+        *((axis, f"the {what} {text}", False) for axis, text in _images(recording)),
+        *((axis, f"the {what} {text}", True) for axis, text in _held(recording)),
     ]
+
+
+def constant_torques(recording: Recording) -> list[int]:
+    """Find the axes that move although their torque never changes.
+
+    Args:
+        recording: The recording.
+
+    Returns:
+        Axes, from 1.
+    """
+    still = np.ptp(recording.torque, axis=0) == 0
+    return (np.flatnonzero(still & (np.ptp(recording.position, axis=0) > 0)) + 1).tolist()
 
 
 def _images(recording: Recording) -> list[tuple[int, str]]:

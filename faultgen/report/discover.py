@@ -57,6 +57,7 @@ def discover(
     prior_scale: float | None = None,
     white_noise: bool = False,
     low_pass: float | None = None,
+    trust_log: bool = False,
     cache: str | Path | None = None,
 ) -> dict[str, Any]:
     """Find the physical effect that a measured robot has and its model lacks.
@@ -85,6 +86,9 @@ def discover(
         low_pass: Cut-off frequency [Hz] of a low-pass filter for recordings without a reference
             position, in which the simulation follows the measured position. With None, they are
             not filtered.
+        trust_log: Whether the recordings are taken as they are. Otherwise signs and units of the
+            log that the recordings show to be wrong are corrected, and axes without a usable
+            torque are left out; each is told in `findings`.
         cache: Folder that keeps simulated sensitivities, so that later calls with recordings of the
             same program, and with the same healthy recording, are faster.
 
@@ -105,8 +109,9 @@ def discover(
         if folder is not None and Path(folder).is_file():
             raise InputError(f"{name}: must be a folder, not the file {folder}")
     model = load_robot(str(robot))
-    given = read_together(_paths(measured), model, _paths(healthy), low_pass)
+    given = read_together(_paths(measured), model, _paths(healthy), low_pass, trust_log=trust_log)
     recording, runs, warnings = given.recording, given.runs, given.warnings
+    findings = list(given.findings)
     model, more = with_limits_of([recording, *runs], model)
     warnings += more
     before = mean_of(runs) if runs else recording
@@ -127,8 +132,9 @@ def discover(
             )
         other = None
         if validate is not None:
-            other, more = usable(validate, model, low_pass, given.constants)
+            other, more = usable(validate, model, low_pass, recording, trust_log=trust_log)
             warnings += more
+            findings += more
         late = no_delays(recording)
         if DELAY not in exclude:
             late = stage("search for delays", lambda: find_delays(recording, model, runs), late)
@@ -163,6 +169,7 @@ def discover(
             except (InputError, SimulationFailed) as error:  # what was found is not lost
                 result["gap"]["validation"] = None
                 warnings.append(f"{validate}: not scored: {error}")
+    result["findings"] = findings
     result["following"] = "; ".join(filter(None, (servo, fitted)))
     result["torque_constants"] = _torque_constants(found)
     if recording.constants is not None and not runs:

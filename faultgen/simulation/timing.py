@@ -53,7 +53,7 @@ def timed(move: Move, path: JointPath, length: float, arm: Arm, where: str) -> t
     torque = motor_torque(arm, ends, np.zeros_like(ends), np.zeros_like(ends))
     if (np.abs(torque) > TORQUE_SHARE * robot.motor_torque_limit).any():
         raise _too_weak(arm, torque, where)
-    joint_speed = robot.motor_velocity_limit / np.abs(robot.gear_ratio)
+    joint_speed = robot.joint_velocity_limit
     s = np.linspace(0, 1, 201)
     slope = np.abs(path(s, 1)).max(axis=0) + 1e-12
     turned = robot.gearing.outputs

@@ -64,6 +64,7 @@ def make_twin(
     with_discovery: bool = False,
     workers: int = 1,
     seed: int = 0,
+    trust_log: bool = False,
     say: Say | None = None,
 ) -> dict[str, Any]:
     """Learn a twin of a robot from healthy recordings of one program.
@@ -75,6 +76,7 @@ def make_twin(
         with_discovery: Whether effects that the model lacks are searched and added.
         workers: Number of processes. The result does not depend on it.
         seed: Seed of the generated data in the report.
+        trust_log: Whether the recordings are taken as they are, without tests and corrections.
         say: Function that is told what happens.
 
     Returns:
@@ -90,7 +92,7 @@ def make_twin(
         raise InputError(f"out: must be a folder, not {out}")
     check_seed(seed)
     model = load_robot(robot)
-    recordings, warnings = _read(healthy, model)
+    recordings, warnings = _read(healthy, model, trust_log)
     model, more = with_limits_of(recordings, model)
     warnings += more
     for warning in warnings:
@@ -105,7 +107,7 @@ def make_twin(
         effects: list[dict[str, Any]] = []
         if with_discovery:
             say("searching for effects that the model lacks")
-            found, effects, verdict = _discovered(mean, found, out, workers)
+            found, effects, verdict = _discovered(mean, found, out, workers, trust_log)
         result: dict[str, Any] = {
             "robot": model.name,
             "recordings": [one.source for one in recordings],
@@ -208,7 +210,9 @@ def furnish(
     return result
 
 
-def _read(healthy: Sequence[str | Path], robot: Robot) -> tuple[list[Recording], list[str]]:
+def _read(
+    healthy: Sequence[str | Path], robot: Robot, trust_log: bool
+) -> tuple[list[Recording], list[str]]:
     """Read recordings of the same motions, with the torque constants of the first one."""
     if robot.gearing.coupled.any():
         axis = int(np.argmax(robot.gearing.coupled)) + 1
@@ -216,12 +220,20 @@ def _read(healthy: Sequence[str | Path], robot: Robot) -> tuple[list[Recording],
             f"robot {robot.name}: gearbox{axis} also turns with another joint; a twin is made of a "
             "robot whose gearboxes turn with their own joint alone"
         )
-    recordings, warnings = read_all(healthy, robot)
+    read = read_all(healthy, robot, trust_log=trust_log)
+    recordings, warnings = read.recordings, read.warnings
     if recordings[0].link:
         raise InputError(
             f"{recordings[0].source}: its torque sensor is behind the gearbox; a twin needs the "
             "torque or current of the motors"
         )
+    for one in recordings:
+        if one.left_out:
+            axes = ", ".join(map(str, one.left_out))
+            raise InputError(
+                f"{one.source}: the torque of axis {axes} cannot be used, and a twin needs that of "
+                "every axis; --trust-log takes the file as it is"
+            )
     recordings = in_step(recordings)
     for other in recordings[1:]:
         check_same_motion(recordings[0], other)
@@ -234,7 +246,7 @@ def _constants(recording: Recording) -> list[dict[str, float]] | None:
 
 
 def _discovered(
-    mean: Recording, robot: Robot, out: Path, workers: int
+    mean: Recording, robot: Robot, out: Path, workers: int, trust_log: bool
 ) -> tuple[Robot, list[dict[str, Any]], str]:
     """The model with what discovery names or learns, its effects and its verdict."""
     folder = out / "discovery"
@@ -243,7 +255,7 @@ def _discovered(
     folder.mkdir(parents=True, exist_ok=True)
     measured = folder / "mean.h5"
     write_recording(mean, measured)
-    found = discover(measured, calibrated, out=folder, workers=workers)
+    found = discover(measured, calibrated, out=folder, workers=workers, trust_log=trust_log)
     effects = [
         {
             "effect": one["effect"],

@@ -147,9 +147,7 @@ def build_stable(
         contain.
     """
     for built in _candidates(problem, fitted, solution):
-        robot = replaying(
-            problem.recording, problem.given.robot, built.changes, measured=problem.replay.measured
-        )
+        robot = replaying(problem.recording, problem.given.robot, built.changes)
         if robot is not None:
             return built, robot, _lacks(problem, built, solution)
     line = "model.xml is the model as it was given: with the effects in it, its simulation diverges"

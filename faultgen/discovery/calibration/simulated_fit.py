@@ -249,26 +249,23 @@ def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
 
 
 def replaying(
-    recording: Recording,
-    robot: Robot,
-    changes: Sequence[tuple[Term, float]],
-    *,
-    measured: bool = True,
+    recording: Recording, robot: Robot, changes: Sequence[tuple[Term, float]]
 ) -> Robot | None:
-    """Put changes into a model, and check that the written model can replay the recording.
+    """Put changes into a model, and check that the written model can move as the robot did.
+
+    Where commanded positions were recorded, the servo of the model has to follow them.
 
     Args:
         recording: The measured data.
         robot: The model.
         changes: Terms and values.
-        measured: Whether the measured positions are followed, as in `Replay`.
 
     Returns:
         The changed model as it is written to a file, or None if it cannot replay the recording.
     """
     try:
         made = changed(robot, changes) if changes else robot
-        torque = Replay(recording, made, measured=measured).torque()
+        torque = Replay(recording, made, measured=recording.reference_position is None).torque()
     except (InputError, SimulationFailed):
         return None
     return made if np.isfinite(torque).all() else None

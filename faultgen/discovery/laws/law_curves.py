@@ -81,7 +81,7 @@ class Curve:
 
 
 class Courses:
-    """The commanded motions of a recording, and what the drives show of a torque on the rotors."""
+    """The motions of a recording, and what the drives show of a torque on the rotors."""
 
     def __init__(self, replay: Replay, inside: np.ndarray) -> None:
         """Prepare the motions.
@@ -92,21 +92,18 @@ class Courses:
         """
         self.replay, self.inside = replay, inside
         recording, robot = replay.recording, replay.robot
-        at = robot.model.actuator_ctrladr[robot.ids("actuator", "drive")]
         step = float(robot.model.opt.timestep)
         self.courses: list[Course] = []
-        """Commanded motion of each separate recording."""
+        """Motion of each separate recording."""
         self._rows: list[np.ndarray] = []
         self._known: dict[tuple[str, int, float], np.ndarray] = {}  # curves share variables
-        for part, control in zip(recording.parts, replay.controls, strict=True):
+        for part, rotors in zip(recording.parts, replay.rotors, strict=True):
             times = np.arange(part.stop - part.start) * recording.sample_period
             temperature = None
             if recording.temperature is not None:
                 temperature = times, recording.temperature[part]
-            self.courses.append(
-                Course(robot, control[:, at], step, temperature, partial(loads, robot))
-            )
-            self._rows.append(np.minimum(np.round(times / step).astype(int), len(control) - 1))
+            self.courses.append(Course(robot, rotors, step, temperature, partial(loads, robot)))
+            self._rows.append(np.minimum(np.round(times / step).astype(int), len(rotors) - 1))
 
     def variable(self, curve: Curve) -> np.ndarray:
         """Compute the variable of a curve at the samples of the recording.

@@ -76,7 +76,7 @@ class AllowedPoses:
         low, high = robot.joint_range.T
         low, high = np.where(np.isfinite(low), low, -free), np.where(np.isfinite(high), high, free)
         width = high - low
-        speed = np.minimum(robot.motor_velocity_limit / np.abs(robot.gear_ratio), width)
+        speed = np.minimum(robot.joint_velocity_limit, width)
         middle = _heights(arm, (low + high) / 2)
         floor = np.minimum(middle, _CLEARANCE) - 1e-6
         if middle.min() < -1e-6:

@@ -8,9 +8,9 @@ the unchanged model:
 
 with the inertia M of the arm at its pose, stiffness K and damping D of the gearboxes, the turns G
 of the gearboxes for one turn of each joint (the unit matrix in most robots), errors u of the
-gearboxes and loads l of the joints. Coriolis terms and the change of gravity with x are left out. The time
-integration is that of Newmark (1959) with constant mean acceleration: it is stable and adds no
-damping. tests/test_formulas.py compares every formula with the simulation.
+gearboxes and loads l of the joints. Coriolis terms and the change of gravity with x are left out.
+The time integration is that of Newmark (1959) with constant mean acceleration: it is stable and
+adds no damping. tests/test_formulas.py compares every formula with the simulation.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from faultgen.discovery.replay.prescribed import STIFFER
 from faultgen.discovery.terms.candidates import INERTIA, Term
 from faultgen.discovery.terms.inertia import slopes_of
 from faultgen.discovery.terms.regressor import link_regressor
@@ -74,6 +75,8 @@ class Formulas:
         self.replay, self.robot = replay, replay.robot
         self._stiffness = self.robot.model.tendon_stiffness[self.robot.ids("tendon", "gearbox")]
         self._damping = self.robot.model.tendon_damping[self.robot.ids("tendon", "gearbox")]
+        if replay.recording.link:
+            self._stiffness, self._damping = STIFFER * self._stiffness, STIFFER**0.5 * self._damping
         self._turns = self.robot.gearing.matrix / self.robot.gear_ratio[:, None]
 
     def columns(self, terms: Sequence[Term]) -> dict[Term, np.ndarray]:
@@ -134,14 +137,23 @@ class Formulas:
         )
 
     def friction(self, name: str, axis: int) -> float:
-        """Coulomb friction ('coulomb') or viscous friction of the model on an axis, motor side."""
+        """Read a parameter of the model's friction, motor side.
+
+        Args:
+            name: 'coulomb' [N m] or 'viscous' [N m s/rad].
+            axis: Axis, from 1.
+        """
         element = self.robot.ids("actuator", "friction")[axis - 1]
         if name == "coulomb":
             return float(self.robot.model.actuator_biasprm[element, COULOMB])
         return float(self.robot.model.actuator_damping[element])
 
     def inertia(self, axis: int) -> float:
-        """Inertia of a rotor [kg m^2]."""
+        """Read the inertia of a rotor [kg m^2].
+
+        Args:
+            axis: Axis, from 1.
+        """
         return float(self.robot.model.dof_M0[self.robot.motors[axis - 1]])
 
     @cached_property

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
 from faultgen.discovery.replay.followed import followed
-from faultgen.discovery.replay.prescribed import TURN, prescribed
+from faultgen.discovery.replay.prescribed import TURN, prescribed, stiffen
 from faultgen.discovery.terms.candidates import INERTIA, Term, applied
 from faultgen.discovery.terms.inertia import apply_inertia
 from faultgen.effects import Applied, get_effect
@@ -73,10 +73,15 @@ class Replay:
         )
         """Measured position, smoothed, or the commanded one; joint side, shape (samples, n_axes),
         without twist of the gearboxes."""
-        if measured:
-            self._rotors = [self._steps(part) for part in recording.parts]
-        else:
-            self.controls = self._controls(self.wanted)
+        at = robot.model.actuator_ctrladr[robot.ids("actuator", "drive")]
+        self.controls = [] if measured else self._controls(self.wanted)
+        self.rotors = (
+            [self._steps(part) for part in recording.parts]
+            if measured
+            else [control[:, at] for control in self.controls]
+        )
+        """Position of the rotors at every step, measured or commanded, of each separate recording;
+        shape (steps, n_axes), in [rad]."""
 
     def _steps(self, part: slice) -> np.ndarray:
         """Rotor position at every step of a separate recording, shape (steps, n_axes), in [rad]."""
@@ -157,7 +162,7 @@ class Replay:
         """
         return [
             prescribed(self.robot, self._plant((), part), rotors)
-            for part, rotors in zip(self.recording.parts, self._rotors, strict=True)
+            for part, rotors in zip(self.recording.parts, self.rotors, strict=True)
         ]
 
     def position(self, changes: Changes = ()) -> np.ndarray:
@@ -190,7 +195,7 @@ class Replay:
                 plant = self._plant(changes, part)
             times = np.arange(part.stop - part.start) * recording.sample_period
             if self.measured:
-                run = prescribed(robot, plant, self._rotors[number])
+                run = prescribed(robot, plant, self.rotors[number])
                 values = getattr(run, channel)
                 every = _whole(recording.sample_period / timestep)
                 values = values[::every]
@@ -246,6 +251,9 @@ class Replay:
     def _plant(self, changes: Changes, part: slice) -> Plant:
         recording, robot = self.recording, self.robot
         spec = robot.spec()
+        if self.measured and recording.link:
+            for axis in range(1, robot.n_axes + 1):
+                stiffen(spec.tendon(f"gearbox{axis}"))
         apply_inertia(spec, robot, [change for change in changes if change[0].name == INERTIA])
         effects = applied(changes)
         temperature = None
@@ -268,7 +276,11 @@ def _whole(steps: float) -> int:
 
 
 def replay(
-    recording: Recording, robot: Robot, effects: Sequence[tuple[str, int, float]] = ()
+    recording: Recording,
+    robot: Robot,
+    effects: Sequence[tuple[str, int, float]] = (),
+    *,
+    measured: bool = True,
 ) -> np.ndarray:
     """Simulate a recorded motion once.
 
@@ -276,6 +288,8 @@ def replay(
         recording: The measured data.
         robot: The model without the effects.
         effects: Effects to put into the model: name, axis from 1, severity.
+        measured: Whether the rotors are on their measured positions. Otherwise the servo of the
+            model follows the commanded ones.
 
     Returns:
         Torque that the robot would have logged, on the recording's side, shape (samples, n_axes),
@@ -287,7 +301,7 @@ def replay(
     """
     changes = [(Term(name, axis, 0.0, 0.0), severity) for name, axis, severity in effects]
     try:
-        return Replay(recording, robot).torque(changes)
+        return Replay(recording, robot, measured=measured).torque(changes)
     except SimulationFailed as error:
         if isinstance(error.__cause__, InputError):  # the caller asked for what cannot be
             raise error.__cause__ from None

@@ -28,7 +28,7 @@ def inertia_terms(robot: Robot) -> list[Term]:
     for link, body in enumerate(inertial_bodies(spec, robot), start=1):
         if body.mass < MASSLESS:
             continue  # nothing that could be scaled; a payload is points then
-        size = _size(body)
+        size = size_of(body.mass, body.inertia, body.ipos)
         for k in range(_COMPONENTS):
             prior_std = 0.5 * LINK_STD if k in _DIAGONAL else LINK_STD
             prior_std = 2 * LINK_STD * size if k in _SHIFT else prior_std
@@ -55,10 +55,19 @@ def inertial_bodies(spec: mujoco.MjSpec, robot: Robot) -> list[mujoco.MjsBody]:
     return bodies if payload is None else [*bodies, payload]
 
 
-def _size(body: mujoco.MjsBody) -> float:
-    """Possible error of a link's centre of mass, divided by the prior standard deviation [m]."""
-    gyration = float(np.sqrt(np.sum(body.inertia) / 2 / max(body.mass, 1e-9)))
-    return max(gyration, float(np.linalg.norm(body.ipos)))
+def size_of(mass: float, inertia: np.ndarray, centre: np.ndarray) -> float:
+    """Compute the size of a link: errors of its centre of mass are stated as a share of it.
+
+    Args:
+        mass: Mass [kg].
+        inertia: Main moments of inertia about the centre of mass, shape (3,), in [kg m^2].
+        centre: Centre of mass in the frame of the link, shape (3,), in [m].
+
+    Returns:
+        The larger of radius of gyration and distance of the centre of mass from the joint [m].
+    """
+    gyration = float(np.sqrt(np.sum(inertia) / 2 / max(mass, 1e-9)))
+    return max(gyration, float(np.linalg.norm(centre)))
 
 
 def apply_inertia(spec: mujoco.MjSpec, robot: Robot, changes: Sequence[tuple[Term, float]]) -> None:

@@ -88,6 +88,24 @@ def link_regressor(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> 
     return _wrench(motion, jacobian).reshape(len(q), n, links * PER_LINK)
 
 
+def gear_regressor(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """Compute the torque of each gearbox for each unit of each inertial parameter.
+
+    It is that of the joints, unless a gearbox also turns with another joint.
+
+    Args:
+        arm: The rigid arm.
+        q: Joint angle, shape (samples, n_axes), in [rad].
+        qd: Joint velocity, same shape, in [rad/s].
+        qdd: Joint acceleration, same shape, in [rad/s^2].
+
+    Returns:
+        Shape (samples, n_axes, 10 bodies), joint side, as from `link_regressor`.
+    """
+    to_gears = arm.robot.gearing.torque(np.eye(arm.robot.n_axes))
+    return np.asarray(np.einsum("sjp,ji->sip", link_regressor(arm, q, qd, qdd), to_gears))
+
+
 def _wrench(motion: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     """Project the Newton-Euler wrench of unit parameters onto the joints.
 
