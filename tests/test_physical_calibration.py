@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from linear import COUNT, written_down
+from linear import COUNT, PARTS, written_down
 from scipy.optimize import minimize
 
 from faultgen.discovery.calibration.calibrate import calibrate
@@ -215,11 +215,12 @@ def test_calibration_in_discovery_does_not_spoil_an_axis(measured, tiny_robot):
     first = build(problem, empty, values)
     size = {t.key: 1 + value for t, value in first.changes if t.is_effect and not t.parameters}
     assert all(1 / 3.01 < size[name, axis] < 3.01 for name in LOW_SPEED for axis in (1, 2))
-    assert against_given(problem, first).worse.tolist() == [True, False]
+    scored = [problem.parts[k] for k in problem.scoring]
+    assert against_given(problem, first.left, scored).worse.tolist() == [True, False]
     kept, _, lines = without_refuted(problem, empty, first, values)
-    assert not against_given(problem, kept).worse.any()
+    assert not against_given(problem, kept.left, scored).worse.any()
     assert lines and lines[0].startswith("axis 1: the ")
-    assert gap(problem, kept.left)[0] < 0.8 * gap(problem, problem.residual)[0]
+    assert gap(problem, kept.left)[0] < 0.9 * gap(problem, problem.residual)[0]  # by axis 2
 
 
 def test_an_axis_that_hardly_moves_stays_physical(tiny_robot, measured, tmp_path):
@@ -272,28 +273,27 @@ def test_a_weak_axis_gets_better_numbers_of_its_drive(measured, tiny_robot, wron
     assert with_choices(held_out, worn, given, {}) is worn
 
 
-def test_numbers_that_other_motions_refute_are_taken_back(tiny_robot):
-    """Only those of the axis on which the error has grown."""
+@pytest.mark.parametrize("kept_for_scoring", [0.5, -1.5])
+def test_numbers_that_other_motions_refute_are_taken_back(kept_for_scoring):
+    """Only those of the axis that becomes worse; the motions of the gap have no say in it."""
     rng = np.random.default_rng(6)
     columns = rng.normal(size=(2, COUNT, 2))
     columns[0, :, 1] = columns[1, :, 0] = 0.0
     terms = [Term("viscous_friction", axis, 0.1, 1.0) for axis in (1, 2)]
-    problem = written_down(terms, columns, 0.5 * columns.sum(axis=0))
+    residual = 0.5 * columns.sum(axis=0)
+    scored, folds = PARTS[-1], written_down(terms, columns, residual).folds
+    for fold in folds[-2:]:
+        residual[fold, 1] *= -1  # there, axis 2 has less friction
+    residual[scored, 1] = kept_for_scoring * columns[1, scored, 1]
+    problem = written_down(terms, columns, residual)
     empty = fit(problem, [])
-    values = np.array([0.5, -1.5])
-    basic, kept, lines = without_refuted(problem, empty, build_of(problem, empty, values), values)
-    np.testing.assert_allclose(kept, [0.5, 0.0])
-    assert [(t.axis, v) for t, v in basic.changes] == [(1, 0.5)]
+    values = simulated_numbers(problem, empty)
+    assert np.all(values > 0.1)
+    basic, kept, lines = without_refuted(problem, empty, build(problem, empty, values), values)
+    np.testing.assert_allclose(kept, [values[0], 0.0])
+    assert [(t.axis, v) for t, v in basic.changes] == [(1, values[0])]
     (line,) = lines
     assert line.startswith("axis 2: the numbers of its drive are used as given")
-
-
-def build_of(problem, empty, values):
-    """A model that has all values, also those that make it worse on the motions for fitting."""
-    made = build(problem, empty, np.zeros_like(values))
-    changes = [(t, v * t.prior_std) for t, v in zip(problem.terms, values, strict=True)]
-    left = problem.residual - problem.change_of_given(changes)
-    return replace(made, changes=changes, left=left, share=1.0)
 
 
 def test_the_documentation_has_the_table_of_spreads():

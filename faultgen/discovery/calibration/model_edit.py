@@ -6,7 +6,7 @@ motion. A recording of other motions is compared with the same model in the same
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,7 +39,12 @@ class Built:
     """Share of the calibrated changes that the model contains."""
 
 
-def simulated_numbers(problem: Problem, fitted: Fit) -> np.ndarray:
+def simulated_numbers(
+    problem: Problem,
+    fitted: Fit,
+    left_out: Collection[int] = (),
+    fixed: np.ndarray | None = None,
+) -> np.ndarray:
     """Calibrate the numbers that a model can contain, by simulation beside a set of effects.
 
     The regression also has terms that no model can contain, such as other forms of friction, and
@@ -50,6 +55,8 @@ def simulated_numbers(problem: Problem, fitted: Fit) -> np.ndarray:
     Args:
         problem: The residual and the terms.
         fitted: The set of effects. Their severities stay as they are.
+        left_out: Numbers of `Problem.folds` that are not fitted.
+        fixed: Terms that stay as they were given, mask of shape (terms,). None: no term.
 
     Returns:
         Value of every term in prior standard deviations, shape (terms,); 0 for the effects of the
@@ -59,6 +66,8 @@ def simulated_numbers(problem: Problem, fitted: Fit) -> np.ndarray:
         return unexplained(problem, fitted)[1]
     scale = np.array([term.prior_std for term in problem.terms])
     usable = _usable(problem, fitted)
+    if fixed is not None:
+        usable &= ~fixed
     bounded = [k for k in np.flatnonzero(usable).tolist() if problem.terms[k].is_effect]
     low, high = np.array([severities(t) for t in problem.terms]).T
     smallest, largest = bounds_of(problem, bounded)
@@ -68,14 +77,15 @@ def simulated_numbers(problem: Problem, fitted: Fit) -> np.ndarray:
     weight = np.ones(len(scale))
     effects = changes_of(problem, fitted)
     best, damping = np.zeros(len(scale)), 0.0
-    left = problem.evidence(problem.residual - fitted.change)
+    kept = [k for k in range(len(problem.folds)) if k not in left_out]
+    left = problem.evidence(problem.residual - fitted.change).only(kept)
     least = float(left.energy.sum())
     for _ in range(_STEPS):
         value = step_of(left, weight, best, damping, (low, high))
         change = problem.change_of_given(effects + _changes(problem, value))
         here = np.inf
         if change is not None:
-            now = problem.evidence(problem.residual - change)
+            now = problem.evidence(problem.residual - change).only(kept)
             here = float(now.energy.sum() + value @ value)
         if not here < least:
             damping = max(10 * damping, 0.1)

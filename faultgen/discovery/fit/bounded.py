@@ -31,11 +31,16 @@ def bounded_minimum(
     if np.all((free >= low) & (free <= high)):
         return np.asarray(free)
     value = np.clip(free, low, high)
-    open_ = np.flatnonzero(high > low)
-    shut = np.setdiff1d(np.arange(len(right)), open_)
-    root = cholesky(precision[np.ix_(open_, open_)])  # P = root' root
-    rest = right[open_] - precision[np.ix_(open_, shut)] @ value[shut]
-    target = solve_triangular(root, rest, trans="T")
-    found = lsq_linear(root, target, (low[open_], high[open_]), method="bvls")
-    value[open_] = found.x
+    loose = np.isinf(low) & np.isinf(high)
+    open_ = np.flatnonzero((high > low) & ~loose)
+    shut, loose = np.flatnonzero(high == low), np.flatnonzero(loose)
+    rest = right - precision[:, shut] @ value[shut]
+    # values without bounds are the best for the others, which leaves a small problem of the others
+    inner = cho_factor(precision[np.ix_(loose, loose)])
+    across = cho_solve(inner, precision[np.ix_(loose, open_)])
+    small = precision[np.ix_(open_, open_)] - precision[np.ix_(open_, loose)] @ across
+    root = cholesky((small + small.T) / 2)  # = root' root
+    target = solve_triangular(root, rest[open_] - across.T @ rest[loose], trans="T")
+    value[open_] = lsq_linear(root, target, (low[open_], high[open_]), method="bvls").x
+    value[loose] = cho_solve(inner, rest[loose]) - across @ value[open_]
     return value
