@@ -179,21 +179,6 @@ def test_friction_of_another_size_stays_physical(measured, tiny_robot):
     assert any("Coulomb friction of axes 1, 2 is" in line for line in found.findings)
 
 
-def test_a_missing_spring_and_ripple_do_not_become_friction(measured, tiny_robot):
-    """A gas spring on axis 2, and ripple of order 8 on both axes."""
-    ripple = [("gravity_spring", 2, 3.0), ("torque_ripple", 1, 0.05), ("torque_ripple", 2, 0.03)]
-    with_order = {"torque_ripple": {"order": 8.0}}
-    recording = measured(ripple, 3, **with_order)
-    found = calibrate(
-        recording, tiny_robot, prior_scales=[1.0, 10.0, 100.0], exclude=["torque_constant"]
-    )
-    assert_physical(tiny_robot, found.robot)
-    ratio = Drives.of(found.robot).coulomb / Drives.of(tiny_robot).coulomb
-    np.testing.assert_allclose(ratio, 1.0, atol=0.15)
-    assert no_axis_is_worse(found)
-    assert found.report()["per_axis"][1]["calibrated"] < found.report()["per_axis"][1]["given"]
-
-
 def test_calibration_in_discovery_does_not_spoil_an_axis(measured, tiny_robot):
     """A spring that is missing on axis 2 and no candidate: links that imitate it spoil axis 1."""
     effects = [("gravity_spring", 2, 3.0), ("torque_ripple", 1, 0.05), ("torque_ripple", 2, 0.03)]
