@@ -258,7 +258,7 @@ def test_a_weak_axis_gets_better_numbers_of_its_drive(measured, tiny_robot, wron
     assert with_choices(held_out, worn, given, {}) is worn
 
 
-@pytest.mark.parametrize("kept_for_scoring", [0.5, -1.5])
+@pytest.mark.parametrize("kept_for_scoring", [0.2, -0.2])
 def test_numbers_that_other_motions_refute_are_taken_back(kept_for_scoring):
     """Only those of the axis that becomes worse; the motions of the gap have no say in it."""
     rng = np.random.default_rng(6)
@@ -266,14 +266,16 @@ def test_numbers_that_other_motions_refute_are_taken_back(kept_for_scoring):
     columns[0, :, 1] = columns[1, :, 0] = 0.0
     terms = [Term("viscous_friction", axis, 0.1, 1.0) for axis in (1, 2)]
     residual = 0.5 * columns.sum(axis=0)
-    scored, folds = PARTS[-1], written_down(terms, columns, residual).folds
-    for fold in folds[-2:]:
-        residual[fold, 1] *= -1  # there, axis 2 has less friction
+    folds = written_down(terms, columns, residual).folds
+    for k, friction in enumerate([1.0, -1.0, 1.0, -1.0, 0.6]):  # others foretell none of them
+        for fold in folds[2 * k : 2 * k + 2]:
+            residual[fold, 1] = friction * columns[1, fold, 1]
+    scored = PARTS[-1]
     residual[scored, 1] = kept_for_scoring * columns[1, scored, 1]
     problem = written_down(terms, columns, residual)
     empty = fit(problem, [])
     values = simulated_numbers(problem, empty)
-    assert np.all(values > 0.1)
+    assert np.all(values != 0)
     basic, kept, lines = without_refuted(problem, empty, build(problem, empty, values), values)
     np.testing.assert_allclose(kept, [values[0], 0.0])
     assert [(t.axis, v) for t, v in basic.changes] == [(1, values[0])]

@@ -44,6 +44,7 @@ def simulated_numbers(
     fitted: Fit,
     left_out: Collection[int] = (),
     fixed: np.ndarray | None = None,
+    start: np.ndarray | None = None,
 ) -> np.ndarray:
     """Calibrate the numbers that a model can contain, by simulation beside a set of effects.
 
@@ -57,6 +58,7 @@ def simulated_numbers(
         fitted: The set of effects. Their severities stay as they are.
         left_out: Numbers of `Problem.folds` that are not fitted.
         fixed: Terms that stay as they were given, mask of shape (terms,). None: no term.
+        start: Values from which the search starts, shape (terms,). None: the given model.
 
     Returns:
         Value of every term in prior standard deviations, shape (terms,); 0 for the effects of the
@@ -76,10 +78,16 @@ def simulated_numbers(
     low, high = np.where(usable, low / scale, 0.0), np.where(usable, high / scale, 0.0)
     weight = np.ones(len(scale))
     effects = changes_of(problem, fitted)
-    best, damping = np.zeros(len(scale)), 0.0
     kept = [k for k in range(len(problem.folds)) if k not in left_out]
+    best, damping = np.zeros(len(scale)), 0.0
     left = problem.evidence(problem.residual - fitted.change).only(kept)
     least = float(left.energy.sum())
+    if start is not None:
+        value = np.clip(start, low, high)
+        change = problem.change_of_given(effects + _changes(problem, value))
+        if change is not None:
+            best, left = value, problem.evidence(problem.residual - change).only(kept)
+            least = float(left.energy.sum() + value @ value)
     for _ in range(_STEPS):
         value = step_of(left, weight, best, damping, (low, high))
         change = problem.change_of_given(effects + _changes(problem, value))

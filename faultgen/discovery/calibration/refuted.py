@@ -18,16 +18,13 @@ from faultgen.discovery.calibration.model_edit import Built, build, simulated_nu
 from faultgen.discovery.fit.fit import Fit
 from faultgen.discovery.fit.gap import gap
 from faultgen.discovery.fit.regression import Problem
-from faultgen.discovery.replay.samples import (
-    each_fifth,
-    for_scoring,
-    samples_of,
-    shows_every_axis,
-)
+from faultgen.discovery.replay.samples import samples_of
 from faultgen.discovery.terms.candidates import INERTIA, PAYLOAD
 
 _ARM = (INERTIA, PAYLOAD, "payload_offset")
 """Terms that act on several axes; all others are numbers of the drive of one axis."""
+
+_GROUPS = 5  # of neighbouring periods, so that each is judged by other motions: a usual number
 
 _KEPT = (
     "the numbers of its drive are",
@@ -57,22 +54,20 @@ def without_refuted(
     Returns:
         The model, the values of shape (terms,), and one line for what was taken back.
     """
-    apart = choosing(problem)
-    parts = [problem.folds[k] for k in apart]
-    inside = problem.inside & samples_of(parts, len(problem.residual))[:, None]
+    inside = problem.inside & problem.samples(problem.fitting)[:, None]
     arm = np.array([t.name in _ARM for t in problem.terms])
     n_axes = problem.residual.shape[1]
     axes = np.array([min(t.axis, n_axes) - 1 for t in problem.terms])  # a payload is one more link
     weak, back, kept = np.zeros(n_axes, bool), np.zeros(len(values), bool), ""
     for more in _KEPT:
-        built = build(problem, empty, simulated_numbers(problem, empty, apart, back))
-        worse = against_given(problem, built.left, parts).worse
+        left = predicted(problem, empty, values, back)
+        worse = against_given(problem, left, problem.folds).worse
         if not worse.any():
             break
         weak, kept = weak | worse, more
         back = (~arm & weak[axes]) | (arm & (more != _KEPT[0])) | (more == _KEPT[-1])
     if not back.all() and (
-        gap(problem, built.left, inside)[0] > gap(problem, problem.residual, inside)[0]
+        gap(problem, left, inside)[0] > gap(problem, problem.residual, inside)[0]
     ):
         weak, kept, back = ~np.zeros_like(weak), _KEPT[-1], ~np.zeros_like(back)
     if not back.any():
@@ -86,18 +81,26 @@ def without_refuted(
     return build(problem, empty, values), values, [line]
 
 
-def choosing(problem: Problem) -> list[int]:
-    """Choose the periods on which the numbers are judged, as `samples.cut` does for the score.
+def predicted(problem: Problem, empty: Fit, values: np.ndarray, back: np.ndarray) -> np.ndarray:
+    """Simulate each group of periods for fitting with numbers that were fitted to the others.
 
     Args:
         problem: The residual and the terms.
+        empty: The empty set of effects.
+        values: Values that were fitted to all of them, shape (terms,), near which to search.
+        back: Terms that stay as given, mask of shape (terms,).
 
     Returns:
-        Numbers of `Problem.folds`: the last fifth, or every fifth if this hardly shows some axis.
+        What is left of the residual, shape (samples, n_axes); outside of the motions for fitting it
+        is the residual itself.
     """
-    last = for_scoring(problem.folds)
-    used = problem.inside & problem.samples(problem.fitting)[:, None]
-    return last if shows_every_axis(problem.folds, last, used) else each_fifth(problem.folds)
+    left, folds = problem.residual.copy(), problem.folds
+    for group in np.array_split(np.arange(len(folds)), _GROUPS):
+        tried = simulated_numbers(problem, empty, group.tolist(), back, values)
+        built = build(problem, empty, tried)
+        rows = samples_of([folds[k] for k in group], len(left))
+        left[rows] = built.left[rows]
+    return left
 
 
 def against_given(problem: Problem, left: np.ndarray, parts: Sequence[slice]) -> Compared:

@@ -40,7 +40,7 @@ def cut(recording: Recording, robot: Robot, used: np.ndarray) -> tuple[list[slic
     """
     parts = blocks(recording, robot)
     scoring = for_scoring(parts)
-    if shows_every_axis(parts, scoring, used):
+    if _shows_every_axis(parts, scoring, used):
         return parts, scoring
     moves = _moves(recording, robot)
     each = -(-robot.n_axes // len(recording.parts))
@@ -49,8 +49,8 @@ def cut(recording: Recording, robot: Robot, used: np.ndarray) -> tuple[list[slic
         for part in recording.parts:
             most = max(1, int(moves[part].sum()) // (_FIFTHS * FEWEST))
             shorter += _cut(part, _FIFTHS * min(finer, most), moves)
-        every_fifth = each_fifth(shorter)
-        if shows_every_axis(shorter, every_fifth, used):
+        every_fifth = list(range(_FIFTHS - 1, len(shorter), _FIFTHS))
+        if _shows_every_axis(shorter, every_fifth, used):
             return shorter, every_fifth
     return parts, scoring
 
@@ -108,19 +108,8 @@ def for_scoring(parts: Sequence[slice]) -> list[int]:
     return list(range(len(parts) - max(1, len(parts) // 5), len(parts)))
 
 
-def each_fifth(parts: Sequence[slice]) -> list[int]:
-    """Every fifth part, from the fifth one; none if there are fewer."""
-    return list(range(_FIFTHS - 1, len(parts), _FIFTHS))
-
-
-def shows_every_axis(parts: Sequence[slice], scoring: Sequence[int], used: np.ndarray) -> bool:
-    """Tell whether both kinds of parts hold enough of the samples at which each axis is compared.
-
-    Args:
-        parts: The parts.
-        scoring: Numbers of those that are kept apart, from 0.
-        used: Samples that are compared, shape (samples, n_axes).
-    """
+def _shows_every_axis(parts: Sequence[slice], scoring: Sequence[int], used: np.ndarray) -> bool:
+    """Whether both kinds of parts hold enough of the samples at which each axis is compared."""
     kept = samples_of([parts[p] for p in scoring], len(used))
     total = used.sum(axis=0)
     compared = total > 0
