@@ -41,6 +41,7 @@ from faultgen.discovery.replay.sensitivities import (
     own_sensitivities,
     sensitivities,
 )
+from faultgen.discovery.replay.suited import suited_replay
 from faultgen.discovery.result import AMBIGUOUS, Answer
 from faultgen.discovery.terms.candidates import (
     HIDDEN_BEHIND_GEARS,
@@ -127,7 +128,7 @@ def investigate(
     baseline = mean_of(runs) if runs else None
     if recording.link:
         exclude = {*exclude, *HIDDEN_BEHIND_GEARS}
-    given = Replay(recording, robot)
+    given = suited_replay(recording, robot)
     replay = given if baseline is not None else given.on(with_own_links(recording, robot))
     terms = effect_terms(robot, exclude, include) + inertia_terms(robot) + _waves(robot, exclude)
     terms = _on_used_axes(terms, recording)
@@ -157,7 +158,8 @@ def investigate(
     terms += plays + discrepancy + own
     residual = recording.torque - given_torque
     if baseline is not None:  # what the model lacked of the robot before
-        residual -= baseline.torque - Replay(baseline, robot).torque()
+        before = Replay(baseline, robot, measured=given.measured)
+        residual -= baseline.torque - before.torque()
     if baseline is not None:
         terms = between_runs(terms)
     elif prior_scale is not None:

@@ -29,6 +29,7 @@ from faultgen.discovery.replay.own_servo import with_own_servo
 from faultgen.discovery.replay.replay import Replay, relative_error
 from faultgen.discovery.replay.samples import counted
 from faultgen.discovery.replay.servo_delay import DELAY, Delays, find_delays, no_delays
+from faultgen.discovery.replay.suited import suited_replay
 from faultgen.discovery.result import NAMED, NONE, PARTLY, UNKNOWN
 from faultgen.discovery.rigid.drives import GAIN
 from faultgen.discovery.terms.candidates import FREE_GAINS, Term, check_names, names_by_use
@@ -165,7 +166,7 @@ def discover(
         if other is not None:
             try:
                 result["gap"]["validation"] = _validation(found, other, given_model, late)
-                warnings += outside(found.laws, Replay(other, model))
+                warnings += outside(found.laws, suited_replay(other, model))
             except (InputError, SimulationFailed) as error:  # what was found is not lost
                 result["gap"]["validation"] = None
                 warnings.append(f"{validate}: not scored: {error}")
@@ -394,7 +395,7 @@ def _validation(
         SimulationFailed: The model diverges on these motions.
     """
     problem = found.problem
-    replay = Replay(validate, given)
+    replay = suited_replay(validate, given)
     full = replay.with_effects([*late.applied(), *(one.applied for one in found.laws)])
     inside = counted(validate, problem.robot, baseline=False)
 

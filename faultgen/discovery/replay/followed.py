@@ -103,7 +103,9 @@ def _with_gearboxes(
         except SimulationFailed:
             return np.inf
         torque = torque if recording.side == "motor" else torque * robot.gear_ratio
-        return _error(recording, differences(recording, trials[k])[0], torque, inside, scaled=False)
+        return unexplained(
+            recording, differences(recording, trials[k])[0], torque, inside, scaled=False
+        )
 
     own, least = first, error(first)
     if first:
@@ -155,13 +157,13 @@ def _smoothed(position: np.ndarray, recording: Recording) -> np.ndarray:
 
 
 def _rigid_error(recording: Recording, arm: Arm, position: np.ndarray, inside: np.ndarray) -> float:
-    """The error of `_error` for a rigid arm."""
+    """The error of `unexplained` for a rigid arm."""
     speed, acceleration = differences(recording, position)
     if recording.link:
         torque = arm.inverse_dynamics(position, speed, acceleration)
     else:
         torque = motor_torque(arm, position, speed, acceleration)
-    return _error(recording, speed, torque, inside, scaled=True)
+    return unexplained(recording, speed, torque, inside, scaled=True)
 
 
 def differences(recording: Recording, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -181,7 +183,7 @@ def differences(recording: Recording, position: np.ndarray) -> tuple[np.ndarray,
     return speed, acceleration
 
 
-def _error(
+def unexplained(
     recording: Recording,
     speeds: np.ndarray,
     torque: np.ndarray,
@@ -189,7 +191,7 @@ def _error(
     *,
     scaled: bool,
 ) -> float:
-    """Mean squared torque that a model leaves, with further friction of any size.
+    """Compute the mean squared torque that a model leaves, with further friction of any size.
 
     It is the geometric mean over the axes, as a share of the squared torque of each.
 
@@ -200,6 +202,9 @@ def _error(
         inside: Samples whose torque is compared, same shape.
         scaled: Whether the torque of each axis may be multiplied by any number, as if masses were
             wrong. A resonance that is far too large could then be scaled down.
+
+    Returns:
+        The mean, without unit; 1 if no axis has enough samples.
     """
     left = []
     for axis in range(speeds.shape[1]):

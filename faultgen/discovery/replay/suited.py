@@ -1,0 +1,46 @@
+"""Whether rotors that follow measured or commanded positions explain a recording better."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from faultgen.discovery.replay.followed import differences, unexplained
+from faultgen.discovery.replay.replay import Replay, settled
+from faultgen.errors import SimulationFailed
+from faultgen.recordings.recording import Recording
+from faultgen.robot import Robot
+
+_CLEARLY = 0.5
+"""Squared torque error on commanded positions, over that on measured ones, up to which the
+commanded ones are used. Assumed: the servo of the model may be another one than that of the robot,
+which the torque error alone does not show."""
+
+
+def suited_replay(recording: Recording, robot: Robot) -> Replay:
+    """Return the replay whose torque is nearer to the recorded one.
+
+    Measured positions need no servo. But their noise, differentiated twice, can be much larger than
+    all that a servo does. This shows in the torque: see `followed.unexplained`.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+
+    Returns:
+        The replay on measured positions, or on commanded ones if they were recorded and explain the
+        torque clearly better.
+    """
+    measured = Replay(recording, robot)
+    if recording.reference_position is None or recording.link:
+        return measured
+    commanded = Replay(recording, robot, measured=False)
+    inside = settled(recording, robot)
+    speed = differences(recording, commanded.wanted)[0]
+
+    def error(replay: Replay) -> float:
+        try:
+            return unexplained(recording, speed, replay.torque(), inside, scaled=False)
+        except SimulationFailed:
+            return np.inf
+
+    return commanded if error(commanded) < _CLEARLY * error(measured) else measured
