@@ -79,6 +79,7 @@ def test_the_minimum_within_bounds_is_no_clipped_one():
         precision, right = root.T @ root, rng.normal(size=4)
         low, high = -rng.uniform(0, 1, 4), rng.uniform(0, 1, 4)
         low[0] = high[0] = 0.1
+        low[1], high[1] = -np.inf, np.inf
         found = bounded_minimum(precision, right, low, high)
         told = minimize(
             lambda x, p=precision, r=right: x @ p @ x / 2 - r @ x,

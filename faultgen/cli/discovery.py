@@ -309,9 +309,9 @@ def calibrate(
         f"torque error on motions that were not fitted: given model {errors['given']}, "
         f"classical identification {errors['classical']}, this model {errors['calibrated']}"
     )
-    for one in found.per_axis:
+    for by_axis in found.per_axis:
         shares = {
-            label: "-" if one[name] is None else f"{100 * one[name]:.1f} %"
+            label: "-" if by_axis[name] is None else f"{100 * by_axis[name]:.1f} %"
             for label, name in (
                 ("given model", "given"),
                 ("classical identification", "classical"),
@@ -319,7 +319,7 @@ def calibrate(
             )
         }
         told = ", ".join(f"{label} {share}" for label, share in shares.items())
-        say(f"  axis {one['axis']}: {told}")
+        say(f"  axis {by_axis['axis']}: {told}")
     say(f"assumed uncertainty of the parameters: {found.prior_scale:g} times the default")
     for one in found.couplings:
         say(f"axes {one.axis - 1} and {one.axis} are coupled: they share friction and inertia")
