@@ -15,6 +15,7 @@ from faultgen.discovery.calibration import calibrate as calibration
 from faultgen.discovery.calibration import simulated_fit
 from faultgen.discovery.calibration.calibrate import calibrate
 from faultgen.discovery.calibration.own_friction import with_own_friction
+from faultgen.discovery.calibration.result import Calibrated
 from faultgen.discovery.calibration.simulated_fit import changed, replaying
 from faultgen.discovery.inputs import usable
 from faultgen.discovery.laws.friction_law import with_friction_law
@@ -185,6 +186,30 @@ def test_the_command_writes_a_calibrated_model(measured, tiny_robot_path, tmp_pa
     friction = before.ids("actuator", "friction")[0]
     coulomb = [one.model.actuator_biasprm[friction, COULOMB] for one in (before, after)]
     assert coulomb[1] / coulomb[0] / after.torque_gain[0] == pytest.approx(1.3, rel=0.1)
+
+
+def test_findings_are_those_of_the_log_and_of_the_calibration(
+    measured, tiny_robot, tiny_robot_path, tmp_path, monkeypatch
+):
+    found = Calibrated(
+        robot=tiny_robot,
+        method="simulated",
+        errors=dict.fromkeys(("given", "classical", "calibrated"), 0.1),
+        prior_scale=1.0,
+        held_out={},
+        values={},
+        parameters={},
+        findings=("axis 2 is unusual",),
+    )
+    module = "faultgen.discovery.calibration.calibrate.calibrate"
+    monkeypatch.setattr(module, lambda *_, **__: found)
+    recording = measured([], 3)
+    write_recording(replace(recording, torque=recording.torque * [-1, 1]), tmp_path / "turned.h5")
+    arguments = ["calibrate", str(tmp_path / "turned.h5"), "--robot", tiny_robot_path]
+    told = CliRunner().invoke(app, [*arguments, "-o", str(tmp_path / "out"), "--json"])
+    assert told.exit_code == 0, told.output
+    kept = json.loads((tmp_path / "out" / "calibration.json").read_text())["findings"]
+    assert len(kept) == 2 and "axis 1" in kept[0] and kept[1] == "axis 2 is unusual"
 
 
 def test_torque_constants_differ_where_the_links_are_known(measured, tiny_robot):

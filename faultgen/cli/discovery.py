@@ -293,7 +293,8 @@ def calibrate(
         note(warning)
     with threadpool_limits(limits=1):
         found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))
-    result = found.report() | {"findings": list(given.findings)}
+    result = found.report()
+    result["findings"] = [*given.findings, *result["findings"]]
     if recording.constants is not None:
         changed = recording.constants.constant * found.robot.torque_gain / model.torque_gain
         result["torque_constants"] = replace(recording.constants, constant=changed).contract()
