@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 
 from faultgen.cli.app import app
 from faultgen.discovery import Replay, write_recording
-from faultgen.discovery.calibration import calibrate as calibration
-from faultgen.discovery.calibration import simulated_fit
+from faultgen.discovery.calibration import freedom, simulated_fit
 from faultgen.discovery.calibration.calibrate import calibrate
 from faultgen.discovery.calibration.own_friction import with_own_friction
 from faultgen.discovery.calibration.result import Calibrated
@@ -328,7 +327,7 @@ def test_the_largest_share_of_the_changes_that_can_be_simulated_is_kept(
         return None if len(asked) <= failing else replaying(recording, robot, changes)
 
     monkeypatch.setattr(simulated_fit, "replaying", sometimes)
-    monkeypatch.setattr(calibration, "fit", lambda *_: Unusable(tiny_robot))
+    monkeypatch.setattr(freedom, "fit", lambda *_: Unusable(tiny_robot))
     recording = measured([("viscous_friction", 2, 0.4)], 3)
     found = calibrate(
         recording, tiny_robot, prior_scales=[10.0], exclude=["torque_constant", "inertia"]

@@ -26,6 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
+from faultgen.discovery.calibration.freedom import physical_model, rank, spreads
 from faultgen.discovery.calibration.held_out import HeldOut, judging
 from faultgen.discovery.calibration.ranges import unphysical
 from faultgen.discovery.calibration.result import (
@@ -46,8 +47,8 @@ from faultgen.discovery.rigid.classical import (
     possible_regression,
 )
 from faultgen.discovery.rigid.drives import GAIN, Drives
-from faultgen.discovery.rigid.physical import Spread, fit
-from faultgen.discovery.terms.candidates import INERTIA, NUMBERS, check_names
+from faultgen.discovery.rigid.physical import fit
+from faultgen.discovery.terms.candidates import NUMBERS, check_names
 from faultgen.effects.coupling import coupled_axes
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.recordings.recording import Recording
@@ -139,7 +140,7 @@ def _calibrated(
     before = errors["given"] if robot is lawful else held_out.error_of(robot)
     with Progress("fitting the physical model", None):
         told = spreads(regression, held_out.fitting, prior_scales, known, exclude)
-        spread, physical, torque = _physical(held_out, told)
+        spread, physical, torque = physical_model(held_out, told)
     torques = {"physical": torque}
     errors["physical"] = held_out.error(torque)
     if not np.isfinite(before) and not np.isfinite(errors["physical"]):
@@ -164,7 +165,7 @@ def _calibrated(
             raise
         errors["simulated"] = np.inf
         lacks.append(f"the fit of the simulation failed: {error}")
-    best = min(reversed(torques), key=lambda name: _rank(held_out, torques[name]))
+    best = min(reversed(torques), key=lambda name: rank(held_out, torques[name]))
     weak = weak_axes(held_out, torques[best], of_given)
     if simulated is not None and best == "simulated":
         tried = simulated.start
@@ -207,43 +208,6 @@ def _calibrated(
     )
 
 
-def _physical(held_out: HeldOut, told: Sequence[Spread]) -> tuple[Spread, Robot, np.ndarray]:
-    """The physical model with the least spread with which no axis is worse than classical.
-
-    Otherwise the one with the fewest such axes, and the smallest error. With it is its torque.
-    Numbers of the drives leave the range of other units of their type only if fewer axes are worse
-    then, or if some axis predicts better beyond its interval and none predicts worse.
-    """
-    near = _least(held_out, told)
-    far = _least(held_out, [replace(spread, far=True) for spread in told])
-    gained = held_out.against(near[-1], far[-1]).worse.any()
-    lost = held_out.against(far[-1], near[-1]).worse.any()
-    better = far[0][0] < near[0][0] or (gained and not lost)
-    return (far if better else near)[1:]
-
-
-def _least(
-    held_out: HeldOut, told: Sequence[Spread]
-) -> tuple[tuple[int, float], Spread, Robot, np.ndarray]:
-    """The first spread with which no axis is worse, or the best: rank, spread, model, torque."""
-    best: tuple[tuple[int, float], Spread, Robot, np.ndarray] | None = None
-    for spread in told:
-        made = fit(held_out.regression, held_out.products, spread).robot
-        torque = held_out.torque_of(made)
-        rank = _rank(held_out, torque)
-        if best is None or rank < best[0]:
-            best = rank, spread, made, torque
-        if rank[0] == 0:
-            break
-    assert best is not None
-    return best
-
-
-def _rank(held_out: HeldOut, torque: np.ndarray) -> tuple[int, float]:
-    """Number of axes on which a torque is worse than by classical identification, and its error."""
-    return int(held_out.against_classical(torque).worse.sum()), held_out.error(torque)
-
-
 def _regression(recording: Recording, robot: Robot, exclude: Collection[str]) -> Regression:
     """The regression, with the couplings of neighbouring axes that the recording requires.
 
@@ -264,56 +228,3 @@ def _regression(recording: Recording, robot: Robot, exclude: Collection[str]) ->
                 regression, error = other, new
                 break
     return regression
-
-
-def spreads(
-    regression: Regression,
-    fitting: Sequence[int],
-    prior_scales: Sequence[float],
-    known: Collection[str],
-    exclude: Collection[str],
-) -> list[Spread]:
-    """Choose how far the physical model may be from the given one, by blocks that were not fitted.
-
-    The first is the least change that predicts as well as any, to within a standard error (Breiman
-    et al. 1984): torque constants stay if they can, and the prior scale is the smallest. Where the
-    links are known and the torque constants are not, the links stay if they can: otherwise links
-    that are a little wrong would take the place of wrong torque constants.
-
-    Args:
-        regression: The regression.
-        fitting: Blocks that may be used.
-        prior_scales: Scales to choose from.
-        known: Numbers that keep their default prior standard deviations.
-        exclude: Numbers that are not changed.
-
-    Returns:
-        The chosen spread, and then wider ones in ascending order.
-    """
-    products = regression.products
-    told = [Spread(scale, known, {*exclude, GAIN}) for scale in sorted(prior_scales)]
-    if GAIN not in exclude:
-        told += [Spread(scale, known, exclude) for scale in sorted(prior_scales)]
-        if INERTIA in known and GAIN not in known:
-            kept = {*exclude, INERTIA}
-            told = [Spread(scale, known, kept) for scale in sorted(prior_scales)] + told
-    if len(fitting) < 2:
-        return told
-
-    every, used = regression.products, products.only(fitting)
-    total = np.maximum(used.torque.sum(axis=0), 1e-300)
-
-    def errors(spread: Spread) -> np.ndarray:
-        """Squared relative error of each block."""
-        start = fit(regression, used, spread)
-        squares = []
-        for left_out in fitting:
-            others = every.only([k for k in fitting if k != left_out])
-            made = fit(regression, others, spread, start)
-            squares.append(np.mean(made.squares(every.only([left_out]))[0] / total))
-        return np.array(squares)
-
-    by_block = np.array([errors(spread) for spread in told])
-    best = by_block[np.argmin(by_block.sum(axis=1))]
-    limit = best.sum() + np.sqrt(len(fitting)) * best.std(ddof=1)
-    return told[int(np.argmax(by_block.sum(axis=1) <= limit)) :]
