@@ -26,6 +26,7 @@ from measured_data import joined
 from scipy.signal import butter, filtfilt
 
 from faultgen.discovery.calibration.calibrate import calibrate
+from faultgen.discovery.calibration.compared import compared
 from faultgen.discovery.inputs import usable
 from faultgen.discovery.laws.friction_law import with_friction_law
 from faultgen.discovery.replay.replay import Replay
@@ -222,18 +223,44 @@ def errors(recording: Recording, torque: np.ndarray) -> np.ndarray:
     Returns:
         Shape (n_axes,), in [%].
     """
-    wrong, all_of_it = np.zeros(recording.n_axes), np.zeros(recording.n_axes)
+    error, measured, use = _judged(recording, torque)
+    wrong = np.sum(np.where(use, error, 0) ** 2, axis=0)
+    return 100 * np.sqrt(wrong / np.sum(np.where(use, measured, 0) ** 2, axis=0))
+
+
+def _judged(recording: Recording, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Error and torque after the filter, and the samples that count, each (samples, n_axes)."""
+    error, measured = np.zeros_like(torque), np.zeros_like(torque)
+    use = np.zeros(torque.shape, bool)
     for part in recording.parts:
-        measured, predicted = (
+        measured[part], predicted = (
             _smooth(x[part], recording.sample_period) for x in (recording.torque, torque)
         )
+        error[part] = measured[part] - predicted
         speed = np.gradient(recording.position[part], recording.sample_period, axis=0)
-        use = np.abs(speed) > MOVING
-        use[: round(START / recording.sample_period)] = False
-        use[len(use) - round(END / recording.sample_period) :] = False
-        wrong += np.sum(np.where(use, measured - predicted, 0) ** 2, axis=0)
-        all_of_it += np.sum(np.where(use, measured, 0) ** 2, axis=0)
-    return 100 * np.sqrt(wrong / all_of_it)
+        moves = np.abs(speed) > MOVING
+        moves[: round(START / recording.sample_period)] = False
+        moves[len(moves) - round(END / recording.sample_period) :] = False
+        use[part] = moves
+    return error, measured, use
+
+
+def against(recording: Recording, torque: np.ndarray, other: np.ndarray) -> list[str]:
+    """95 % interval of the difference of the errors of two predictions, by axis, in [%].
+
+    Args:
+        recording: The measured data.
+        torque: The predicted torque, shape (samples, n_axes).
+        other: Another prediction.
+    """
+    error, measured, use = _judged(recording, torque)
+    size = np.sqrt(np.mean(measured**2, axis=0, where=use))
+    of_other = _judged(recording, other)[0]
+    one = compared(error / size, of_other / size, use, recording.parts, recording.sample_period)
+    return [
+        f"{100 * low:+.1f} to {100 * high:+.1f}{' WORSE' if worse else ''}"
+        for low, high, worse in zip(one.low, one.high, one.worse, strict=True)
+    ]
 
 
 def simulated(recording: Recording, robot: Robot) -> np.ndarray:
@@ -282,9 +309,16 @@ def judge(name: str, data: Path, out: Path, workers: int) -> dict[str, list[floa
     row("classical", _classical(fitted, case.judged, robot, ()))
     if found.couplings:
         row("classical, coupled", _classical(fitted, case.judged, robot, found.couplings))
-    row(f"calibrated ({found.method})", simulated(case.judged, found.robot))
+    torque = simulated(case.judged, found.robot)
+    row(f"calibrated ({found.method})", torque)
+    best = _classical(fitted, case.judged, robot, found.couplings)
+    told = " | ".join(against(case.judged, torque, best))
+    print(f"| {name}, calibrated less classical | | {told} |")
     print(f"{seconds:.0f} s; couplings {found.couplings}; prior scale {found.prior_scale:g}")
     print({key: round(100 * value, 1) for key, value in found.errors.items()}, *found.lacks)
+    for one in found.per_axis:
+        print("not fitted:", one)
+    print(*found.findings, sep="\n")
     found.robot.write(out / f"{name}_calibrated")
     return table
 

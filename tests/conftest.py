@@ -190,10 +190,10 @@ def measured(tiny_robot, tmp_path_factory):
     motion = plan(load_task("tiny", str(path)), tiny_robot)
     control = control_signal(motion, tiny_robot.model.opt.timestep)
 
-    def record(effects, seed):
+    def record(effects, seed, **parameters):
         spec = tiny_robot.spec()
         for name, axis, severity in effects:
-            get_effect(name).apply(spec, axis, severity)
+            get_effect(name).apply(spec, axis, severity, **parameters.get(name, {}))
         (run,) = simulate(tiny_robot, control, [spec.compile()], sample_period=0.004)
         times = np.arange(len(run.motor_torque)) * 0.004
         clean = run.motor_torque

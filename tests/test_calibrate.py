@@ -11,15 +11,15 @@ from typer.testing import CliRunner
 
 from faultgen.cli.app import app
 from faultgen.discovery import Replay, write_recording
-from faultgen.discovery.calibration import calibrate as calibration
-from faultgen.discovery.calibration import simulated_fit
+from faultgen.discovery.calibration import freedom, simulated_fit
 from faultgen.discovery.calibration.calibrate import calibrate
 from faultgen.discovery.calibration.own_friction import with_own_friction
+from faultgen.discovery.calibration.result import Calibrated
 from faultgen.discovery.calibration.simulated_fit import changed, replaying
 from faultgen.discovery.inputs import usable
 from faultgen.discovery.laws.friction_law import with_friction_law
 from faultgen.discovery.rigid.classical import Regression, identify
-from faultgen.discovery.rigid.physical import Drives
+from faultgen.discovery.rigid.drives import Drives
 from faultgen.discovery.terms.candidates import (
     Term,
     applied,
@@ -187,6 +187,30 @@ def test_the_command_writes_a_calibrated_model(measured, tiny_robot_path, tmp_pa
     assert coulomb[1] / coulomb[0] / after.torque_gain[0] == pytest.approx(1.3, rel=0.1)
 
 
+def test_findings_are_those_of_the_log_and_of_the_calibration(
+    measured, tiny_robot, tiny_robot_path, tmp_path, monkeypatch
+):
+    found = Calibrated(
+        robot=tiny_robot,
+        method="simulated",
+        errors=dict.fromkeys(("given", "classical", "calibrated"), 0.1),
+        prior_scale=1.0,
+        held_out={},
+        values={},
+        parameters={},
+        findings=("axis 2 is unusual",),
+    )
+    module = "faultgen.discovery.calibration.calibrate.calibrate"
+    monkeypatch.setattr(module, lambda *_, **__: found)
+    recording = measured([], 3)
+    write_recording(replace(recording, torque=recording.torque * [-1, 1]), tmp_path / "turned.h5")
+    arguments = ["calibrate", str(tmp_path / "turned.h5"), "--robot", tiny_robot_path]
+    told = CliRunner().invoke(app, [*arguments, "-o", str(tmp_path / "out"), "--json"])
+    assert told.exit_code == 0, told.output
+    kept = json.loads((tmp_path / "out" / "calibration.json").read_text())["findings"]
+    assert len(kept) == 2 and "axis 1" in kept[0] and kept[1] == "axis 2 is unusual"
+
+
 def test_torque_constants_differ_where_the_links_are_known(measured, tiny_robot):
     """Links that are 3 % uncertain could take a part of the difference otherwise."""
     recording = measured([], 3)
@@ -303,7 +327,7 @@ def test_the_largest_share_of_the_changes_that_can_be_simulated_is_kept(
         return None if len(asked) <= failing else replaying(recording, robot, changes)
 
     monkeypatch.setattr(simulated_fit, "replaying", sometimes)
-    monkeypatch.setattr(calibration, "fit", lambda *_: Unusable(tiny_robot))
+    monkeypatch.setattr(freedom, "fit", lambda *_: Unusable(tiny_robot))
     recording = measured([("viscous_friction", 2, 0.4)], 3)
     found = calibrate(
         recording, tiny_robot, prior_scales=[10.0], exclude=["torque_constant", "inertia"]

@@ -14,7 +14,8 @@ from faultgen.discovery.rigid.classical import (
     held_out_error,
     identify,
 )
-from faultgen.discovery.rigid.physical import Drives, Spread, fit
+from faultgen.discovery.rigid.drives import Drives
+from faultgen.discovery.rigid.physical import Spread, fit
 from faultgen.discovery.terms.candidates import INERTIA
 from faultgen.discovery.terms.regressor import link_parameters, link_regressor
 from faultgen.effects.coupling import add_coupling_friction

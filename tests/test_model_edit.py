@@ -90,7 +90,7 @@ WAVE = Term("torque_ripple", 1, 0.1, 0.1, (("order", 1.0), ("phase", 0.0)))
     ("term", "value", "found"),
     [
         (FRICTION, 0.1, 0.1),
-        (FRICTION, -0.85, -0.81),  # the smallest severity is -0.9
+        (FRICTION, -0.85, -2 / 3),  # a third of the friction: no less in a robot of this type
         (COUPLING, -0.5, 0.0),  # friction of a coupling is not negative
         (Term("backlash", 1, 1e-4, 1e-2), 1e-3, 0.0),  # a play is there or not
         (WAVE, 0.3, 0.0),
@@ -101,7 +101,7 @@ WAVE = Term("torque_ripple", 1, 0.1, 0.1, (("order", 1.0), ("phase", 0.0)))
     ],
 )
 def test_what_calibration_may_change(columns, term, value, found):
-    """Numbers that every model has, within nine tenths of the bounds of their effects."""
+    """Numbers that every model has, within their range from unit to unit."""
     problem = posed(columns, (EFFECT, replace(term, prior_std=1.0)), (0.5, value))
     solution = simulated_numbers(problem, fit(problem, [(0,)]))
     assert solution == pytest.approx([0.0, found], abs=0.005)

@@ -9,7 +9,7 @@ import pytest
 import faultgen
 from faultgen.discovery import write_recording
 from faultgen.discovery.calibration.own_friction import with_own_friction
-from faultgen.discovery.rigid.physical import Drives
+from faultgen.discovery.rigid.drives import Drives
 from faultgen.robot import load_robot
 
 

@@ -9,7 +9,7 @@ from recorded import record_cycle
 from faultgen.applied import Applied
 from faultgen.discovery.calibration.own_numbers import with_own_links, with_own_numbers
 from faultgen.discovery.replay.replay import Replay, relative_error, settled
-from faultgen.discovery.rigid.physical import Drives
+from faultgen.discovery.rigid.drives import Drives
 
 
 @pytest.fixture(scope="module")

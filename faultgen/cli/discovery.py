@@ -293,13 +293,14 @@ def calibrate(
         note(warning)
     with threadpool_limits(limits=1):
         found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))
-    result = found.report() | {"findings": list(given.findings)}
+    result = found.report()
+    result["findings"] = [*given.findings, *result["findings"]]
     if recording.constants is not None:
         changed = recording.constants.constant * found.robot.torque_gain / model.torque_gain
         result["torque_constants"] = replace(recording.constants, constant=changed).contract()
     found.robot.write(out)
     write_listed(out, "calibration.json", dump(result))
-    for line in found.lacks:
+    for line in (*found.lacks, *found.findings):
         note(line)
     if as_json:
         print_json(result)
@@ -309,6 +310,17 @@ def calibrate(
         f"torque error on motions that were not fitted: given model {errors['given']}, "
         f"classical identification {errors['classical']}, this model {errors['calibrated']}"
     )
+    for by_axis in found.per_axis:
+        shares = {
+            label: "-" if by_axis[name] is None else f"{100 * by_axis[name]:.1f} %"
+            for label, name in (
+                ("given model", "given"),
+                ("classical identification", "classical"),
+                ("this model", "calibrated"),
+            )
+        }
+        told = ", ".join(f"{label} {share}" for label, share in shares.items())
+        say(f"  axis {by_axis['axis']}: {told}")
     say(f"assumed uncertainty of the parameters: {found.prior_scale:g} times the default")
     for one in found.couplings:
         say(f"axes {one.axis - 1} and {one.axis} are coupled: they share friction and inertia")

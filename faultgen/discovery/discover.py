@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from faultgen.discovery.calibration.own_numbers import with_own_links
-from faultgen.discovery.decision.healthy_spread import learned_scales, with_scales
+from faultgen.discovery.decision.healthy_spread import at_bound, learned_scales, with_scales
 from faultgen.discovery.decision.placed import with_places
 from faultgen.discovery.decision.run_to_run import (
     between_axes,
@@ -184,6 +184,7 @@ def investigate(
     if baseline is None and prior_scale is None:
         scales = learned_scales(problem)
         problem = with_scales(problem, scales)
+        notes += at_bound(scales)
     if baseline is not None:
         problem = between_temperatures(problem, baseline)
     apart = differences(runs) if runs else []

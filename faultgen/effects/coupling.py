@@ -7,6 +7,7 @@ import mujoco
 from faultgen.effects.base import Effect
 from faultgen.effects.elements import add_lugre, add_tendon, gear_ratio
 from faultgen.effects.prior import Prior, of_joint_torque
+from faultgen.effects.spreads import SPREADS
 from faultgen.errors import InputError
 from faultgen.robot import (
     BRISTLE_DAMPING,
@@ -66,8 +67,8 @@ EFFECTS = (
         signature="torque on both axes, by the sign of the sum of their speeds",
         element="wrist_coupling{i}, fixed tendon with a passive dcmotor lugre",
         prior=Prior(
-            std=of_joint_torque(1e-4),
-            steps_in_std=100,
+            std=of_joint_torque(SPREADS["wrist_coupling_friction"].std),
+            steps_in_std=1000,
             imitated=True,
             # shafts rub on the sum or on the difference of two speeds, by how the wrist is built
             variants=lambda robot, axis: [{"ratio": 1.0}, {"ratio": -1.0}],

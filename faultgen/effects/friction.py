@@ -18,6 +18,7 @@ import numpy as np
 from faultgen.effects.base import FRACTION, Effect
 from faultgen.effects.elements import ONE_WAY, add_one_way_damper
 from faultgen.effects.prior import Prior, torque_offset_std
+from faultgen.effects.spreads import SPREADS
 from faultgen.robot import COULOMB, OFFSET, STICTION, STRIBECK_VELOCITY, Robot
 
 QUADRATIC_SPEED = 100.0
@@ -204,7 +205,11 @@ EFFECTS = (
         signature="more torque against the motion, the same at every speed",
         element="friction{i}, dcmotor lugre: coulomb and static",
         prior=Prior(
-            std=0.002, steps=(0.1,), group=SPEED_FRICTION, own_axis_only=True, at_motor=True
+            std=SPREADS["friction_wear"].std,
+            steps=(0.1,),
+            group=SPEED_FRICTION,
+            own_axis_only=True,
+            at_motor=True,
         ),
         source="thesis 6.3.1; " + _STRIBECK,
         smallest=-0.9,
@@ -217,7 +222,7 @@ EFFECTS = (
         signature="more torque against the motion, the same at every speed",
         element="friction{i}, dcmotor lugre: coulomb and static by the same torque",
         prior=Prior(
-            std=0.035,
+            std=SPREADS["coulomb_friction"].std,
             steps=(0.1,),
             group=SPEED_FRICTION,
             in_every_model=True,
@@ -235,7 +240,11 @@ EFFECTS = (
         signature="more torque when starting, reversing and creeping",
         element="friction{i}, dcmotor lugre: static",
         prior=Prior(
-            std=0.15, steps=(0.1,), group=SPEED_FRICTION, own_axis_only=True, at_motor=True
+            std=SPREADS["static_friction"].std,
+            steps=(0.1,),
+            group=SPEED_FRICTION,
+            own_axis_only=True,
+            at_motor=True,
         ),
         source=_STRIBECK,
         smallest=-0.9,
@@ -248,7 +257,7 @@ EFFECTS = (
         signature="more torque against the motion, in proportion to speed",
         element="friction{i}, dcmotor damping",
         prior=Prior(
-            std=0.05,
+            std=SPREADS["viscous_friction"].std,
             steps=(0.1,),
             group=SPEED_FRICTION,
             in_every_model=True,
@@ -266,7 +275,11 @@ EFFECTS = (
         signature="more torque against the motion at low speed, about the Stribeck velocity",
         element="friction{i}, dcmotor lugre: Stribeck velocity",
         prior=Prior(
-            std=0.15, steps=(0.3, 2.0), group=SPEED_FRICTION, own_axis_only=True, at_motor=True
+            std=SPREADS["stribeck_velocity"].std,
+            steps=(0.3, 2.0),
+            group=SPEED_FRICTION,
+            own_axis_only=True,
+            at_motor=True,
         ),
         source=_STRIBECK,
         smallest=-0.9,
@@ -279,7 +292,11 @@ EFFECTS = (
         signature="more torque against the motion at high speed, in proportion to its square",
         element="friction{i}, dcmotor damping, second coefficient",
         prior=Prior(
-            std=0.003, steps=(0.1,), group=SPEED_FRICTION, own_axis_only=True, at_motor=True
+            std=SPREADS["quadratic_viscous_friction"].std,
+            steps=(0.1,),
+            group=SPEED_FRICTION,
+            own_axis_only=True,
+            at_motor=True,
         ),
         source="w |w| term of extended friction models; the reference speed is assumed",
         smallest=-1.0,
@@ -291,7 +308,9 @@ EFFECTS = (
         unit="fraction of Coulomb friction, where the motor turns forward",
         signature="more torque against the motion in one direction, none in the other",
         element="friction{i}, dcmotor lugre and cogging without poles",
-        prior=Prior(std=0.003, steps=(0.1,), own_axis_only=True, at_motor=True),
+        prior=Prior(
+            std=SPREADS["friction_asymmetry"].std, steps=(0.1,), own_axis_only=True, at_motor=True
+        ),
         source="direction-dependent friction of the EMPS benchmark (Janot et al. 2019)",
         smallest=-0.9,
         edit=add_asymmetry,
@@ -305,7 +324,7 @@ EFFECTS = (
         prior=Prior(
             use="on request",
             reason="other effects of friction imitate it in most motions",
-            std=0.01,
+            std=SPREADS["viscous_asymmetry"].std,
             steps=(0.1,),
             own_axis_only=True,
             at_motor=True,
@@ -323,7 +342,7 @@ EFFECTS = (
         prior=Prior(
             use="on request",
             reason="the friction law of most models covers low speed already",
-            std=0.01,
+            std=SPREADS["low_speed_friction"].std,
             steps=(0.1,),
             variants=_widths,
             own_axis_only=True,

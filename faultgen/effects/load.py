@@ -14,6 +14,7 @@ from faultgen.effects.base import Effect
 from faultgen.effects.elements import ToldFriction, add_told_friction
 from faultgen.effects.hooks import Moment, Place, Update
 from faultgen.effects.prior import Prior
+from faultgen.effects.spreads import SPREADS
 from faultgen.mjcf.gearbox import Gearbox
 
 
@@ -65,7 +66,13 @@ EFFECTS = (
         unit="fraction of the gearbox's torque, motor side (N m a N m)",
         signature="more torque against the motion where the gearbox carries more",
         element="load_friction{i}, passive dcmotor lugre, told the load between steps",
-        prior=Prior(std=0.0003, steps=(0.03,), imitated=True, own_axis_only=True, at_motor=True),
+        prior=Prior(
+            std=SPREADS["load_friction"].std,
+            steps=(0.03,),
+            imitated=True,
+            own_axis_only=True,
+            at_motor=True,
+        ),
         source="load term of Bittencourt et al. 2010, F_c + 0.023 |load|",
         largest=1.0,
         step=0.03,

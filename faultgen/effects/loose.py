@@ -11,6 +11,7 @@ import numpy as np
 from faultgen.effects.base import Effect, last_axis
 from faultgen.effects.elements import add_tendon
 from faultgen.effects.prior import Prior
+from faultgen.effects.spreads import SPREADS
 from faultgen.effects.structure import MASSLESS, payload_body
 from faultgen.errors import InputError
 
@@ -71,7 +72,7 @@ EFFECTS = (
         "the play",
         element="slide loose_tool_x (y, z) of the payload, tendon springlength (dead band)",
         prior=Prior(
-            std=1e-5,
+            std=SPREADS["loose_tool"].std,
             steps=(1e-4, 5e-4, 2e-3, 8e-3),
             play=True,
             variants=_directions,

@@ -11,6 +11,7 @@ import numpy as np
 from faultgen.effects.base import FRACTION, Effect
 from faultgen.effects.hooks import Place
 from faultgen.effects.prior import Prior
+from faultgen.effects.spreads import SPREADS
 from faultgen.errors import InputError
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ EFFECTS = (
         signature="more torque in proportion to acceleration",
         element="body of motor{i}, inertia",
         prior=Prior(
-            std=0.035,
+            std=SPREADS["rotor_inertia"].std,
             steps=(0.1,),
             in_every_model=True,
             imitated=True,
@@ -111,7 +112,7 @@ EFFECTS = (
         signature="every torque of the axis is larger in the log, by the same factor",
         element="drive{i}, gains and limit; control and log",
         prior=Prior(
-            std=0.002,
+            std=SPREADS["torque_constant"].std,
             steps=(0.05,),
             in_every_model=True,
             imitated=True,

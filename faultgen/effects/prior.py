@@ -1,8 +1,8 @@
 """What discovery assumes about an effect before it has seen any data.
 
 Every effect has such a record. It states whether the effect is a candidate, how large the effect is
-in healthy robots, and with which severities it is probed. The standard deviations are assumed: the
-numbers of a data sheet are off by some per cent, and what a model lacks is small in a new robot.
+in healthy robots, and with which severities it is probed. The standard deviations of the catalogue
+stand in one table with their reasons and sources, `spreads`.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import mujoco
 import numpy as np
 
+from faultgen.effects.spreads import CENTRE, LINKS, SPREADS, TURNED
 from faultgen.errors import InputError
 from faultgen.mjcf.dcmotor import COULOMB, OFFSET
 
@@ -26,12 +27,8 @@ OnAxis: TypeAlias = "Callable[[Robot, int], float]"
 Variants: TypeAlias = "Callable[[Robot, int], Sequence[Mapping[str, Any]]]"
 """Function of a robot and an axis (from 1) that lists sets of parameters."""
 
-LINK_STD = 0.03
-"""How far the mass, size and place of links may be off, as a fraction: assumed."""
-
-_MASTERING = 2e-4  # of an encoder's zero [rad]
-_ACROSS = 3e-4  # of a centre of mass, as seen on healthy development robots [m]
-_TURNED = 0.1  # angle of the payload about the last axis, one with its encoder's zero [rad]
+LINK_STD = SPREADS[LINKS].std
+"""How far the mass, size and place of links may be off, as a fraction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +251,9 @@ def torque_offset_std(robot: Robot, axis: int) -> float:
     """
     friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")[axis - 1]]
     own = friction[OFFSET] * np.sin(friction[OFFSET + 2])
-    return float(np.hypot(of_motor_torque(2e-4)(robot, axis), LINK_STD * own))
+    return float(
+        np.hypot(of_motor_torque(SPREADS["torque_offset"].std)(robot, axis), LINK_STD * own)
+    )
 
 
 def encoder_zero_std(robot: Robot, axis: int) -> float:
@@ -272,10 +271,12 @@ def encoder_zero_std(robot: Robot, axis: int) -> float:
         The angle [rad].
     """
     if axis == robot.n_axes:
-        return _TURNED
+        return SPREADS[TURNED].std
     model = robot.model
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     joint = model.joint(f"joint{axis}").id
     lever = data.subtree_com[model.jnt_bodyid[joint]] - data.xanchor[joint]
-    return float(np.hypot(_MASTERING, _ACROSS / max(float(np.linalg.norm(lever)), _ACROSS)))
+    across = SPREADS[CENTRE].std
+    turned = across / max(float(np.linalg.norm(lever)), across)
+    return float(np.hypot(SPREADS["encoder_offset"].std, turned))

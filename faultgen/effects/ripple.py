@@ -12,6 +12,7 @@ from faultgen.effects.base import Effect
 from faultgen.effects.elements import add_cogging, add_tendon, gear_ratio
 from faultgen.effects.hooks import Place
 from faultgen.effects.prior import Prior, of_gearbox_angle, of_motor_torque
+from faultgen.effects.spreads import SPREADS
 from faultgen.errors import InputError
 
 if TYPE_CHECKING:
@@ -146,7 +147,7 @@ EFFECTS = (
         element="torque_ripple{i}, passive dcmotor with cogging",
         prior=Prior(
             use="periodic",
-            std=of_motor_torque(2e-5),
+            std=of_motor_torque(SPREADS["torque_ripple"].std),
             steps_in_std=1000,
             imitated=True,
             own_axis_only=True,
@@ -165,7 +166,11 @@ EFFECTS = (
         slide_units="m",
         signature="a sine over the motor's angle, strongest where it meets a resonance",
         element="transmission_error{i}, four passive dcmotors with cogging",
-        prior=Prior(use="periodic", std=of_gearbox_angle(2e-5), steps_in_std=1000),
+        prior=Prior(
+            use="periodic",
+            std=of_gearbox_angle(SPREADS["transmission_error"].std),
+            steps_in_std=1000,
+        ),
         source="kinematic error of harmonic drives, 0.3 to 1 arc minute, twice a motor turn",
         largest=0.01,
         step=3e-5,

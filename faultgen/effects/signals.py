@@ -10,6 +10,7 @@ import numpy as np
 from faultgen.effects.base import Effect
 from faultgen.effects.hooks import Place
 from faultgen.effects.prior import Prior, encoder_zero_std
+from faultgen.effects.spreads import SPREADS
 
 if TYPE_CHECKING:
     from faultgen.simulation.cycle import Cycle
@@ -100,7 +101,7 @@ EFFECTS = (
         units="s",
         signature="torque shifts in time: a gap in proportion to the change of torque",
         element="control of drive{i}",
-        prior=Prior(std=6e-4, steps=(2e-3,)),
+        prior=Prior(std=SPREADS["delay"].std, steps=(2e-3,)),
         source="definition",
         largest=0.1,
         smallest=-0.1,

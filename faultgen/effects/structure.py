@@ -14,6 +14,7 @@ from faultgen.effects.base import FRACTION, Effect, last_axis
 from faultgen.effects.base import MASSLESS as MASSLESS
 from faultgen.effects.base import is_loaded as is_loaded
 from faultgen.effects.prior import Prior, of_joint_torque
+from faultgen.effects.spreads import SPREADS
 from faultgen.errors import InputError
 from faultgen.mjcf.edit import add_point
 from faultgen.mjcf.warnings import mujoco_warnings
@@ -165,7 +166,7 @@ EFFECTS = (
         point_largest=_HEAVIEST,
         signature="gravity and inertia on several axes, by the pose",
         element="body payload, or the body of joint{i}: mass, inertia and centre of mass",
-        prior=Prior(std=0.035, steps=(0.1,)),
+        prior=Prior(std=SPREADS["payload_mass"].std, steps=(0.1,)),
         source="definition",
         smallest=-0.9,
         parameters={"x": 0.0, "y": 0.0, "z": 0.0},
@@ -181,7 +182,7 @@ EFFECTS = (
         units="m",
         signature="gravity on the wrist by the tool's orientation",
         element="body payload, or the body of joint{i}: inertial pos",
-        prior=Prior(std=2e-3, steps=(0.02,), imitated=True),
+        prior=Prior(std=SPREADS["payload_offset"].std, steps=(0.02,), imitated=True),
         source="definition",
         largest=2.0,
         smallest=-2.0,
@@ -198,7 +199,12 @@ EFFECTS = (
         slide_units="N/m",
         signature="torque in proportion to the angle of the joint, at all speeds",
         element="joint{i}, stiffness",
-        prior=Prior(std=of_joint_torque(4e-5), steps_in_std=100, imitated=True, own_axis_only=True),
+        prior=Prior(
+            std=of_joint_torque(SPREADS["gravity_spring"].std),
+            steps_in_std=1000,
+            imitated=True,
+            own_axis_only=True,
+        ),
         source="linear spring",
         largest=1e6,
         smallest=-1e6,

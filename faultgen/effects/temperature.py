@@ -15,6 +15,7 @@ import numpy as np
 from faultgen.effects.base import Effect
 from faultgen.effects.hooks import Moment, Place, Temperature, Update, course_of
 from faultgen.effects.prior import Prior
+from faultgen.effects.spreads import SPREADS
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY
 
 _STRIBECK_HEIGHT = (-2.5e-2, 1.6e-3)
@@ -121,7 +122,9 @@ EFFECTS = (
         unit="share of the law, as power of its ratios (1 = the law as published)",
         signature="more viscous friction when cold, more friction at low speed when warm",
         element="friction{i}, dcmotor lugre and damping; between steps where temperature changes",
-        prior=Prior(std=0.005, steps=(0.3,), imitated=True, at_motor=True),
+        prior=Prior(
+            std=SPREADS["temperature_friction"].std, steps=(0.3,), imitated=True, at_motor=True
+        ),
         source="Bittencourt et al. 2010, as in docs/physics.md",
         largest=3.0,
         smallest=-1.0,

@@ -11,6 +11,7 @@ import numpy as np
 
 from faultgen.effects.base import Effect
 from faultgen.effects.prior import Prior
+from faultgen.effects.spreads import SPREADS
 
 REFERENCE_TWIST = 1e-3
 """Twist at which hardening is measured [rad, joint side]: assumed, some 3 arc minutes."""
@@ -64,7 +65,7 @@ EFFECTS = (
         signature="a jump and ringing where the torque of the gearbox changes sign",
         element="gearbox{i}, tendon springlength (dead band)",
         prior=Prior(
-            std=2e-6,
+            std=SPREADS["backlash"].std,
             steps=(2e-5, 3e-4, 2e-3),
             play=True,
             # a play that differs by a fifth meets its gears at clearly other moments
@@ -82,7 +83,7 @@ EFFECTS = (
         unit="fraction of nominal that is lost, below 1",
         signature="lower resonance; more twist, which the motor's encoder hardly sees",
         element="gearbox{i}, tendon stiffness",
-        prior=Prior(std=0.1, steps=(0.02, 0.2), imitated=True),
+        prior=Prior(std=SPREADS["gear_stiffness"].std, steps=(0.02, 0.2), imitated=True),
         source="thesis eq. 6.2a",
         largest=0.95,
         smallest=-4.0,
@@ -95,7 +96,7 @@ EFFECTS = (
         unit=f"fraction of the torque, at a twist of {REFERENCE_TWIST:g} rad",
         signature="resonance rises with load",
         element="gearbox{i}, tendon stiffness, cubic coefficient",
-        prior=Prior(std=1.0, steps=(0.3,)),
+        prior=Prior(std=SPREADS["stiffness_hardening"].std, steps=(0.3,)),
         source="cubic gear stiffness as in Moberg et al.; the reference twist is assumed",
         step=0.3,
         edit=harden,

@@ -31,7 +31,7 @@ from faultgen.discovery.replay.samples import counted
 from faultgen.discovery.replay.servo_delay import DELAY, Delays, find_delays, no_delays
 from faultgen.discovery.replay.suited import suited_replay
 from faultgen.discovery.result import NAMED, NONE, PARTLY, UNKNOWN
-from faultgen.discovery.rigid.physical import GAIN
+from faultgen.discovery.rigid.drives import GAIN
 from faultgen.discovery.terms.candidates import FREE_GAINS, Term, check_names, names_by_use
 from faultgen.effects import EFFECTS, get_effect
 from faultgen.effects.friction import SPEED_FRICTION

@@ -116,7 +116,7 @@ def make_twin(
             "discovery": {"verdict": verdict, "effects": effects},
         }
         result |= furnish(found, recordings, out, seed=seed, say=say)
-    result["warnings"] = [*warnings, *calibrated.lacks]
+    result["warnings"] = [*warnings, *calibrated.lacks, *calibrated.findings]
     result["seconds"] = round(time.monotonic() - started, 1)
     write_listed(out, RESULT, json.dumps(result, indent=1) + "\n")
     return result

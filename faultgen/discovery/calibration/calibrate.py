@@ -11,27 +11,44 @@ Three models are made from two thirds of the recording and judged on the rest:
    better, and changes the model's own numbers (`candidates.NUMBERS`) until its simulation in closed
    loop is as close to the recording as their priors allow.
 
-The better of the last two is made again from the whole recording. Cross-validation chooses how wide
-the priors are: parts of the recording are left out of the fit, and the prior scale that predicts
-them best is used.
+The better of the last two is made again from the whole recording: the one that is worse than
+classical identification on fewer axes (`compared`), and then the one with the smaller error. Axes
+on which it is worse still get other numbers of their drive (`weak_axes`). Cross-validation chooses
+how wide the priors are: parts of the recording are left out of the fit, and the prior scale that
+predicts them best is used.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from faultgen.discovery.calibration.held_out import EQUAL, HeldOut, judging
+from faultgen.discovery.calibration.freedom import physical_model, rank, spreads
+from faultgen.discovery.calibration.held_out import HeldOut, judging
+from faultgen.discovery.calibration.ranges import unphysical
+from faultgen.discovery.calibration.result import (
+    Calibrated,
+    at_bound,
+    per_axis,
+    severities,
+    weaknesses,
+)
 from faultgen.discovery.calibration.simulated_fit import SimulatedFit
+from faultgen.discovery.calibration.weak_axes import repaired, weak_axes, with_choices
 from faultgen.discovery.laws.friction_law import with_friction_law
 from faultgen.discovery.replay.own_servo import with_own_servo
-from faultgen.discovery.rigid.classical import Coupling, Regression, held_out_error
-from faultgen.discovery.rigid.physical import GAIN, NAMES, Drives, Spread, fit
-from faultgen.discovery.terms.candidates import INERTIA, NUMBERS, check_names
+from faultgen.discovery.rigid.classical import (
+    Coupling,
+    Regression,
+    held_out_error,
+    possible_regression,
+)
+from faultgen.discovery.rigid.drives import GAIN, Drives
+from faultgen.discovery.rigid.physical import fit
+from faultgen.discovery.terms.candidates import NUMBERS, check_names
 from faultgen.effects.coupling import coupled_axes
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.recordings.recording import Recording
@@ -43,47 +60,6 @@ PRIOR_SCALES = (1.0, 3.0, 10.0, 30.0, 100.0)
 
 _WHY = "with more of them its simulation diverges on the recorded motion"
 _REQUIRED = 0.7  # share of the error to which a coupling has to reduce it
-
-
-@dataclass(frozen=True, eq=False)
-class Calibrated:
-    """A model whose parameters were fitted to a recording."""
-
-    robot: Robot
-    """The model. A changed torque constant is its `torque_gain`."""
-    method: str
-    """'simulated' or 'physical': which of the two fits the model comes from."""
-    errors: dict[str, float]
-    """Relative RMS torque error on motions that were not fitted, of the model as it was `given`, of
-    `classical` identification, of the `physical` model, of the `simulated` fit, and of the chosen
-    method (`calibrated`)."""
-    prior_scale: float
-    """The chosen scale, as a multiple of the default prior standard deviations."""
-    held_out: dict[float, float]
-    """Mean squared whitened error of the parts that were left out of the fit, by prior scale."""
-    values: dict[str, dict[int, float]]
-    """Severity of each fitted number by name and axis, without the inertias. Friction that the
-    given model lacks has no severity."""
-    parameters: dict[str, list[float]]
-    """Rotor inertia, friction and offset of each axis of the model, motor side, in SI units."""
-    couplings: tuple[Coupling, ...] = ()
-    """Couplings of neighbouring axes that the recording requires and the model now has."""
-    lacks: tuple[str, ...] = ()
-    """One line for each thing that the user should know about the model."""
-
-    def report(self) -> dict[str, Any]:
-        """Return all but the model itself, ready for JSON. What is not finite becomes None."""
-        return {
-            "method": self.method,
-            "errors": {k: v if np.isfinite(v) else None for k, v in self.errors.items()},
-            "prior_scale": self.prior_scale,
-            "held_out": self.held_out,
-            "values": self.values,
-            "parameters": self.parameters,
-            "torque_gain": self.robot.torque_gain.tolist(),
-            "couplings": [asdict(one) for one in self.couplings],
-            "lacks": list(self.lacks),
-        }
 
 
 def calibrate(
@@ -159,18 +135,14 @@ def _calibrated(
     held_out = HeldOut(recording, regression)
     if not held_out.is_possible:
         raise InputError(f"{recording.source}: too little of it moves to fit and judge a model")
-    errors = {"classical": held_out.classical, "given": held_out.error_of(lawful)}
+    of_given = held_out.torque_of(lawful)
+    errors = {"classical": held_out.classical, "given": held_out.error(of_given)}
     before = errors["given"] if robot is lawful else held_out.error_of(robot)
-    spread, physical, errors["physical"] = None, robot, np.inf
     with Progress("fitting the physical model", None):
-        for wider in spreads(regression, held_out.fitting, prior_scales, known, exclude):
-            made = fit(regression, held_out.products, wider).robot
-            error = held_out.error_of(made)
-            if spread is None or error < errors["physical"]:
-                spread, physical, errors["physical"] = wider, made, error
-            if error <= EQUAL * held_out.classical:
-                break
-    assert spread is not None
+        told = spreads(regression, held_out.fitting, prior_scales, known, exclude)
+        spread, physical, torque = physical_model(held_out, told)
+    torques = {"physical": torque}
+    errors["physical"] = held_out.error(torque)
     if not np.isfinite(before) and not np.isfinite(errors["physical"]):
         raise SimulationFailed("the model diverges on the recorded motion")
     lacks: list[str] = []
@@ -186,43 +158,53 @@ def _calibrated(
             workers,
             cache,
         )
-        errors["simulated"] = held_out.error(simulated.predicted())
+        torques["simulated"] = simulated.predicted()
+        errors["simulated"] = held_out.error(torques["simulated"])
     except (InputError, SimulationFailed) as error:
         if not np.isfinite(errors["physical"]):
             raise
         errors["simulated"] = np.inf
         lacks.append(f"the fit of the simulation failed: {error}")
-    best = min(("simulated", "physical"), key=lambda name: errors[name])
+    best = min(reversed(torques), key=lambda name: rank(held_out, torques[name]))
+    weak = weak_axes(held_out, torques[best], of_given)
     if simulated is not None and best == "simulated":
+        tried = simulated.start
         made, share = simulated.model()
         if share < 1:
             lacks.append(f"the model has {share:.0%} of the fitted values: {_WHY}")
     else:
-        made = fit(regression, regression.products, spread).robot
+        tried, made = physical, fit(regression, regression.products, spread).robot
         lacks.append(
             "classical values, turned into links that can exist, predict better than the fit of "
             "the simulation and are used"
         )
         if not np.isfinite(held_out.error_of(made)):
             made = physical
-    errors["calibrated"] = errors[best]
-    if errors["calibrated"] > EQUAL * errors["classical"]:
-        lacks.append(
-            "classical identification predicts better than every model that can be simulated"
-        )
+    torque, choices = repaired(held_out, torques[best], tried, lawful, weak)
+    made = with_choices(held_out, made, lawful, choices)
+    errors["calibrated"] = held_out.error(torque)
+    scale = simulated.prior_scale if simulated is not None and best == "simulated" else spread.scale
+    compared = held_out.against_classical(torque)
+    axes = per_axis(compared, held_out.against(of_given, of_given).error, choices)
     return Calibrated(
         robot=made,
         method=best,
         errors=errors,
-        prior_scale=spread.scale if simulated is None else simulated.prior_scale,
+        prior_scale=scale,
         held_out={} if simulated is None else simulated.held_out,
-        values=_severities(given, made),
+        values=severities(given, made),
         parameters={
             name.replace(" ", "_").lower(): values.tolist()
             for name, values in Drives.of(made).named().items()
         },
         couplings=regression.couplings,
         lacks=tuple(lacks),
+        findings=(
+            *at_bound(scale, prior_scales),
+            *unphysical(given, made),
+            *weaknesses(axes, weak, compared.worse),
+        ),
+        per_axis=axes,
     )
 
 
@@ -232,7 +214,7 @@ def _regression(recording: Recording, robot: Robot, exclude: Collection[str]) ->
     They are judged by blocks that were not fitted, so that a coupling that is not there is not
     found.
     """
-    regression = Regression(recording, robot)
+    regression = possible_regression(recording, robot)
     fitting = [k for k in range(len(regression.parts)) if k not in judging(len(regression.parts))]
     if len(fitting) < 2 or "coulomb_friction" in exclude:
         return regression
@@ -240,80 +222,9 @@ def _regression(recording: Recording, robot: Robot, exclude: Collection[str]) ->
     for axis in coupled_axes(robot.n_axes):
         for ratio in (1.0, -1.0):
             couplings = (*regression.couplings, Coupling(axis, ratio))
-            other = Regression(recording, robot, couplings=couplings)
+            other = Regression(recording, robot, couplings=couplings, scaled=regression.scaled)
             new = held_out_error(other.products.only(fitting))
             if new < _REQUIRED * error:
                 regression, error = other, new
                 break
     return regression
-
-
-def spreads(
-    regression: Regression,
-    fitting: Sequence[int],
-    prior_scales: Sequence[float],
-    known: Collection[str],
-    exclude: Collection[str],
-) -> list[Spread]:
-    """Choose how far the physical model may be from the given one, by blocks that were not fitted.
-
-    The first is the least change that predicts as well as any, to within a standard error (Breiman
-    et al. 1984): torque constants stay if they can, and the prior scale is the smallest. Where the
-    links are known and the torque constants are not, the links stay if they can: otherwise links
-    that are a little wrong would take the place of wrong torque constants.
-
-    Args:
-        regression: The regression.
-        fitting: Blocks that may be used.
-        prior_scales: Scales to choose from.
-        known: Numbers that keep their default prior standard deviations.
-        exclude: Numbers that are not changed.
-
-    Returns:
-        The chosen spread, and then wider ones in ascending order.
-    """
-    products = regression.products
-    told = [Spread(scale, known, {*exclude, GAIN}) for scale in sorted(prior_scales)]
-    if GAIN not in exclude:
-        told += [Spread(scale, known, exclude) for scale in sorted(prior_scales)]
-        if INERTIA in known and GAIN not in known:
-            kept = {*exclude, INERTIA}
-            told = [Spread(scale, known, kept) for scale in sorted(prior_scales)] + told
-    if len(fitting) < 2:
-        return told
-
-    every, used = regression.products, products.only(fitting)
-    total = np.maximum(used.torque.sum(axis=0), 1e-300)
-
-    def errors(spread: Spread) -> np.ndarray:
-        """Squared relative error of each block."""
-        start = fit(regression, used, spread)
-        squares = []
-        for left_out in fitting:
-            others = every.only([k for k in fitting if k != left_out])
-            made = fit(regression, others, spread, start)
-            squares.append(np.mean(made.squares(every.only([left_out]))[0] / total))
-        return np.array(squares)
-
-    by_block = np.array([errors(spread) for spread in told])
-    best = by_block[np.argmin(by_block.sum(axis=1))]
-    limit = best.sum() + np.sqrt(len(fitting)) * best.std(ddof=1)
-    return told[int(np.argmax(by_block.sum(axis=1) <= limit)) :]
-
-
-def _severities(given: Robot, made: Robot) -> dict[str, dict[int, float]]:
-    """By how much each number of a model differs from the given one, in the unit of its effect."""
-    values: dict[str, dict[int, float]] = {}
-    after = Drives.of(made).named()
-    for name, before in Drives.of(given).named().items():
-        if name == "offset":
-            change = before - after[name]
-        else:
-            change = after[name] / np.where(before > 0, before, np.nan) - 1
-        told = {k + 1: float(x) for k, x in enumerate(change) if np.isfinite(x) and x != 0}
-        if told:
-            values[NAMES[name]] = told
-    lost = 1 - made.torque_gain / given.torque_gain
-    if np.any(lost != 0):
-        values[GAIN] = {k + 1: float(x) for k, x in enumerate(lost)}
-    return values

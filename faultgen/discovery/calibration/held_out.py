@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from faultgen.discovery.calibration.compared import Compared, compared
 from faultgen.discovery.replay.replay import Replay, relative_error
 from faultgen.discovery.replay.samples import samples_of
 from faultgen.discovery.rigid.classical import Regression, identify
@@ -63,10 +64,41 @@ class HeldOut:
         return bool(self.products.count.sum() and scored.count.sum())
 
     @cached_property
+    def classical_torque(self) -> np.ndarray:
+        """Torque by classical identification, in the unit of the regression's recording.
+
+        Returns:
+            Shape (samples, n_axes).
+        """
+        return self.regression.torque(identify(self.products))
+
+    @cached_property
     def classical(self) -> float:
         """Relative torque error of classical identification."""
-        torque = self.regression.torque(identify(self.products))
-        return self._error(self.regression.recording, torque)
+        return self._error(self.regression.recording, self.classical_torque)
+
+    def against_classical(self, torque: np.ndarray) -> Compared:
+        """Compare a predicted torque with that of classical identification, axis by axis.
+
+        Args:
+            torque: What was predicted, in the unit of the recording, shape (samples, n_axes).
+        """
+        of_classical = _relative(self.regression.recording, self.classical_torque)
+        return self._compared(torque, of_classical)
+
+    def against(self, torque: np.ndarray, other: np.ndarray) -> Compared:
+        """Compare two predicted torques axis by axis.
+
+        Args:
+            torque: What was predicted, in the unit of the recording, shape (samples, n_axes).
+            other: The same by another model.
+        """
+        return self._compared(torque, _relative(self.recording, other))
+
+    def _compared(self, torque: np.ndarray, other: np.ndarray) -> Compared:
+        parts = [self.regression.parts[k] for k in self.scoring]
+        error = _relative(self.recording, torque)
+        return compared(error, other, self.judged, parts, self.recording.sample_period)
 
     def error(self, torque: np.ndarray) -> float:
         """Compute the relative error of a predicted torque.
@@ -88,13 +120,30 @@ class HeldOut:
         Returns:
             RMS error over RMS torque; infinite if the simulation diverges.
         """
+        return self.error(self.torque_of(model))
+
+    def torque_of(self, model: Robot) -> np.ndarray:
+        """Simulate a model on the recorded motion.
+
+        Args:
+            model: The model.
+
+        Returns:
+            Torque in the unit of the recording, shape (samples, n_axes); not a number if the
+            simulation diverges.
+        """
         try:
-            torque = Replay(self.recording, model).torque()
+            return Replay(self.recording, model).torque()
         except (InputError, SimulationFailed):
-            return float("inf")
-        return self.error(torque)
+            return np.full(self.recording.torque.shape, np.nan)
 
     def _error(self, recording: Recording, torque: np.ndarray) -> float:
         if not np.isfinite(torque).all():
             return float("inf")
         return relative_error((recording.torque - torque) ** 2, recording, self.judged)
+
+
+def _relative(recording: Recording, torque: np.ndarray) -> np.ndarray:
+    """Error of a torque over the RMS torque of its axis, shape (samples, n_axes)."""
+    size = np.sqrt(np.mean(recording.torque**2, axis=0))
+    return np.asarray((recording.torque - torque) / np.where(size > 0, size, np.inf))

@@ -6,11 +6,12 @@ motion. A recording of other motions is compared with the same model in the same
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from faultgen.discovery.calibration.ranges import severities
 from faultgen.discovery.calibration.simulated_fit import SHARES, replaying, step_of
 from faultgen.discovery.fit.fit import Fit, bounds_of, changes_of
 from faultgen.discovery.fit.gap import unexplained
@@ -23,7 +24,6 @@ from faultgen.robot import Robot
 _STEPS = 6  # simulations in which numbers are calibrated
 _SETTLED = 0.01  # share of the misfit that a step has to take off
 _WITHIN = 0.9  # share of the bounds of an effect that a number may reach
-_HELD = 1e12  # weight of the square of a term that stays zero
 _BENT = ("stiffness_hardening",)  # the torque is so far from straight in it that no step finds it
 
 
@@ -39,7 +39,13 @@ class Built:
     """Share of the calibrated changes that the model contains."""
 
 
-def simulated_numbers(problem: Problem, fitted: Fit) -> np.ndarray:
+def simulated_numbers(
+    problem: Problem,
+    fitted: Fit,
+    left_out: Collection[int] = (),
+    fixed: np.ndarray | None = None,
+    start: np.ndarray | None = None,
+) -> np.ndarray:
     """Calibrate the numbers that a model can contain, by simulation beside a set of effects.
 
     The regression also has terms that no model can contain, such as other forms of friction, and
@@ -50,6 +56,9 @@ def simulated_numbers(problem: Problem, fitted: Fit) -> np.ndarray:
     Args:
         problem: The residual and the terms.
         fitted: The set of effects. Their severities stay as they are.
+        left_out: Numbers of `Problem.folds` that are not fitted.
+        fixed: Terms that stay as they were given, mask of shape (terms,). None: no term.
+        start: Values from which the search starts, shape (terms,). None: the given model.
 
     Returns:
         Value of every term in prior standard deviations, shape (terms,); 0 for the effects of the
@@ -59,21 +68,32 @@ def simulated_numbers(problem: Problem, fitted: Fit) -> np.ndarray:
         return unexplained(problem, fitted)[1]
     scale = np.array([term.prior_std for term in problem.terms])
     usable = _usable(problem, fitted)
+    if fixed is not None:
+        usable &= ~fixed
     bounded = [k for k in np.flatnonzero(usable).tolist() if problem.terms[k].is_effect]
-    bounds = np.array([[-np.inf], [np.inf]]) * np.ones(len(scale))
-    bounds[:, bounded] = _WITHIN * np.array(bounds_of(problem, bounded)) / scale[bounded]
-    weight = np.where(usable, 1.0, _HELD)
+    low, high = np.array([severities(t) for t in problem.terms]).T
+    smallest, largest = bounds_of(problem, bounded)
+    low[bounded] = np.maximum(low[bounded], _WITHIN * smallest)
+    high[bounded] = np.minimum(high[bounded], _WITHIN * largest)
+    low, high = np.where(usable, low / scale, 0.0), np.where(usable, high / scale, 0.0)
+    weight = np.ones(len(scale))
     effects = changes_of(problem, fitted)
+    kept = [k for k in range(len(problem.folds)) if k not in left_out]
     best, damping = np.zeros(len(scale)), 0.0
-    left = problem.evidence(problem.residual - fitted.change)
+    left = problem.evidence(problem.residual - fitted.change).only(kept)
     least = float(left.energy.sum())
+    if start is not None:
+        value = np.clip(start, low, high)
+        change = problem.change_of_given(effects + _changes(problem, value))
+        if change is not None:
+            best, left = value, problem.evidence(problem.residual - change).only(kept)
+            least = float(left.energy.sum() + value @ value)
     for _ in range(_STEPS):
-        value = best + step_of(left, weight, best, damping)
-        value = np.clip(np.where(usable, value, 0.0), *bounds)
+        value = step_of(left, weight, best, damping, (low, high))
         change = problem.change_of_given(effects + _changes(problem, value))
         here = np.inf
         if change is not None:
-            now = problem.evidence(problem.residual - change)
+            now = problem.evidence(problem.residual - change).only(kept)
             here = float(now.energy.sum() + value @ value)
         if not here < least:
             damping = max(10 * damping, 0.1)

@@ -19,7 +19,8 @@ import numpy as np
 
 from faultgen.discovery.laws.friction_law import with_friction_law
 from faultgen.discovery.rigid.classical import Regression
-from faultgen.discovery.rigid.physical import GAIN, Drives, Spread, fit
+from faultgen.discovery.rigid.drives import GAIN, Drives
+from faultgen.discovery.rigid.physical import Spread, fit
 from faultgen.discovery.terms.candidates import INERTIA
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
@@ -55,7 +56,7 @@ def constants_of(recording: Recording, robot: Robot) -> TorqueConstants:
         columns = np.stack([current[:, axis], np.ones(len(current))], axis=1)
         slope = abs(float(np.linalg.lstsq(columns, needed[:, axis])[0][0]))
         constant[axis] = slope or 1.0
-    spread = Spread(_WIDE / get_effect(GAIN).prior.std_on(robot, 1), _KNOWN)
+    spread = Spread(_WIDE / get_effect(GAIN).prior.std_on(robot, 1), _KNOWN, far=True)
     offset = np.zeros(robot.n_axes)
     for _ in range(_ROUNDS):
         motor = replace(

@@ -16,8 +16,9 @@ from dataclasses import replace
 import numpy as np
 
 from faultgen.discovery.laws.friction_law import with_friction_law
-from faultgen.discovery.rigid.classical import DRIVE, Regression
-from faultgen.discovery.rigid.physical import GAIN, NAMES, Drives, Physical, Spread, fit
+from faultgen.discovery.rigid.classical import Regression, possible_regression
+from faultgen.discovery.rigid.drives import GAIN, NAMES, Drives, built
+from faultgen.discovery.rigid.physical import Physical, Spread, fit
 from faultgen.discovery.terms.candidates import INERTIA
 from faultgen.recordings.checks import without_friction
 from faultgen.recordings.recording import Recording
@@ -48,7 +49,7 @@ def with_own_friction(
     if recording.link or not (healthy or lacking.any()):  # behind the gearbox nobody sees friction
         return robot, []
     lawful = with_friction_law(robot, recording)
-    regression = Regression(recording, lawful)
+    regression = possible_regression(recording, lawful)
     numbers = range(len(regression.parts))
     fitted = _fitted(regression, numbers)
     ratio = _ratio(regression, fitted)
@@ -61,9 +62,13 @@ def with_own_friction(
     if not own.any():
         return robot, []
     before, after = Drives.of(lawful).named(), fitted.drives.named()
-    drives = Drives(*(np.where(own, after[name], before[name]) for name in DRIVE))
-    drives = replace(drives, inertia=before["rotor inertia"], offset=before["offset"])
-    made = replace(fitted, links=[], gain=np.ones(robot.n_axes), drives=drives).robot
+    drives = replace(
+        Drives.of(lawful),
+        coulomb=np.where(own, after["Coulomb"], before["Coulomb"]),
+        viscous=np.where(own, after["viscous"], before["viscous"]),
+        rise=np.where(own, fitted.drives.rise, Drives.of(lawful).rise),
+    )
+    made = built(lawful, drives)
     lines = [
         f"axis {axis + 1}: friction in the healthy recording is {_rounded(ratio[axis])} times that "
         "of the model and is used instead; severities are relative to it"
@@ -74,7 +79,7 @@ def with_own_friction(
 
 def _fitted(regression: Regression, numbers: Sequence[int]) -> Physical:
     """Friction and offsets identified from some blocks; all else as in the model."""
-    spread = Spread(1.0, exclude=(INERTIA, GAIN, NAMES["rotor inertia"]))
+    spread = Spread(1.0, exclude=(INERTIA, GAIN, NAMES["rotor inertia"]), far=True)
     return fit(regression, regression.products.only(numbers), spread)
 
 

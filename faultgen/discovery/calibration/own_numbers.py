@@ -14,8 +14,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from faultgen.discovery.calibration.held_out import EQUAL, HeldOut
-from faultgen.discovery.rigid.classical import Regression
-from faultgen.discovery.rigid.physical import GAIN, Drives, Physical, Spread, fit
+from faultgen.discovery.rigid.classical import possible_regression
+from faultgen.discovery.rigid.drives import GAIN, Drives
+from faultgen.discovery.rigid.physical import Physical, Spread, fit
 from faultgen.errors import SimulationFailed
 from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot
@@ -82,7 +83,7 @@ def _fitted(recording: Recording, robot: Robot) -> tuple[Physical, float, float]
     if recording.constants is not None:
         return None
     modelled = replace(recording, torque=recording.torque * robot.torque_gain)
-    held_out = HeldOut(recording, Regression(modelled, robot))
+    held_out = HeldOut(recording, possible_regression(modelled, robot))
     if not held_out.is_possible:
         return None
     regression = held_out.regression

@@ -15,12 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
+from faultgen.discovery.calibration.ranges import severities
+from faultgen.discovery.fit.bounded import bounded_minimum
 from faultgen.discovery.fit.evidence import FREE, Evidence
 from faultgen.discovery.fit.fit import differences
 from faultgen.discovery.fit.regression import Problem, plain, pose, with_priors
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import sensitivities
-from faultgen.discovery.rigid.physical import GAIN, edited
+from faultgen.discovery.rigid.drives import GAIN, edited
 from faultgen.discovery.terms.candidates import (
     INERTIA,
     NUMBERS,
@@ -142,10 +144,12 @@ def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[
     scale = np.array([term.prior_std for term in problem.terms])
     weight, value = np.ones(len(scale)), np.zeros(len(scale))
     form = np.array([not (t.is_effect or t.name == INERTIA) for t in problem.terms])
+    low, high = np.array([severities(t) for t in problem.terms]).T / scale
     at = {(t.key, t.parameters): index for index, t in enumerate(problem.terms)}
     for term, severity in start:
         index = at[term.key, term.parameters]
         weight[index], value[index] = FREE, severity / scale[index]
+        low[index], high[index] = -np.inf, np.inf
 
     def simulate(value: np.ndarray) -> np.ndarray | None:
         """Torque of all terms; forms of friction are not simulated."""
@@ -175,27 +179,34 @@ def refined(problem: Problem, start: Sequence[tuple[Term, float]] = ()) -> list[
             damping = max(10 * damping, 0.1)
         if local is None:
             break
-        value = best[1] + step_of(local, weight, best[1], damping)
+        value = step_of(local, weight, best[1], damping, (low, high))
     return _possible(problem, best[1] * scale, form)
 
 
 def step_of(
-    evidence: Evidence, weight: np.ndarray, value: np.ndarray, damping: float
+    evidence: Evidence,
+    weight: np.ndarray,
+    value: np.ndarray,
+    damping: float,
+    bounds: tuple[np.ndarray, np.ndarray],
 ) -> np.ndarray:
-    """Compute a step of Levenberg and Marquardt for values whose prior has mean zero.
+    """Take a step of Levenberg and Marquardt with values whose prior has mean zero.
 
     Args:
         evidence: Inner products with the residual that the values leave.
         weight: Weight of the square of each value, shape (terms,).
         value: The values, in prior standard deviations, shape (terms,).
         damping: Share by which the diagonal is raised.
+        bounds: Lower and upper bounds of the values, shape (terms,) each.
 
     Returns:
-        The step, shape (terms,).
+        The new values, shape (terms,).
     """
     precision = evidence.gram.sum(axis=0) + np.diag(weight)
     precision[np.diag_indices_from(precision)] *= 1 + damping
-    return np.linalg.solve(precision, evidence.right.sum(axis=0) - weight * value)
+    right = evidence.right.sum(axis=0) - weight * value
+    low, high = bounds
+    return np.clip(value + bounded_minimum(precision, right, low - value, high - value), low, high)
 
 
 def _possible(problem: Problem, values: np.ndarray, form: np.ndarray) -> list[tuple[Term, float]]:

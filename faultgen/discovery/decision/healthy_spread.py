@@ -102,6 +102,25 @@ def _learned(problem: Problem, kind_of: Mapping[str, str]) -> dict[str, float]:
     return scales
 
 
+def at_bound(scales: Mapping[str, float]) -> list[str]:
+    """Tell which priors are as wide as they may be.
+
+    Args:
+        scales: From `learned_scales`.
+
+    Returns:
+        One line, or none.
+    """
+    kinds = [kind for kind, scale in scales.items() if scale >= (1 - _DONE) * _LARGEST]
+    if not kinds:
+        return []
+    return [
+        f"{' and '.join(kinds)}: the robot differs from its model by {_LARGEST:g} times as much as "
+        "usual or more, so that effects of this kind can hardly be named; calibrate the model on a "
+        "healthy recording, or state its numbers"
+    ]
+
+
 def with_scales(problem: Problem, scales: Mapping[str, float]) -> Problem:
     """Return the same problem with scaled prior standard deviations.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from faultgen.discovery.calibration.model_edit import build, build_stable, simulated_numbers
+from faultgen.discovery.calibration.refuted import without_refuted
 from faultgen.discovery.decision.certainty import certainty
 from faultgen.discovery.decision.confirmation import confirmed, shared_kinds
 from faultgen.discovery.decision.selection import Choice
@@ -61,10 +62,10 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     base_values = simulated_numbers(problem, empty)
     basic = build(problem, empty, base_values)
     calibrated, given = gap(problem, basic.left), gap(problem, problem.residual)
-    if not problem.baseline and calibrated[0] > given[0]:  # other motions refute the calibration
-        base_values = np.zeros_like(base_values)
-        basic = build(problem, empty, base_values)
-        calibrated = given
+    refuted: list[str] = []
+    if not problem.baseline:
+        basic, base_values, refuted = without_refuted(problem, empty, basic, base_values)
+        calibrated = gap(problem, basic.left)
     kept = confirmed(problem, choice, basic.left, base_values)
     choice, best = kept.choice, kept.choice.best
     left, _ = unexplained(problem, best)
@@ -91,6 +92,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
             "the effects that explain most of what differs are not named, because they make the "
             "error on other motions larger: something else has changed, which resembles them"
         )
+    lacks += refuted
     lacks += [
         f"axis {one.axis}: {one.name} explains most of what differs on the motions for fitting, "
         "but not on the others: something else has changed, which resembles it"

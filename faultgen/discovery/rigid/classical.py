@@ -41,6 +41,10 @@ DRIVE = ("rotor inertia", "Coulomb", "viscous", "offset")
 COUPLING = ("inertia", "Coulomb", "viscous")
 """Parameters of a coupling, joint side: [kg m^2], [N m], [N m s/rad]."""
 
+STATIC = 3.0
+"""Largest static over Coulomb friction that is physical: assumed. The robots of this project have
+1.2 to 2.3; the largest is that of the ABB IRB 6700 after Bittencourt et al. 2010."""
+
 _RANK = 1e-3  # smallest singular value that counts, over the largest: assumed
 _EDGE = 1.0  # time at the ends of a recording that is not used, in periods of the cut-off
 _ROUNDING = 1e-10  # size of a column over the largest below which it is zero
@@ -119,7 +123,9 @@ class Regression:
 
     The columns are the ten parameters of each link (`regressor.link_parameters`), `DRIVE` for each
     axis, and `COUPLING` for each coupling. What else the model has, such as springs, the payload
-    and the rise of friction at low speed, counts as known.
+    and the rise of friction at low speed, counts as known. Where Coulomb friction is far from that
+    of the model, so that this rise would make static friction impossible, the rise is in
+    proportion to it (`possible_regression`).
     """
 
     def __init__(
@@ -129,6 +135,7 @@ class Regression:
         *,
         couplings: Sequence[Coupling] = (),
         cut_off: float = CUT_OFF,
+        scaled: np.ndarray | None = None,
     ) -> None:
         """Compute the inner products of all blocks.
 
@@ -137,11 +144,15 @@ class Regression:
             robot: The model, for the kinematics and the gear ratios.
             couplings: Couplings with columns.
             cut_off: Cut-off frequency of the filters [Hz].
+            scaled: Axes on which static friction keeps its ratio to Coulomb friction, mask of shape
+                (n_axes,). Default: none.
         """
         self.recording = recording
         self.robot = robot
         self.couplings = tuple(couplings)
         self.cut_off = cut_off
+        self.scaled = np.zeros(robot.n_axes, bool) if scaled is None else scaled
+        """Axes on which static friction keeps its ratio to Coulomb friction."""
         self.gearing = robot.gearing.matrix
         self.parts = blocks(recording, robot)
         """Blocks, each a slice of samples."""
@@ -230,7 +241,7 @@ class Regression:
             return columns, (arm - links @ self._nominal) @ to_motor
         speed, acceleration = qd @ self.gearing.T, qdd @ self.gearing.T
         each = np.arange(n)
-        shapes = (acceleration, np.sign(speed), speed, np.ones_like(speed))
+        shapes, rise = self._drives(speed, acceleration)
         for name, shape in zip(DRIVE, shapes, strict=True):
             columns[:, each, self.drive(name)] = shape
         for number, coupling in enumerate(self.couplings):
@@ -243,11 +254,29 @@ class Regression:
                 self.coupling(number), (acceleration @ weight, np.sign(shared), shared), strict=True
             ):
                 columns[..., at] = np.outer(shape, weight)
-        friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")]
+        return columns, (arm - links @ self._nominal) @ to_motor + rise
+
+    def _drives(
+        self, speed: np.ndarray, acceleration: np.ndarray
+    ) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+        """Motor torque for each unit of `DRIVE`, and what friction has beside it at low speed."""
+        friction = self.robot.model.actuator_biasprm[self.robot.ids("actuator", "friction")]
         width = np.where(friction[:, STRIBECK_VELOCITY] > 0, friction[:, STRIBECK_VELOCITY], 1.0)
-        rise = (friction[:, STICTION] - friction[:, COULOMB]) * np.exp(-((speed / width) ** 2))
-        known = (arm - links @ self._nominal) @ to_motor + rise * np.sign(speed)
-        return columns, known
+        curve = np.exp(-((speed / width) ** 2)) * np.sign(speed)
+        coulomb = friction[:, COULOMB]
+        height = friction[:, STICTION] - coulomb
+        share = np.where(self.scaled, height / np.where(self.scaled, coulomb, 1.0), 0.0)
+        shapes = (acceleration, np.sign(speed) + share * curve, speed, np.ones_like(speed))
+        return shapes, np.where(self.scaled, 0.0, height) * curve
+
+    def drive_torque(self) -> np.ndarray:
+        """Compute the motor torque for each unit of the parameters of the drives.
+
+        Returns:
+            In the order of `DRIVE`, shape (DRIVE, samples, n_axes).
+        """
+        _, speed, acceleration = self._motion @ self.gearing.T
+        return np.stack(self._drives(speed, acceleration)[0])
 
     def _products(self) -> Products:
         recording, n = self.recording, self.robot.n_axes
@@ -279,6 +308,34 @@ class Regression:
                     squares[block, axis] += np.sum(torque[use[:, axis], axis] ** 2)
                     count[block, axis] += len(y)
         return Products(gram, right, energy, squares, count)
+
+
+def possible_regression(
+    recording: Recording, robot: Robot, couplings: Sequence[Coupling] = ()
+) -> Regression:
+    """Make a regression whose static friction can exist.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+        couplings: Couplings with columns.
+
+    Returns:
+        The regression. Static friction keeps its ratio to Coulomb friction on axes on which it
+        would be more than `STATIC` times the identified Coulomb friction, and than in the model.
+    """
+    regression = Regression(recording, robot, couplings=couplings)
+    if recording.link:
+        return regression
+    friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")]
+    given, static = friction[:, COULOMB], friction[:, STICTION]
+    own = identify(regression.products)[regression.drive("Coulomb")]
+    most = np.maximum(STATIC, static / np.where(given > 0, given, np.inf))
+    moves = regression.products.count.sum(axis=0) > 0
+    scaled = moves & (given > 0) & (static > given) & (own + static - given > most * own)
+    if not scaled.any():
+        return regression
+    return Regression(recording, robot, couplings=couplings, scaled=scaled)
 
 
 def _inner(recording: Recording, cut_off: float) -> np.ndarray:

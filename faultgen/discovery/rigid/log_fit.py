@@ -21,6 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
+from faultgen.discovery.fit.bounded import bounded_minimum
 from faultgen.discovery.rigid.free_fit import BLOCKS, independent, left_by
 from faultgen.discovery.terms.inertia import size_of
 from faultgen.discovery.terms.regressor import gear_regressor, link_ids
@@ -220,7 +221,8 @@ class LogFit:
         expected[-1] = 1.0
         use = np.ones(count + 4, bool)
         use[:count], use[-1] = links, links and not self.recording.link
-        positive = np.arange(count + 4)[use] > count
+        low = np.where(np.arange(count + 4)[use] > count, 0.0, -np.inf)
+        high = np.full(len(low), np.inf)
         scale, expected = scale[use], expected[use]
         model = np.append(np.zeros(len(gram) - 2), [-float(links), 1 / gain])  # of what is left
         own = np.flatnonzero(use)
@@ -231,7 +233,7 @@ class LogFit:
             weight = given.pieces / noise
             system = weight * inner
             system += (1 + _ROUNDING * np.diag(system).max()) * np.eye(len(own))
-            value = _bounded(system, weight * right + expected, positive)
+            value = bounded_minimum(system, weight * right + expected, low, high)
             error = square - 2 * value @ right + value @ inner @ value
             noise = max(float(error), least)
         distance = float(np.sum((value - expected) ** 2))
@@ -262,20 +264,6 @@ def gear_torque(recording: Recording, robot: Robot) -> np.ndarray:
     if recording.side == "motor":
         return np.asarray(torque * robot.gear_ratio)
     return np.asarray(robot.gearing.torque(torque))
-
-
-def _bounded(system: np.ndarray, right: np.ndarray, positive: np.ndarray) -> np.ndarray:
-    """Solve normal equations, with 0 for parameters that would be negative and must not be."""
-    free = np.ones(len(right), bool)
-    value = np.zeros(len(right))
-    for _ in range(int(positive.sum()) + 1):
-        value[:] = 0.0
-        value[free] = np.linalg.solve(system[np.ix_(free, free)], right[free])
-        wrong = positive & (value < 0)
-        if not wrong.any():
-            break
-        free &= ~wrong
-    return value
 
 
 def _link_errors(arm: Arm, n_axes: int) -> np.ndarray:

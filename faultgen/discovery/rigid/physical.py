@@ -15,10 +15,9 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from functools import cached_property
 
-import mujoco
 import numpy as np
 
-from faultgen.discovery.laws.friction_law import set_bristles
+from faultgen.discovery.fit.bounded import bounded_minimum
 from faultgen.discovery.rigid.classical import (
     DRIVE,
     Products,
@@ -26,10 +25,10 @@ from faultgen.discovery.rigid.classical import (
     axis_weights,
     identify,
 )
+from faultgen.discovery.rigid.drives import GAIN, NAMES, Drives, built
 from faultgen.discovery.terms.candidates import INERTIA, Term
 from faultgen.discovery.terms.inertia import (
     PAIRS,
-    apply_inertia,
     inertia_terms,
     inertial_bodies,
     main_frame,
@@ -38,33 +37,16 @@ from faultgen.discovery.terms.inertia import (
 )
 from faultgen.discovery.terms.regressor import PER_LINK, link_parameters
 from faultgen.effects import get_effect
-from faultgen.effects.coupling import add_coupling_friction
-from faultgen.effects.friction import add_offset
-from faultgen.effects.motor import scale_rotor_inertia
-from faultgen.errors import SimulationFailed, one_line
-from faultgen.mjcf.edit import set_numeric
-from faultgen.mjcf.rotors import nest_rotor
-from faultgen.robot import COULOMB, OFFSET, STICTION, Robot
+from faultgen.effects.spreads import SPREADS
+from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm
-
-NAMES = dict(
-    zip(
-        DRIVE,
-        ("rotor_inertia", "coulomb_friction", "viscous_friction", "torque_offset"),
-        strict=True,
-    )
-)
-"""Effect that changes each parameter of the drives."""
-
-GAIN = "torque_constant"
-"""Effect for which MJCF has no element. The robot's `torque_gain` represents it."""
 
 _LEAST = 1e-3  # smallest rotor inertia, as a share of the given one
 _QUICK = 0.5  # largest time step times frequency of a rotor on its gearbox
 _LOOSE = 30.0  # prior standard deviation of free parameters, in units of their size
 _STIFF = 1e-4  # the same of excluded parameters, in units of their default standard deviation
 _NOTHING = 1e-4  # smallest Coulomb friction, as a share of the RMS torque
-_NEW = 3.0  # growth of friction from which the model's bristles do not fit it any more
+_KNOWN = 0.01  # Coulomb friction over RMS torque from which a model states its friction: assumed
 _STEPS = 100  # of the search at most
 _SETTLED = 1e-5  # share of the misfit that a step has to take off
 
@@ -79,6 +61,9 @@ class Spread:
     """Parameters (`candidates.NUMBERS`) that keep their default prior standard deviation."""
     exclude: Collection[str] = ()
     """Parameters that are not changed."""
+    far: bool = False
+    """Whether numbers of the drives may be further from the model than those of another unit of its
+    type (`SPREADS`)."""
 
     def of(self, name: str, default: float, free: float) -> float:
         """Return the prior standard deviation of a parameter.
@@ -91,43 +76,6 @@ class Spread:
         if name in self.exclude:
             return _STIFF * max(default, 1e-12)
         return default if name in self.known and default > 0 else free
-
-
-@dataclass(frozen=True, eq=False)
-class Drives:
-    """Parameters of the drives as the model has them. Arrays of shape (n_axes,), motor side."""
-
-    inertia: np.ndarray
-    """Inertia of the rotor [kg m^2]."""
-    coulomb: np.ndarray
-    """Coulomb friction [N m]."""
-    viscous: np.ndarray
-    """Viscous friction [N m s/rad]."""
-    offset: np.ndarray
-    """Torque that the motor needs in addition [N m]."""
-
-    @staticmethod
-    def of(robot: Robot) -> Drives:
-        """Read them from a model."""
-        model, friction = robot.model, robot.ids("actuator", "friction")
-        bias = model.actuator_biasprm[friction]
-        constant = bias[:, OFFSET + 1] == 0  # a ripple without poles
-        return Drives(
-            model.dof_M0[list(robot.motors)].copy(),
-            bias[:, COULOMB].copy(),
-            model.actuator_damping[friction].copy(),
-            np.where(constant, -bias[:, OFFSET] * np.sin(bias[:, OFFSET + 2]), 0.0),
-        )
-
-    def named(self) -> dict[str, np.ndarray]:
-        """Return the arrays by the names of `DRIVE`.
-
-        Returns:
-            Arrays of shape (n_axes,).
-        """
-        return dict(
-            zip(DRIVE, (self.inertia, self.coulomb, self.viscous, self.offset), strict=True)
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,52 +113,7 @@ class Physical:
         Raises:
             SimulationFailed: MuJoCo cannot compile it.
         """
-        given, drives = self.given, self.drives
-        spec = given.spec()
-        apply_inertia(spec, given, self.links)
-        before = Drives.of(given)
-        for k in range(given.n_axes):
-            scale_rotor_inertia(spec, k + 1, drives.inertia[k] / before.inertia[k] - 1)
-            friction = spec.actuator(f"friction{k + 1}")
-            friction.biasprm[COULOMB] += drives.coulomb[k] - before.coulomb[k]
-            friction.biasprm[STICTION] += drives.coulomb[k] - before.coulomb[k]
-            friction.damping[0] = drives.viscous[k]
-            if drives.coulomb[k] > _NEW * before.coulomb[k]:  # bristles for another order of size
-                set_bristles(
-                    spec, k + 1, drives.coulomb[k], drives.inertia[k], spec.option.timestep
-                )
-            if drives.offset[k] != before.offset[k]:
-                add_offset(spec, k + 1, before.offset[k] - drives.offset[k])
-        for axis, ratio, (inertia, coulomb, viscous) in self.couplings:
-            add_coupling_friction(spec, axis, coulomb, ratio=ratio)
-            spec.actuators[-1].damping[0] = viscous
-            spec.tendons[-1].armature = inertia
-            nest_rotor(spec, axis)
-        return edited(given, spec, given.torque_gain * self.gain)
-
-
-def edited(robot: Robot, spec: mujoco.MjSpec, torque_gain: np.ndarray) -> Robot:
-    """Compile an edited model, and make a robot of it.
-
-    Args:
-        robot: The robot before the edit.
-        spec: Its specification with the edit. It is changed and compiled.
-        torque_gain: Torque of the motors over the torque that is logged, shape (n_axes,).
-
-    Returns:
-        The robot with the edited model.
-
-    Raises:
-        SimulationFailed: MuJoCo cannot compile it.
-    """
-    if np.any(torque_gain != 1):
-        set_numeric(spec, "torque_gain", torque_gain.tolist())
-    try:
-        spec.compile()
-    except ValueError as error:
-        line = one_line(error)
-        raise SimulationFailed(f"MuJoCo cannot compile the changed model: {line}") from None
-    return robot.edited(spec)
+        return built(self.given, self.drives, self.links, self.couplings, self.gain)
 
 
 class _Links:
@@ -265,11 +168,12 @@ def fit(
     first, last = len(links.nominal), regression.size
     count = len(links.terms)
     centre, std = np.zeros(count + last - first + n), np.empty(count + last - first + n)
-    low = np.full(len(std), -np.inf)
+    low, high = np.full(len(std), -np.inf), np.full(len(std), np.inf)
     scale = spread.of(INERTIA, 1.0, spread.scale)
     std[:count] = [scale * term.prior_std for term in links.terms]
     lightest = np.minimum(np.maximum(_LEAST * before.inertia, _lightest(robot)), before.inertia)
     speed = np.sqrt(np.einsum("baii->ai", products.gram).T / samples)  # RMS of each column
+    known = before.coulomb > _KNOWN * rms
     for name, value in before.named().items():
         columns = regression.drive(name)
         at = columns - first + count
@@ -283,6 +187,9 @@ def fit(
             centre[at[k]], std[at[k]] = size, spread.of(effect.name, default, free)
             least = {"rotor inertia": lightest[k], "Coulomb": _NOTHING * rms[k], "offset": -np.inf}
             low[at[k]] = least.get(name, 0.0)
+            factor = SPREADS[effect.name].factor
+            if not spread.far and factor and size > 0 and (name == "rotor inertia" or known[k]):
+                low[at[k]], high[at[k]] = max(low[at[k]], size / factor), size * factor
     for number, coupling in enumerate(regression.couplings):
         columns = regression.coupling(number)
         at = columns - first + count
@@ -317,13 +224,16 @@ def fit(
         return total, gradient, matrix
 
     begin = centre if start is None else _unknowns(start)
-    unknown = std * _bounded(cost, np.maximum(begin, low) / std, low / std)
+    unknown = std * _bounded(cost, begin / std, low / std, high / std)
     own, _ = links.parameters(unknown[:count])
     value = np.concatenate([own, unknown[count:-n]])
+    inertia, coulomb, viscous, offset = (value[regression.drive(name)] for name in DRIVE)
+    scaled = regression.scaled
+    rise = before.rise * np.where(scaled, coulomb / np.where(scaled, before.coulomb, 1.0), 1.0)
     return Physical(
         given=robot,
         links=list(zip(links.terms, unknown[:count].tolist(), strict=True)),
-        drives=Drives(*(value[regression.drive(name)] for name in DRIVE)),
+        drives=Drives(inertia, coulomb, viscous, offset, rise),
         couplings=[
             (coupling.axis, coupling.ratio, value[regression.coupling(number)])
             for number, coupling in enumerate(regression.couplings)
@@ -353,17 +263,15 @@ def _bounded(
     cost: Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]],
     begin: np.ndarray,
     low: np.ndarray,
+    high: np.ndarray,
 ) -> np.ndarray:
-    """Minimise a sum of squares above lower bounds (Levenberg and Marquardt, projected)."""
-    at, damping = begin, 1e-3
+    """Minimise a sum of squares within bounds (Levenberg and Marquardt)."""
+    at, damping = np.clip(begin, low, high), 1e-3
     total, gradient, matrix = cost(at)
     for _ in range(_STEPS):
-        free = ~((at <= low) & (gradient > 0))
-        system = matrix[np.ix_(free, free)].copy()
+        system = matrix.copy()
         system[np.diag_indices_from(system)] *= 1 + damping
-        step = np.zeros_like(at)
-        step[free] = -np.linalg.solve(system, gradient[free])
-        new = np.maximum(at + step, low)
+        new = np.clip(at + bounded_minimum(system, -gradient, low - at, high - at), low, high)
         told = cost(new)
         if told[0] > total:
             damping = 10 * damping
