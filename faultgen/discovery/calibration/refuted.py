@@ -3,8 +3,8 @@
     basic, values, lines = without_refuted(problem, empty, basic, values)
 
 The motions that are kept for scoring have no say in this, so that the gap is measured on motions
-that chose nothing here. Instead, the numbers are fitted once more without every third period of the
-motions for fitting, and these periods judge them.
+that chose nothing here. Instead, the motions for fitting are divided into groups of neighbouring
+periods, and each group is judged by numbers that were fitted to all others (cross-validation).
 """
 
 from __future__ import annotations
