@@ -236,7 +236,7 @@ class Formulas:
         for start in range(0, count, _CHUNK):
             rows = slice(start, min(start + _CHUNK, count))
             errors = np.zeros((rows.stop - rows.start, n, len(in_gear)))
-            for k in np.flatnonzero(~plays):
+            for k in np.flatnonzero(~plays).tolist():
                 own, term = axes[k], in_gear[k]
                 errors[:, own, k] = _IN_GEAR[term.name](twist[rows, own], angle[rows, own], term)
             changes = system.advance(
