@@ -13,7 +13,8 @@ The play b of a gearbox is an error that depends on x. With the twist w of the u
 
     u = -clip(w - G x, -b/2, b/2),
 
-which each step of the integration solves exactly.
+which each step of the integration solves exactly. So it does for a share s of the stiffness that
+is lost, u = -s (w - G x).
 The time integration is that of Newmark (1959) with constant mean acceleration: it is stable and
 adds no damping. tests/test_formulas.py compares every formula with the simulation.
 """
@@ -40,9 +41,13 @@ if TYPE_CHECKING:
     from faultgen.discovery.replay.replay import Replay
     from faultgen.simulation.cycle import Cycle
 
-PLAY = "backlash"
-"""Effect that is a play of a gearbox."""
+PLAY, STIFFNESS = "backlash", "gear_stiffness"
+"""Effects that change how the torque of a gearbox follows from its twist."""
 
+GEAR_DAMPING = "gear_damping"
+"""Term of the damping of a gearbox, a fraction of that of the model. It is no effect."""
+
+_LAWS = (PLAY, STIFFNESS)
 _STEP = 1e-3  # of the integration [s]: some 30 steps in a period of a resonance of 30 Hz
 _POSE = 0.01  # time in which the inertia of the arm counts as constant [s]
 _CHUNK = 2000  # steps of which the causes are in memory
@@ -97,7 +102,9 @@ class Formulas:
         """
         recording = self.replay.recording
         at_rotor = [term for term in terms if term.name in _AT_ROTOR and not recording.link]
-        in_gear = [term for term in terms if term.name in _IN_GEAR]
+        in_gear = [term for term in terms if term.name in (*_LAWS, GEAR_DAMPING, *_IN_GEAR)]
+            term for term in terms if term.name in (PLAY, STIFFNESS, GEAR_DAMPING, *_IN_GEAR)
+        ]
         links = [term for term in terms if term.name in (INERTIA, *MASSES, *_AT_JOINT)]
         out = {term: np.zeros(recording.torque.shape, np.float32) for term in at_rotor}
         for number, part in enumerate(recording.parts):
@@ -223,26 +230,30 @@ class Formulas:
         h = every * timestep
         angle, joint = run.motor_position[::every], run.joint_position[::every]
         twist = angle / self.robot.gear_ratio - joint @ self._turns.T
+        rate = np.gradient(twist, h, axis=0)
         count, n = twist.shape
         samples = np.minimum(np.round(self._steps(number) / every).astype(int), count - 1)
         period = self.replay.recording.sample_period
         of_load = np.arange(count) * h / period  # number of the sample, not whole
         axes = np.array([term.axis - 1 for term in in_gear], int)
-        plays = np.array([term.name == PLAY for term in in_gear], bool)
+        laws = _Laws.of(in_gear)
         system = _Newmark(self._poses(joint, h), self._stiffness, self._damping, self._turns, h)
-        system.plays = _Plays(np.flatnonzero(plays), axes[plays], _sizes(in_gear)[plays] / 2)
+        system.laws = laws
         out = np.zeros((len(samples), n, len(in_gear) + loads.shape[2]), np.float32)
         done = 0
         for start in range(0, count, _CHUNK):
             rows = slice(start, min(start + _CHUNK, count))
             errors = np.zeros((rows.stop - rows.start, n, len(in_gear)))
-            for k in np.flatnonzero(~plays).tolist():
+            for k in sorted({*range(len(in_gear))} - {*laws.causes.tolist()}):
                 own, term = axes[k], in_gear[k]
+                if term.name == GEAR_DAMPING:
+                    errors[:, own, k] = self._damping[own] / self._stiffness[own] * rate[rows, own]
+                    continue
                 errors[:, own, k] = _IN_GEAR[term.name](twist[rows, own], angle[rows, own], term)
             changes = system.advance(
                 start, errors, _interpolated(loads, of_load[rows]), twist[rows]
             )
-            changes[:, :, system.plays.causes] /= 2 * system.plays.half
+            changes[:, :, laws.causes] /= laws.sizes
             last = int(np.searchsorted(samples, rows.stop))
             out[done:last] = changes[samples[done:last] - start]
             done = last
@@ -256,28 +267,55 @@ class Formulas:
 
 
 @dataclass(frozen=True, eq=False)
-class _Plays:
-    """Causes that are plays. Arrays have shape (plays,)."""
+class _Laws:
+    """Causes that change how the torque of a gearbox follows from its twist.
+
+    Arrays have shape (laws,).
+    """
 
     causes: np.ndarray
     """Their numbers among all causes, from 0."""
     axes: np.ndarray
     """Their axes, from 0."""
-    half: np.ndarray
-    """Half of each play [rad]."""
+    sizes: np.ndarray
+    """Plays [rad], or shares of the stiffness that are lost."""
+    is_play: np.ndarray
+    """Whether each is a play."""
 
-    def errors(self, twist: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+    @staticmethod
+    def of(terms: Sequence[Term]) -> _Laws:
+        """Find them among terms."""
+        names = np.array([term.name for term in terms], object)
+        causes = np.flatnonzero(np.isin(names.astype(str), _LAWS))
+        chosen = [terms[k] for k in causes]
+        return _Laws(
+            causes,
+            np.array([term.axis - 1 for term in chosen], int),
+            np.array([term.step for term in chosen], float),
+            np.array([term.name == PLAY for term in chosen], bool),
+        )
+
+    def errors(self, twist: np.ndarray, share: np.ndarray | float = 0.0) -> np.ndarray:
         """Solve for the errors of the gearboxes at the end of a step.
 
         Args:
-            twist: Twist of the own gearbox if there were no error, shape (plays,), in [rad].
-            stiffness: Share of an error by which the twist becomes less, shape (plays,), below 1.
+            twist: Twist of the own gearbox if there were no error, shape (laws,), in [rad].
+            share: Share of an error by which the twist becomes less, shape (laws,), below 1.
 
         Returns:
-            The errors, shape (plays,), in [rad]. Where the gearbox is within its play, no torque is
+            The errors, shape (laws,), in [rad]. Where a gearbox is within its play, no torque is
             left.
         """
-        return -np.clip(twist / (1 - stiffness), -self.half, self.half)
+        lost = np.where(self.is_play, 0.0, self.sizes)
+        half = self.sizes / 2
+        free = twist / np.maximum(1 - np.asarray(share), 1e-9)
+        soft = lost * twist / (1 - lost * share)
+        return -np.where(self.is_play, np.clip(free, -half, half), soft)
+
+    def at_rest(self, twist: np.ndarray) -> np.ndarray:
+        """The errors at which the gearboxes carry the same torque, for the same arguments."""
+        lost = np.where(self.is_play, 0.0, self.sizes)
+        return -np.where(self.is_play, np.sign(twist) * self.sizes / 2, lost * twist / (1 - lost))
 
 
 class _Newmark:
@@ -297,8 +335,7 @@ class _Newmark:
         self._damping = (turns.T * damping) @ turns
         self._gear = stiffness[:, None], stiffness[:, None] * turns, damping[:, None] * turns
         self._turns = turns
-        self.plays = _Plays(np.zeros(0, int), np.zeros(0, int), np.zeros(0))
-        """Causes whose errors depend on the twist of the gearboxes."""
+        self.laws = _Laws.of([])
         self._state: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
     def advance(
@@ -308,7 +345,7 @@ class _Newmark:
 
         Args:
             start: Number of the first step.
-            errors: Of the gearboxes, shape (steps, n_axes, causes), in [rad]; 0 for `plays`.
+            errors: Of the gearboxes, shape (steps, n_axes, causes), in [rad]; 0 for `laws`.
             loads: Of the joints, shape (steps, n_axes, further causes), in [N m].
             twist: Of the gearboxes of the unchanged model, shape (steps, n_axes), in [rad].
 
@@ -321,12 +358,12 @@ class _Newmark:
         force = np.concatenate([np.einsum("ij,tjk->tik", self._pull, errors), -loads], axis=2)
         out = np.empty_like(force)
         of_error, of_place, of_rate = self._gear
-        causes, own = self.plays.causes, self.plays.axes
+        causes, own = self.laws.causes, self.laws.axes
         known: np.ndarray | None = None
         for k in range(len(force)):
             matrix = self._inertia(start + k)
             if self._state is None:  # at rest, in equilibrium
-                sizes = -np.sign(twist[0, own]) * self.plays.half
+                sizes = self.laws.at_rest(twist[0, own])
                 force[0][:, causes] += self._pull[:, own] * sizes
                 place = np.linalg.solve(self._stiffness, force[0])
                 self._state = place, np.zeros_like(place), np.zeros_like(place)
@@ -342,7 +379,7 @@ class _Newmark:
                     + damping @ (2 / h * place + rate)
                 )
                 turned = np.einsum("ki,ik->k", self._turns[own], new[:, causes])
-                sizes = self.plays.errors(twist[k, own] - turned, share)
+                sizes = self.laws.errors(twist[k, own] - turned, share)
                 new[:, causes] += answer * sizes
                 acceleration = 4 / h**2 * (new - place) - 4 / h * rate - change
                 self._state = new, rate + h / 2 * (change + acceleration), acceleration
@@ -365,11 +402,6 @@ def _wave(term: Term) -> tuple[float, float]:
     """Order, per turn of the motor, and phase of a periodic effect."""
     given = dict(term.parameters)
     return given["order"], given["phase"]
-
-
-def _sizes(terms: Sequence[Term]) -> np.ndarray:
-    """Severity with which each term is probed, shape (terms,)."""
-    return np.array([term.step for term in terms], float)
 
 
 def _sine(angle: np.ndarray, term: Term) -> np.ndarray:
@@ -398,9 +430,7 @@ _AT_ROTOR: dict[str, Callable[[Formulas, _Motion, Term], np.ndarray]] = {
 have no part in a measured motion; what shows is a log whose torque is later than its position."""
 
 _IN_GEAR: dict[str, Callable[[np.ndarray, np.ndarray, Term], np.ndarray]] = {
-    "gear_stiffness": lambda twist, angle, term: -twist,
     "stiffness_hardening": lambda twist, angle, term: twist**3 / REFERENCE_TWIST**2,
-    PLAY: lambda twist, angle, term: np.zeros_like(twist),  # see `_Plays`
     "transmission_error": lambda twist, angle, term: _sine(angle, term),
 }
 """Error of the gearbox per unit of the term, of its twist and the angle of the motor [rad]."""
