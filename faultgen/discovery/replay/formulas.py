@@ -103,8 +103,6 @@ class Formulas:
         recording = self.replay.recording
         at_rotor = [term for term in terms if term.name in _AT_ROTOR and not recording.link]
         in_gear = [term for term in terms if term.name in (*_LAWS, GEAR_DAMPING, *_IN_GEAR)]
-            term for term in terms if term.name in (PLAY, STIFFNESS, GEAR_DAMPING, *_IN_GEAR)
-        ]
         links = [term for term in terms if term.name in (INERTIA, *MASSES, *_AT_JOINT)]
         out = {term: np.zeros(recording.torque.shape, np.float32) for term in at_rotor}
         for number, part in enumerate(recording.parts):
