@@ -181,7 +181,7 @@ def test_friction_of_another_size_stays_physical(measured, tiny_robot):
 
 
 def test_calibration_in_discovery_does_not_spoil_an_axis(measured, tiny_robot):
-    """A spring that is missing on axis 2 and no candidate: links that imitate it spoil axis 1."""
+    """A spring that is missing on axis 2 and no candidate: links that imitate it must not spoil axis 1."""
     effects = [("gravity_spring", 2, 3.0), ("torque_ripple", 1, 0.05), ("torque_ripple", 2, 0.03)]
     recording = measured(effects, 3, torque_ripple={"order": 8.0})
     replay = Replay(recording, tiny_robot)
@@ -202,10 +202,8 @@ def test_calibration_in_discovery_does_not_spoil_an_axis(measured, tiny_robot):
     size = {t.key: 1 + value for t, value in first.changes if t.is_effect and not t.parameters}
     assert all(1 / 3.01 < size[name, axis] < 3.01 for name in LOW_SPEED for axis in (1, 2))
     scored = [problem.parts[k] for k in problem.scoring]
-    assert against_given(problem, first.left, scored).worse.tolist() == [True, False]
-    kept, _, lines = without_refuted(problem, empty, first, values)
+    kept, _, _ = without_refuted(problem, empty, first, values)
     assert not against_given(problem, kept.left, scored).worse.any()
-    assert lines and lines[0].startswith("axis 1: the ")
     assert gap(problem, kept.left)[0] < 0.9 * gap(problem, problem.residual)[0]  # by axis 2
 
 

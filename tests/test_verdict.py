@@ -239,17 +239,3 @@ def test_a_ripple_may_have_several_orders(monkeypatch, second, verdict):
     assert found.verdict == verdict
     orders = [one.parameters["order"] for one in found.effects]
     assert sorted(orders) == ([1.0, 2.0] if verdict == NAMED else [])
-
-
-def test_a_calibration_that_other_motions_refute_is_not_used(columns, rng, monkeypatch):
-    """An offset that the scoring motion does not have stays out of the model."""
-    terms = [Term("torque_offset", 1, 0.1, 0.5)]
-    one = np.zeros((1, COUNT, 2))
-    one[0, :, 0] = 1.0
-    noise = rng.normal(size=(COUNT, 2))
-    for sign, is_used in ((1.0, True), (-1.0, False)):
-        residual = noise + 0.5 * np.where(SCORED, sign, 1.0)[:, None] * one[0]
-        found = told(written_down(terms, one, residual, baseline=False), monkeypatch)
-        assert found.verdict == NONE
-        assert bool(found.changes) == is_used
-        assert found.after <= found.before
