@@ -285,7 +285,7 @@ class _Laws:
         """Find them among terms."""
         names = np.array([term.name for term in terms], object)
         causes = np.flatnonzero(np.isin(names.astype(str), _LAWS))
-        chosen = [terms[k] for k in causes]
+        chosen = [terms[k] for k in causes.tolist()]
         return _Laws(
             causes,
             np.array([term.axis - 1 for term in chosen], int),
