@@ -133,7 +133,7 @@ def test_a_load_on_a_place_without_mass_is_a_part_of_the_last_link(puma):
 def test_play_agrees_with_simulations(replay, share):
     """Of a gearbox whose torque changes sign; play over the deviation of its twist."""
     robot = replay.robot
-    gear = np.std(replay.cycles()[0].gear_torque[:, 0])
+    gear = np.std(replay.cycles[0].gear_torque[:, 0])
     stiffness = robot.model.tendon_stiffness[robot.ids("tendon", "gearbox")[0]]
     correlation, ratio = agreement(
         replay, Term("backlash", 1, float(share * gear / stiffness), 1.0)
@@ -145,7 +145,7 @@ def test_play_agrees_with_simulations(replay, share):
 def test_play_as_large_as_the_twist_looks_like_its_simulation(replay):
     """The impacts of a PUMA are not those of the simulation one by one."""
     robot = replay.robot
-    gear = np.std(replay.cycles()[0].gear_torque[:, 0])
+    gear = np.std(replay.cycles[0].gear_torque[:, 0])
     stiffness = robot.model.tendon_stiffness[robot.ids("tendon", "gearbox")[0]]
     correlation, ratio = agreement(replay, Term("backlash", 1, float(gear / stiffness), 1.0))
     assert correlation > 0.9

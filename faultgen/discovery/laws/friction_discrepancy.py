@@ -2,8 +2,9 @@
 
 Near zero speed and after a reversal, the friction of a real robot departs from LuGre and Stribeck
 curves. The terms of this module describe the departure, so that it is not mistaken for an effect.
-They are friction torques that depend on the recorded motion. A simulation applies them to the
-rotors, and the servo reacts to them.
+They are friction torques that depend on the recorded motion. Rotors on their measured positions
+need just this torque more. Where the rotors follow commands, a simulation applies them, and the
+servo reacts to them.
 """
 
 from __future__ import annotations
@@ -46,9 +47,10 @@ def discrepancy_sensitivities(
     workers: int = 1,
     cache: Path | None = None,
 ) -> np.ndarray:
-    """Simulate the torque that one unit of each term causes, in closed loop.
+    """Compute the torque that one unit of each term causes.
 
-    All axes are disturbed at once. The effect of one axis on the others is ignored.
+    Where the rotors follow commands, it is simulated in closed loop. All axes are disturbed at once
+    then, and the effect of one axis on the others is ignored.
 
     Args:
         replay: The recording and the model.
@@ -61,11 +63,14 @@ def discrepancy_sensitivities(
         Shape (terms, samples, n_axes), in the unit of the recording's torque per unit of the term.
     """
     pushes = [-_STEP * shape for shape in shapes_of(replay)]
-    runs = kept_runs(
-        [kept_in(cache, replay, push.tobytes()) for push in pushes],
-        [delayed(replay.torque)((), push) for push in pushes],
-        workers,
-    )
+    if replay.measured:  # nothing moves
+        runs = [replay.torque((), push) for push in pushes]
+    else:
+        runs = kept_runs(
+            [kept_in(cache, replay, push.tobytes()) for push in pushes],
+            [delayed(replay.torque)((), push) for push in pushes],
+            workers,
+        )
     out = np.zeros((len(terms), *base.shape), np.float32)
     for index, term in enumerate(terms):
         axis = term.axis - 1

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from faultgen.discovery.replay.bristles import FRICTION, friction_columns
 from faultgen.discovery.replay.prescribed import STIFFER
 from faultgen.discovery.terms.candidates import INERTIA, Term
 from faultgen.discovery.terms.inertia import MASSES, slopes_of
@@ -102,21 +103,42 @@ class Formulas:
         """
         recording = self.replay.recording
         at_rotor = [term for term in terms if term.name in _AT_ROTOR and not recording.link]
+        rubs = [] if recording.link else [term for term in terms if self._rubs(term)]
         in_gear = [term for term in terms if term.name in (*_LAWS, GEAR_DAMPING, *_IN_GEAR)]
         links = [term for term in terms if term.name in (INERTIA, *MASSES, *_AT_JOINT)]
         out = {term: np.zeros(recording.torque.shape, np.float32) for term in at_rotor}
         for number, part in enumerate(recording.parts):
             seen = self._at_samples(number)
             for term in at_rotor:
-                out[term][part, term.axis - 1] = _AT_ROTOR[term.name](self, seen, term)
+                change = _AT_ROTOR[term.name](self, seen, term)
+                if term.name not in _OF_LOG:
+                    change = change / self.robot.torque_gain[term.axis - 1]
+                out[term][part, term.axis - 1] = change
+        if rubs:
+            out |= self._friction(rubs)
         if in_gear or links:
             out |= self._behind_gears(in_gear, links)
         scale = 1.0 if recording.side == "motor" or recording.link else self.robot.gear_ratio
         return {term: (column * scale).astype(np.float32) for term, column in out.items()}
 
-    @cached_property
+    def _rubs(self, term: Term) -> bool:
+        """Whether a term is friction on rotors whose law does not change with the temperature."""
+        return term.name in FRICTION and not self.replay.by_temperature(())
+
+    def _friction(self, terms: Sequence[Term]) -> dict[Term, np.ndarray]:
+        """Change of the motor torque by terms of friction on the rotors."""
+        recording = self.replay.recording
+        out: dict[Term, np.ndarray] = {}
+        for number, part in enumerate(recording.parts):
+            at, rotors = self._steps(number), self.replay.rotors[number]
+            gear = self._runs[number].gear_torque[at]
+            for term, column in friction_columns(self.robot, terms, rotors, at, gear).items():
+                out.setdefault(term, np.zeros(recording.torque.shape, np.float32))[part] = column
+        return out
+
+    @property
     def _runs(self) -> list[Cycle]:
-        return self.replay.cycles()
+        return self.replay.cycles
 
     def _steps(self, number: int) -> np.ndarray:
         """Steps of the simulation at which a separate recording has its samples."""
@@ -426,6 +448,10 @@ _AT_ROTOR: dict[str, Callable[[Formulas, _Motion, Term], np.ndarray]] = {
 }
 """Change of the motor torque of the term's axis per unit of the term. Set points that come late
 have no part in a measured motion; what shows is a log whose torque is later than its position."""
+
+_OF_LOG = ("torque_constant", "delay")
+"""Those that change the log of a torque, and no torque. The others are in the log as the drives
+state torque; see `Robot.torque_gain`."""
 
 _IN_GEAR: dict[str, Callable[[np.ndarray, np.ndarray, Term], np.ndarray]] = {
     "stiffness_hardening": lambda twist, angle, term: twist**3 / REFERENCE_TWIST**2,

@@ -88,6 +88,22 @@ def prescribed(robot: Robot, plant: Plant, rotors: np.ndarray) -> Cycle:
     return Cycle(**{name: values[kept] for name, values in vars(whole).items()})
 
 
+def speeds_of(rotors: np.ndarray, timestep: float) -> tuple[np.ndarray, int]:
+    """Compute the speed of prescribed rotors in each step, from rest before the motion on.
+
+    Args:
+        rotors: Position of the rotors at every step, shape (steps, n_axes), in [rad].
+        timestep: Step [s].
+
+    Returns:
+        Speeds, shape (steps before the motion + steps, n_axes), in [rad/s], and the number of steps
+        before the motion.
+    """
+    before = _run_up(rotors, timestep)
+    way = np.concatenate([before, rotors])
+    return np.diff(way, axis=0, prepend=way[:1]) / timestep, len(before)
+
+
 def _run_up(rotors: np.ndarray, timestep: float) -> np.ndarray:
     """Positions of some time before a motion, from rest on; shape (steps, n_axes), in [rad]."""
     steps = round(_RUN_UP / timestep)

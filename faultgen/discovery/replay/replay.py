@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
@@ -63,6 +64,7 @@ class Replay:
         self.robot = robot
         self.measured = measured
         """Whether the rotors are on their measured positions."""
+        self._cycles: list[Cycle] | None = None
         self.left_out: np.ndarray | None = None
         """Samples that are not compared, beside those of `samples.counted`; shape (samples,
         n_axes)."""
@@ -121,7 +123,7 @@ class Replay:
             robot: A model that differs from that of this replay in its numbers and effects only.
         """
         other = copy.copy(self)
-        other.robot = robot
+        other.robot, other._cycles = robot, None
         return other
 
     def with_effects(self, effects: Sequence[Applied]) -> Replay:
@@ -154,16 +156,19 @@ class Replay:
             torque -= disturbance / self.robot.torque_gain
         return torque if self.recording.side == "motor" else torque * self.robot.gear_ratio
 
+    @property
     def cycles(self) -> list[Cycle]:
-        """Simulate the unchanged model on its measured positions.
+        """What the unchanged model on its measured positions would log, at every simulation step.
 
-        Returns:
-            What would be logged in each separate recording, at every step of the simulation.
+        There is one for each separate recording. They are simulated once.
         """
-        return [
-            prescribed(self.robot, self._plant((), part), rotors)
-            for part, rotors in zip(self.recording.parts, self.rotors, strict=True)
-        ]
+        if self._cycles is None:
+            self._cycles = list(self._prescribed(()))
+        return self._cycles
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What other processes get; they simulate with changes."""
+        return {**vars(self), "_cycles": None}
 
     def position(self, changes: Changes = ()) -> np.ndarray:
         """Simulate the position on the recorded motion.
@@ -185,36 +190,49 @@ class Replay:
         self, channel: str, changes: Changes, disturbance: np.ndarray | None = None
     ) -> np.ndarray:
         """A channel of the simulation at the samples of the recording."""
-        recording, robot = self.recording, self.robot
+        recording, timestep = self.recording, self.robot.model.opt.timestep
         logged = np.empty_like(recording.torque)
-        timestep = robot.model.opt.timestep
-        by_temperature = self.by_temperature(changes)
-        plant = None
-        for number, part in enumerate(recording.parts):
-            if plant is None or by_temperature:
-                plant = self._plant(changes, part)
-            times = np.arange(part.stop - part.start) * recording.sample_period
-            if self.measured:
-                run = prescribed(robot, plant, self.rotors[number])
-                values = getattr(run, channel)
-                every = _whole(recording.sample_period / timestep)
-                values = values[::every]
-            else:
-                control = self.controls[number]
-                if disturbance is not None:
-                    control = self._pushed(control, disturbance[part])
-                every = _whole(recording.sample_period / timestep)
-                (run,) = simulate(
-                    robot, control, [plant], sample_period=every * timestep, lead_in=0.0
-                )
-                values = getattr(run, channel)
+        every = _whole(recording.sample_period / timestep)
+        runs: Iterable[Cycle]
+        if self.measured:
+            runs = self._prescribed(changes) if changes else self.cycles
+        else:
+            runs = self._commanded(changes, disturbance, every)
+        for part, run in zip(recording.parts, runs, strict=True):
+            values = getattr(run, channel)[:: every if self.measured else 1]
             if every > 1 or np.isclose(recording.sample_period, timestep):
                 logged[part] = values[: part.stop - part.start]
                 continue
+            times = np.arange(part.stop - part.start) * recording.sample_period
             simulated = np.arange(len(values)) * timestep
-            for axis in range(robot.n_axes):
+            for axis in range(self.robot.n_axes):
                 logged[part, axis] = np.interp(times, simulated, values[:, axis])
         return logged
+
+    def _prescribed(self, changes: Changes) -> Iterator[Cycle]:
+        """Simulate each separate recording on its measured positions, at every step."""
+        for plant, rotors in zip(self._plants(changes), self.rotors, strict=True):
+            yield prescribed(self.robot, plant, rotors)
+
+    def _commanded(
+        self, changes: Changes, disturbance: np.ndarray | None, every: int
+    ) -> Iterator[Cycle]:
+        """Simulate each separate recording with a servo that follows commands."""
+        robot, recording = self.robot, self.recording
+        period = every * robot.model.opt.timestep
+        of_parts = zip(self._plants(changes), self.controls, recording.parts, strict=True)
+        for plant, control, part in of_parts:
+            if disturbance is not None:
+                control = self._pushed(control, disturbance[part])
+            yield from simulate(robot, control, [plant], sample_period=period, lead_in=0.0)
+
+    def _plants(self, changes: Changes) -> Iterator[Plant]:
+        """The robot with changes in each separate recording."""
+        plant, differs = None, self.by_temperature(changes)
+        for part in self.recording.parts:
+            if plant is None or differs:
+                plant = self._plant(changes, part)
+            yield plant
 
     def by_temperature(self, changes: Changes) -> bool:
         """Whether the robot with changes has an effect that depends on the temperature.
