@@ -50,10 +50,14 @@ def loosen_payload(spec: mujoco.MjSpec, axis: int, severity: float, *, direction
         payload.add_joint(name=name, type=slide, axis=np.eye(3)[int(direction)])
         add_tendon(spec, name, {name: 1.0})
     stops = spec.tendon(name)
-    rate = 2 * math.pi * FREQUENCY
-    stops.stiffness[0] = payload.mass * rate**2
-    stops.damping[0] = 2 * DAMPING * payload.mass * rate
+    stops.stiffness[0], stops.damping[0] = stops_of(payload.mass)
     stops.springlength = np.array([-severity / 2, severity / 2])
+
+
+def stops_of(mass: float) -> tuple[float, float]:
+    """Compute stiffness [N/m] and damping [N s/m] of the stops of a payload with a mass [kg]."""
+    rate = 2 * math.pi * FREQUENCY
+    return mass * rate**2, 2 * DAMPING * mass * rate
 
 
 def _directions(robot: Robot, axis: int) -> list[dict[str, Any]]:

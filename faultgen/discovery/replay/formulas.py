@@ -29,11 +29,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from faultgen.discovery.replay.bristles import FRICTION, friction_columns
+from faultgen.discovery.replay.elastic import LAWS, GearLaws, Newmark, Nonlinear, interpolated
+from faultgen.discovery.replay.loose import LOOSE, LooseTools, Slide
 from faultgen.discovery.replay.prescribed import STIFFER
 from faultgen.discovery.terms.candidates import INERTIA, Term
 from faultgen.discovery.terms.inertia import MASSES, slopes_of
-from faultgen.discovery.terms.regressor import link_regressor
+from faultgen.discovery.terms.regressor import LinkMotion, link_motion
 from faultgen.effects.friction import QUADRATIC_SPEED
+from faultgen.effects.structure import is_loaded
 from faultgen.effects.transmission import REFERENCE_TWIST
 from faultgen.robot import COULOMB
 from faultgen.simulation.arm import Arm
@@ -42,13 +45,9 @@ if TYPE_CHECKING:
     from faultgen.discovery.replay.replay import Replay
     from faultgen.simulation.cycle import Cycle
 
-PLAY, STIFFNESS = "backlash", "gear_stiffness"
-"""Effects that change how the torque of a gearbox follows from its twist."""
-
 GEAR_DAMPING = "gear_damping"
 """Term of the damping of a gearbox, a fraction of that of the model. It is no effect."""
 
-_LAWS = (PLAY, STIFFNESS)
 _STEP = 1e-3  # of the integration [s]: some 30 steps in a period of a resonance of 30 Hz
 _POSE = 0.01  # time in which the inertia of the arm counts as constant [s]
 _CHUNK = 2000  # steps of which the causes are in memory
@@ -89,6 +88,7 @@ class Formulas:
         self._damping = self.robot.model.tendon_damping[self.robot.ids("tendon", "gearbox")]
         if replay.recording.link:
             self._stiffness, self._damping = STIFFER * self._stiffness, STIFFER**0.5 * self._damping
+        self._of_links: dict[int, LinkMotion] = {}
         self._turns = self.robot.gearing.matrix / self.robot.gear_ratio[:, None]
 
     def columns(self, terms: Sequence[Term]) -> dict[Term, np.ndarray]:
@@ -104,7 +104,9 @@ class Formulas:
         recording = self.replay.recording
         at_rotor = [term for term in terms if term.name in _AT_ROTOR and not recording.link]
         rubs = [] if recording.link else [term for term in terms if self._rubs(term)]
-        in_gear = [term for term in terms if term.name in (*_LAWS, GEAR_DAMPING, *_IN_GEAR)]
+        in_gear = [term for term in terms if term.name in LAWS]
+        in_gear += [term for term in terms if self._slides(term)]
+        in_gear += [term for term in terms if term.name in (GEAR_DAMPING, *_IN_GEAR)]
         links = [term for term in terms if term.name in (INERTIA, *MASSES, *_AT_JOINT)]
         out = {term: np.zeros(recording.torque.shape, np.float32) for term in at_rotor}
         for number, part in enumerate(recording.parts):
@@ -120,6 +122,11 @@ class Formulas:
             out |= self._behind_gears(in_gear, links)
         scale = 1.0 if recording.side == "motor" or recording.link else self.robot.gear_ratio
         return {term: (column * scale).astype(np.float32) for term, column in out.items()}
+
+    def _slides(self, term: Term) -> bool:
+        """Whether a term is a loose tool of a robot that holds its payload firmly."""
+        firm = all(one.effect != LOOSE for one in self.robot.effects)
+        return term.name == LOOSE and firm and is_loaded(self.robot, term.axis)
 
     def _rubs(self, term: Term) -> bool:
         """Whether a term is friction on rotors whose law does not change with the temperature."""
@@ -186,6 +193,19 @@ class Formulas:
     def _arm(self) -> Arm:
         return Arm(self.robot)
 
+    def _joints(self, number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Position, velocity and acceleration of the joints at the samples."""
+        timestep, at = self.robot.model.opt.timestep, self._steps(number)
+        joint = self._runs[number].joint_position
+        rate = np.gradient(joint, timestep, axis=0)
+        return joint[at], rate[at], np.gradient(rate, timestep, axis=0)[at]
+
+    def _links(self, number: int) -> LinkMotion:
+        """Motion of the links at the samples."""
+        if number not in self._of_links:
+            self._of_links[number] = link_motion(self._arm, *self._joints(number))
+        return self._of_links[number]
+
     def _loads(self, number: int, terms: Sequence[Term], slopes: np.ndarray) -> np.ndarray:
         """Loads of the joints at the samples for a unit of each term.
 
@@ -197,15 +217,11 @@ class Formulas:
         Returns:
             Shape (samples, n_axes, terms), in [N m].
         """
-        timestep, at = self.robot.model.opt.timestep, self._steps(number)
-        joint = self._runs[number].joint_position
-        rate = np.gradient(joint, timestep, axis=0)
-        q, qd, qdd = joint[at], rate[at], np.gradient(rate, timestep, axis=0)[at]
-        out = np.zeros((len(at), self.robot.n_axes, len(terms)))
+        q, qd, qdd = self._joints(number)
+        out = np.zeros((len(q), self.robot.n_axes, len(terms)))
         masses = [k for k, term in enumerate(terms) if term.name not in _AT_JOINT]
         if masses:
-            regressor = link_regressor(self._arm, q, qd, qdd)
-            out[:, :, masses] = regressor @ slopes
+            out[:, :, masses] = self._links(number).regressor() @ slopes
         for k, term in enumerate(terms):
             if term.name not in _AT_JOINT:
                 continue
@@ -253,169 +269,46 @@ class Formulas:
         rate = np.gradient(twist, h, axis=0)
         count, n = twist.shape
         samples = np.minimum(np.round(self._steps(number) / every).astype(int), count - 1)
-        period = self.replay.recording.sample_period
-        of_load = np.arange(count) * h / period  # number of the sample, not whole
-        axes = np.array([term.axis - 1 for term in in_gear], int)
-        laws = _Laws.of(in_gear)
-        system = _Newmark(self._poses(joint, h), self._stiffness, self._damping, self._turns, h)
-        system.laws = laws
+        # numbers of the samples at the steps, not whole
+        times = np.arange(count) * h / self.replay.recording.sample_period
+        pull = self._turns.T * self._stiffness
+        laws = GearLaws([t for t in in_gear if t.name in LAWS], twist, pull, self._turns)
+        solved: list[Nonlinear] = [laws]
+        loose = [term for term in in_gear if term.name == LOOSE]
+        if loose:
+            slide = Slide.of(self.robot, self._links(number)).at(times)
+            solved.append(LooseTools(slide, loose, h))
+        sizes = np.array([term.step for term in in_gear[: laws.count + len(loose)]])
+        others = in_gear[len(sizes) :]
+        axes = np.array([term.axis - 1 for term in others], int)
+        errors = np.empty((count, len(others)))
+        for k, (term, own) in enumerate(zip(others, axes, strict=True)):
+            if term.name == GEAR_DAMPING:
+                errors[:, k] = self._damping[own] / self._stiffness[own] * rate[:, own]
+            else:
+                errors[:, k] = _IN_GEAR[term.name](twist[:, own], angle[:, own], term)
+        held = max(1, round(_POSE / h))
+        inertia = np.stack([self._arm.inertia(q) for q in joint[::held]])
+        damping = (self._turns.T * self._damping) @ self._turns
+        system = Newmark(inertia, held, pull @ self._turns, damping, h)
         out = np.zeros((len(samples), n, len(in_gear) + loads.shape[2]), np.float32)
-        done = 0
+        to_twist, to_rate = (one[:, None] * self._turns for one in (self._stiffness, self._damping))
         for start in range(0, count, _CHUNK):
             rows = slice(start, min(start + _CHUNK, count))
-            errors = np.zeros((rows.stop - rows.start, n, len(in_gear)))
-            for k in sorted({*range(len(in_gear))} - {*laws.causes.tolist()}):
-                own, term = axes[k], in_gear[k]
-                if term.name == GEAR_DAMPING:
-                    errors[:, own, k] = self._damping[own] / self._stiffness[own] * rate[rows, own]
-                    continue
-                errors[:, own, k] = _IN_GEAR[term.name](twist[rows, own], angle[rows, own], term)
-            changes = system.advance(
-                start, errors, _interpolated(loads, of_load[rows]), twist[rows]
+            # a load turns the joint back: the gearbox has to carry it
+            force = [pull[:, axes] * errors[rows, None], -interpolated(loads, times[rows])]
+            inside = slice(*np.searchsorted(samples, [start, rows.stop]))
+            wanted = samples[inside]
+            moved, turning = system.advance(
+                start, np.concatenate(force, axis=2), solved, wanted - start
             )
-            changes[:, :, laws.causes] /= laws.sizes
-            last = int(np.searchsorted(samples, rows.stop))
-            out[done:last] = changes[samples[done:last] - start]
-            done = last
+            change = -(to_twist @ moved) - to_rate @ turning
+            for own, of, first in ((laws.axes, laws.errors, 0), (axes, errors, len(sizes))):
+                places = first + np.arange(len(own))
+                change[:, own, places] += self._stiffness[own] * of[wanted]
+            change[:, :, : len(sizes)] /= sizes
+            out[inside] = change
         return out
-
-    def _poses(self, joint: np.ndarray, h: float) -> Callable[[int], np.ndarray]:
-        """Inertia of the arm at any step, by its number; shape (n_axes, n_axes)."""
-        held = max(1, round(_POSE / h))
-        matrices = [self._arm.inertia(q) for q in joint[::held]]
-        return lambda step: matrices[step // held]
-
-
-@dataclass(frozen=True, eq=False)
-class _Laws:
-    """Causes that change how the torque of a gearbox follows from its twist.
-
-    Arrays have shape (laws,).
-    """
-
-    causes: np.ndarray
-    """Their numbers among all causes, from 0."""
-    axes: np.ndarray
-    """Their axes, from 0."""
-    sizes: np.ndarray
-    """Plays [rad], or shares of the stiffness that are lost."""
-    is_play: np.ndarray
-    """Whether each is a play."""
-
-    @staticmethod
-    def of(terms: Sequence[Term]) -> _Laws:
-        """Find them among terms."""
-        names = np.array([term.name for term in terms], object)
-        causes = np.flatnonzero(np.isin(names.astype(str), _LAWS))
-        chosen = [terms[k] for k in causes.tolist()]
-        return _Laws(
-            causes,
-            np.array([term.axis - 1 for term in chosen], int),
-            np.array([term.step for term in chosen], float),
-            np.array([term.name == PLAY for term in chosen], bool),
-        )
-
-    def errors(self, twist: np.ndarray, share: np.ndarray | float = 0.0) -> np.ndarray:
-        """Solve for the errors of the gearboxes at the end of a step.
-
-        Args:
-            twist: Twist of the own gearbox if there were no error, shape (laws,), in [rad].
-            share: Share of an error by which the twist becomes less, shape (laws,), below 1.
-
-        Returns:
-            The errors, shape (laws,), in [rad]. Where a gearbox is within its play, no torque is
-            left.
-        """
-        lost = np.where(self.is_play, 0.0, self.sizes)
-        half = self.sizes / 2
-        free = twist / np.maximum(1 - np.asarray(share), 1e-9)
-        soft = lost * twist / (1 - lost * share)
-        return -np.where(self.is_play, np.clip(free, -half, half), soft)
-
-    def at_rest(self, twist: np.ndarray) -> np.ndarray:
-        """The errors at which the gearboxes carry the same torque, for the same arguments."""
-        lost = np.where(self.is_play, 0.0, self.sizes)
-        return -np.where(self.is_play, np.sign(twist) * self.sizes / 2, lost * twist / (1 - lost))
-
-
-class _Newmark:
-    """The arm behind its gearboxes in time, linear about its motion; see the top of the module."""
-
-    def __init__(
-        self,
-        inertia: Callable[[int], np.ndarray],
-        stiffness: np.ndarray,
-        damping: np.ndarray,
-        turns: np.ndarray,
-        h: float,
-    ) -> None:
-        self._inertia, self._h = inertia, h
-        self._pull = turns.T * stiffness  # of the errors of the gearboxes on the joints
-        self._stiffness = self._pull @ turns
-        self._damping = (turns.T * damping) @ turns
-        self._gear = stiffness[:, None], stiffness[:, None] * turns, damping[:, None] * turns
-        self._turns = turns
-        self.laws = _Laws.of([])
-        self._state: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
-
-    def advance(
-        self, start: int, errors: np.ndarray, loads: np.ndarray, twist: np.ndarray
-    ) -> np.ndarray:
-        """Advance by some steps.
-
-        Args:
-            start: Number of the first step.
-            errors: Of the gearboxes, shape (steps, n_axes, causes), in [rad]; 0 for `laws`.
-            loads: Of the joints, shape (steps, n_axes, further causes), in [N m].
-            twist: Of the gearboxes of the unchanged model, shape (steps, n_axes), in [rad].
-
-        Returns:
-            Change of the gear torques for both kinds of causes, shape (steps, n_axes, all causes).
-        """
-        h, damping = self._h, self._damping
-        number = errors.shape[2]
-        # a load turns the joint back: the gearbox has to carry it
-        force = np.concatenate([np.einsum("ij,tjk->tik", self._pull, errors), -loads], axis=2)
-        out = np.empty_like(force)
-        of_error, of_place, of_rate = self._gear
-        causes, own = self.laws.causes, self.laws.axes
-        known: np.ndarray | None = None
-        for k in range(len(force)):
-            matrix = self._inertia(start + k)
-            if self._state is None:  # at rest, in equilibrium
-                sizes = self.laws.at_rest(twist[0, own])
-                force[0][:, causes] += self._pull[:, own] * sizes
-                place = np.linalg.solve(self._stiffness, force[0])
-                self._state = place, np.zeros_like(place), np.zeros_like(place)
-            else:
-                if matrix is not known:
-                    inverse = np.linalg.inv(4 / h**2 * matrix + 2 / h * damping + self._stiffness)
-                    known, answer = matrix, inverse @ self._pull[:, own]
-                    share = np.einsum("ki,ik->k", self._turns[own], answer)
-                place, rate, change = self._state
-                new = inverse @ (
-                    force[k]
-                    + matrix @ (4 / h**2 * place + 4 / h * rate + change)
-                    + damping @ (2 / h * place + rate)
-                )
-                turned = np.einsum("ki,ik->k", self._turns[own], new[:, causes])
-                sizes = self.laws.errors(twist[k, own] - turned, share)
-                new[:, causes] += answer * sizes
-                acceleration = 4 / h**2 * (new - place) - 4 / h * rate - change
-                self._state = new, rate + h / 2 * (change + acceleration), acceleration
-            place, rate, _ = self._state
-            errors[k, own, causes] = sizes
-            out[k] = -of_place @ place - of_rate @ rate
-            out[k, :, :number] += of_error * errors[k]
-        return out
-
-
-def _interpolated(values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Values at numbers of samples that are not whole, linear in between."""
-    at = np.clip(at, 0, len(values) - 1)
-    low = np.minimum(at.astype(int), max(len(values) - 2, 0))
-    share = (at - low)[:, None, None]
-    return values[low] * (1 - share) + values[np.minimum(low + 1, len(values) - 1)] * share
 
 
 def _wave(term: Term) -> tuple[float, float]:

@@ -8,6 +8,8 @@ frames, so that the regressor belongs to exactly the kinematics of the model.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
 
@@ -53,6 +55,25 @@ def link_parameters(arm: Arm) -> np.ndarray:
     return np.concatenate(found)
 
 
+@dataclass(frozen=True, eq=False)
+class LinkMotion:
+    """Motion of the frames of all bodies of `link_ids`, in their own axes."""
+
+    velocity: np.ndarray
+    """Angular [rad/s] before linear [m/s], shape (samples, bodies, 6)."""
+    acceleration: np.ndarray
+    """The same, with gravity: what a body would feel. In [rad/s^2] and [m/s^2]."""
+    jacobian: np.ndarray
+    """Velocity per velocity of each joint, shape (samples, bodies, 6, n_axes)."""
+
+    def regressor(self) -> np.ndarray:
+        """Project the wrenches of unit parameters onto the joints; see `link_regressor`."""
+        samples, bodies, _, n = self.jacobian.shape
+        wrench = _wrench(self.velocity, self.acceleration)
+        torque = np.swapaxes(self.jacobian, 2, 3) @ np.swapaxes(wrench, 2, 3)
+        return np.swapaxes(torque, 1, 2).reshape(samples, n, bodies * PER_LINK)
+
+
 def link_regressor(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
     """Compute the joint torque for each unit of each inertial parameter.
 
@@ -66,6 +87,11 @@ def link_regressor(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> 
         Shape (samples, n_axes, 10 bodies). The torque of the whole arm is the product with
         `link_parameters`, plus that of springs and of other bodies that are fixed to a link.
     """
+    return link_motion(arm, q, qd, qdd).regressor()
+
+
+def link_motion(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> LinkMotion:
+    """Compute the motion of all links, for the same arguments as `link_regressor`."""
     model, bodies = arm.model, link_ids(arm)
     data = mujoco.MjData(model)
     n, links = q.shape[1], len(bodies)
@@ -85,7 +111,7 @@ def link_regressor(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> 
             mujoco.mj_jacBody(model, data, along, across, body)
             turned = data.xmat[body].reshape(3, 3).T
             jacobian[k, link, :3], jacobian[k, link, 3:] = turned @ across, turned @ along
-    return _wrench(motion, jacobian).reshape(len(q), n, links * PER_LINK)
+    return LinkMotion(motion[:, :, 0], motion[:, :, 1], jacobian)
 
 
 def gear_regressor(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
@@ -106,15 +132,15 @@ def gear_regressor(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> 
     return np.asarray(np.einsum("sjp,ji->sip", link_regressor(arm, q, qd, qdd), to_gears))
 
 
-def _wrench(motion: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
-    """Project the Newton-Euler wrench of unit parameters onto the joints.
+def _wrench(velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+    """Compute the Newton-Euler wrench of unit parameters.
 
     Returns:
-        Shape (samples, n_axes, links, 10).
+        Moment before force, shape (samples, bodies, 10, 6).
     """
-    rate, turn, push = motion[..., 0, :3], motion[..., 1, :3], motion[..., 1, 3:]
+    rate, turn, push = velocity[..., :3], acceleration[..., :3], acceleration[..., 3:]
     unit = np.eye(3)
-    wrench = np.zeros((*rate.shape[:-1], PER_LINK, 6))  # moment before force
+    wrench = np.zeros((*rate.shape[:-1], PER_LINK, 6))
     wrench[..., 0, 3:] = push
     for k in range(3):
         arm = unit[k]
@@ -125,4 +151,4 @@ def _wrench(motion: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
         moment = np.zeros((3, 3))
         moment[i, j] = moment[j, i] = 1.0
         wrench[..., 4 + k, :3] = turn @ moment + np.cross(rate, rate @ moment)
-    return np.asarray(np.einsum("slpw,slwj->sjlp", wrench, jacobian))
+    return wrench
