@@ -129,7 +129,9 @@ def investigate(
     if recording.link:
         exclude = {*exclude, *HIDDEN_BEHIND_GEARS}
     given = suited_replay(recording, robot)
-    replay = given if baseline is not None else given.on(with_own_links(recording, robot))
+    replay = given
+    if baseline is None:
+        replay = given.on(with_own_links(recording, robot, given if given.measured else None))
     terms = effect_terms(robot, exclude, include) + inertia_terms(robot) + _waves(robot, exclude)
     terms = _on_used_axes(terms, recording)
     alone = are_alone(replay, terms)

@@ -38,14 +38,18 @@ def judging(count: int) -> list[int]:
 class HeldOut:
     """A recording of which some blocks are fitted, and the others judge the fit."""
 
-    def __init__(self, recording: Recording, regression: Regression) -> None:
+    def __init__(
+        self, recording: Recording, regression: Regression, replay: Replay | None = None
+    ) -> None:
         """Divide the blocks.
 
         Args:
             recording: The measured data.
             regression: The regression of the recording. Its torque may have another unit.
+            replay: Of the recording and its model on measured positions, if there is one already.
         """
         self.recording = recording
+        self._replay = replay
         self.regression = regression
         self.scoring = judging(len(regression.parts))
         """Numbers of the blocks that judge."""
@@ -132,8 +136,11 @@ class HeldOut:
             Torque in the unit of the recording, shape (samples, n_axes); not a number if the
             simulation diverges.
         """
+        known = self._replay
         try:
-            return Replay(self.recording, model).torque()
+            if known is None or known.robot is not model:
+                known = Replay(self.recording, model)
+            return known.torque()
         except (InputError, SimulationFailed):
             return np.full(self.recording.torque.shape, np.nan)
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from faultgen.discovery.calibration.held_out import EQUAL, HeldOut
+from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.rigid.classical import possible_regression
 from faultgen.discovery.rigid.drives import GAIN, Drives
 from faultgen.discovery.rigid.physical import Physical, Spread, fit
@@ -47,7 +48,7 @@ def with_own_numbers(healthy: Recording, robot: Robot) -> tuple[Robot, str]:
     )
 
 
-def with_own_links(recording: Recording, robot: Robot) -> Robot:
+def with_own_links(recording: Recording, robot: Robot, replay: Replay | None = None) -> Robot:
     """Fit a model to a recording that may have a fault, and change only the links of the model.
 
     A fault may look like other links. Effects are therefore simulated on this model, but what they
@@ -56,12 +57,13 @@ def with_own_links(recording: Recording, robot: Robot) -> Robot:
     Args:
         recording: The recording.
         robot: The model.
+        replay: Of the recording and the model on measured positions, if there is one already.
 
     Returns:
         The model with the links of the fit. The given robot in the same cases as for
         `with_own_numbers`.
     """
-    found = _fitted(recording, robot)
+    found = _fitted(recording, robot, replay)
     if found is None:
         return robot
     made = replace(found[0], drives=Drives.of(robot))
@@ -71,7 +73,9 @@ def with_own_links(recording: Recording, robot: Robot) -> Robot:
         return robot
 
 
-def _fitted(recording: Recording, robot: Robot) -> tuple[Physical, float, float] | None:
+def _fitted(
+    recording: Recording, robot: Robot, replay: Replay | None = None
+) -> tuple[Physical, float, float] | None:
     """The least change of a model that predicts about as well as classical identification.
 
     Torque constants stay, because a recording can hardly tell them from masses.
@@ -83,7 +87,7 @@ def _fitted(recording: Recording, robot: Robot) -> tuple[Physical, float, float]
     if recording.constants is not None:
         return None
     modelled = replace(recording, torque=recording.torque * robot.torque_gain)
-    held_out = HeldOut(recording, possible_regression(modelled, robot))
+    held_out = HeldOut(recording, possible_regression(modelled, robot), replay)
     if not held_out.is_possible:
         return None
     regression = held_out.regression

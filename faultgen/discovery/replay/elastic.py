@@ -33,8 +33,14 @@ class Nonlinear(Protocol):
             flexible: Inverse of the stiffness of the arm.
         """
 
-    def pose(self, inverse: np.ndarray) -> None:
-        """Take the answer of the joints to a unit of force within a step."""
+    def pose(self, step: int, inverse: np.ndarray, held: int) -> None:
+        """Prepare steps in which the arm counts as being in one pose.
+
+        Args:
+            step: Number of the first one.
+            inverse: Answer of the joints to a unit of force within a step.
+            held: Number of these steps.
+        """
 
     def step(self, step: int, new: np.ndarray, old: np.ndarray) -> None:
         """Add their part to the moves of the joints, which are changed in place.
@@ -80,7 +86,7 @@ class GearLaws:
         self.errors[first] = -np.where(self._is_play, np.sign(twist) * self._play / 2, soft)
         place += flexible @ (self._pull * self.errors[first])
 
-    def pose(self, inverse: np.ndarray) -> None:
+    def pose(self, step: int, inverse: np.ndarray, held: int) -> None:
         """See `Nonlinear`."""
         self._answer = inverse @ self._pull
         # by which share of an error the twist becomes less
@@ -164,7 +170,7 @@ class Newmark:
             if pose != known:
                 known = pose
                 for one, _ in groups:
-                    one.pose(self._inverse[pose])
+                    one.pose(step, self._inverse[pose], self._held)
             if starts and k == 0:
                 place[:] = self._flexible @ push
                 for one, own in groups:

@@ -158,15 +158,14 @@ class Formulas:
     def _at_samples(self, number: int) -> _Motion:
         run, at = self._runs[number], self._steps(number)
         timestep = self.robot.model.opt.timestep
-        acceleration = np.gradient(run.motor_velocity, timestep, axis=0)
         return _Motion(
             angle=run.motor_position[at],
             speed=run.motor_velocity[at],
-            acceleration=acceleration[at],
+            acceleration=_slope(run.motor_velocity, at, timestep),
             joint=run.joint_position[at],
             gear=run.gear_torque[at],
             torque=run.motor_torque[at],
-            rate=np.gradient(run.motor_torque, timestep, axis=0)[at],
+            rate=_slope(run.motor_torque, at, timestep),
         )
 
     def friction(self, name: str, axis: int) -> float:
@@ -197,8 +196,10 @@ class Formulas:
         """Position, velocity and acceleration of the joints at the samples."""
         timestep, at = self.robot.model.opt.timestep, self._steps(number)
         joint = self._runs[number].joint_position
-        rate = np.gradient(joint, timestep, axis=0)
-        return joint[at], rate[at], np.gradient(rate, timestep, axis=0)[at]
+        before, after = _beside(at, len(joint))
+        less, more = (_slope(joint, steps, timestep) for steps in (before, after))
+        acceleration = (more - less) / ((after - before)[:, None] * timestep)
+        return joint[at], _slope(joint, at, timestep), acceleration
 
     def _links(self, number: int) -> LinkMotion:
         """Motion of the links at the samples."""
@@ -309,6 +310,17 @@ class Formulas:
             change[:, :, : len(sizes)] /= sizes
             out[inside] = change
         return out
+
+
+def _beside(at: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """The steps before and after steps, of `count` steps."""
+    return np.maximum(at - 1, 0), np.minimum(at + 1, count - 1)
+
+
+def _slope(values: np.ndarray, at: np.ndarray, timestep: float) -> np.ndarray:
+    """Central differences over time at some steps, as those of `numpy.gradient`."""
+    before, after = _beside(at, len(values))
+    return np.asarray((values[after] - values[before]) / ((after - before)[:, None] * timestep))
 
 
 def _wave(term: Term) -> tuple[float, float]:

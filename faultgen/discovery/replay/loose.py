@@ -86,7 +86,7 @@ class LooseTools:
         self._directions = np.array([int(dict(one.parameters)["direction"]) for one in terms], int)
         self._half = np.array([term.step for term in terms], float) / 2
         self._stiffness, self._damping = stops_of(slide.mass)
-        self._state = np.zeros((3, self.count))
+        self._state = (np.zeros(self.count),) * 3
 
     def start(self, first: int, place: np.ndarray, flexible: np.ndarray) -> None:
         """Begin at rest on the stop to which weight and inertia push.
@@ -97,12 +97,22 @@ class LooseTools:
             flexible: Inverse of the stiffness of the arm.
         """
         force = self._slide.force[first, 0, self._directions]
-        self._state[0] = np.sign(force) * self._half + force / self._stiffness
-        place -= flexible @ (self._slide.moved[first][:, self._directions] * self._state[0])
+        lies = np.sign(force) * self._half + force / self._stiffness
+        place -= flexible @ (self._slide.moved[first][:, self._directions] * lies)
+        self._state = lies, np.zeros(self.count), np.zeros(self.count)
 
-    def pose(self, inverse: np.ndarray) -> None:
-        """Take the answer of the joints to a unit of force within a step."""
-        self._inverse = inverse
+    def pose(self, step: int, inverse: np.ndarray, held: int) -> None:
+        """Prepare steps; for the same arguments as in `elastic.Nonlinear`."""
+        rows, inertia = slice(step, step + held), 4 / self._h**2
+        reach = self._slide.mass * self._slide.reach[rows]
+        push = inverse @ reach
+        shift = inverse @ self._slide.moved[rows] + inertia * push
+        free = inertia * (self._slide.mass - (reach * shift).sum(axis=1))
+        free = free + 2 / self._h * self._damping
+        chosen = self._directions
+        self._first = step
+        self._reach, self._push, self._shift = (one[..., chosen] for one in (reach, push, shift))
+        self._free, self._force = free[:, chosen], self._slide.force[rows, 0][:, chosen]
 
     def step(self, step: int, new: np.ndarray, old: np.ndarray) -> None:
         """Solve for the places of the tools, and add what they do to the joints.
@@ -112,22 +122,17 @@ class LooseTools:
             new: Moves of the joints without them, shape (n_axes, tools), changed in place.
             old: As in `elastic.Nonlinear.step`.
         """
-        inertia, mass, chosen = 4 / self._h**2, self._slide.mass, self._directions
+        k, inertia, stops = step - self._first, 4 / self._h**2, self._stiffness
         x, rate, change = self._state
         before = -inertia * x - 4 / self._h * rate - change  # of the acceleration, as `old`
-        reach = self._slide.reach[step]
-        of_push = mass * (self._inverse @ reach)
-        of_shift = (self._inverse @ self._slide.moved[step] + inertia * of_push)[:, chosen]
-        reach, of_push = reach[:, chosen], of_push[:, chosen]
-        new -= of_push * before
-        pushed = (reach * (inertia * new + old)).sum(axis=0)
-        known = self._slide.force[step, 0, chosen] - mass * (before + pushed)
-        known += self._damping * (2 / self._h * x + rate)
-        free = inertia * mass * (1 - (reach * of_shift).sum(axis=0)) + 2 / self._h * self._damping
-        place = known / free
-        hit = (known + np.sign(known) * self._stiffness * self._half) / (free + self._stiffness)
-        place = np.where(np.abs(place) <= self._half, place, hit)
-        new -= of_shift * place
+        new -= self._push[k] * before
+        known = self._force[k] - (self._reach[k] * (inertia * new + old)).sum(axis=0)
+        known += self._damping * (2 / self._h * x + rate) - self._slide.mass * before
+        free = known / self._free[k]
+        inside = np.minimum(np.maximum(free, -self._half), self._half)
+        # beyond the play, the stop takes its part of the force
+        place = inside + (free - inside) * (self._free[k] / (self._free[k] + stops))
+        new -= self._shift[k] * place
         acceleration = inertia * place + before
         rate = rate + self._h / 2 * (change + acceleration)
-        self._state = np.stack([place, rate, acceleration])
+        self._state = place, rate, acceleration

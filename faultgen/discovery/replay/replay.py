@@ -122,6 +122,8 @@ class Replay:
         Args:
             robot: A model that differs from that of this replay in its numbers and effects only.
         """
+        if robot is self.robot:
+            return self
         other = copy.copy(self)
         other.robot, other._cycles = robot, None
         return other

@@ -93,25 +93,48 @@ def link_regressor(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> 
 def link_motion(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> LinkMotion:
     """Compute the motion of all links, for the same arguments as `link_regressor`."""
     model, bodies = arm.model, link_ids(arm)
-    data = mujoco.MjData(model)
-    n, links = q.shape[1], len(bodies)
-    motion = np.empty((len(q), links, 2, 6))  # velocity and acceleration, angular before linear
-    jacobian = np.empty((len(q), links, 6, n))  # the same order, in the link's frame
-    across, along = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-    kind = mujoco.mjtObj.mjOBJ_XBODY
-    for k in range(len(q)):
+    data, count = mujoco.MjData(model), len(q)
+    place, turned = np.empty((count, len(bodies), 3)), np.empty((count, len(bodies), 9))
+    # as MuJoCo states them: angular before linear, at the centre of mass of the whole arm
+    velocity, acceleration = np.empty((2, count, len(bodies), 6))
+    axes, centre = np.empty((count, model.nv, 6)), np.empty((count, 3))
+    root = model.body_rootid[bodies[0]]
+    for k in range(count):
         data.qpos[:], data.qvel[:], data.qacc[:] = q[k], qd[k], qdd[k]
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_comVel(model, data)
         mujoco.mj_rnePostConstraint(model, data)  # accelerations, those of gravity included
-        for link, body in enumerate(bodies):
-            mujoco.mj_objectVelocity(model, data, kind, body, motion[k, link, 0], 1)
-            mujoco.mj_objectAcceleration(model, data, kind, body, motion[k, link, 1], 1)
-            mujoco.mj_jacBody(model, data, along, across, body)
-            turned = data.xmat[body].reshape(3, 3).T
-            jacobian[k, link, :3], jacobian[k, link, 3:] = turned @ across, turned @ along
-    return LinkMotion(motion[:, :, 0], motion[:, :, 1], jacobian)
+        place[k], turned[k] = data.xpos[bodies], data.xmat[bodies]
+        velocity[k], acceleration[k] = data.cvel[bodies], data.cacc[bodies]
+        axes[k], centre[k] = data.cdof, data.subtree_com[root]
+    lever = place - centre[:, None]
+    moves = np.array([_joints_before(model, body) for body in bodies])
+    shared = np.where(moves[:, :, None], axes[:, None], 0.0)  # (samples, bodies, joints, 6)
+    frame = turned.reshape(count, len(bodies), 3, 3)
+
+    def at_body(spatial: np.ndarray, arm: np.ndarray) -> np.ndarray:
+        moved = spatial[..., 3:] + np.cross(spatial[..., :3], arm)
+        return np.concatenate([spatial[..., :3], moved], axis=-1)
+
+    speed = at_body(velocity, lever)
+    felt = at_body(acceleration, lever)
+    felt[..., 3:] += np.cross(speed[..., :3], speed[..., 3:])  # of the point, not of space
+    own = [
+        np.concatenate([vectors[..., :3] @ frame, vectors[..., 3:] @ frame], axis=-1)
+        for vectors in (speed[:, :, None], felt[:, :, None], at_body(shared, lever[:, :, None]))
+    ]
+    return LinkMotion(own[0][:, :, 0], own[1][:, :, 0], np.swapaxes(own[2], 2, 3))
+
+
+def _joints_before(model: mujoco.MjModel, body: int) -> np.ndarray:
+    """Which degrees of freedom move a body, shape (nv,)."""
+    moves = np.zeros(model.nv, bool)
+    while body:
+        first = model.body_dofadr[body]
+        moves[first : first + model.body_dofnum[body]] = model.body_dofnum[body] > 0
+        body = model.body_parentid[body]
+    return moves
 
 
 def gear_regressor(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
