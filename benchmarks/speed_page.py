@@ -118,10 +118,26 @@ def growth(told: dict[str, Any]) -> str:
     return _table(head, rows)
 
 
+def signatures(told: dict[str, Any]) -> str:
+    """Table of the signatures of discovery by robot and length of the recording."""
+    head = ["robot", "recording", "goal", "all signatures", "over one simulation: median (each)"]
+    head += ["second recording", "over one simulation: median (each)"]
+    rows = []
+    for row in told["rows"]:
+        cells = [row["robot"], f"{row['seconds']:g} s", f"{row['goal']:g} s"]
+        for part in ("signatures", "second"):
+            each = ", ".join(f"{ratio:.1f}" for ratio in row[f"{part}_over_simulation_each"])
+            cells += [f"{row[f'{part}_s']:.1f} s"]
+            cells += [f"{row[f'{part}_over_simulation']:.1f} ({each})"]
+        rows.append(cells)
+    return _table(head, rows)
+
+
 TABLES: dict[str, Callable[[dict[str, Any]], str]] = {
     "speed": speed,
     "peers": peers,
     "growth": growth,
+    "signature_speed": signatures,
 }
 
 

@@ -53,8 +53,11 @@ def test_they_agree_with_simulations_of_their_own(recording, tiny_robot):
     The stick and slip of slow motion is not compared, as in discovery.
     """
     replay = Replay(recording, tiny_robot, measured=True)
-    terms = shared(replay)
-    base, each = sensitivities(replay, terms)
+    # small, as a formula is the slope at 0; what follows the temperature is composed of others
+    terms = [replace(term, step=0.1 * term.step) for term in shared(replay)]
+    terms = [term for term in terms if term.name != "temperature_friction"]
+    base = replay.torque()
+    each = [(replay.torque([(term, term.step)]) - base) / term.step for term in terms]
     together = own_sensitivities(replay, terms, base)
     inside = counted(recording, tiny_robot, baseline=False)
     for term, alone, own in zip(terms, each, together, strict=True):
@@ -70,8 +73,8 @@ def test_they_agree_with_simulations_of_their_own(recording, tiny_robot):
 
 def test_an_axis_that_diverges_does_not_spoil_the_others(recording, tiny_robot, monkeypatch):
     """Each axis is then simulated for itself."""
-    replay = Replay(recording, tiny_robot, measured=True)
-    terms = [term for term in shared(replay) if term.name == "coulomb_friction"]
+    replay = Replay(recording, tiny_robot, measured=False)
+    terms = [periodic_terms(tiny_robot, "torque_ripple", axis, ORDERS[0])[0] for axis in (1, 2)]
     base = replay.torque()
     whole = own_sensitivities(replay, terms, base)
     simulate = Replay.torque

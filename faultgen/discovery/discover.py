@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from faultgen.discovery.calibration.own_numbers import with_own_links
 from faultgen.discovery.decision.healthy_spread import at_bound, learned_scales, with_scales
 from faultgen.discovery.decision.placed import with_places
 from faultgen.discovery.decision.run_to_run import (
@@ -27,43 +26,30 @@ from faultgen.discovery.decision.run_to_run import (
 from faultgen.discovery.decision.selection import Choice, choose
 from faultgen.discovery.decision.verdict import answer
 from faultgen.discovery.fit.regression import Problem, plain, pose, posed_again
-from faultgen.discovery.laws.friction_discrepancy import (
-    discrepancy_sensitivities,
-    discrepancy_terms,
-)
 from faultgen.discovery.laws.learned_law import Learned
 from faultgen.discovery.laws.order_analysis import find_orders
 from faultgen.discovery.planning.next_experiment import Experiment, next_experiment
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import (
-    are_alone,
-    impossible,
-    own_sensitivities,
     sensitivities,
 )
-from faultgen.discovery.replay.suited import suited_replay
 from faultgen.discovery.result import AMBIGUOUS, Answer
+from faultgen.discovery.signatures import signatures
 from faultgen.discovery.terms.candidates import (
     HIDDEN_BEHIND_GEARS,
-    ORDERS,
     Term,
     between_runs,
-    effect_terms,
     names_by_use,
     periodic_terms,
-    scanned_terms,
     with_free_gains,
     with_model_scale,
 )
-from faultgen.discovery.terms.inertia import inertia_terms
-from faultgen.effects import get_effect
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.recordings.recording import Recording, mean_of
 from faultgen.robot import Robot
 from faultgen.system.progress import Progress
 
 _LOWEST = 0.9  # cycles per motor turn without a baseline: errors of gravity look like slower waves
-_PAYLOAD = "payload_"  # effects of a payload, which loads the axes before its own as well
 _LESS = 0.8  # noise, over that before effects were known, from which it is estimated again
 
 
@@ -128,42 +114,18 @@ def investigate(
     baseline = mean_of(runs) if runs else None
     if recording.link:
         exclude = {*exclude, *HIDDEN_BEHIND_GEARS}
-    given = suited_replay(recording, robot)
-    replay = given
-    if baseline is None:
-        replay = given.on(with_own_links(recording, robot, given if given.measured else None))
-    terms = effect_terms(robot, exclude, include) + inertia_terms(robot) + _waves(robot, exclude)
-    terms = _on_used_axes(terms, recording)
-    alone = are_alone(replay, terms)
-    own = [term for term, is_alone in zip(terms, alone, strict=True) if is_alone]
-    scanned = _on_used_axes(scanned_terms(robot, exclude), recording)
-    others = [term for term, is_alone in zip(terms, alone, strict=True) if not is_alone]
-    # what is nearly proportional is the same on the given model, and is kept for other recordings
-    plays = [term for term in others if _is_play(term)]
-    terms = [term for term in others if not _is_play(term)]
-    given_torque, raw = sensitivities(given, terms, workers=workers, cache=cache)
-    base = given_torque if replay is given else None
-    if replay.measured:  # one formula for all plays
-        base, raws = sensitivities(replay, [*plays, *scanned], base, workers=workers, cache=cache)
-        of_plays, of_scanned = raws[: len(plays)], raws[len(plays) :]
-    else:
-        base, of_plays = sensitivities(replay, plays, base, workers=workers, cache=cache)
-        of_scanned = own_sensitivities(replay, scanned, base, workers=workers, cache=cache)
-    notes = impossible(given, terms, raw) + impossible(replay, plays, of_plays)
-    discrepancy = discrepancy_terms(robot)
-    raw = np.concatenate(
-        [
-            raw,
-            of_plays,
-            discrepancy_sensitivities(
-                given, discrepancy, given_torque, workers=workers, cache=cache
-            ),
-            own_sensitivities(given, own, given_torque, workers=workers, cache=cache),
-            of_scanned,
-        ]
+    of_model = signatures(
+        recording,
+        robot,
+        own_links=baseline is None,
+        exclude=exclude,
+        include=include,
+        workers=workers,
+        cache=cache,
     )
-    terms += plays + discrepancy + own
-    residual = recording.torque - given_torque
+    given, replay, terms = of_model.given, of_model.replay, of_model.terms
+    notes = list(of_model.notes)
+    residual = recording.torque - of_model.given_torque
     if baseline is not None:  # what the model lacked of the robot before
         before = Replay(baseline, robot, measured=given.measured)
         residual -= baseline.torque - before.torque()
@@ -173,10 +135,16 @@ def investigate(
         terms = with_model_scale(terms, prior_scale)
     if baseline is None and recording.constants is not None:
         terms = with_free_gains(terms)
-    terms += scanned
+    terms = [*terms, *of_model.scanned]
     try:
         problem = pose(
-            replay, terms, base, raw, residual, baseline=baseline is not None, given=given
+            replay,
+            terms,
+            of_model.base,
+            of_model.raw,
+            residual,
+            baseline=baseline is not None,
+            given=given,
         )
     except ValueError as error:
         raise InputError(f"{recording.source}: {error}") from None
@@ -207,34 +175,6 @@ def investigate(
             except (InputError, SimulationFailed) as error:  # the answer is not lost
                 notes.append(f"no next experiment was planned: {error}")
     return Discovery(problem, choice, told, experiment, scales, notes=tuple(notes))
-
-
-def _waves(robot: Robot, exclude: Collection[str]) -> list[Term]:
-    """Terms of the periodic effects at the orders that are always probed."""
-    return [
-        term
-        for name in names_by_use("periodic")
-        if name not in exclude
-        for order in ORDERS
-        for axis in range(1, robot.n_axes + 1)
-        for term in periodic_terms(robot, name, axis, order)
-    ]
-
-
-def _on_used_axes(terms: Sequence[Term], recording: Recording) -> list[Term]:
-    """The terms without effects of axes that are left out; a payload loads other axes, too."""
-    return [
-        term
-        for term in terms
-        if term.axis not in recording.left_out
-        or not term.is_effect
-        or term.name.startswith(_PAYLOAD)
-    ]
-
-
-def _is_play(term: Term) -> bool:
-    """Whether a term is an effect that acts at moments which depend on the whole model."""
-    return term.is_effect and get_effect(term.name).prior.play
 
 
 def _with_orders(problem: Problem, workers: int, exclude: Collection[str]) -> Problem:

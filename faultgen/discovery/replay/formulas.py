@@ -343,6 +343,10 @@ _AT_ROTOR: dict[str, Callable[[Formulas, _Motion, Term], np.ndarray]] = {
         * (seen.speed * np.abs(seen.speed))[:, term.axis - 1]
         / QUADRATIC_SPEED**2
     ),
+    # of a growth in forward motion, as which it is probed
+    "viscous_asymmetry": lambda of, seen, term: (
+        of.friction("viscous", term.axis) * np.maximum(seen.speed[:, term.axis - 1], 0.0)
+    ),
     "torque_offset": lambda of, seen, term: -np.ones(len(seen.speed)),
     "torque_constant": lambda of, seen, term: seen.torque[:, term.axis - 1],
     "rotor_inertia": lambda of, seen, term: (
