@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
 
+from faultgen.discovery.laws.friction_discrepancy import (
+    discrepancy_sensitivities,
+    discrepancy_terms,
+)
+from faultgen.discovery.replay.bristles import FRICTION
 from faultgen.discovery.replay.formulas import Formulas
 from faultgen.discovery.replay.replay import Replay, settled
-from faultgen.discovery.terms.candidates import INERTIA, Term, periodic_terms
+from faultgen.discovery.terms.candidates import INERTIA, Term, effect_terms, periodic_terms
 from faultgen.discovery.terms.inertia import inertia_terms, slopes_of
 from faultgen.discovery.terms.regressor import link_regressor
 from faultgen.effects import get_effect
@@ -23,6 +29,7 @@ from faultgen.simulation.stepping import simulate
 from faultgen.tasks import load_task
 
 SECONDS = 3.0
+SIMULATES = import_module("faultgen.discovery.replay.replay")
 
 
 @pytest.fixture(scope="module", params=["puma560", "irb6700"])
@@ -59,7 +66,13 @@ SMALL = {
 
 def agreement(replay: Replay, term: Term, least: float = 0.0) -> tuple[float, float]:
     """Correlation of a formula with the simulation, and the ratio of their sizes."""
-    column = Formulas(replay).columns([term])[term]
+    return compared(replay, term, Formulas(replay).columns([term])[term], least)
+
+
+def compared(
+    replay: Replay, term: Term, column: np.ndarray, least: float = 0.0
+) -> tuple[float, float]:
+    """The same for a column that is already there."""
     change = (replay.torque([(term, term.step)]) - replay.torque()) / term.step
     inside = settled(replay.recording, replay.robot)
     one, other = column[inside].astype(float), change[inside]
@@ -150,3 +163,66 @@ def test_play_as_large_as_the_twist_looks_like_its_simulation(replay):
     correlation, ratio = agreement(replay, Term("backlash", 1, float(gear / stiffness), 1.0))
     assert correlation > 0.9
     assert ratio == pytest.approx(1, abs=0.2)
+
+
+@pytest.mark.parametrize("name", [name for name in FRICTION if name != "low_speed_friction"])
+def test_friction_agrees_with_simulations(replay, name):
+    """On every axis on which it is told, each as large as discovery probes it."""
+    terms = [term for term in effect_terms(replay.robot) if term.name == name]
+    for term in [term for term in terms if term.axis in (2, 5)]:
+        correlation, ratio = agreement(replay, term)
+        assert correlation > 0.999, term
+        assert ratio == pytest.approx(1, abs=0.015), term
+
+
+@pytest.mark.parametrize("name", ["low_speed_friction", "viscous_asymmetry"])
+def test_friction_that_users_ask_for_agrees_with_simulations(replay, name):
+    terms = [one for one in effect_terms(replay.robot, include=[name]) if one.name == name]
+    assert terms
+    correlation, ratio = agreement(replay, terms[1])
+    assert correlation > 0.999
+    assert ratio == pytest.approx(1, abs=0.01)
+
+
+def test_friction_of_a_drive_that_logs_another_unit(replay):
+    """The log of a drive with a gain of 2 shows half of the torque."""
+    spec = replay.robot.spec()
+    numeric = spec.numeric("torque_gain") or spec.add_numeric(name="torque_gain")
+    numeric.size, numeric.data = 6, [2.0] * 6
+    doubled = replay.on(replay.robot.edited(spec))
+    assert list(doubled.robot.torque_gain) == [2.0] * 6
+    wave = periodic_terms(doubled.robot, "torque_ripple", 2, 2.0)[0]
+    numbers = ("coulomb_friction", "viscous_friction", "torque_offset", "rotor_inertia")
+    for term in (*(Term(name, 2, 0.1, 1.0) for name in numbers), wave):
+        _, ratio = agreement(doubled, term)
+        assert ratio == pytest.approx(1, abs=0.02), term
+
+
+def test_other_forms_of_friction_need_no_simulation(replay, monkeypatch):
+    """Their torque is on the rotors, which move as they were measured."""
+    terms, base = discrepancy_terms(replay.robot), replay.torque()
+    monkeypatch.setattr(SIMULATES, "prescribed", None)
+    columns = discrepancy_sensitivities(replay, terms, base)
+    assert columns.any(axis=(1, 2)).sum() > len(terms) / 2
+    shape = next(k for k, term in enumerate(terms) if term.axis == 2)
+    assert not np.delete(columns[shape], 1, axis=1).any()
+
+
+@pytest.mark.parametrize("direction", [0, 1, 2])
+def test_loose_tools_agree_with_simulations(replay, direction):
+    """Also where they strike, on the axes that carry most of it."""
+    terms = [term for term in effect_terms(replay.robot) if term.name == "loose_tool"]
+    own = [term for term in terms if dict(term.parameters)["direction"] == direction]
+    assert len(own) == 4
+    for term, column in Formulas(replay).columns(own).items():
+        correlation, ratio = compared(replay, term, column)
+        assert correlation > 0.9, term
+        assert ratio == pytest.approx(1, abs=0.15), term
+
+
+def test_a_robot_is_simulated_once_for_all_its_formulas(replay, monkeypatch):
+    fresh = replay.on(replace(replay.robot))
+    base = fresh.torque()
+    monkeypatch.setattr(SIMULATES, "prescribed", None)
+    Formulas(fresh).columns([Term("backlash", 1, 1e-4, 1.0), Term("coulomb_friction", 1, 0.1, 1.0)])
+    np.testing.assert_array_equal(fresh.torque(), base)
