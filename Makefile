@@ -60,6 +60,7 @@ benchmark: install
 	$(BIN)/python benchmarks/speed.py --save benchmarks/results/speed.json
 	$(BIN)/python benchmarks/peers.py --save benchmarks/results/peers.json
 	$(BIN)/python benchmarks/growth.py --save benchmarks/results/growth.json
+	$(BIN)/python benchmarks/signature_speed.py --save benchmarks/results/signature_speed.json
 	$(BIN)/python benchmarks/speed_page.py
 	$(BIN)/python benchmarks/bench_transfer_entropy.py
 

@@ -1,6 +1,6 @@
 """How each term changes the measured torque: by formula, or by a simulation with the term.
 
-Where the rotors are on their measured positions, most terms have a formula (see `formulas`). Where
+Where the rotors are on their measured positions, terms have a formula (see `formulas`). Where
 they follow commands, the servo reacts to an effect, and its reaction is part of the measurement:
 there, every term is simulated in closed loop. Robots of one type that run one program share their
 sensitivities, which can be kept in a folder.
