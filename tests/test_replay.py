@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from faultgen.discovery import Recording, Replay, replay, settled
 from faultgen.discovery.replay import followed
-from faultgen.discovery.replay.prescribed import prescribed_torque
+from faultgen.discovery.replay.prescribed import prescribed
 from faultgen.discovery.replay.replay import relative_error
 from faultgen.effects import get_effect
 from faultgen.effects.coupling import add_coupling_friction
@@ -87,7 +87,7 @@ def test_positions_alone_tell_what_torque_another_servo_gave(name, shared):
     timestep = robot.model.opt.timestep
     control = control_signal(motion, timestep)
     (run,) = simulate(other, control, [assemble(other)], sample_period=timestep, lead_in=0.0)
-    found = prescribed_torque(robot, run.motor_position)
+    found = prescribed(robot, assemble(robot), run.motor_position).motor_torque
     late = slice(round(0.3 / timestep), -2)
     error = (found - run.motor_torque)[late]
     assert np.all(np.std(error, axis=0) < 0.005 * np.std(run.motor_torque[late], axis=0))

@@ -9,15 +9,20 @@ their resonances, which may be wrong in the model, answer to what is left of the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from faultgen.discovery.replay.prescribed import prescribed_torque
+from faultgen.discovery.replay.prescribed import prescribed
 from faultgen.errors import SimulationFailed
 from faultgen.recordings.recording import Recording
 from faultgen.recordings.smoothing import smoothings
 from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm, motor_torque
+from faultgen.simulation.cycle import Cycle
+from faultgen.simulation.plant import assemble
 
 STRONGER = tuple(range(11))
 """Common logarithms of the factors of the penalty of smoothing that are tried. A factor of a
@@ -29,7 +34,19 @@ _NEARLY = 1.02  # the same over the smallest one, up to which weaker smoothing i
 _FEWEST = 100  # samples of an axis that can tell
 
 
-def followed(recording: Recording, robot: Robot, inside: np.ndarray) -> np.ndarray:
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """A measured motion, smoothed."""
+
+    position: np.ndarray
+    """What the joints do without twist of the gearboxes, shape (samples, n_axes), in [rad], or [m]
+    for slides."""
+    cycles: list[Cycle] | None
+    """What the model logs on this motion at every step of a simulation, in each separate recording;
+    None if it was not simulated."""
+
+
+def followed(recording: Recording, robot: Robot, inside: np.ndarray) -> Followed:
     """Smooth the measured positions for a simulation of the robot with its gearboxes.
 
     Args:
@@ -38,13 +55,32 @@ def followed(recording: Recording, robot: Robot, inside: np.ndarray) -> np.ndarr
         inside: Samples whose torque is compared, shape (samples, n_axes).
 
     Returns:
-        What the joints do without twist of the gearboxes, shape (samples, n_axes), in [rad], or [m]
-        for slides.
+        The motion.
     """
     trials, first = _for_rigid_arm(recording, robot, inside, recording.joint_position(robot))
-    if not recording.link:
-        first = _with_gearboxes(recording, robot, trials, first, inside)
-    return np.asarray(trials[first])
+    if recording.link:
+        return Followed(np.asarray(trials[first]), None)
+    best, cycles = _with_gearboxes(recording, robot, trials, first, inside)
+    return Followed(np.asarray(trials[best]), cycles)
+
+
+def rotor_steps(robot: Robot, position: np.ndarray, period: float) -> np.ndarray:
+    """Compute the position of the rotors at every step of a simulation.
+
+    Args:
+        robot: The model.
+        position: What the joints do without twist of the gearboxes in a separate recording, shape
+            (samples, n_axes), in [rad].
+        period: Time between samples [s].
+
+    Returns:
+        Shape (steps, n_axes), in [rad].
+    """
+    timestep = robot.model.opt.timestep
+    times = np.arange(len(position)) * period
+    steps = np.arange(round((times[-1] + timestep) / timestep)) * timestep
+    way = make_interp_spline(times, position)(np.minimum(steps, times[-1]))
+    return np.asarray(robot.gearing.outputs(way) * robot.gear_ratio)
 
 
 def followed_by_rigid_arm(
@@ -82,7 +118,7 @@ def _for_rigid_arm(
 
 def _with_gearboxes(
     recording: Recording, robot: Robot, trials: np.ndarray, first: int, inside: np.ndarray
-) -> int:
+) -> tuple[int, list[Cycle] | None]:
     """How much smoothing the arm with its gearboxes requires.
 
     Args:
@@ -94,14 +130,17 @@ def _with_gearboxes(
 
     Returns:
         Number of a trial: 0 if the first one is not clearly better, otherwise the first one; or
-        the number up to which more smoothing makes the error smaller, if it does so enough.
+        the number up to which more smoothing makes the error smaller, if it does so enough. And its
+        simulation, if it did not diverge.
     """
+    runs: dict[int, list[Cycle]] = {}
 
     def error(k: int) -> float:
         try:
-            torque = _elastic_torque(recording, robot, trials[k])
+            runs[k] = _simulated(recording, robot, trials[k])
         except SimulationFailed:
             return np.inf
+        torque = _logged(recording, robot, runs[k])
         torque = torque if recording.side == "motor" else torque * robot.gear_ratio
         return unexplained(
             recording, differences(recording, trials[k])[0], torque, inside, scaled=False
@@ -118,32 +157,29 @@ def _with_gearboxes(
         if more >= lowest:
             break
         best, lowest = k, more
-    return best if lowest < _MORE * least else own
+        runs = {number: run for number, run in runs.items() if number in (own, best)}
+    chosen = best if lowest < _MORE * least else own
+    return chosen, runs.get(chosen)
 
 
-def _elastic_torque(recording: Recording, robot: Robot, position: np.ndarray) -> np.ndarray:
-    """Compute the motor torque of a motion with elastic gearboxes, see `prescribed_torque`.
+def _simulated(recording: Recording, robot: Robot, position: np.ndarray) -> list[Cycle]:
+    """Simulate each separate recording of a motion of shape (samples, n_axes), see `prescribed`."""
+    plant, period = assemble(robot), recording.sample_period
+    return [
+        prescribed(robot, plant, rotor_steps(robot, position[part], period))
+        for part in recording.parts
+    ]
 
-    Args:
-        recording: The measured data.
-        robot: The model.
-        position: What the joints do without twist of the gearboxes, shape (samples, n_axes).
 
-    Returns:
-        Torque of the motors, shape (samples, n_axes), in [N m].
-
-    Raises:
-        SimulationFailed: The simulation diverged.
-    """
-    timestep = robot.model.opt.timestep
-    torque = np.empty_like(position)
-    for part in recording.parts:
+def _logged(recording: Recording, robot: Robot, runs: Sequence[Cycle]) -> np.ndarray:
+    """Torque of the motors at the samples [N m], shape (samples, n_axes)."""
+    torque = np.empty_like(recording.torque)
+    for part, run in zip(recording.parts, runs, strict=True):
         times = np.arange(part.stop - part.start) * recording.sample_period
-        steps = np.arange(round((times[-1] + timestep) / timestep)) * timestep
-        rotors = robot.gearing.outputs(make_interp_spline(times, position[part])(steps))
-        needed = prescribed_torque(robot, rotors * robot.gear_ratio)
-        for axis in range(position.shape[1]):
-            torque[part, axis] = np.interp(times, steps, needed[:, axis])
+        steps = np.arange(len(run.motor_torque)) * robot.model.opt.timestep
+        for axis in range(robot.n_axes):
+            needed = run.motor_torque[:, axis] * robot.torque_gain[axis]
+            torque[part, axis] = np.interp(times, steps, needed)
     return torque
 
 

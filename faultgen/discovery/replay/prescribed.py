@@ -22,7 +22,7 @@ import numpy as np
 from faultgen.mjcf.dcmotor import POSITION_GAIN, VELOCITY_GAIN
 from faultgen.robot import Robot
 from faultgen.simulation.cycle import Cycle
-from faultgen.simulation.plant import Plant, assemble
+from faultgen.simulation.plant import Plant
 from faultgen.simulation.stepping import simulate
 
 TURN = 0.2
@@ -124,19 +124,3 @@ def stiffen(gearbox: mujoco.MjsTendon) -> None:
     """
     gearbox.stiffness *= STIFFER
     gearbox.damping *= np.sqrt(STIFFER)
-
-
-def prescribed_torque(robot: Robot, rotors: np.ndarray) -> np.ndarray:
-    """Compute the motor torque that moves the rotors of a robot in a given way.
-
-    Args:
-        robot: The robot.
-        rotors: Position of the rotors at every simulation step, shape (steps, n_axes), in [rad].
-
-    Returns:
-        Torque of the motors at every step, same shape, in [N m].
-
-    Raises:
-        SimulationFailed: The simulation diverged.
-    """
-    return prescribed(robot, assemble(robot), rotors).motor_torque * robot.torque_gain

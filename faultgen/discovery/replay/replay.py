@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from faultgen.discovery.replay.followed import followed
+from faultgen.discovery.replay.followed import followed, rotor_steps
 from faultgen.discovery.replay.prescribed import TURN, prescribed, stiffen
 from faultgen.discovery.terms.candidates import INERTIA, Term, applied
 from faultgen.discovery.terms.inertia import apply_inertia
@@ -64,34 +64,31 @@ class Replay:
         self.robot = robot
         self.measured = measured
         """Whether the rotors are on their measured positions."""
-        self._cycles: list[Cycle] | None = None
         self.left_out: np.ndarray | None = None
         """Samples that are not compared, beside those of `samples.counted`; shape (samples,
         n_axes)."""
-        self.wanted = (
-            followed(recording, robot, settled(recording, robot))
-            if measured
-            else recording.commanded(robot)
-        )
+        self._cycles: list[Cycle] | None = None
+        if measured:
+            found = followed(recording, robot, settled(recording, robot))
+            self.wanted = found.position
+            # simulated there without a temperature
+            self._cycles = None if self.by_temperature(()) else found.cycles
+        else:
+            self.wanted = recording.commanded(robot)
         """Measured position, smoothed, or the commanded one; joint side, shape (samples, n_axes),
         without twist of the gearboxes."""
         at = robot.model.actuator_ctrladr[robot.ids("actuator", "drive")]
         self.controls = [] if measured else self._controls(self.wanted)
         self.rotors = (
-            [self._steps(part) for part in recording.parts]
+            [
+                rotor_steps(robot, self.wanted[part], recording.sample_period)
+                for part in recording.parts
+            ]
             if measured
             else [control[:, at] for control in self.controls]
         )
         """Position of the rotors at every step, measured or commanded, of each separate recording;
         shape (steps, n_axes), in [rad]."""
-
-    def _steps(self, part: slice) -> np.ndarray:
-        """Rotor position at every step of a separate recording, shape (steps, n_axes), in [rad]."""
-        timestep = self.robot.model.opt.timestep
-        times = np.arange(part.stop - part.start) * self.recording.sample_period
-        steps = np.arange(round((times[-1] + timestep) / timestep)) * timestep
-        way = make_interp_spline(times, self.wanted[part])(np.minimum(steps, times[-1]))
-        return self.robot.gearing.outputs(way) * self.robot.gear_ratio
 
     def _controls(self, reference: np.ndarray) -> list[np.ndarray]:
         """Control signal of each separate recording, for positions of shape (samples, n_axes)."""
