@@ -15,6 +15,7 @@ The play b of a gearbox is an error that depends on x. With the twist w of the u
 
 which each step of the integration solves exactly. So it does for a share s of the stiffness that
 is lost, u = -s (w - G x).
+Friction with bristles is in `bristles`, a loose tool in `loose`, the integration in `elastic`.
 The time integration is that of Newmark (1959) with constant mean acceleration: it is stable and
 adds no damping. tests/test_formulas.py compares every formula with the simulation.
 """
