@@ -6,7 +6,7 @@ from recorded import record_cycle
 
 from faultgen.applied import Applied
 from faultgen.discovery.replay.replay import Replay
-from faultgen.discovery.replay.servo_delay import find_delays
+from faultgen.discovery.replay.servo_faults import find_servo_faults
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def test_a_delay_is_found_whatever_else_has_changed(puma, record, baseline):
     """0.5 ms of axis 3, with 40 % more friction of axis 2 and 50 % more payload."""
     late = Applied("delay", 3, 5e-4)
     measured = record(late, *HEAVIER)
-    found = find_delays(measured, puma, [record(seed=2)] if baseline else [])
+    found = find_servo_faults(measured, puma, [record(seed=2)] if baseline else [])
     (fault,) = found.faults
     assert (fault.effect, fault.axis) == ("delay", 3)
     assert fault.severity == pytest.approx(5e-4, rel=0.1)
@@ -42,14 +42,14 @@ def test_a_delay_is_found_whatever_else_has_changed(puma, record, baseline):
 def test_what_is_no_delay_of_one_axis_is_not_named(puma, record, baseline):
     """Other faults, and all axes late together without a baseline: this is the clock of the log."""
     runs = [record(seed=2)] if baseline else []
-    assert not find_delays(record(*HEAVIER), puma, runs).faults
+    assert not find_servo_faults(record(*HEAVIER), puma, runs).faults
     together = [Applied("delay", axis, 2e-3) for axis in range(1, 7)]
-    assert len(find_delays(record(*together), puma, runs).faults) == (6 if baseline else 0)
+    assert len(find_servo_faults(record(*together), puma, runs).faults) == (6 if baseline else 0)
 
 
 def test_a_delay_that_the_model_has_is_not_found_again(puma, record):
     late = Applied("delay", 3, 5e-4)
-    assert not find_delays(record(late), puma.with_effects([late])).faults
+    assert not find_servo_faults(record(late), puma.with_effects([late])).faults
 
 
 def test_another_servo_is_not_judged(puma, record):
@@ -57,5 +57,5 @@ def test_another_servo_is_not_judged(puma, record):
     spec = puma.spec()
     spec.add_numeric(name="servo_set_points", data=[1, 0, 0], size=3)
     spec.compile()
-    found = find_delays(record(Applied("delay", 3, 2e-3), robot=puma.edited(spec)), puma)
+    found = find_servo_faults(record(Applied("delay", 3, 2e-3), robot=puma.edited(spec)), puma)
     assert not found.faults and not found.change.any()
