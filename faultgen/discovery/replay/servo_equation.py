@@ -46,8 +46,6 @@ class Made:
     """Its torque without the constants [N m]."""
     rate: np.ndarray
     """Rate of that part of it which comes from the set points [N m/s]."""
-    fed_back: np.ndarray
-    """The part that follows from the tracking error, thus without the feed-forward torque [N m]."""
     integral: np.ndarray
     """Gain of the integral, shape (n_axes,)."""
 
@@ -95,12 +93,10 @@ class ServoSignals:
         """
         drives = robot.model.actuator_gainprm[robot.ids("actuator", "drive")]
         kp, ki, kd = drives[:, [POSITION_GAIN, INTEGRAL_GAIN, VELOCITY_GAIN]].T
-        speed = robot.set_points[1] * self.rate
-        forward = self.recording.derivatives(feed_forward(Arm(robot), *self.motion))[0]
-        fed_back = kp * (self.wanted - self.position) + kd * (speed - self.speed)
-        fed_back += ki * self.integral
-        rate = self.rate_of(kp * self.wanted + kd * speed + forward, ki)
-        return Made(fed_back + forward, rate, fed_back, ki)
+        points = kp * self.wanted + kd * robot.set_points[1] * self.rate
+        points += self.recording.derivatives(feed_forward(Arm(robot), *self.motion))[0]
+        made = points - kp * self.position - kd * self.speed + ki * self.integral
+        return Made(made, self.rate_of(points, ki), ki)
 
     def rate_of(self, points: np.ndarray, integral: np.ndarray | float) -> np.ndarray:
         """Compute how fast the part of the torque changes that comes from the set points.

@@ -46,8 +46,8 @@ class ServoErrors:
     holds: np.ndarray
     """Whether the equation explains the torque, shape (n_axes,)."""
     helps: np.ndarray
-    """Whether it does so clearly better with each of the three than without, shape (3, n_axes). A
-    gain has to be that of the whole torque: another kp or kd of the servo changes a part of it."""
+    """Whether it does so clearly better with each of the three than without, shape (3, n_axes).
+    Never with a gain of the log, where no feed-forward torque tells it from kp and kd."""
     misfit: np.ndarray
     """What the equation leaves over the torque, shape (n_axes,)."""
 
@@ -104,14 +104,13 @@ def servo_errors(
         columns = np.column_stack(
             [-now.made.rate[rows, axis], now.signals.torque[rows, axis], np.ones(len(rows)), starts]
         )
-        fit = _Fit(np.column_stack([columns, now.made.fed_back[rows, axis]]), target[rows])
-        plain = list(range(columns.shape[1]))  # without the last one
-        value[:, axis] = fit.values(plain)[:3]
-        apart = [fit.values(plain, without=block)[:3] for block in range(BLOCKS)]
+        fit = _Fit(columns, target[rows])
+        value[:, axis] = fit.values()[:3]
+        apart = [fit.values(without=block)[:3] for block in range(BLOCKS)]
         error[:, axis] = np.sqrt((BLOCKS - 1) * np.var(apart, axis=0))
-        for k, beside in enumerate((plain, [*plain, len(plain)], plain)):
-            others = [column for column in beside if column != k]
-            helps[k, axis] = fit.left(beside) < _BETTER * fit.left(others)
+        helps[:, axis] = [fit.left() < _BETTER * fit.left(but=k) for k in range(3)]
+        if not robot.set_points[2]:  # other gains kp and kd would explain the same
+            helps[1, axis] = False
         if has_integral[axis]:
             value[2, axis], error[2, axis], helps[2, axis] = 0.0, np.inf, False
     for one in robot.effects:
@@ -136,13 +135,15 @@ class _Fit:
         self._blocks = np.array([x.T @ x for x in np.array_split(both, BLOCKS)])
         self._all = self._blocks.sum(axis=0)
 
-    def values(self, chosen: list[int], without: int | None = None) -> np.ndarray:
-        """Values of the chosen columns, in their order."""
+    def values(self, but: int | None = None, without: int | None = None) -> np.ndarray:
+        """Values of all columns but one, in their order, without one of the blocks."""
         sums = self._all if without is None else self._all - self._blocks[without]
-        square, product = sums[np.ix_(chosen, chosen)], sums[chosen, -1]
-        return np.asarray(np.linalg.lstsq(square, product, rcond=None)[0] / self._size[chosen])
+        kept = [k for k in range(len(self._size)) if k != but]
+        square, product = sums[np.ix_(kept, kept)], sums[kept, -1]
+        return np.asarray(np.linalg.lstsq(square, product, rcond=None)[0] / self._size[kept])
 
-    def left(self, chosen: list[int]) -> float:
-        """Root of the squared sum of what they leave."""
-        explained = self.values(chosen) * self._size[chosen] @ self._all[chosen, -1]
+    def left(self, but: int | None = None) -> float:
+        """Root of the squared sum of what all columns but one leave."""
+        kept = [k for k in range(len(self._size)) if k != but]
+        explained = self.values(but) * self._size[kept] @ self._all[kept, -1]
         return float(np.sqrt(max(self._all[-1, -1] - explained, 0.0)))
