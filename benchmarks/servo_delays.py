@@ -3,8 +3,8 @@
 python benchmarks/servo_delays.py --laboratories 40
 
 Each laboratory with commanded positions and measured torque records a healthy robot, two delays and
-four other effects on a random axis. Only the equation of the servo is asked
-(`faultgen.discovery.replay.own_servo` and `servo_delay`), with a healthy recording and without one.
+four other effects on a random axis. Only the equation of the servo is asked, see `own_servo` and
+`servo_faults` in `faultgen.discovery.replay`, with a healthy recording and without one.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from laboratories.make import model_for, record_case, set_up
 
 from faultgen.discovery.inputs import read_together
 from faultgen.discovery.replay.own_servo import with_own_servo
-from faultgen.discovery.replay.servo_delay import find_delays
+from faultgen.discovery.replay.servo_faults import find_servo_faults
 from faultgen.recordings.recording import mean_of
 from faultgen.robot import load_robot
 
@@ -69,7 +69,7 @@ def ask(lab: Laboratory, folder: Path) -> list[tuple[str, str, bool]]:
         given = read_together([where / "measured.h5"], robot, [where / "healthy.h5"], None)
         for mode, runs in (("twin", given.runs), ("alone", [])):
             own, _ = with_own_servo(mean_of(runs) if runs else given.recording, robot)
-            found = [one.axis for one in find_delays(given.recording, own, runs).faults]
+            found = [one.axis for one in find_servo_faults(given.recording, own, runs).faults]
             rows.append((name, mode, found == ([axis] if name.startswith("delay") else [])))
     return rows
 

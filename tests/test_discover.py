@@ -350,6 +350,24 @@ def test_gap_and_validation_are_the_same_on_the_same_motions(measured, tiny_robo
     assert gap["floor"] <= gap["after"] < 0.7 * gap["before"]
 
 
+def test_a_gain_of_the_log_is_named_once(files, tiny_robot_path, tmp_path):
+    """The equation of the servo finds it; the search that follows gets the corrected log."""
+    clean = read_recording(files / "clean.h5")
+    torque = clean.torque * [1.15, 1.0]
+    write_recording(replace(clean, torque=torque), tmp_path / "gain.h5")
+    result = faultgen.discover(
+        tmp_path / "gain.h5", tiny_robot_path, files / "healthy.h5", tmp_path / "gain.h5"
+    )
+    (found,) = result["effects"]
+    assert (found["effect"], found["axis"], result["verdict"]) == ("torque_constant", 1, "named")
+    assert found["parameters"]["severity"] == pytest.approx(1 - 1 / 1.15, abs=3e-3)
+    (line,) = (one for one in result["findings"] if "times what the servo makes" in one)
+    assert "gain.h5: corrected: axis 1" in line and line in result["warnings"]
+    gap = result["gap"]
+    assert gap["after"] < 0.5 * gap["before"] and found["gap_after"] < 0.5 * gap["before"]
+    assert gap["validation"]["after"] < 0.7 * gap["validation"]["before"]
+
+
 @pytest.mark.slow
 def test_what_was_found_is_kept_where_a_later_stage_fails(
     files, tiny_robot_path, tmp_path, monkeypatch

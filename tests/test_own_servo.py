@@ -10,7 +10,7 @@ from faultgen.applied import Applied
 from faultgen.discovery import Recording
 from faultgen.discovery.replay.own_servo import with_own_servo
 from faultgen.discovery.replay.replay import Replay, relative_error, settled
-from faultgen.discovery.replay.servo_delay import find_delays
+from faultgen.discovery.replay.servo_faults import find_servo_faults
 from faultgen.errors import InputError
 from faultgen.mjcf.dcmotor import INTEGRAL_GAIN, OFFSET, POSITION_GAIN, VELOCITY_GAIN, set_servo
 from faultgen.simulation.arm import Arm, motor_torque, nominal_friction
@@ -100,7 +100,7 @@ def test_a_late_axis_is_no_other_servo(puma):
     recording = record_cycle(robot, [Applied("delay", 3, 2e-3)])
     found, _ = with_own_servo(recording, puma)
     assert np.array_equal(gains_of(found), gains_of(puma))
-    delays = find_delays(recording, found)
+    delays = find_servo_faults(recording, found)
     (late,) = delays.faults
     assert late.axis == 3 and late.severity == pytest.approx(2e-3, rel=0.1)
     assert delays.are_all

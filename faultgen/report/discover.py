@@ -25,10 +25,15 @@ from faultgen.discovery.discover import Discovery, investigate
 from faultgen.discovery.fit.gap import gap
 from faultgen.discovery.fit.regression import Problem
 from faultgen.discovery.inputs import check_positive, read_together, usable
-from faultgen.discovery.replay.own_servo import with_own_servo
+from faultgen.discovery.replay.own_servo import nearest_servo, with_own_servo
 from faultgen.discovery.replay.replay import Replay, relative_error
 from faultgen.discovery.replay.samples import counted
-from faultgen.discovery.replay.servo_delay import DELAY, Delays, find_delays, no_delays
+from faultgen.discovery.replay.servo_errors import DELAY, SHOWN
+from faultgen.discovery.replay.servo_faults import (
+    ServoFaults,
+    find_servo_faults,
+    no_servo_faults,
+)
 from faultgen.discovery.replay.suited import suited_replay
 from faultgen.discovery.result import NAMED, NONE, PARTLY, UNKNOWN
 from faultgen.discovery.rigid.drives import GAIN
@@ -126,25 +131,35 @@ def discover(
     warnings += more
     with threadpool_limits(limits=1):
         model, servo = stage("fit of the servo", lambda: with_own_servo(before, model), (model, ""))
-        fitted = ""
+        fitted, controller = "", model
         if runs:
             model, fitted = stage(
                 "fit of the numbers", lambda: with_own_numbers(before, model), (model, "")
             )
+            controller = nearest_servo(before, controller, model)
         other = None
         if validate is not None:
             other, more = usable(validate, model, low_pass, recording, trust_log=trust_log)
             warnings += more
             findings += more
-        late = no_delays(recording)
-        if DELAY not in exclude:
-            late = stage("search for delays", lambda: find_delays(recording, model, runs), late)
-        if late.are_all:
+        seen = stage(
+            "search for faults of servo and log",
+            lambda: find_servo_faults(
+                recording, controller, runs, arm=model, exclude=exclude, trust_log=trust_log
+            ),
+            no_servo_faults(recording),
+        )
+        if seen.are_all:
             exclude = {*exclude, DELAY}
-        given_model = model
-        if late.faults:
-            model = model.with_effects(late.applied())
-            runs = [replace(run, torque=run.torque + late.change) for run in runs]
+        more = [f"{recording.source}: {one}" for one in seen.findings()]
+        findings += more
+        warnings += more
+        given_model, change = model, recording.torque
+        recording = seen.corrected(recording)
+        change = change - recording.torque
+        if seen.delays:
+            model = model.with_effects(seen.applied())
+            runs = [replace(run, torque=run.torque + seen.change) for run in runs]
         found = investigate(
             recording,
             model,
@@ -158,14 +173,16 @@ def discover(
         )
         found = stage("search for laws", lambda: _completed(found), found)
         result = _result(found)
-        if late.faults and (runs or not found.problem.replay.measured):
-            _put_before(result, found.problem, late.change)
+        if seen.delays and (runs or not found.problem.replay.measured):
+            change = change + seen.change
+        if seen.faults:
+            _put_before(result, found.problem, change)
         warnings += _add_log_faults(
-            result, [*late.faults, *(one for one in given.faults if one.effect not in exclude)]
+            result, [*seen.faults, *(one for one in given.faults if one.effect not in exclude)]
         )
         if other is not None:
             try:
-                result["gap"]["validation"] = _validation(found, other, given_model, late)
+                result["gap"]["validation"] = _validation(found, other, given_model, seen)
                 warnings += outside(found.laws, suited_replay(other, model))
             except (InputError, SimulationFailed) as error:  # what was found is not lost
                 result["gap"]["validation"] = None
@@ -237,9 +254,9 @@ def _on_noise(problem: Problem) -> list[str]:
 def _add_log_faults(result: dict[str, Any], faults: Sequence[LogFault]) -> list[str]:
     """Add faults of the log to a result. Returns one line for the report about each."""
     gap_of = result["gap"]
-    late = [one.contract(gap_of["calibrated"]) for one in faults if one.effect == DELAY]
-    others = [one.contract(gap_of["after"]) for one in faults if one.effect != DELAY]
-    result["effects"] = [*late, *result["effects"], *others]
+    first = [one.contract(gap_of["calibrated"]) for one in faults if one.effect in SHOWN]
+    others = [one.contract(gap_of["after"]) for one in faults if one.effect not in SHOWN]
+    result["effects"] = [*first, *result["effects"], *others]
     if faults:
         result["verdict"] = {NONE: NAMED, UNKNOWN: PARTLY}.get(result["verdict"], result["verdict"])
     return [
@@ -249,11 +266,15 @@ def _add_log_faults(result: dict[str, Any], faults: Sequence[LogFault]) -> list[
         else f"axis {one.axis}: {one.effect} is seen in the log itself; samples that it spoils are "
         "not used, and it is not put into the model"
         for one in faults
+        if one.effect not in SHOWN or one.effect == DELAY  # what is corrected is told already
     ]
 
 
 def _put_before(result: dict[str, Any], problem: Problem, change: np.ndarray) -> None:
-    """State the gap of the given model, whose torque the delays change, as that before."""
+    """State the gap before delays were put into the model and the log was corrected.
+
+    The `change` is what both took from the residual, shape (samples, n_axes), in [N m].
+    """
     result["gap"]["before"], by_axis = gap(problem, problem.residual + change)
     for row, one in zip(result["gap"]["per_axis"], by_axis, strict=True):
         row["before"] = one
@@ -380,7 +401,7 @@ def _result(found: Discovery) -> dict[str, Any]:
 
 
 def _validation(
-    found: Discovery, validate: Recording, given: Robot, late: Delays
+    found: Discovery, validate: Recording, given: Robot, seen: ServoFaults
 ) -> dict[str, float]:
     """Errors of the model, never of a baseline, on motions that were not used before.
 
@@ -388,7 +409,7 @@ def _validation(
         found: The results of a discovery.
         validate: The other motions.
         given: The model as it was given.
-        late: The delays that the model lacked.
+        seen: The delays that the model lacked, and the faults of the log.
 
     Raises:
         InputError: No sample of the recording can be used.
@@ -396,11 +417,13 @@ def _validation(
     """
     problem = found.problem
     replay = suited_replay(validate, given)
-    full = replay.with_effects([*late.applied(), *(one.applied for one in found.laws)])
+    full = replay.with_effects([*seen.applied(), *(one.applied for one in found.laws)])
     inside = counted(validate, problem.robot, baseline=False)
 
-    def error_of(model: Replay, changes: list[tuple[Term, float]]) -> float:
-        error = validate.torque - model.torque(changes)
-        return relative_error(error**2, validate, inside)
+    def error_of(logged: Recording, model: Replay, changes: list[tuple[Term, float]]) -> float:
+        return relative_error((logged.torque - model.torque(changes)) ** 2, validate, inside)
 
-    return {"before": error_of(replay, []), "after": error_of(full, found.answer.changes)}
+    return {
+        "before": error_of(validate, replay, []),
+        "after": error_of(seen.corrected(validate), full, found.answer.changes),
+    }

@@ -125,6 +125,28 @@ def with_own_servo(recording: Recording, robot: Robot) -> tuple[Robot, str]:
     )
 
 
+def nearest_servo(recording: Recording, robot: Robot, fitted: Robot) -> Robot:
+    """Choose the masses and the friction that the controller knows.
+
+    Its feed-forward torque may be that of the given model, or that of the robot as it is.
+
+    Args:
+        recording: A recording of the healthy robot.
+        robot: The given model.
+        fitted: The same with the masses and the friction of the robot.
+
+    Returns:
+        The one whose servo explains the torque better.
+    """
+    if robot is fitted or not has_equation(recording):
+        return robot
+    signals = ServoSignals(recording, robot)
+    used = [axis for axis, rows in enumerate(signals.rows) if len(rows) >= _FEWEST]
+    if not used:
+        return robot
+    return min((robot, fitted), key=lambda one: _mean(_errors(signals, one, used)))
+
+
 def _with_gains(robot: Robot, used: list[int], gains: np.ndarray) -> Robot:
     """The robot with other gains kp, kd and ki of some axes, shape (axes, 3)."""
     spec = robot.spec()
@@ -166,12 +188,12 @@ def _fitted(
 
 def _errors(signals: ServoSignals, robot: Robot, used: list[int]) -> np.ndarray:
     """Errors of the servo of a robot, whose set points may be late."""
-    made, late = signals.of_servo(robot)
+    made = signals.of_servo(robot)
     errors = []
     for axis in used:
         rows = signals.rows[axis]
-        column = -late[rows, axis][:, None] * robot.set_points[2]
-        left = signals.regress(axis, column, (signals.torque - made)[rows, axis])[1]
+        column = -made.rate[rows, axis][:, None] * robot.set_points[2]
+        left = signals.regress(axis, column, (signals.torque - made.torque)[rows, axis])[1]
         errors.append(left / _size(signals, axis))
     return np.array(errors)
 

@@ -10,6 +10,7 @@ true whatever the arm is. All signals are smoothed by the same filter, which lea
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -35,6 +36,18 @@ def has_equation(recording: Recording) -> bool:
         and recording.side == "motor"
         and not recording.link
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """What a servo makes of its signals. Arrays have shape (samples, n_axes); motor side."""
+
+    torque: np.ndarray
+    """Its torque without the constants [N m]."""
+    rate: np.ndarray
+    """Rate of that part of it which comes from the set points [N m/s]."""
+    integral: np.ndarray
+    """Gain of the integral, shape (n_axes,)."""
 
 
 class ServoSignals:
@@ -72,22 +85,18 @@ class ServoSignals:
         self.rows = [np.flatnonzero(inside[:, axis]) for axis in range(robot.n_axes)]
         """Samples of each axis at which the equation is looked at."""
 
-    def of_servo(self, robot: Robot) -> tuple[np.ndarray, np.ndarray]:
+    def of_servo(self, robot: Robot) -> Made:
         """Compute what the servo of a robot makes of the signals.
 
         Args:
             robot: The robot.
-
-        Returns:
-            Its torque without the constants, in [N m], and the rate of that part of it which comes
-            from the set points, in [N m/s]; shape (samples, n_axes).
         """
         drives = robot.model.actuator_gainprm[robot.ids("actuator", "drive")]
         kp, ki, kd = drives[:, [POSITION_GAIN, INTEGRAL_GAIN, VELOCITY_GAIN]].T
         points = kp * self.wanted + kd * robot.set_points[1] * self.rate
         points += self.recording.derivatives(feed_forward(Arm(robot), *self.motion))[0]
         made = points - kp * self.position - kd * self.speed + ki * self.integral
-        return made, self.rate_of(points, ki)
+        return Made(made, self.rate_of(points, ki), ki)
 
     def rate_of(self, points: np.ndarray, integral: np.ndarray | float) -> np.ndarray:
         """Compute how fast the part of the torque changes that comes from the set points.
