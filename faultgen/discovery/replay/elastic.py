@@ -80,21 +80,39 @@ class GearLaws:
         """Errors of the own gearboxes at all steps, in [rad]."""
 
     def start(self, first: int, place: np.ndarray, flexible: np.ndarray) -> None:
-        """See `Nonlinear`: errors at which the gearboxes carry the same torque."""
+        """Begin with the errors at which the gearboxes carry the same torque; see `Nonlinear`.
+
+        Args:
+            first: Number of the step.
+            place: Moves of the joints, shape (n_axes, laws), changed in place.
+            flexible: Inverse of the stiffness of the arm.
+        """
         twist = self._twist[first, self.axes]
         soft = self._lost * twist / np.where(self._is_play, 1.0, 1 - self._lost)
         self.errors[first] = -np.where(self._is_play, np.sign(twist) * self._play / 2, soft)
         place += flexible @ (self._pull * self.errors[first])
 
     def pose(self, step: int, inverse: np.ndarray, held: int) -> None:
-        """See `Nonlinear`."""
+        """Prepare steps in one pose; see `Nonlinear`.
+
+        Args:
+            step: Number of the first one.
+            inverse: Answer of the joints to a unit of force within a step.
+            held: Number of these steps.
+        """
         self._answer = inverse @ self._pull
         # by which share of an error the twist becomes less
         share = (self._turns * self._answer).sum(axis=0)
         self._gain = self._lost / np.maximum(1 - self._lost * share, 1e-9)
 
     def step(self, step: int, new: np.ndarray, old: np.ndarray) -> None:
-        """See `Nonlinear`: where a gearbox is within its play, no torque is left."""
+        """Solve for the errors; where a gearbox is within its play, no torque is left.
+
+        Args:
+            step: Number of the step.
+            new: Moves of the joints without them, shape (n_axes, laws), changed in place.
+            old: As in `Nonlinear.step`; it is not needed.
+        """
         twist = self._twist[step, self.axes] - (self._turns * new).sum(axis=0)
         twist *= -self._gain
         error = self.errors[step]
@@ -197,7 +215,15 @@ class Newmark:
 
 
 def interpolated(values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Interpolate values of shape (samples, ..., ...) at numbers of samples that are not whole."""
+    """Interpolate values at numbers of samples that are not whole.
+
+    Args:
+        values: Shape (samples, ..., ...).
+        at: Numbers of samples, shape (times,).
+
+    Returns:
+        Shape (times, ..., ...).
+    """
     at = np.clip(at, 0, len(values) - 1)
     low = np.minimum(at.astype(int), max(len(values) - 2, 0))
     share = (at - low)[:, None, None]

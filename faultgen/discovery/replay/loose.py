@@ -102,7 +102,13 @@ class LooseTools:
         self._state = lies, np.zeros(self.count), np.zeros(self.count)
 
     def pose(self, step: int, inverse: np.ndarray, held: int) -> None:
-        """Prepare steps; for the same arguments as in `elastic.Nonlinear`."""
+        """Prepare steps in one pose; see `elastic.Nonlinear`.
+
+        Args:
+            step: Number of the first one.
+            inverse: Answer of the joints to a unit of force within a step.
+            held: Number of these steps.
+        """
         rows, inertia = slice(step, step + held), 4 / self._h**2
         reach = self._slide.mass * self._slide.reach[rows]
         push = inverse @ reach

@@ -67,7 +67,11 @@ class LinkMotion:
     """Velocity per velocity of each joint, shape (samples, bodies, 6, n_axes)."""
 
     def regressor(self) -> np.ndarray:
-        """Project the wrenches of unit parameters onto the joints; see `link_regressor`."""
+        """Project the wrenches of unit parameters onto the joints.
+
+        Returns:
+            Shape (samples, n_axes, 10 bodies), as from `link_regressor`.
+        """
         samples, bodies, _, n = self.jacobian.shape
         wrench = _wrench(self.velocity, self.acceleration)
         torque = np.swapaxes(self.jacobian, 2, 3) @ np.swapaxes(wrench, 2, 3)
@@ -91,7 +95,14 @@ def link_regressor(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> 
 
 
 def link_motion(arm: Arm, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> LinkMotion:
-    """Compute the motion of all links, for the same arguments as `link_regressor`."""
+    """Compute the motion of all links.
+
+    Args:
+        arm: The rigid arm.
+        q: Joint angle, shape (samples, n_axes), in [rad].
+        qd: Joint velocity, same shape, in [rad/s].
+        qdd: Joint acceleration, same shape, in [rad/s^2].
+    """
     model, bodies = arm.model, link_ids(arm)
     data, count = mujoco.MjData(model), len(q)
     place, turned = np.empty((count, len(bodies), 3)), np.empty((count, len(bodies), 9))
