@@ -171,11 +171,11 @@ def test_separate_recordings_may_be_short(tiny_robot, measured):
 @pytest.mark.slow
 def test_the_order_of_the_catalogue_does_not_matter(files, tiny_robot_path, monkeypatch):
     """Candidates in reverse order give the same answer."""
-    from faultgen.discovery import discover
+    from faultgen.discovery import signatures
 
     forward = discovered(files, tiny_robot_path, "two")
-    terms = discover.effect_terms
-    monkeypatch.setattr(discover, "effect_terms", lambda *given: terms(*given)[::-1])
+    terms = signatures.effect_terms
+    monkeypatch.setattr(signatures, "effect_terms", lambda *given: terms(*given)[::-1])
     backward = discovered(files, tiny_robot_path, "two")
     assert forward["verdict"] == backward["verdict"]
     assert [(one["effect"], one["axis"]) for one in forward["effects"]] == [
@@ -203,9 +203,12 @@ def test_without_a_baseline(files, tiny_robot_path, measured, tmp_path):
 
 @pytest.mark.slow
 def test_sensitivities_are_kept(files, tiny_robot_path, tmp_path, monkeypatch):
-    """The second discovery of a program simulates its sensitivities no more."""
+    """The second discovery simulates none again, where commanded positions are followed."""
+    from faultgen.discovery import signatures
     from faultgen.discovery.replay.replay import Replay
 
+    commanded = lambda recording, robot: Replay(recording, robot, measured=False)  # noqa: E731
+    monkeypatch.setattr(signatures, "suited_replay", commanded)
     count = []
     torque = Replay.torque
     monkeypatch.setattr(Replay, "torque", lambda *a, **k: (count.append(1), torque(*a, **k))[1])
