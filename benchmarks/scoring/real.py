@@ -71,10 +71,14 @@ def _arm(machine: str, folder: Path) -> Json:
 
 
 def _emps(machine: str, folder: Path) -> Json:
-    """EMPS: its authors found that friction differs between the directions."""
+    """EMPS: its authors found that friction differs between the directions.
+
+    A ripple with one wave a motor turn is there too, by a Fourier sum of what friction and inertia
+    leave: see docs/score.md.
+    """
     train, test = (read_emps(DATA / "emps", name) for name in ("identification", "validation"))
     other = _write(folder, train, test)
-    known = [("friction_asymmetry", 1), ("viscous_asymmetry", 1)]
+    known = [("friction_asymmetry", 1), ("viscous_asymmetry", 1), ("torque_ripple", 1)]
     entry = _entry(machine, str(EXAMPLES / "emps" / "emps.xml"), "single", known)
     entry["discover"] += [*other, "--include", "viscous_asymmetry"]
     return entry
