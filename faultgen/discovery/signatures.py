@@ -26,6 +26,7 @@ from faultgen.discovery.replay.sensitivities import (
 )
 from faultgen.discovery.replay.suited import suited_replay
 from faultgen.discovery.terms.candidates import (
+    MASSES,
     ORDERS,
     Term,
     effect_terms,
@@ -37,8 +38,6 @@ from faultgen.discovery.terms.inertia import inertia_terms
 from faultgen.effects import get_effect
 from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot
-
-_PAYLOAD = "payload_"  # effects of a payload, which loads the axes before its own as well
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,9 +147,7 @@ def _on_used_axes(terms: Sequence[Term], recording: Recording) -> list[Term]:
     return [
         term
         for term in terms
-        if term.axis not in recording.left_out
-        or not term.is_effect
-        or term.name.startswith(_PAYLOAD)
+        if term.axis not in recording.left_out or not term.is_effect or term.name in MASSES
     ]
 
 

@@ -183,7 +183,8 @@ def discover(
         if other is not None:
             try:
                 result["gap"]["validation"] = _validation(found, other, given_model, seen)
-                warnings += outside(found.laws, suited_replay(other, model))
+                if found.laws:
+                    warnings += outside(found.laws, suited_replay(other, model))
             except (InputError, SimulationFailed) as error:  # what was found is not lost
                 result["gap"]["validation"] = None
                 warnings.append(f"{validate}: not scored: {error}")

@@ -19,9 +19,9 @@ from faultgen.discovery.fit.fit import Fit
 from faultgen.discovery.fit.gap import gap
 from faultgen.discovery.fit.regression import Problem
 from faultgen.discovery.replay.samples import samples_of
-from faultgen.discovery.terms.candidates import INERTIA, PAYLOAD
+from faultgen.discovery.terms.candidates import INERTIA, MASSES
 
-_ARM = (INERTIA, PAYLOAD, "payload_offset")
+_ARM = (INERTIA, *MASSES)
 """Terms that act on several axes; all others are numbers of the drive of one axis."""
 
 _GROUPS = 5  # of neighbouring periods, so that each is judged by other motions: a usual number

@@ -21,12 +21,12 @@ from faultgen.discovery.fit.bounded import bounded_minimum
 from faultgen.discovery.replay.samples import samples_of
 from faultgen.discovery.rigid.classical import DRIVE
 from faultgen.discovery.rigid.drives import Drives, built
+from faultgen.effects.spreads import SPREADS
 from faultgen.robot import Robot
 
 AGAIN, GIVEN = "again", "given"
 """Numbers that are fitted once more to the torque of one axis, and those of the given model."""
 
-_FACTOR = 3.0  # by which rotor inertia may change here: a gearbox with less cannot be simulated
 _NOTHING = 1e-4  # smallest Coulomb friction, as a share of the RMS torque: bristles need some
 _RIDGE = 1e-9  # of the diagonal: columns may be the same on an axis that hardly moves
 
@@ -150,8 +150,9 @@ def _change(
     gram[np.diag_indices_from(gram)] += _RIDGE + _RIDGE * np.trace(gram)
     rms = np.sqrt(np.mean(held_out.recording.torque[:, axis] ** 2))
     friction = _NOTHING * rms / max(float(size[1]), 1e-300)
-    low = np.array([now[0] / _FACTOR, friction, 0.0, -np.inf]) - now
-    high = np.array([now[0] * _FACTOR, np.inf, np.inf, np.inf]) - now
+    factor = SPREADS["rotor_inertia"].factor  # a gearbox with much less inertia diverges
+    low = np.array([now[0] / factor, friction, 0.0, -np.inf]) - now
+    high = np.array([now[0] * factor, np.inf, np.inf, np.inf]) - now
     low = np.minimum(low, 0.0)
     right = columns.T @ left / size / len(left)
     return bounded_minimum(gram, right, low * size, high * size) / size

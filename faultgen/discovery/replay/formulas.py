@@ -33,8 +33,8 @@ from faultgen.discovery.replay.bristles import FRICTION, friction_columns
 from faultgen.discovery.replay.elastic import LAWS, GearLaws, Newmark, Nonlinear, interpolated
 from faultgen.discovery.replay.loose import LOOSE, LooseTools, Slide
 from faultgen.discovery.replay.prescribed import STIFFER
-from faultgen.discovery.terms.candidates import INERTIA, Term
-from faultgen.discovery.terms.inertia import MASSES, slopes_of
+from faultgen.discovery.terms.candidates import INERTIA, MASSES, Term
+from faultgen.discovery.terms.inertia import slopes_of
 from faultgen.discovery.terms.regressor import LinkMotion, link_motion
 from faultgen.effects.friction import QUADRATIC_SPEED
 from faultgen.effects.structure import is_loaded
@@ -46,9 +46,6 @@ if TYPE_CHECKING:
     from faultgen.discovery.replay.replay import Replay
     from faultgen.simulation.cycle import Cycle
 
-GEAR_DAMPING = "gear_damping"
-"""Term of the damping of a gearbox, a fraction of that of the model. It is no effect."""
-
 _STEP = 1e-3  # of the integration [s]: some 30 steps in a period of a resonance of 30 Hz
 _POSE = 0.01  # time in which the inertia of the arm counts as constant [s]
 _CHUNK = 2000  # steps of which the causes are in memory
@@ -57,7 +54,10 @@ _SHIFT = 1e-3  # of a position, for the slope of the torque of the arm [rad]
 
 @dataclass(frozen=True, eq=False)
 class _Motion:
-    """What effects need to know about a separate recording. Arrays have shape (times, n_axes)."""
+    """What effects on the rotors need to know about a separate recording.
+
+    Arrays have shape (samples, n_axes).
+    """
 
     angle: np.ndarray
     """Of the motors [rad]."""
@@ -65,10 +65,6 @@ class _Motion:
     """Of the motors [rad/s]."""
     acceleration: np.ndarray
     """Of the motors [rad/s^2]."""
-    joint: np.ndarray
-    """Position of the joints [rad]."""
-    gear: np.ndarray
-    """Torque of the gearboxes, joint side [N m]."""
     torque: np.ndarray
     """Logged torque of the motors [N m]."""
     rate: np.ndarray
@@ -107,10 +103,10 @@ class Formulas:
         rubs = [] if recording.link else [term for term in terms if self._rubs(term)]
         in_gear = [term for term in terms if term.name in LAWS]
         in_gear += [term for term in terms if self._slides(term)]
-        in_gear += [term for term in terms if term.name in (GEAR_DAMPING, *_IN_GEAR)]
+        in_gear += [term for term in terms if term.name in _IN_GEAR]
         links = [term for term in terms if term.name in (INERTIA, *MASSES, *_AT_JOINT)]
         out = {term: np.zeros(recording.torque.shape, np.float32) for term in at_rotor}
-        for number, part in enumerate(recording.parts):
+        for number, part in enumerate(recording.parts if at_rotor else ()):
             seen = self._at_samples(number)
             for term in at_rotor:
                 change = _AT_ROTOR[term.name](self, seen, term)
@@ -163,8 +159,6 @@ class Formulas:
             angle=run.motor_position[at],
             speed=run.motor_velocity[at],
             acceleration=_slope(run.motor_velocity, at, timestep),
-            joint=run.joint_position[at],
-            gear=run.gear_torque[at],
             torque=run.motor_torque[at],
             rate=_slope(run.motor_torque, at, timestep),
         )
@@ -250,13 +244,13 @@ class Formulas:
             gear = self._gear_changes(number, in_gear, loads)
             if not recording.link:
                 gear /= ratio[:, None]
-                seen = self._at_samples(number)
+                run, at = self._runs[number], self._steps(number)
                 for k, term in enumerate(in_gear):
                     if term.name == "transmission_error":
                         order, phase = _wave(term)
-                        turned = order * seen.angle[:, term.axis - 1] + phase
-                        slope = order * np.cos(turned)
-                        gear[:, term.axis - 1, k] += seen.gear[:, term.axis - 1] * slope
+                        own = term.axis - 1
+                        slope = order * np.cos(order * run.motor_position[at, own] + phase)
+                        gear[:, own, k] += run.gear_torque[at, own] * slope
                 gear /= self.robot.torque_gain[:, None]
             out[part] = gear
         return {term: out[..., k] for k, term in enumerate(terms)}
@@ -268,7 +262,6 @@ class Formulas:
         h = every * timestep
         angle, joint = run.motor_position[::every], run.joint_position[::every]
         twist = angle / self.robot.gear_ratio - joint @ self._turns.T
-        rate = np.gradient(twist, h, axis=0)
         count, n = twist.shape
         samples = np.minimum(np.round(self._steps(number) / every).astype(int), count - 1)
         # numbers of the samples at the steps, not whole
@@ -285,10 +278,7 @@ class Formulas:
         axes = np.array([term.axis - 1 for term in others], int)
         errors = np.empty((count, len(others)))
         for k, (term, own) in enumerate(zip(others, axes, strict=True)):
-            if term.name == GEAR_DAMPING:
-                errors[:, k] = self._damping[own] / self._stiffness[own] * rate[:, own]
-            else:
-                errors[:, k] = _IN_GEAR[term.name](twist[:, own], angle[:, own], term)
+            errors[:, k] = _IN_GEAR[term.name](twist[:, own], angle[:, own], term)
         held = max(1, round(_POSE / h))
         inertia = np.stack([self._arm.inertia(q) for q in joint[::held]])
         damping = (self._turns.T * self._damping) @ self._turns

@@ -36,6 +36,10 @@ PAYLOAD = "payload_mass"
 """Effect that consists of four terms, the masses of four points, on every link on which the model
 has no payload with a mass."""
 
+MASSES = (PAYLOAD, "payload_offset")
+"""Effects that change nothing but the mass and the centre of mass of links. They load all axes
+before their own as well."""
+
 HIDDEN_BEHIND_GEARS = tuple(one.name for one in EFFECTS.values() if one.prior.at_motor)
 """Effects that a torque sensor behind the gearbox does not see."""
 
@@ -127,7 +131,7 @@ def effect_terms(
         if name in exclude or not (prior.use == "always" or name in include):
             continue
         for axis in effect.axes_on(robot):
-            if name.startswith("payload") and not is_loaded(robot, axis):
+            if name in MASSES and not is_loaded(robot, axis):
                 # the centre of mass of a link without a payload is a number of its inertia
                 terms += payload_terms(axis) if name == PAYLOAD else []
                 continue

@@ -16,9 +16,6 @@ from faultgen.effects.structure import MASSLESS
 from faultgen.errors import InputError
 from faultgen.robot import Robot
 
-MASSES = ("payload_mass", "payload_offset")
-"""Effects that change nothing but the mass and the centre of mass of links."""
-
 _COMPONENTS = 10
 
 
@@ -101,7 +98,7 @@ def slopes_of(robot: Robot, terms: Sequence[Term]) -> np.ndarray:
 
     Args:
         robot: The unchanged robot.
-        terms: Terms of `inertia_terms`, or of effects that change masses; see `MASSES`.
+        terms: Terms of `inertia_terms`, or of effects that change masses; see `candidates.MASSES`.
 
     Returns:
         Change of `regressor.link_parameters` per unit of each term, shape (parameters, terms). A
