@@ -156,6 +156,8 @@ def main(
         about |= {"set": which.value, "planned": batches.answers(drawn)}
         digest = hashlib.sha256((folder / PLAN).read_bytes()).hexdigest()
         tasks = [(batch, []) for batch in drawn if batches.has(batch, only or [])]
+        if not tasks:
+            raise typer.BadParameter("--only: no group and no case has one of these texts")
     else:
         given = trials.entries(trial)
         about |= {"set": trial.name, "planned": len(given)}
