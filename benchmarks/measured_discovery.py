@@ -30,9 +30,9 @@ from measured_data import (
 from scipy.signal import butter, decimate, filtfilt
 
 from faultgen.discovery import Recording, Replay, investigate
-from faultgen.discovery.calibration.calibrate import PRIOR_SCALES, calibrate
+from faultgen.discovery.calibration.calibrate import calibrate
 from faultgen.discovery.calibration.simulated_fit import changed, refined
-from faultgen.discovery.decision.selection import SURE, groups_of
+from faultgen.discovery.decision.difference import groups_of
 from faultgen.discovery.fit.fit import changes_of
 from faultgen.discovery.fit.regression import plain
 from faultgen.discovery.replay.replay import Changes, settled
@@ -118,23 +118,15 @@ def emps(data: Path, out: Path) -> None:
     robot = load_robot(EXAMPLES / "emps" / "emps.xml")
     train, test = (read_emps(data / "emps", name) for name in ("identification", "validation"))
     asked = {"include": EMPS_OPTIONAL, "exclude": EMPS_KNOWN}
-    tried = {w: investigate(train, robot, prior_scale=w, **asked) for w in PRIOR_SCALES}  # type: ignore[arg-type]
-    scores = {w: one.choice.best.score for w, one in tried.items()}
-    # the narrowest that predicts as well
-    width = min(w for w, score in scores.items() if score < min(scores.values()) + SURE)
-    print(
-        "error of blocks that were not fitted, and penalty, by prior scale:",
-        scores,
-        "chosen:",
-        width,
-    )
-    found = tried[width]
+    found = investigate(train, robot, **asked)  # type: ignore[arg-type]
+    print("learned scales:", {name: round(one, 2) for name, one in found.prior_scales.items()})
     best = found.choice.best
     print("verdict:", found.answer.verdict)
     effects = changes_of(found.problem, best)
-    for (term, value), error in zip(effects, best.errors, strict=True):
+    errors = np.sqrt(np.diag(best.covariance))
+    for (term, value), error in zip(effects, errors, strict=True):
         print(f"- {term.name} {value:.4g} +- {error:.2g} {dict(term.parameters)}")
-    following = investigate(emps_followed(train), robot, prior_scale=width, **asked)  # type: ignore[arg-type]
+    following = investigate(emps_followed(train), robot, **asked)  # type: ignore[arg-type]
     problem = plain(following.problem)
     print("\n| model | train | test | closed loop, train | position | test | position |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
@@ -379,15 +371,9 @@ def xl330(data: Path, out: Path) -> None:
             exclude=XL330_LEFT_OUT,
         )
         print(f"gain {gain}: {found.answer.verdict}", flush=True)
-        for one in found.choice.fits:
-            effects = [
-                f"{found.problem.terms[t].name} {value:.3g} +- {error:.2g}"
-                for t, value, error in zip(one.terms, one.values, one.errors, strict=True)
-            ]
-            print(f"  {', '.join(effects) or 'calibrated'}: score {one.score:.0f}", flush=True)
         best = found.choice.best
         named = changes_of(found.problem, best)
-        with_errors = zip(named, best.errors.tolist(), strict=True)
+        with_errors = zip(named, np.sqrt(np.diag(best.covariance)).tolist(), strict=True)
         load = [(value, error) for (t, value), error in with_errors if t.name == LOAD.name]
         loads += load
         tuned: dict[str, Changes] = {

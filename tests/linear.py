@@ -5,7 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from faultgen.discovery.decision.difference import Difference, Effects
+from faultgen.discovery.decision.numbers import Numbers, is_number, kind_of
+from faultgen.discovery.fit.fit import fit_at
 from faultgen.discovery.fit.regression import Problem, pose
+from faultgen.inference.model import Model
+from faultgen.inference.products import Products
 from faultgen.recordings.noise import Autoregression
 from faultgen.recordings.noise_level import Noise
 from faultgen.recordings.recording import Recording
@@ -22,6 +27,67 @@ def straight(base, terms, columns):
         return total
 
     return simulate
+
+
+def least_squares(problem, groups=()):
+    """A set of effects whose severities are those of a regression beside all other terms."""
+    terms = [term for group in groups for term in group]
+    value, covariance, _ = problem.evidence().solve(free=terms)
+    scale = np.array([problem.terms[t].prior_std for t in terms])
+    own = covariance[np.ix_(terms, terms)] * np.outer(scale, scale)
+    return fit_at(problem, groups, value[terms] * scale, own)
+
+
+def difference_between(problem, processes=()) -> Difference:
+    """The problem as the inference sees it, with the noise of the problem.
+
+    Args:
+        problem: The residual and the terms, some of which are numbers of a model.
+        processes: Torques of no known form: axis, variable, and torques of shape (torques, samples,
+            n_axes). A healthy robot has a thousandth of each.
+    """
+    numbers = Numbers(problem.baseline)
+    for term, column in zip(problem.terms, problem.raw, strict=True):
+        if is_number(term) and (*term.key, term.parameters) not in numbers.which:
+            numbers.add(column, term.prior_std, kind_of(term), (*term.key, term.parameters))
+    for axis, over, torques in processes:
+        for torque in torques:
+            numbers.add(torque, 1e-3, f"process over {over}", ("process", axis, (over,)))
+    of = SimpleNamespace(
+        terms=problem.terms,
+        raw=problem.raw,
+        base=problem.base,
+        replay=SimpleNamespace(recording=problem.recording),
+    )
+    effects = Effects(of, numbers)
+    effects.add_catalogue()
+    effects.add_unknown()
+    inside = problem.inside & problem.samples(problem.fitting)[:, None]
+    columns = np.array([*numbers.columns, *effects.columns], np.float32)
+    columns = columns.reshape(-1, *problem.residual.shape)
+    white = problem.noise.whiten(columns, problem.parts) * inside
+    target = problem.noise.whiten(problem.residual, problem.parts) * inside
+    model = Model(
+        Products.of(white, target, int(inside.sum())),
+        np.array([*numbers.std, *effects.std]),
+        np.concatenate([np.zeros(len(numbers.std)), effects.mean]),
+        numbers.group,
+        numbers.groups,
+    )
+    return Difference(
+        model,
+        numbers,
+        effects.hypotheses,
+        effects.groups,
+        effects.over,
+        problem.noise,
+        inside,
+        problem.inside,
+        inside.astype(float),
+        problem.residual,
+        problem.parts,
+        np.ones(problem.robot.n_axes),
+    )
 
 
 def linear(problem, values=(), *, noise=1.0, seed=0, baseline=None, terms=None, raw=None):

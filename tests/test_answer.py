@@ -2,29 +2,29 @@
 
 import tomllib
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from linear import linear
+from linear import difference_between, linear
 
 from faultgen.discovery import investigate
 from faultgen.discovery.calibration import model_edit as model
-from faultgen.discovery.calibration.model_edit import build, simulated_numbers
-from faultgen.discovery.decision import confirmation, scoring_errors
+from faultgen.discovery.decision import choice as choices
 from faultgen.discovery.decision import verdict as judgement
-from faultgen.discovery.decision.certainty import LEVEL, certainty
-from faultgen.discovery.decision.confirmation import confirmed
-from faultgen.discovery.decision.selection import SIMILAR, Choice, choose
 from faultgen.discovery.decision.verdict import answer, is_part
-from faultgen.discovery.fit.fit import fit
-from faultgen.discovery.fit.gap import scored, scored_in_motion
+from faultgen.discovery.fit.fit import fit_at, no_effect
 from faultgen.discovery.planning import next_experiment as motions
 from faultgen.discovery.replay.replay import Replay, settled
-from faultgen.discovery.replay.samples import rolling
-from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE, PARTLY, UNKNOWN
+from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE, PARTLY
 from faultgen.effects import get_effect
 from faultgen.simulation.motion import plan
 from faultgen.tasks import Task
+
+
+def choose(problem):
+    """The choice for a problem whose laws are straight."""
+    return choices.choose(problem, difference_between(problem))
 
 
 @pytest.fixture(scope="module")
@@ -59,31 +59,6 @@ def small(problem, *names):
     return linear(problem, terms=[problem.terms[k] for k in indices], raw=problem.raw[indices])
 
 
-@pytest.mark.parametrize("baseline", [True, False])
-@pytest.mark.parametrize(
-    ("name", "gain", "is_named"),
-    [
-        ("gravity_spring", 28.0, {True: True, False: False}),
-        ("coulomb_friction", 28.0, {True: True, False: True}),
-        ("gravity_spring", 70.0, {True: True, False: True}),
-        ("coulomb_friction", 5.0, {True: False, False: False}),
-    ],
-)
-def test_what_other_things_look_like_has_to_be_surer_without_a_baseline(
-    posed, name, gain, is_named, baseline
-):
-    """Wrong links look like a spring, and not like friction: of equal gains one is named."""
-    assert get_effect("gravity_spring").prior.imitated
-    assert not get_effect("coulomb_friction").prior.imitated
-    problem = small(posed[baseline], (name, 2))
-    value = value_of(problem, 0, gain)
-    # no noise is in the residual, so that the gain is what was asked for
-    quiet = replace(problem, residual=value * problem.raw[0].astype(float))
-    found = choose(quiet)
-    assert bool(found.best.groups) == is_named[baseline]
-    assert found.fits[0].misfit - fit(quiet, [(0,)]).misfit == pytest.approx(gain, rel=0.02)
-
-
 @pytest.mark.parametrize("is_part", [False, True])
 def test_what_looks_the_same_is_not_excluded(posed, is_part, monkeypatch):
     """Two terms of nearly one shape are rivals, two of other shapes are none.
@@ -92,7 +67,7 @@ def test_what_looks_the_same_is_not_excluded(posed, is_part, monkeypatch):
     """
     monkeypatch.setattr(judgement, "is_part", lambda *errors: is_part)
     problem = posed[True]
-    one, other = at(problem, "viscous_friction", 2), at(problem, "coulomb_friction", 2)
+    one, other = at(problem, "rotor_inertia", 2), at(problem, "torque_constant", 2)
     rng = np.random.default_rng(5)
     for likeness, is_rival in ((0.999, True), (0.5, False)):
         raw = problem.raw[[one, other]].copy()
@@ -105,28 +80,25 @@ def test_what_looks_the_same_is_not_excluded(posed, is_part, monkeypatch):
         found = choose(linear(problem, {0: value}, seed=1, terms=terms, raw=raw))
         assert [group for group in found.best.groups] in ([(0,)], [(1,)])
         assert bool(found.rivals) == is_rival
-        assert all(worse < SIMILAR for _, _, worse in found.rivals)
         told = answer(found.problem, found)
         assert told.verdict == (AMBIGUOUS if is_rival else PARTLY if is_part else NAMED)
         assert len(told.alternatives) == is_rival
         total = told.effects[0].confidence + sum(odds for _, _, odds in told.alternatives)
-        assert total == pytest.approx(1.0, abs=1e-3)
-        if is_rival:
-            worse = found.rivals[0][2]
-            odds = told.alternatives[0][2] / told.effects[0].confidence
-            assert odds == pytest.approx(np.exp(-max(worse, 0) / 2), rel=1e-3)
+        assert 0.95 <= total <= 1.0
+        assert told.effects[0].confidence >= max(odds for *_, odds in [*told.alternatives, (0.0,)])
 
 
 @pytest.mark.parametrize(("apart", "is_rival"), [(0.05, True), (0.4, False)])
 def test_a_large_effect_is_similar_to_what_a_wrong_form_could_be(posed, apart, is_rival):
     """However little noise there is, forms that differ by a few per cent are not told apart."""
     problem = posed[True]
-    one = at(problem, "viscous_friction", 2)
-    other = at(problem, "coulomb_friction", 2)
+    one, other = at(problem, "rotor_inertia", 2), at(problem, "torque_constant", 2)
     raw = problem.raw[[one, other]].copy()
     rng = np.random.default_rng(5)
-    raw[1] = raw[0] + apart * rng.standard_normal(raw[0].shape) * raw[0].std()
-    terms = [replace(problem.terms[k], prior_std=1e-3) for k in (one, other)]
+    other_form = rng.standard_normal(raw[0].shape)
+    size = np.linalg.norm(problem.whiten(raw[0])) / np.linalg.norm(problem.whiten(other_form))
+    raw[1] = raw[0] + apart * size * other_form
+    terms = [replace(problem.terms[k], prior_std=1e-6) for k in (one, other)]
     value = value_of(linear(problem, terms=terms, raw=raw), 0, 1e5)
     found = choose(linear(problem, {0: value}, seed=1, terms=terms, raw=raw))
     assert found.best.groups == ((0,),)
@@ -166,9 +138,9 @@ def test_the_next_experiment_is_the_motion_that_tells_most(posed, monkeypatch, o
     problem = posed[True]
     mine = (at(problem, *own[:2]),)
     others = [(at(problem, *key),) for key in rivals]
-    fitted = replace(fit(problem, []), groups=(mine,), values=np.array([own[2]]))
-    fitted = replace(fitted, errors=np.array([0.1]))
-    choice = Choice(problem, (fitted,), fitted, tuple((0, g, 2.0) for g in others))
+    best = fit_at(problem, [mine], np.array([own[2]]), 0.01 * np.eye(1))
+    rivals = tuple((0, group, 0.25) for group in others)
+    choice = SimpleNamespace(best=best, shares=(0.5,), rivals=rivals)
     library = list(motions.library(problem))
     assert len(library) >= 3
     distances = {}
@@ -181,8 +153,9 @@ def test_the_next_experiment_is_the_motion_that_tells_most(posed, monkeypatch, o
         found = motions.next_experiment(problem, choice)
         assert found.task == best
         assert found.distance == pytest.approx(distances[best], rel=1e-6)
-        assert found.now == pytest.approx(np.sqrt(2.0))
-        assert found.separates[0] == own[:2] and found.separates[1] in rivals
+        assert found.now == pytest.approx(np.sqrt(2 * np.log(2)))
+        assert found.separates[0] == own[:2]
+        assert found.separates[1] in [problem.terms[group[0]].key for group in others]
     task = Task(**{"name": best, "robot": "tiny", **tomllib.loads(found.toml)})
     reference = plan(task, problem.robot)(np.linspace(0, 3, 50))[0]
     seen = problem.recording.joint_position(problem.robot)
@@ -192,56 +165,26 @@ def test_the_next_experiment_is_the_motion_that_tells_most(posed, monkeypatch, o
 
 def test_no_next_experiment_without_rivals(posed):
     problem = posed[True]
-    alone = Choice(problem, (), fit(problem, []), ())
+    alone = SimpleNamespace(best=no_effect(problem), shares=(), rivals=())
     assert motions.next_experiment(problem, alone) is None
 
 
-@pytest.mark.parametrize("over", [1.0, 2.0])
-def test_intervals_hold_the_severity_as_often_as_they_say(posed, over):
-    """Over many draws of the noise, also where it is larger than it was taken to be."""
-    problem = small(posed[True], ("viscous_friction", 2))
-    true = value_of(problem, 0, 100 * over**2)
+def test_intervals_hold_the_severity_as_often_as_they_say(posed):
+    """Over many draws of the noise, 95 % of them."""
+    problem = small(posed[True], ("rotor_inertia", 2))
+    true = value_of(problem, 0, 100)
     clean = true * problem.raw[0].astype(float)
+    nothing = difference_between(problem)
+    scales = nothing.model.healthy.log_scales
     rng = np.random.default_rng(6)
     held = []
     for _ in range(150):
-        noise = over * problem.noise.deviation * rng.standard_normal(clean.shape)
+        noise = problem.noise.deviation * rng.standard_normal(clean.shape)
         case = replace(problem, residual=clean + noise)
-        known = certainty(case, fit(case, [(0,)]), 0)
-        assert known.low < known.severity < known.high and known.absent > 9
-        held.append(known.low <= true <= known.high)
-        assert known.high - known.low == pytest.approx(2 * 1.96 * known.error, rel=0.1)
-    assert LEVEL - 0.06 < np.mean(held) < 1.0  # three standard errors below
-
-
-@pytest.mark.parametrize(
-    ("name", "law"),
-    [
-        ("backlash", lambda v: 1e-3 * np.expm1(v / 1e-3)),
-        ("stribeck_velocity", lambda v: np.tanh(3 * v) / 3),
-    ],
-)
-def test_intervals_follow_a_law_that_bends(posed, name, law):
-    """They end where the misfit is 3.84 above its minimum, not where the slope says."""
-    problem = small(posed[True], (name, 2))
-    shape = problem.raw[0].astype(float)
-
-    def simulate(changes=(), disturbance=None):
-        return problem.base + sum(law(value) * shape for _, value in changes)
-
-    bent = replace(problem, replay=replace_torque(problem.replay, simulate))
-    unit = problem.evidence(shape).energy.sum()  # squared whitened size of a unit
-    width = 1.96 / np.sqrt(unit)
-    true = 4 * width
-    bent = replace(bent, residual=true * shape)
-    found = fit(bent, [(0,)])
-    known = certainty(bent, found, 0)
-    for end, sign in ((known.low, -1), (known.high, 1)):
-        assert law(end) == pytest.approx(law(found.values[0]) + sign * width, abs=0.1 * width)
-
-
-def replace_torque(replay, simulate):
-    return type(replay)(**{**vars(replay), "torque": simulate})
+        case = choices.severities(case, replace(nothing, residual=clean + noise), [(0,)], scales)
+        error = float(np.sqrt(case.covariance[0, 0]))
+        held.append(abs(case.values[0] - true) < 1.96 * error)
+    assert 0.95 - 0.06 < np.mean(held) < 1.0  # three standard errors below
 
 
 @pytest.mark.slow
@@ -250,7 +193,12 @@ def test_the_numbers_of_an_answer_agree(posed, baseline):
     """One meaning of gap, floor, interval and confidence, for all kinds of answers."""
     problem = posed[baseline]
     rng = np.random.default_rng(7)
-    candidates = [k for k, t in enumerate(problem.terms) if t.is_effect and not t.parameters]
+    candidates = [
+        k
+        for k, t in enumerate(problem.terms)  # the law of a play is not straight
+        if t.is_effect and not t.parameters and not get_effect(t.name).prior.play
+        if problem.raw[k].any()
+    ]
     seen = set()
     for seed in range(10):
         chosen = rng.choice(candidates, size=int(rng.integers(0, 3)), replace=False)
@@ -269,8 +217,6 @@ def test_the_numbers_of_an_answer_agree(posed, baseline):
         for name in ("before", "calibrated", "after", "floor"):
             by_axis = np.array([axis[name] for axis in gap["per_axis"]])
             assert gap[name] == pytest.approx(np.sqrt(np.mean(by_axis**2)), rel=1e-9)
-        if baseline or not told.changes:
-            assert gap["calibrated"] == pytest.approx(gap["before"]) or not baseline
         if told.verdict == NONE:
             assert not result["effects"] and gap["after"] == gap["calibrated"]
         if told.verdict in (NAMED, AMBIGUOUS):
@@ -312,99 +258,6 @@ def test_a_model_that_diverges_is_not_written(posed, monkeypatch, fails, share):
     result = told.contract()
     if not share:
         assert result["gap"]["after"] == pytest.approx(result["gap"]["before"])
-
-
-@pytest.mark.parametrize(("in_scoring", "kept"), [(1.0, 1), (-1.0, 0)])
-def test_an_effect_that_other_motions_refute_is_not_named(posed, in_scoring, kept):
-    """It explains the motions it was fitted to; on those for scoring it has the other sign."""
-    problem = small(posed[True], ("torque_offset", 2))
-    effect = value_of(problem, 0, 400.0) * problem.raw[0].astype(float)
-    scored = problem.samples(problem.scoring)
-    residual = problem.residual + np.where(scored[:, None], in_scoring, 1.0) * effect
-    case = replace(problem, residual=residual)
-    choice = choose(case)
-    assert len(choice.best.groups) == 1
-    empty = choice.fits[0]
-    numbers = simulated_numbers(case, empty)
-    calibrated = build(case, empty, numbers).left
-    assert len(confirmed(case, choice, calibrated, numbers).choice.best.groups) == kept
-
-
-@pytest.mark.parametrize(("decrease", "resembled"), [(400.0, False), (4000.0, True)])
-def test_a_refuted_effect_may_resemble_what_has_changed(posed, decrease, resembled):
-    """If it explains most of a difference that is large beside the noise, also of its level."""
-    problem = small(posed[True], ("torque_offset", 2))
-    effect = value_of(problem, 0, decrease) * problem.raw[0].astype(float)
-    scored = problem.samples(problem.scoring)
-    residual = problem.residual + np.where(scored[:, None], -1.0, 1.0) * effect
-    case = replace(problem, residual=residual)
-    choice = choose(case)
-    numbers = simulated_numbers(case, choice.fits[0])
-    found = confirmed(case, choice, build(case, choice.fits[0], numbers).left, numbers)
-    assert found.choice.best.groups == ()
-    assert [term.key for term in found.resembled] == [("torque_offset", 2)] * resembled
-    told = answer(case, choice)
-    assert told.verdict == UNKNOWN  # also because of its pattern
-    assert any("which resembles it" in line for line in told.lacks) == resembled
-
-
-@pytest.mark.parametrize(
-    ("facts", "is_refuted"),
-    [
-        ({}, False),
-        ({"gain": -1.6, "seen": -2.3}, False),  # as little as chance
-        ({"gain": -1.6, "seen": -12.0}, True),
-        ({"gain": -0.5, "seen": -12.0}, False),  # within its standard error
-        ({"missed": 4.1}, False),  # less than foretold, but the error decreases
-        ({"missed": 4.1, "seen": -0.1}, True),
-        ({"missed": 3.9, "seen": -0.1}, False),
-        ({"missed": 4.1, "gain": -1.6, "seen": -12.0, "is_strong": True}, False),
-        ({"grows": True, "is_strong": True}, True),
-        ({"grows": True}, True),
-        ({"grows": True, "is_supported": True}, False),
-        ({"share": 0.9, "is_supported": True}, True),
-        ({"is_minor": True, "is_supported": True}, True),
-    ],
-)
-def test_reasons_to_refute_an_effect(facts, is_refuted):
-    plain = {"gain": 1.0, "grows": False, "missed": 0.0, "seen": 5.0, "share": 2.0}
-    plain |= {"rest": None, "is_supported": False, "is_minor": False}
-    plain |= {"group": (0,), "is_strong": False, "is_major": False}
-    trial = confirmation.Trial(**{**plain, **facts})
-    assert trial.is_refuted is is_refuted
-
-
-@pytest.mark.parametrize(
-    ("explained", "left", "is_minor"),
-    [
-        (0.09, 1.0, True),
-        (0.12, 1.0, False),  # a tenth of all is a ninth of the rest
-        (0.01, 0.26, True),
-        (0.01, 0.24, False),  # within what is known of the noise
-    ],
-)
-def test_an_effect_explains_a_part_of_what_differs(posed, explained, left, is_minor):
-    """Squared error on its axis, beyond that of noise, without the effect and with it."""
-    problem = posed[True]
-
-    def error(beyond):
-        white = np.sqrt(1 + beyond) * problem.inside
-        return scoring_errors.Error(white, white, white, np.zeros(white.shape[1]))
-
-    errors = scoring_errors.Errors(error(left + explained), error(left), problem.inside, 5)
-    assert errors.is_minor(problem, 1) is is_minor
-    assert errors.is_major(problem, 1) is False  # less than half
-    assert not errors.is_minor(problem, 0)  # of the payload
-
-
-@pytest.mark.parametrize("baseline", [True, False])
-def test_effects_are_tested_where_axes_move(posed, baseline):
-    """Two recordings are compared at rest too, but effects are not tested there."""
-    problem = posed[baseline]
-    tested, inside = scored_in_motion(problem), scored(problem)
-    moves = rolling(problem.recording, problem.robot)
-    assert tested.any() and not (tested & ~inside).any() and not (tested & ~moves).any()
-    assert (inside & ~moves).any() == baseline
 
 
 def test_an_answer_is_partial_if_much_more_than_noise_remains():

@@ -64,24 +64,6 @@ def test_what_no_sample_shows_gains_nothing(data):
     np.testing.assert_allclose(first, [at[0], 0.0, at[0]], rtol=1e-6, atol=1e-9)
 
 
-def test_a_part_is_predicted_from_the_others(data):
-    columns, residual, evidence = data
-    errors = evidence.held_out(free=[2])
-    weight = np.ones(7)
-    weight[2] = FREE
-    others = np.r_[0:40, 100:160]
-    value, _ = ridge(columns[:, others], residual[others], weight)
-    left = residual[PARTS[1]] - np.tensordot(value, columns[:, PARTS[1]], axes=1)
-    assert errors[1] == pytest.approx(np.sum(left**2), rel=1e-9)
-
-
-def test_a_true_term_is_worth_more_than_any_other(data):
-    _, _, evidence = data
-    gains, _ = evidence.gains([(k,) for k in range(7)])
-    assert np.argmax(gains) == 2
-    assert evidence.score([2]) < evidence.score([0])
-
-
 def test_a_free_term_may_be_far_off(data):
     """Thousands of its prior_std, as differences of twins are: not drawn towards zero."""
     columns, _, _ = data
@@ -104,31 +86,6 @@ def test_columns_and_gaps_are_replaced(data):
         np.testing.assert_allclose(getattr(made, name), getattr(expected, name), atol=1e-9)
 
 
-def test_a_score_is_the_density_of_each_recording_given_the_others(data):
-    """The predictive density written out: mean and covariance from the other recordings."""
-    columns, residual, evidence = data
-
-    def score(free):
-        weight = np.ones(7)
-        weight[free] = FREE
-        total = 0.0
-        for part in PARTS:
-            use = np.ones(len(residual), bool)
-            use[part] = False
-            others = columns[:, use].reshape(7, -1).astype(float)
-            covariance = np.linalg.inv(others @ others.T + np.diag(weight))
-            value = covariance @ others @ residual[use].ravel()
-            x = columns[:, part].reshape(7, -1).astype(float)
-            spread = np.eye(x.shape[1]) + x.T @ covariance @ x
-            error = residual[part].ravel() - value @ x
-            total += error @ np.linalg.solve(spread, error) + np.linalg.slogdet(spread)[1]
-        value, _ = ridge(columns, residual, weight)
-        return total + float(np.sum(np.delete(value, free) ** 2))
-
-    for free in ([2], [2, 5], []):
-        assert evidence.score(free) == pytest.approx(score(free), rel=1e-6)
-
-
 def test_recordings_without_noise_are_solved():
     """Two columns of one shape, 1e20 times the prior: rounding leaves nothing of the priors."""
     column = np.random.default_rng(3).standard_normal((200, 2))
@@ -138,5 +95,15 @@ def test_recordings_without_noise_are_solved():
     value, _, misfit = evidence.solve()
     assert value[0] + 2 * value[1] == pytest.approx(3, rel=1e-3)
     assert value[2] == pytest.approx(0, abs=1e-3)
-    assert np.isfinite(evidence.score([0]))
     assert misfit < 1e-3 * np.sum(gap**2)
+
+
+def test_a_part_is_predicted_from_the_others(data):
+    columns, residual, evidence = data
+    errors = evidence.held_out(free=[2])
+    weight = np.ones(7)
+    weight[2] = FREE
+    others = np.r_[0:40, 100:160]
+    value, _ = ridge(columns[:, others], residual[others], weight)
+    left = residual[PARTS[1]] - np.tensordot(value, columns[:, PARTS[1]], axes=1)
+    assert errors[1] == pytest.approx(np.sum(left**2), rel=1e-9)

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from linear import COUNT, PARTS, written_down
+from linear import COUNT, PARTS, least_squares, written_down
 
-from faultgen.discovery.fit.fit import fit
-from faultgen.discovery.fit.gap import gap, scored, scored_in_motion, unexplained
+from faultgen.discovery.fit.gap import gap, scored, unexplained
 from faultgen.discovery.terms.candidates import Term
 from faultgen.errors import InputError
 
@@ -32,7 +31,7 @@ def test_calibration_takes_its_part_of_what_a_set_leaves():
     names = ["torque_offset", "viscous_friction", "coulomb_friction"]
     terms = [Term(name, 1, 0.1, width) for name, width in zip(names, widths, strict=True)]
     problem = written_down(terms, columns, residual)
-    left, solution = unexplained(problem, fit(problem, [(0,)]))
+    left, solution = unexplained(problem, least_squares(problem, [(0,)]))
     x = columns[:, : SCORED.start].reshape(3, -1).T
     weight = np.diag([0.0, *(1 / np.array(widths[1:]) ** 2)])
     value = np.linalg.solve(x.T @ x + weight, x.T @ residual[: SCORED.start].ravel())
@@ -50,18 +49,6 @@ def test_scored_samples_are_those_of_the_last_motion():
     mask = scored(problem)
     assert np.flatnonzero(mask[:, 0]).tolist() == list(range(500, 600))
     assert np.flatnonzero(mask[:, 1]).tolist() == list(range(500, 550))
-
-
-@pytest.mark.parametrize("baseline", [True, False])
-def test_effects_are_tested_at_samples_in_motion_if_there_are_any(baseline):
-    """Without a baseline, `scored` has them only; if the axes rest all the time, all are used."""
-    problem = written_down([], np.zeros((0, COUNT, 2)), np.zeros((COUNT, 2)), baseline=baseline)
-    at = np.arange(COUNT)
-    some, never = moving(problem, at >= 540), moving(problem, at < 0)
-    tested = scored_in_motion(some)[:, 0]
-    first = 540 + 10 if baseline else 500  # a tenth of a second after rest
-    assert np.flatnonzero(tested)[0] == pytest.approx(first, abs=1) and tested[552:].all()
-    np.testing.assert_array_equal(scored_in_motion(never), scored(never))
 
 
 def test_the_gap_is_relative_to_the_torque_of_each_axis():

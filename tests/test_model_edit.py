@@ -4,13 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from linear import COUNT, PARTS, written_down
+from linear import COUNT, PARTS, least_squares, written_down
 
 from faultgen.discovery.calibration import model_edit
-from faultgen.discovery.calibration.model_edit import build, build_stable, simulated_numbers
-from faultgen.discovery.fit.fit import fit
+from faultgen.discovery.calibration.model_edit import build, build_stable
 from faultgen.discovery.fit.gap import unexplained
-from faultgen.discovery.terms.candidates import FORM, INERTIA, Term
+from faultgen.discovery.terms.candidates import Term
 from faultgen.errors import SimulationFailed
 
 FITTED = slice(0, PARTS[-1].start)
@@ -44,14 +43,14 @@ def changed(problem, torque):
 
 @pytest.mark.parametrize("baseline", [True, False])
 def test_a_model_has_the_effects_and_the_calibrated_numbers(columns, baseline):
-    """Two recordings of one robot have the same numbers, so that only the effects are put in."""
+    """Numbers of two recordings of one robot are not put in, and are no part of the gap."""
     problem = posed(columns, baseline=baseline)
-    found = fit(problem, [(0,)])
+    found = least_squares(problem, [(0,)])
     built = build(problem, found, np.array([0.0, 0.1 / FRICTION.prior_std]))
     names = {term.name: value for term, value in built.changes}
     expected = {"torque_offset": found.values[0]} | ({} if baseline else {"viscous_friction": 0.1})
     assert names == pytest.approx(expected)
-    left = problem.residual - residual_of(columns, [found.values[0], 0.0 if baseline else 0.1])
+    left = problem.residual - residual_of(columns, [found.values[0], 0.1])
     np.testing.assert_allclose(built.left, left, atol=1e-5)
     assert built.share == (0.0 if baseline else 1.0)
 
@@ -73,7 +72,7 @@ def test_calibrated_numbers_are_reduced_until_the_model_is_simulated(columns, li
         return residual_of(columns, [values.get("torque_offset", 0.0), friction])
 
     solution = np.array([0.0, 0.1 / FRICTION.prior_std])
-    built = build(changed(problem, torque), fit(problem, [(0,)]), solution)
+    built = build(changed(problem, torque), least_squares(problem, [(0,)]), solution)
     assert built.share == share
     assert [term.name for term, _ in built.changes] == ["torque_offset", "viscous_friction"][
         : 1 + (share > 0)
@@ -82,90 +81,11 @@ def test_calibrated_numbers_are_reduced_until_the_model_is_simulated(columns, li
     np.testing.assert_allclose(built.left, left, atol=1e-3)
 
 
-COUPLING = Term("wrist_coupling_friction", 1, 0.1, 0.1, (("ratio", 1.0),))
-WAVE = Term("torque_ripple", 1, 0.1, 0.1, (("order", 1.0), ("phase", 0.0)))
-
-
-@pytest.mark.parametrize(
-    ("term", "value", "found"),
-    [
-        (FRICTION, 0.1, 0.1),
-        (FRICTION, -0.85, -2 / 3),  # a third of the friction: no less in a robot of this type
-        (COUPLING, -0.5, 0.0),  # friction of a coupling is not negative
-        (Term("backlash", 1, 1e-4, 1e-2), 1e-3, 0.0),  # a play is there or not
-        (WAVE, 0.3, 0.0),
-        (Term("load_friction", 1, 0.1, 0.1), 0.3, 0.0),  # acts between steps
-        (Term(INERTIA, 1, 0.1, 0.1), -3.0, -3.0),
-        (Term(FORM, 1, 0.1, 0.1), 0.3, 0.0),
-        (replace(EFFECT, step=0.2), 0.3, 0.0),  # the effect of the set, probed differently
-    ],
-)
-def test_what_calibration_may_change(columns, term, value, found):
-    """Numbers that every model has, within their range from unit to unit."""
-    problem = posed(columns, (EFFECT, replace(term, prior_std=1.0)), (0.5, value))
-    solution = simulated_numbers(problem, fit(problem, [(0,)]))
-    assert solution == pytest.approx([0.0, found], abs=0.005)
-
-
-def test_a_number_that_is_probed_twice_is_calibrated_once(columns):
-    """Both columns would go into one number of the model."""
-    twice = [replace(FRICTION, step=step, prior_std=1.0) for step in (0.1, 0.2)]
-    problem = posed(columns[[0, 0]], twice, (0.1, 0.0))
-    assert simulated_numbers(problem, fit(problem, [])) == pytest.approx([0.1, 0.0], abs=0.005)
-
-
-def test_numbers_are_calibrated_by_simulation(columns):
-    """The torque bends with the number: the slope at 0 says 0.2, the simulation 0.1."""
-    problem = posed(columns, (EFFECT, replace(FRICTION, prior_std=1.0)))
-
-    def torque(values):
-        friction = values.get("viscous_friction", 0.0)
-        return residual_of(columns, [values.get("torque_offset", 0.0), friction / (1 + friction)])
-
-    bent = changed(posed(columns, problem.terms, (0.5, 0.1 / 1.1)), torque)
-    solution = simulated_numbers(bent, fit(bent, [(0,)]))
-    assert solution == pytest.approx([0.0, 0.1], abs=0.003)
-
-
-def test_numbers_that_cannot_be_simulated_are_approached_by_shorter_steps(columns):
-    """Beyond 0.06 the simulation diverges, so that a part of the way is gone."""
-
-    def torque(values):
-        friction = values.get("viscous_friction", 0.0)
-        if friction > 0.06:
-            raise SimulationFailed("it diverges")
-        return residual_of(columns, [values.get("torque_offset", 0.0), friction])
-
-    terms = (EFFECT, replace(FRICTION, prior_std=1.0))
-    problem = changed(posed(columns, terms), torque)
-    _, friction = simulated_numbers(problem, fit(problem, [(0,)]))
-    assert 0.02 < friction <= 0.06
-
-
-def test_with_a_baseline_numbers_are_those_of_the_regression(columns):
-    """Both recordings have the same ones, and nothing is simulated."""
-    problem = posed(columns, baseline=True)
-    found = fit(problem, [(0,)])
-    np.testing.assert_array_equal(simulated_numbers(problem, found), unexplained(problem, found)[1])
-
-
 def test_numbers_too_small_to_be_seen_are_left_out(columns):
     """Less than a thousandth of the standard deviation."""
     problem = posed(columns)
-    built = build(problem, fit(problem, [(0,)]), np.array([0.0, 9e-4]))
+    built = build(problem, least_squares(problem, [(0,)]), np.array([0.0, 9e-4]))
     assert [term for term, _ in built.changes] == [EFFECT]
-
-
-def test_what_differs_between_any_two_runs_is_no_part_of_the_gap(columns):
-    """It is taken off the residual, although no model contains it."""
-    problem = posed(columns, baseline=True)
-    found = fit(problem, [(0,)])
-    solution = np.array([0.0, 0.1 / FRICTION.prior_std])
-    assert build(problem, found, solution).left.std() > 0.09
-    widened = replace(problem, run_to_run=np.zeros((COUNT, 2)))
-    built = build(widened, found, solution)
-    assert [term for term, _ in built.changes] == [EFFECT]
-    np.testing.assert_allclose(built.left, 0.0, atol=1e-3)
 
 
 @pytest.mark.parametrize("refused", [0, 2, 4, 5])
@@ -179,7 +99,7 @@ def test_the_written_model_replays_the_recording(columns, monkeypatch, refused):
         return None if len(asked) <= refused else "the robot"
 
     monkeypatch.setattr(model_edit, "replaying", replaying)
-    found = fit(problem, [(0,)])
+    found = least_squares(problem, [(0,)])
     built, robot, lacks = build_stable(problem, found, unexplained(problem, found)[1])
     assert all(one == (problem.recording, problem.robot) for one in asked)
     shares = [1.0, 0.5, 0.25, 0.1, 0.0]
@@ -198,5 +118,5 @@ def test_nothing_lacks_where_nothing_was_calibrated(columns, monkeypatch):
     """The model with the effects alone is then the whole one."""
     monkeypatch.setattr(model_edit, "replaying", lambda *given, **more: "the robot")
     problem = posed(columns, values=(0.5, 0.0))
-    built, robot, lacks = build_stable(problem, fit(problem, [(0,)]), np.zeros(2))
+    built, robot, lacks = build_stable(problem, least_squares(problem, [(0,)]), np.zeros(2))
     assert (built.share, robot, lacks) == (0.0, "the robot", [])

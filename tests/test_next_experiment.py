@@ -2,12 +2,12 @@
 
 import tomllib
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from faultgen.discovery.decision.selection import Choice
-from faultgen.discovery.fit.fit import fit
+from faultgen.discovery.fit.fit import fit_at
 from faultgen.discovery.fit.regression import pose
 from faultgen.discovery.planning.next_experiment import library, next_experiment, planned_recording
 from faultgen.discovery.replay.replay import Replay
@@ -75,15 +75,19 @@ def test_a_planned_recording_is_like_the_given_one(problem):
     np.testing.assert_allclose(found.position, found.reference_position * ratio)
 
 
-@pytest.mark.parametrize(("worse", "now"), [(9.0, 3.0), (-2.0, 0.0)])
-def test_how_far_apart_two_effects_are_now_and_then(problem, worse, now):
-    """In standard deviations: a rival that fits better is not apart at all."""
-    size = 0.2
-    fitted = replace(fit(problem, []), groups=((0,),), values=np.array([size]))
-    fitted = replace(fitted, errors=np.array([0.1]))
-    choice = Choice(problem, (fitted,), fitted, ((0, (1,), worse),))
-    found = next_experiment(problem, choice)
-    assert found.now == now
+def chosen(problem, share, rival):
+    """A choice of viscous friction with one rival."""
+    best = fit_at(problem, [(0,)], np.array([0.2]), np.eye(1) * 0.01)
+    return SimpleNamespace(best=best, shares=(share,), rivals=((0, (1,), rival),))
+
+
+@pytest.mark.parametrize(
+    ("share", "rival", "now"), [(0.9, 0.1, np.sqrt(2 * np.log(9))), (0.5, 0.5, 0.0)]
+)
+def test_how_far_apart_two_effects_are_now_and_then(problem, share, rival, now):
+    """In standard deviations: what is as probable is not apart at all."""
+    found = next_experiment(problem, chosen(problem, share, rival))
+    assert found.now == pytest.approx(now)
     assert found.separates == (TERMS[0].key, TERMS[1].key)
     assert found.distance > 3
     assert found.toml == dict(library(problem))[found.task]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from faultgen.recordings.noise import typical
-from faultgen.recordings.noise_level import level_of, levelled
+from faultgen.recordings.noise import Autoregression, typical
+from faultgen.recordings.noise_level import Noise, level_of, levelled
 
 COUNT = 6000
 PARTS = [slice(0, 1500), slice(1500, 4000), slice(4000, COUNT)]
@@ -55,3 +55,31 @@ def test_effects_and_outliers_do_not_count_as_noise(rng, speed):
     coarse = np.round(rng.normal(size=5000) / 2.5)
     assert np.median(np.abs(coarse)) == 0
     assert typical(coarse) == pytest.approx(coarse.std(), rel=0.5)
+
+
+def coloured():
+    """Noise of two axes that lasts for some samples."""
+    colour = Autoregression(np.array([[0.8], [0.3]]), np.array([0.6, 0.5]))
+    return Noise(colour, np.ones((COUNT, 2)))
+
+
+def test_plain_noise_gives_lasting_errors_their_weight():
+    """White, with the information of the coloured noise about something that lasts little."""
+    noise = coloured()
+    plain = noise.plain()
+    assert not plain.colour.coefficients.any()
+    longer = noise.deviation / noise.colour.innovation
+    assert plain.deviation == pytest.approx(noise.deviation * longer)
+    steady = np.ones((COUNT, 2))
+    told, lasting = (np.mean(one.whiten(steady, PARTS)[10:1500] ** 2) for one in (noise, plain))
+    assert lasting > told  # an error that does not change is no drifting noise
+    np.testing.assert_allclose(plain.whiten(steady, PARTS)[100], 1 / plain.deviation)
+
+
+def test_noise_is_at_least_as_large_as_simulations_are_exact():
+    """On each axis; the colour and larger noise stay."""
+    noise = coloured()
+    found = noise.at_least(np.array([0.1, 2.0]))
+    assert found.colour.innovation.tolist() == [0.6, 2.0]
+    np.testing.assert_array_equal(found.colour.coefficients, noise.colour.coefficients)
+    np.testing.assert_array_equal(found.level, noise.level)

@@ -7,9 +7,8 @@ import pytest
 from recorded import record_cycle
 
 from faultgen.applied import Applied
-from faultgen.discovery.calibration.own_numbers import with_own_links, with_own_numbers
+from faultgen.discovery.calibration.own_numbers import with_own_numbers
 from faultgen.discovery.replay.replay import Replay, relative_error, settled
-from faultgen.discovery.rigid.drives import Drives
 
 
 @pytest.fixture(scope="module")
@@ -40,20 +39,9 @@ def test_a_model_is_fitted_to_the_healthy_robot(puma, other):
     assert "fitted to the healthy recording" in told
 
 
-@pytest.mark.slow
-def test_only_links_are_fitted_to_a_robot_that_may_be_worn(puma, other):
-    recording = record_cycle(other, [Applied("friction_wear", 1, 0.3)])
-    made = with_own_links(recording, puma)
-    assert made is not puma
-    for name, values in Drives.of(made).named().items():
-        np.testing.assert_allclose(values, Drives.of(puma).named()[name], rtol=1e-12)
-    assert error(recording, made) < error(recording, puma)
-
-
 def test_a_model_that_is_right_stays(puma):
     recording = record_cycle(puma)
     assert with_own_numbers(recording, puma) == (puma, "")
-    assert with_own_links(recording, puma) is puma
 
 
 def test_a_current_without_a_constant_tells_no_masses(puma, other):

@@ -5,29 +5,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from linear import COUNT, PARTS, written_down
+from linear import COUNT, difference_between, written_down
 from scipy.optimize import minimize
 
+from faultgen.discovery import investigate
 from faultgen.discovery.calibration.calibrate import calibrate
 from faultgen.discovery.calibration.compared import compared
 from faultgen.discovery.calibration.held_out import HeldOut
-from faultgen.discovery.calibration.model_edit import build, simulated_numbers
 from faultgen.discovery.calibration.ranges import severities, unphysical
-from faultgen.discovery.calibration.refuted import against_given, without_refuted
 from faultgen.discovery.calibration.result import at_bound
 from faultgen.discovery.calibration.weak_axes import AGAIN, GIVEN, repaired, weak_axes, with_choices
-from faultgen.discovery.decision import healthy_spread
+from faultgen.discovery.decision.calibrated import calibrated
 from faultgen.discovery.fit.bounded import bounded_minimum
-from faultgen.discovery.fit.fit import fit
-from faultgen.discovery.fit.gap import gap
-from faultgen.discovery.fit.regression import pose
-from faultgen.discovery.replay.replay import Replay
-from faultgen.discovery.replay.sensitivities import sensitivities
 from faultgen.discovery.rigid.classical import possible_regression
 from faultgen.discovery.rigid.drives import Drives, built
-from faultgen.discovery.terms.candidates import Term, effect_terms
-from faultgen.discovery.terms.inertia import inertia_terms
-from faultgen.effects import EFFECTS, get_effect
+from faultgen.discovery.terms.candidates import Term
+from faultgen.effects import EFFECTS
 from faultgen.effects.spreads import SPREADS
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY
 from faultgen.simulation.motion import plan
@@ -136,7 +129,9 @@ def test_no_number_of_friction_explains_what_is_not_friction(name):
     columns = np.random.default_rng(5).normal(size=(1, COUNT, 2))
     term = Term(name, 1, 0.1, 1.0)
     problem = written_down([term], columns, 4.7 * columns[0])
-    found = simulated_numbers(problem, fit(problem, []))
+    difference = difference_between(problem)
+    scales = difference.model.healthy.log_scales
+    found = calibrated(problem, difference, scales, np.zeros((COUNT, 2))).values
     assert found == pytest.approx([2.0], abs=0.01)  # severity 2 is 3 times the friction
 
 
@@ -161,9 +156,6 @@ def test_what_is_unusual_is_told(tiny_robot):
 def test_a_prior_scale_at_its_bound_is_told():
     assert at_bound(10.0, [1.0, 10.0, 100.0]) == [] == at_bound(10.0, [10.0])
     assert at_bound(100.0, [1.0, 100.0])[0].startswith("the prior scale stands at the largest")
-    assert healthy_spread.at_bound({"friction": 9.0, "inertia": 2.0}) == []
-    (line,) = healthy_spread.at_bound({"friction": 10.0, "inertia": 2.0})
-    assert line.startswith("friction: the robot differs from its model by 10 times")
 
 
 def test_friction_of_another_size_stays_physical(measured, tiny_robot):
@@ -184,27 +176,16 @@ def test_calibration_in_discovery_does_not_spoil_an_axis(measured, tiny_robot):
     """A spring is missing on axis 2. Links that imitate it must not spoil axis 1."""
     effects = [("gravity_spring", 2, 3.0), ("torque_ripple", 1, 0.05), ("torque_ripple", 2, 0.03)]
     recording = measured(effects, 3, torque_ripple={"order": 8.0})
-    replay = Replay(recording, tiny_robot)
-    terms = [
-        term
-        for term in effect_terms(tiny_robot, exclude=["gravity_spring", "delay"])
-        if not get_effect(term.name).prior.play
-    ]
-    terms += inertia_terms(tiny_robot)
-    base, raw = sensitivities(replay, terms)
-    problem = pose(replay, terms, base, raw, recording.torque - base, baseline=False)
-    scales = healthy_spread.learned_scales(problem)
-    assert healthy_spread.at_bound(scales)  # what is missing makes the numbers look far off
-    problem = healthy_spread.with_scales(problem, scales)
-    empty = fit(problem, [])
-    values = simulated_numbers(problem, empty)
-    first = build(problem, empty, values)
-    size = {t.key: 1 + value for t, value in first.changes if t.is_effect and not t.parameters}
-    assert all(1 / 3.01 < size[name, axis] < 3.01 for name in LOW_SPEED for axis in (1, 2))
+    found = investigate(recording, tiny_robot, exclude=["gravity_spring", "delay"])
+    problem, answer = found.problem, found.answer
+    size = {t.key: 1 + value for t, value in answer.changes if t.is_effect and not t.parameters}
+    assert all(1 / 3.01 < size.get((n, axis), 1) < 3.01 for n in LOW_SPEED for axis in (1, 2))
+    torque = np.sqrt(np.mean(recording.torque**2, axis=0))
+    after, before = answer.left_torque / torque, problem.residual / torque
     scored = [problem.parts[k] for k in problem.scoring]
-    kept, _, _ = without_refuted(problem, empty, first, values)
-    assert not against_given(problem, kept.left, scored).worse.any()
-    assert gap(problem, kept.left)[0] < 0.9 * gap(problem, problem.residual)[0]  # by axis 2
+    period = recording.sample_period
+    assert not compared(after, before, problem.inside, scored, period).worse.any()
+    assert answer.calibrated < 0.98 * answer.before  # by axis 2
 
 
 def test_an_axis_that_hardly_moves_stays_physical(tiny_robot, measured, tmp_path):
@@ -255,31 +236,6 @@ def test_a_weak_axis_gets_better_numbers_of_its_drive(measured, tiny_robot, wron
     assert held_out.error(torque) < 0.5 * held_out.error(before)
     assert held_out.error_of(made) == pytest.approx(held_out.error(torque), rel=0.1)
     assert with_choices(held_out, worn, given, {}) is worn
-
-
-@pytest.mark.parametrize("kept_for_scoring", [0.2, -0.2])
-def test_numbers_that_other_motions_refute_are_taken_back(kept_for_scoring):
-    """Only those of the axis that becomes worse; the motions of the gap have no say in it."""
-    rng = np.random.default_rng(6)
-    columns = rng.normal(size=(2, COUNT, 2))
-    columns[0, :, 1] = columns[1, :, 0] = 0.0
-    terms = [Term("viscous_friction", axis, 0.1, 1.0) for axis in (1, 2)]
-    residual = 0.5 * columns.sum(axis=0)
-    folds = written_down(terms, columns, residual).folds
-    for k, friction in enumerate([1.0, -1.0, 1.0, -1.0, 0.6]):  # others foretell none of them
-        for fold in folds[2 * k : 2 * k + 2]:
-            residual[fold, 1] = friction * columns[1, fold, 1]
-    scored = PARTS[-1]
-    residual[scored, 1] = kept_for_scoring * columns[1, scored, 1]
-    problem = written_down(terms, columns, residual)
-    empty = fit(problem, [])
-    values = simulated_numbers(problem, empty)
-    assert np.all(values != 0)
-    basic, kept, lines = without_refuted(problem, empty, build(problem, empty, values), values)
-    np.testing.assert_allclose(kept, [values[0], 0.0])
-    assert [(t.axis, v) for t, v in basic.changes] == [(1, values[0])]
-    (line,) = lines
-    assert line.startswith("axis 2: the numbers of its drive are used as given")
 
 
 def test_the_documentation_has_the_table_of_spreads():

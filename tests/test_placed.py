@@ -24,7 +24,7 @@ HIDDEN = {
 def with_effect(recording, robot, name):
     """A recording to which the simulated change by an effect is added."""
     axis, severity, parameters = HIDDEN[name]
-    replay = Replay(recording, robot, measured=False)
+    replay = Replay(recording, robot)
     term = Term(name, axis, 0.0, 0.0, tuple(parameters.items()))
     change = replay.torque([(term, severity)]) - replay.torque()
     return replace(recording, torque=recording.torque + change, source="worn")

@@ -9,23 +9,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from faultgen.discovery.decision.healthy_spread import at_bound, learned_scales, with_scales
+from faultgen.discovery.decision.choice import Choice, choose
+from faultgen.discovery.decision.difference import Difference, Posed, difference_of
+from faultgen.discovery.decision.numbers import GENERIC, fixed_groups, kind_of
 from faultgen.discovery.decision.placed import with_places
-from faultgen.discovery.decision.run_to_run import (
-    between_axes,
-    between_temperatures,
-    differences,
-    widened,
-)
-from faultgen.discovery.decision.selection import Choice, choose
+from faultgen.discovery.decision.run_to_run import Learned as RunToRun
+from faultgen.discovery.decision.run_to_run import by_temperature, differences, learned
 from faultgen.discovery.decision.verdict import answer
-from faultgen.discovery.fit.regression import Problem, plain, pose, posed_again
+from faultgen.discovery.fit.regression import Problem, pose, posed_again, with_priors
 from faultgen.discovery.laws.learned_law import Learned
 from faultgen.discovery.laws.order_analysis import find_orders
 from faultgen.discovery.planning.next_experiment import Experiment, next_experiment
@@ -34,15 +31,13 @@ from faultgen.discovery.replay.sensitivities import (
     sensitivities,
 )
 from faultgen.discovery.result import AMBIGUOUS, Answer
-from faultgen.discovery.signatures import signatures
+from faultgen.discovery.signatures import Signatures, signatures
 from faultgen.discovery.terms.candidates import (
-    HIDDEN_BEHIND_GEARS,
     Term,
     between_runs,
     names_by_use,
     periodic_terms,
     with_free_gains,
-    with_model_scale,
 )
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.recordings.recording import Recording, mean_of
@@ -50,7 +45,6 @@ from faultgen.robot import Robot
 from faultgen.system.progress import Progress
 
 _LOWEST = 0.9  # cycles per motor turn without a baseline: errors of gravity look like slower waves
-_LESS = 0.8  # noise, over that before effects were known, from which it is estimated again
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +60,10 @@ class Discovery:
     experiment: Experiment | None
     """A motion that distinguishes what this recording cannot distinguish."""
     prior_scales: Mapping[str, float] = field(default_factory=dict)
-    """Learned factors of the prior standard deviations by kind of number; empty with a baseline, or
-    if they were given."""
+    """Factors by which groups of numbers are known worse than usual, or better, as learned from the
+    recording."""
+    runs: RunToRun | None = None
+    """How the unchanged robot differs from run to run; None if there was one run of each motion."""
     laws: tuple[Learned, ...] = ()
     """Laws that were learned from what effects leave unexplained."""
     notes: tuple[str, ...] = ()
@@ -98,9 +94,9 @@ def investigate(
         exclude: Effects that are not considered.
         include: Optional effects that are considered, with the use "on request".
         prior_scale: How uncertain the model's parameters (`candidates.NUMBERS`) are, as a multiple
-            of the default. None: it is learned from the recording, see `healthy_spread`.
-        white_noise: Whether long-lasting errors get full weight, see `regression.plain`. Otherwise
-            a part of them is treated as drifting noise. Use it for recordings that were filtered.
+            of the default. None: it is learned from the recording, group by group.
+        white_noise: Whether long-lasting errors get full weight, see `Noise.plain`. Otherwise a
+            part of them is treated as drifting noise. Use it for recordings that were filtered.
         cache: Folder in which sensitivities are kept.
 
     Returns:
@@ -112,8 +108,6 @@ def investigate(
     """
     runs = [healthy] if isinstance(healthy, Recording) else list(healthy or ())
     baseline = mean_of(runs) if runs else None
-    if recording.link:
-        exclude = {*exclude, *HIDDEN_BEHIND_GEARS}
     of_model = signatures(
         recording,
         robot,
@@ -131,8 +125,6 @@ def investigate(
         residual -= baseline.torque - before.torque()
     if baseline is not None:
         terms = between_runs(terms)
-    elif prior_scale is not None:
-        terms = with_model_scale(terms, prior_scale)
     if baseline is None and recording.constants is not None:
         terms = with_free_gains(terms)
     terms = [*terms, *of_model.scanned]
@@ -150,21 +142,22 @@ def investigate(
         raise InputError(f"{recording.source}: {error}") from None
     problem = _with_orders(problem, workers, exclude)
     problem = with_places(problem, workers=workers, exclude=exclude)
-    scales: dict[str, float] = {}
-    if baseline is None and prior_scale is None:
-        scales = learned_scales(problem)
-        problem = with_scales(problem, scales)
-        notes += at_bound(scales)
-    if baseline is not None:
-        problem = between_temperatures(problem, baseline)
     apart = differences(runs) if runs else []
-    problem = widened(problem, apart) if apart else between_axes(problem)
+    runs_differ: RunToRun | None = None
+    posed = _posed(problem, of_model, prior_scale, white_noise)
+    if baseline is not None:
+        warmer = by_temperature(recording, baseline, robot, posed.terms, posed.raw)
+        posed = replace(posed, warmer=warmer)
+        runs_differ = learned(posed, apart)
+        if runs_differ is not None:
+            posed = replace(posed, groups=runs_differ.groups)
     with Progress("choosing effects", None):
-        choice = choose(plain(problem) if white_noise else problem)
-        again = _with_noise_beside(problem, choice)
-        if again is not problem:
-            problem = again
-            choice = choose(plain(problem) if white_noise else problem)
+        difference = difference_of(posed)
+        choice = choose(problem, difference)
+    scales = _scales(difference, choice)
+    if baseline is None:
+        problem = _with_scales(problem, scales)
+        choice = replace(choice, problem=problem)
     with Progress("checking the choice", None):
         told = answer(problem, choice)
     experiment = None
@@ -174,7 +167,7 @@ def investigate(
                 experiment = next_experiment(problem, choice)
             except (InputError, SimulationFailed) as error:  # the answer is not lost
                 notes.append(f"no next experiment was planned: {error}")
-    return Discovery(problem, choice, told, experiment, scales, notes=tuple(notes))
+    return Discovery(problem, choice, told, experiment, scales, runs_differ, notes=tuple(notes))
 
 
 def _with_orders(problem: Problem, workers: int, exclude: Collection[str]) -> Problem:
@@ -199,17 +192,56 @@ def _with_orders(problem: Problem, workers: int, exclude: Collection[str]) -> Pr
     return posed_again(problem, new, raw)
 
 
-def _with_noise_beside(problem: Problem, choice: Choice) -> Problem:
-    """The problem with the noise that chosen effects leave, if it is clearly smaller.
+def _posed(
+    problem: Problem, of_model: Signatures, prior_scale: float | None, white_noise: bool
+) -> Posed:
+    """The difference for the inference, with the priors of a comparison with a model."""
+    usual = {
+        (term.key, term.step, term.parameters): term.prior_std
+        for term in (*of_model.terms, *of_model.scanned)
+    }
+    terms = [
+        replace(t, prior_std=usual.get((t.key, t.step, t.parameters), t.prior_std))
+        for t in problem.terms
+    ]
+    residual = problem.residual
+    if not problem.baseline:
+        residual = problem.recording.torque - problem.base
+        terms = problem.terms
+    return Posed(
+        problem.replay,
+        terms,
+        problem.raw,
+        problem.base,
+        residual,
+        problem.samples(problem.fitting),
+        problem.baseline,
+        of_model.moved,
+        groups=None if prior_scale is None or problem.baseline else fixed_groups(prior_scale),
+        own_noise=problem.noise if problem.shared.any() else None,
+        shared=problem.shared,
+        white=white_noise,
+    )
 
-    What an effect far from linear does, such as the strokes of a play, is not explained by any sum
-    of columns. It counts as noise until the effect is known.
-    """
-    if problem.baseline or not choice.best.groups:
-        return problem
-    again = posed_again(problem, explained=choice.best.change)
-    before, after = problem.noise.deviation, again.noise.deviation
-    return again if np.any(after < _LESS * before) else problem
+
+def _scales(difference: Difference, choice: Choice) -> dict[str, float]:
+    """Learned factors of the standard deviations by group; only of groups with numbers."""
+    return {
+        group.name: float(np.exp(scale))
+        for group, scale in zip(
+            difference.model.groups, choice.found.fitted.log_scales, strict=True
+        )
+        if group.name in difference.numbers.kinds and group.name not in GENERIC
+    }
+
+
+def _with_scales(problem: Problem, scales: Mapping[str, float]) -> Problem:
+    """The problem with the learned scales of its numbers."""
+    terms = [
+        replace(term, prior_std=term.prior_std * scales.get(kind_of(term) or "", 1.0))
+        for term in problem.terms
+    ]
+    return with_priors(problem, terms)
 
 
 def dump(result: dict[str, Any]) -> str:

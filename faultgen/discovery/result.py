@@ -13,12 +13,13 @@ from faultgen.discovery.terms.candidates import Term
 from faultgen.effects import get_effect
 from faultgen.robot import Robot
 
-NONE, NAMED, PARTLY, AMBIGUOUS, UNKNOWN = (
+NONE, NAMED, PARTLY, AMBIGUOUS, UNKNOWN, MODEL = (
     "no missing effect",
     "named",
     "partly named",
     "ambiguous",
     "unknown effect",
+    "model not good enough",
 )
 
 EXPLAINED = 0.8
@@ -69,7 +70,7 @@ class Answer:
     """The answer and the numbers on which it is based."""
 
     verdict: str
-    """One of the five verdicts."""
+    """One of the six verdicts."""
     effects: tuple[Named, ...]
     """The effects that were found, in the order in which they were added."""
     alternatives: tuple[tuple[str, int, float], ...]

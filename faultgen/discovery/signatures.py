@@ -7,17 +7,19 @@ of_model.raw[0]  # change of the torque per unit of of_model.terms[0]
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from faultgen.discovery.calibration.own_numbers import with_own_links
+from faultgen.discovery.decision.near import moved_by, near_model
+from faultgen.discovery.decision.numbers import is_number
 from faultgen.discovery.laws.friction_discrepancy import (
     discrepancy_sensitivities,
     discrepancy_terms,
 )
 from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.replay.samples import counted, cut, samples_of
 from faultgen.discovery.replay.sensitivities import (
     are_alone,
     impossible,
@@ -26,6 +28,7 @@ from faultgen.discovery.replay.sensitivities import (
 )
 from faultgen.discovery.replay.suited import suited_replay
 from faultgen.discovery.terms.candidates import (
+    HIDDEN_BEHIND_GEARS,
     MASSES,
     ORDERS,
     Term,
@@ -35,7 +38,6 @@ from faultgen.discovery.terms.candidates import (
     scanned_terms,
 )
 from faultgen.discovery.terms.inertia import inertia_terms
-from faultgen.effects import get_effect
 from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot
 
@@ -47,8 +49,8 @@ class Signatures:
     given: Replay
     """The recording and the model as it was given."""
     replay: Replay
-    """The recording and the model on which effects act that depend on the whole model: the given
-    one, or with links of its own; see `own_numbers`."""
+    """The recording and the model at which columns are taken: the given one, or one with links and
+    stiffness that are nearer to the recording; see `near_model`."""
     given_torque: np.ndarray
     """Torque of the given model, shape (samples, n_axes), on the recording's side."""
     base: np.ndarray
@@ -60,6 +62,9 @@ class Signatures:
     raw: np.ndarray
     """Change of the torque per unit of each of `terms`, then of `scanned`; shape (terms, samples,
     n_axes)."""
+    moved: dict[tuple, float]
+    """By how much links and stiffness of the model of `replay` differ from the given one, by name,
+    axis and parameters."""
     notes: list[str]
     """One line for each candidate that the model cannot have."""
 
@@ -93,41 +98,52 @@ def signatures(
         SimulationFailed: The model diverges on the recorded motion.
     """
     given = suited_replay(recording, robot)
-    replay = given
-    if own_links:
-        replay = given.on(with_own_links(recording, robot, given if given.measured else None))
-    terms = effect_terms(robot, exclude, include) + inertia_terms(robot) + _waves(robot, exclude)
+    moved: dict[tuple, float] = {}
+    if own_links and given.measured:
+        moved = near_model(given, _for_fitting(recording, robot))
+    replay = moved_by(given, moved)
+    terms = _with_numbers(robot, exclude, include) + inertia_terms(robot) + _waves(robot, exclude)
+    if recording.link:
+        terms = [term for term in terms if term.name not in HIDDEN_BEHIND_GEARS]
     terms = _on_used_axes(terms, recording)
+    scanned = _on_used_axes(scanned_terms(robot, exclude), recording)
     alone = are_alone(replay, terms)
     own = [term for term, is_alone in zip(terms, alone, strict=True) if is_alone]
-    scanned = _on_used_axes(scanned_terms(robot, exclude), recording)
-    others = [term for term, is_alone in zip(terms, alone, strict=True) if not is_alone]
-    # what is nearly proportional is the same on the given model, and is kept for other recordings
-    plays = [term for term in others if _is_play(term)]
-    terms = [term for term in others if not _is_play(term)]
-    given_torque, raw = sensitivities(given, terms, workers=workers, cache=cache)
-    base = given_torque if replay is given else None
+    terms = [term for term, is_alone in zip(terms, alone, strict=True) if not is_alone]
     if replay.measured:  # one formula for all plays
-        base, raws = sensitivities(replay, [*plays, *scanned], base, workers=workers, cache=cache)
-        of_plays, of_scanned = raws[: len(plays)], raws[len(plays) :]
+        base, raw = sensitivities(replay, [*terms, *scanned], workers=workers, cache=cache)
+        raw, of_scanned = raw[: len(terms)], raw[len(terms) :]
     else:
-        base, of_plays = sensitivities(replay, plays, base, workers=workers, cache=cache)
+        base, raw = sensitivities(replay, terms, workers=workers, cache=cache)
         of_scanned = own_sensitivities(replay, scanned, base, workers=workers, cache=cache)
-    notes = impossible(given, terms, raw) + impossible(replay, plays, of_plays)
+    notes = impossible(replay, terms, raw)
     discrepancy = discrepancy_terms(robot)
     raw = np.concatenate(
         [
             raw,
-            of_plays,
-            discrepancy_sensitivities(
-                given, discrepancy, given_torque, workers=workers, cache=cache
-            ),
-            own_sensitivities(given, own, given_torque, workers=workers, cache=cache),
+            discrepancy_sensitivities(replay, discrepancy, base, workers=workers, cache=cache),
+            own_sensitivities(replay, own, base, workers=workers, cache=cache),
             of_scanned,
         ]
     )
-    terms += plays + discrepancy + own
-    return Signatures(given, replay, given_torque, base, terms, scanned, raw, notes)
+    given_torque = base if replay is given else given.torque()
+    terms += discrepancy + own
+    return Signatures(given, replay, given_torque, base, terms, scanned, raw, moved, notes)
+
+
+def _for_fitting(recording: Recording, robot: Robot) -> np.ndarray:
+    """Samples that are not kept for scoring, shape (samples,)."""
+    parts, scoring = cut(recording, robot, counted(recording, robot, baseline=False))
+    return ~samples_of([parts[p] for p in scoring], len(recording.torque))
+
+
+def _with_numbers(robot: Robot, exclude: Collection[str], include: Collection[str]) -> list[Term]:
+    """Terms of effects. Numbers of the model that are excluded are allowed for, but not named."""
+    return [
+        replace(term, nuisance=term.name in exclude)
+        for term in effect_terms(robot, (), include)
+        if term.name not in exclude or is_number(term)
+    ]
 
 
 def _waves(robot: Robot, exclude: Collection[str]) -> list[Term]:
@@ -149,8 +165,3 @@ def _on_used_axes(terms: Sequence[Term], recording: Recording) -> list[Term]:
         for term in terms
         if term.axis not in recording.left_out or not term.is_effect or term.name in MASSES
     ]
-
-
-def _is_play(term: Term) -> bool:
-    """Whether a term is an effect that acts at moments which depend on the whole model."""
-    return term.is_effect and get_effect(term.name).prior.play

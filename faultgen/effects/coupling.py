@@ -69,7 +69,6 @@ EFFECTS = (
         prior=Prior(
             std=of_joint_torque(SPREADS["wrist_coupling_friction"].std),
             steps_in_std=1000,
-            imitated=True,
             # shafts rub on the sum or on the difference of two speeds, by how the wrist is built
             variants=lambda robot, axis: [{"ratio": 1.0}, {"ratio": -1.0}],
             at_motor=True,

@@ -365,7 +365,6 @@ EFFECTS = (
             std=torque_offset_std,
             steps_in_std=100,
             in_every_model=True,
-            imitated=True,
             own_axis_only=True,
             at_motor=True,
         ),

@@ -69,7 +69,6 @@ EFFECTS = (
         prior=Prior(
             std=SPREADS["load_friction"].std,
             steps=(0.03,),
-            imitated=True,
             own_axis_only=True,
             at_motor=True,
         ),

@@ -80,7 +80,6 @@ EFFECTS = (
             steps=(1e-4, 5e-4, 2e-3, 8e-3),
             play=True,
             variants=_directions,
-            imitated=True,
         ),
         source="sliding mass between elastic stops; their 60 Hz and 5 % damping are assumed, so "
         "that the smallest play has elastic stops too",

@@ -100,9 +100,6 @@ class Prior:
     named on one axis only if both are large."""
     in_every_model: bool = False
     """Whether the severity changes a number that every model has. Calibration fits these."""
-    imitated: bool = False
-    """Whether deviations of the friction law, or wrong links, look like the effect if there is no
-    healthy recording to compare with. More evidence is required then."""
     own_axis_only: bool = False
     """Whether the effect changes the torque of other axes so little that it is probed on all axes
     in one simulation: by less than 10 % of its change of all torques, except at low speed."""

@@ -149,7 +149,6 @@ EFFECTS = (
             use="periodic",
             std=of_motor_torque(SPREADS["torque_ripple"].std),
             steps_in_std=1000,
-            imitated=True,
             own_axis_only=True,
             at_motor=True,
         ),

@@ -86,7 +86,7 @@ EFFECTS = (
         slide_units="m",
         signature="gravity of another pose, on this axis and those before it",
         element="control and log of position",
-        prior=Prior(std=encoder_zero_std, steps=(0.05,), imitated=True),
+        prior=Prior(std=encoder_zero_std, steps=(0.05,)),
         source="definition",
         largest=0.5,
         smallest=-0.5,

@@ -106,7 +106,6 @@ EFFECTS = (
                 )
                 for width in (0.1, 0.14, 0.2, 0.28, 0.4)
             ),
-            imitated=True,
         ),
         source="position-dependent Coulomb friction; its form, a raised cosine "
         "(1 + cos(2 pi (q - angle) / width)) / 2, is assumed; angle and width in rad",

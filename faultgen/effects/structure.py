@@ -182,7 +182,7 @@ EFFECTS = (
         units="m",
         signature="gravity on the wrist by the tool's orientation",
         element="body payload, or the body of joint{i}: inertial pos",
-        prior=Prior(std=SPREADS["payload_offset"].std, steps=(0.02,), imitated=True),
+        prior=Prior(std=SPREADS["payload_offset"].std, steps=(0.02,)),
         source="definition",
         largest=2.0,
         smallest=-2.0,
@@ -202,7 +202,6 @@ EFFECTS = (
         prior=Prior(
             std=of_joint_torque(SPREADS["gravity_spring"].std),
             steps_in_std=1000,
-            imitated=True,
             own_axis_only=True,
         ),
         source="linear spring",

@@ -122,9 +122,7 @@ EFFECTS = (
         unit="share of the law, as power of its ratios (1 = the law as published)",
         signature="more viscous friction when cold, more friction at low speed when warm",
         element="friction{i}, dcmotor lugre and damping; between steps where temperature changes",
-        prior=Prior(
-            std=SPREADS["temperature_friction"].std, steps=(0.3,), imitated=True, at_motor=True
-        ),
+        prior=Prior(std=SPREADS["temperature_friction"].std, steps=(0.3,), at_motor=True),
         source="Bittencourt et al. 2010, as in docs/physics.md",
         largest=3.0,
         smallest=-1.0,

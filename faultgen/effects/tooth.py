@@ -151,7 +151,6 @@ EFFECTS = (
                     twists=True,
                 ),
             ),
-            imitated=True,
         ),
         source="displacement of a damaged tooth as a local transmission error; its form, "
         "cos(x / 2)^(2 m), and width at half height [rad of the shaft] are assumed",

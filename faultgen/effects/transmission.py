@@ -70,7 +70,6 @@ EFFECTS = (
             play=True,
             # a play that differs by a fifth meets its gears at clearly other moments
             scan=tuple(np.geomspace(4e-5, 4e-3, 21).tolist()),
-            imitated=True,
         ),
         source="definition; the play of worn gears stays below some 0.05 rad",
         largest=0.05,
@@ -83,7 +82,7 @@ EFFECTS = (
         unit="fraction of nominal that is lost, below 1",
         signature="lower resonance; more twist, which the motor's encoder hardly sees",
         element="gearbox{i}, tendon stiffness",
-        prior=Prior(std=SPREADS["gear_stiffness"].std, steps=(0.02, 0.2), imitated=True),
+        prior=Prior(std=SPREADS["gear_stiffness"].std, steps=(0.02, 0.2)),
         source="thesis eq. 6.2a",
         largest=0.95,
         smallest=-4.0,

@@ -111,7 +111,6 @@ EFFECTS = (
                 )
                 for pairs in (2, 3, 4, 5)
             ),
-            imitated=True,
             at_motor=True,
         ),
         source="torque = (1 - severity (1 + cos(2 p q_m + phase)) / 3) of the logged one: three "

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import nnls
 
-from faultgen.recordings.noise import Autoregression, autoregression, typical
+from faultgen.recordings.noise import ORDER, Autoregression, autoregression, typical
 
 _FEWEST = 50  # samples from which a level is found
 _ROUNDS = 3  # in which colour and level, and variance and weights, are fitted in turn
@@ -65,6 +65,28 @@ class Noise:
         """
         return self.deviation * self.level
 
+    def plain(self) -> Noise:
+        """Return white noise of the same deviation and information.
+
+        An autoregression treats long-lasting errors as drifting noise. White noise gives them
+        their full weight.
+        """
+        colour = self.colour
+        longer = colour.deviation / colour.innovation  # root of the samples that one is worth
+        return self.with_colour(Autoregression(0 * colour.coefficients, colour.deviation * longer))
+
+    def of_order(self, order: int) -> Noise:
+        """Return the same noise with an autoregression of a higher order, whose end is 0."""
+        coefficients = self.colour.coefficients
+        more = np.zeros((len(coefficients), max(order - coefficients.shape[1], 0)))
+        longer = np.concatenate([coefficients, more], axis=1)
+        return self.with_colour(replace(self.colour, coefficients=longer))
+
+    def at_least(self, innovation: np.ndarray) -> Noise:
+        """Return noise whose innovations are no smaller than some values, shape (n_axes,)."""
+        larger = np.maximum(self.colour.innovation, innovation)
+        return self.with_colour(replace(self.colour, innovation=larger))
+
     def with_colour(self, colour: Autoregression) -> Noise:
         """Return noise with the same levels and another autoregression."""
         return replace(self, colour=colour)
@@ -89,6 +111,7 @@ def levelled(
     inside: np.ndarray,
     parts: Sequence[slice],
     drivers: Sequence[np.ndarray],
+    order: int = ORDER,
 ) -> Noise:
     """Estimate the colour and the level of noise.
 
@@ -98,6 +121,7 @@ def levelled(
         parts: Samples of each separate recording.
         drivers: Quantities with which the variance may grow, such as speed and load; not negative,
             each of the same shape as the residual.
+        order: Order of the autoregression.
 
     Returns:
         The noise.
@@ -107,11 +131,11 @@ def levelled(
     """
     level = np.ones(residual.shape)
     for _ in range(_ROUNDS):
-        colour = autoregression(residual / level, inside, parts)
+        colour = autoregression(residual / level, inside, parts, order)
         level = level * level_of(colour.whiten(residual / level, parts), inside, parts, drivers)
         level /= np.sqrt(np.sum(level**2 * inside, axis=0) / np.maximum(inside.sum(axis=0), 1))
         level = np.maximum(level, _LEAST)
-    return Noise(autoregression(residual / level, inside, parts), level)
+    return Noise(autoregression(residual / level, inside, parts, order), level)
 
 
 def level_of(

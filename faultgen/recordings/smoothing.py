@@ -80,24 +80,48 @@ def smoothings(position: np.ndarray, stronger: Sequence[float]) -> list[np.ndarr
         The smoothed position for each factor, same shape and unit. A position without noise stays
         as it is.
     """
+    own = required(position)
+    if own is None:
+        return [position] * len(stronger)
+    return [smoothed_with(position, min(own + more, _RANGE[1])) for more in stronger]
+
+
+def required(position: np.ndarray) -> float | None:
+    """Find how much smoothing the noise of a position requires.
+
+    Args:
+        position: Shape (samples,), equally spaced in time, in any unit.
+
+    Returns:
+        Common logarithm of the penalty of third differences; None for a position without noise.
+    """
     noise = noise_of_position(position) if len(position) >= _FEWEST else 0.0
     if noise <= 1e-12 * max(float(np.ptp(position)), 1e-300):
-        return [position] * len(stronger)
-    bands = _penalty(len(position))
-
-    def at(exponent: float) -> np.ndarray:
-        system = 10.0**exponent * bands
-        system[-1] += 1.0
-        return np.asarray(solveh_banded(system, position))
+        return None
 
     def excess(exponent: float) -> float:
-        return float(np.mean((at(exponent) - position) ** 2)) / noise**2 - 1.0
+        left = smoothed_with(position, exponent) - position
+        return float(np.mean(left**2)) / noise**2 - 1.0
 
     low, high = _RANGE
     if excess(low) >= 0:
-        return [position] * len(stronger)
-    own = high if excess(high) <= 0 else brentq(excess, low, high, xtol=0.05)
-    return [at(min(own + more, high)) for more in stronger]
+        return None
+    return high if excess(high) <= 0 else float(brentq(excess, low, high, xtol=0.05))
+
+
+def smoothed_with(values: np.ndarray, exponent: float) -> np.ndarray:
+    """Smooth values with a given penalty.
+
+    Args:
+        values: Shape (samples, ...), in any unit.
+        exponent: Common logarithm of the penalty of third differences.
+
+    Returns:
+        The smoothed values, same shape and unit.
+    """
+    system = 10.0**exponent * _penalty(len(values))
+    system[-1] += 1.0
+    return np.asarray(solveh_banded(system, values))
 
 
 def _penalty(count: int) -> np.ndarray:

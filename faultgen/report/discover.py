@@ -18,8 +18,6 @@ from threadpoolctl import threadpool_limits
 from faultgen.discovery.calibration.limits import with_limits_of
 from faultgen.discovery.calibration.own_friction import with_own_friction
 from faultgen.discovery.calibration.own_numbers import with_own_numbers
-from faultgen.discovery.decision.run_to_run import FEWEST_AXES, USUAL
-from faultgen.discovery.decision.selection import SURE_WITH_BASELINE
 from faultgen.discovery.decision.with_laws import contract, outside, with_laws
 from faultgen.discovery.discover import Discovery, investigate
 from faultgen.discovery.fit.gap import gap
@@ -48,6 +46,7 @@ from faultgen.system.progress import Progress
 _T = TypeVar("_T")
 
 _MANY = 3  # axes whose friction hardly wears at the same time: assumed
+_FEWEST_AXES = 4  # that together show how much friction differs from day to day: assumed
 
 
 def discover(
@@ -202,13 +201,12 @@ def discover(
             "is friction, ripple, rotor inertia, torque constant and offset"
         )
     result["prior_scales"] = {kind: round(one, 3) for kind, one in found.prior_scales.items()}
-    result["run_to_run"] = _run_to_run(found.problem)
+    result["run_to_run"] = _run_to_run(found)
     result["warnings"] = [
         *warnings,
         *_on_noise(found.problem),
         *friction_warnings(found),
         *found.notes,
-        *_on_search(found),
         *found.answer.lacks,
     ]
     result["seconds"] = round(time.monotonic() - started, 1)
@@ -281,72 +279,49 @@ def _put_before(result: dict[str, Any], problem: Problem, change: np.ndarray) ->
         row["before"] = one
 
 
-def _on_search(found: Discovery) -> list[str]:
-    """A line for the report if the search for effects ended at its limit."""
-    if found.choice.is_complete:
-        return []
-    return [
-        f"the search for effects ended at its limit after {len(found.choice.best.groups)} effects, "
-        "so that there may be more; put these into the model (--robot OUT/model) and repeat it"
-    ]
-
-
 def friction_warnings(found: Discovery) -> list[str]:
-    """Warn of named changes of friction that may be usual from run to run.
+    """Warn of what a single healthy recording cannot show.
 
     Args:
         found: The results of a discovery.
 
     Returns:
-        One line for each warning; none without a baseline, or if several runs were compared. If
-        friction that differs on most axes is allowed for, one line that states it.
+        One line for each warning; none without a baseline, or if several runs were compared.
     """
-    several = "give several healthy recordings, which show how much it differs on this robot"
-    if found.problem.friction_spread == USUAL:
-        least = USUAL * np.sqrt(SURE_WITH_BASELINE)
-        return [
-            f"one healthy recording with fewer than {FEWEST_AXES} moving axes does not show how "
-            f"much friction differs from day to day; {100 * USUAL:g} % is assumed, so that changes "
-            f"of friction below about {100 * least:.0f} % are not named; {several}"
-        ]
-    if found.problem.friction_spread:
-        return [
-            f"friction differs by about {100 * found.problem.friction_spread:.2g} % on most axes, "
-            "as between two days or temperatures; differences of this size are allowed for and not "
-            f"named; {several}"
-        ]
-    if not found.problem.baseline or found.problem.run_to_run is not None:
+    difference = found.choice.difference
+    if not found.problem.baseline or found.runs is not None:
         return []
+    several = "give several healthy recordings, which show how much it differs on this robot"
+    friction = [
+        number for number, kind in enumerate(difference.numbers.kinds) if kind == "friction"
+    ]
+    scale = found.prior_scales.get("friction", 0.0)
+    day = scale * max((difference.numbers.std[k] for k in friction), default=0.0)
+    moving = int(found.problem.inside.any(axis=0).sum())
+    if moving < _FEWEST_AXES:
+        return [
+            f"one healthy recording with {moving} moving axes does not show how much friction "
+            f"differs from day to day; {100 * day:.2g} % is taken, so that a smaller change of "
+            f"friction cannot be told from another day; {several}"
+        ]
     named = [
         one for one in found.answer.effects if get_effect(one.effect).prior.group == SPEED_FRICTION
     ]
-    lines = [
-        f"{one.effect} of axis {one.axis}: friction of real arms often differs by "
-        f"{100 * USUAL:g} % from one recording to another, and this is "
-        f"{100 * one.severity:.2g} %; {several}"
-        for one in named
-        if abs(one.severity) < USUAL
-    ]
     axes = sorted({one.axis for one in named})
-    if len(axes) >= _MANY:
-        shown = ", ".join(str(axis) for axis in axes)
-        lines.append(
-            f"axes {shown}: friction differs on all of them at once, as between two temperatures; "
-            f"{several}"
-        )
-    return lines
-
-
-def _run_to_run(problem: Problem) -> list[dict[str, float]] | None:
-    """RMS torque by which the unchanged robot differs from run to run; None if not measured."""
-    if problem.run_to_run is None:
-        return None
+    if len(axes) < _MANY:
+        return []
+    shown = ", ".join(str(axis) for axis in axes)
     return [
-        {"axis": axis + 1, "torque": float(np.sqrt(np.mean(column[inside] ** 2)))}
-        for axis, (column, inside) in enumerate(
-            zip(problem.run_to_run.T, problem.inside.T, strict=True)
-        )
+        f"axes {shown}: friction differs on all of them at once, as between two temperatures; "
+        f"{several}"
     ]
+
+
+def _run_to_run(found: Discovery) -> list[dict[str, float]] | None:
+    """RMS torque by which the unchanged robot differs from run to run; None if not measured."""
+    if found.runs is None:
+        return None
+    return [{"axis": k + 1, "torque": one} for k, one in enumerate(found.runs.torque.tolist())]
 
 
 def _torque_constants(found: Discovery) -> list[dict[str, float]] | None:

@@ -6,25 +6,17 @@ motion. A recording of other motions is compared with the same model in the same
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from faultgen.discovery.calibration.ranges import severities
-from faultgen.discovery.calibration.simulated_fit import SHARES, replaying, step_of
-from faultgen.discovery.fit.fit import Fit, bounds_of, changes_of
-from faultgen.discovery.fit.gap import unexplained
+from faultgen.discovery.calibration.simulated_fit import SHARES, replaying
+from faultgen.discovery.fit.fit import Fit, changes_of
 from faultgen.discovery.fit.regression import Problem
 from faultgen.discovery.replay.replay import relative_error
-from faultgen.discovery.terms.candidates import INERTIA, Term
-from faultgen.effects import get_effect
+from faultgen.discovery.terms.candidates import Term
 from faultgen.robot import Robot
-
-_STEPS = 6  # simulations in which numbers are calibrated
-_SETTLED = 0.01  # share of the misfit that a step has to take off
-_WITHIN = 0.9  # share of the bounds of an effect that a number may reach
-_BENT = ("stiffness_hardening",)  # the torque is so far from straight in it that no step finds it
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,98 +29,6 @@ class Built:
     """Torque of the residual that remains, simulated, shape (samples, n_axes)."""
     share: float
     """Share of the calibrated changes that the model contains."""
-
-
-def simulated_numbers(
-    problem: Problem,
-    fitted: Fit,
-    left_out: Collection[int] = (),
-    fixed: np.ndarray | None = None,
-    start: np.ndarray | None = None,
-) -> np.ndarray:
-    """Calibrate the numbers that a model can contain, by simulation beside a set of effects.
-
-    The regression also has terms that no model can contain, such as other forms of friction, and
-    its sensitivities hold for small changes. Its numbers would therefore make a poor model. Here
-    only the numbers of the model vary, within the bounds of their effects, and the model is
-    simulated at each step (Levenberg and Marquardt, with the slopes of the unchanged model).
-
-    Args:
-        problem: The residual and the terms.
-        fitted: The set of effects. Their severities stay as they are.
-        left_out: Numbers of `Problem.folds` that are not fitted.
-        fixed: Terms that stay as they were given, mask of shape (terms,). None: no term.
-        start: Values from which the search starts, shape (terms,). None: the given model.
-
-    Returns:
-        Value of every term in prior standard deviations, shape (terms,); 0 for the effects of the
-        set. With a baseline, which has the same numbers, they are those of the regression.
-    """
-    if problem.baseline:
-        return unexplained(problem, fitted)[1]
-    scale = np.array([term.prior_std for term in problem.terms])
-    usable = _usable(problem, fitted)
-    if fixed is not None:
-        usable &= ~fixed
-    bounded = [k for k in np.flatnonzero(usable).tolist() if problem.terms[k].is_effect]
-    low, high = np.array([severities(t) for t in problem.terms]).T
-    smallest, largest = bounds_of(problem, bounded)
-    low[bounded] = np.maximum(low[bounded], _WITHIN * smallest)
-    high[bounded] = np.minimum(high[bounded], _WITHIN * largest)
-    low, high = np.where(usable, low / scale, 0.0), np.where(usable, high / scale, 0.0)
-    weight = np.ones(len(scale))
-    effects = changes_of(problem, fitted)
-    kept = [k for k in range(len(problem.folds)) if k not in left_out]
-    best, damping = np.zeros(len(scale)), 0.0
-    left = problem.evidence(problem.residual - fitted.change).only(kept)
-    least = float(left.energy.sum())
-    if start is not None:
-        value = np.clip(start, low, high)
-        change = problem.change_of_given(effects + _changes(problem, value))
-        if change is not None:
-            best, left = value, problem.evidence(problem.residual - change).only(kept)
-            least = float(left.energy.sum() + value @ value)
-    for _ in range(_STEPS):
-        value = step_of(left, weight, best, damping, (low, high))
-        change = problem.change_of_given(effects + _changes(problem, value))
-        here = np.inf
-        if change is not None:
-            now = problem.evidence(problem.residual - change).only(kept)
-            here = float(now.energy.sum() + value @ value)
-        if not here < least:
-            damping = max(10 * damping, 0.1)
-            continue
-        done = here > (1 - _SETTLED) * least
-        best, left, least, damping = value, now, here, damping / 10
-        if done:
-            break
-    return best
-
-
-def _usable(problem: Problem, fitted: Fit) -> np.ndarray:
-    """Terms that are numbers of the model and may vary beside a set of effects, shape (terms,).
-
-    Not among them are effects that differ from their absence by more than a number: waves, plays,
-    effects at one place, and effects that act between steps. An effect that is probed with several
-    severities counts once.
-    """
-    named = {problem.terms[t].key for t in fitted.terms}
-    seen = set()
-    usable = []
-    for term in problem.terms:
-        number = term.name == INERTIA
-        which = (term.key, term.parameters)
-        if term.is_effect and term.key not in named and which not in seen:
-            effect = get_effect(term.name)
-            number = (
-                effect.prior.use in ("always", "on request")
-                and term.name not in _BENT
-                and not effect.prior.play
-                and effect.between is None
-            )
-            seen.add(which)
-        usable.append(number)
-    return np.array(usable)
 
 
 def build(problem: Problem, fitted: Fit, solution: np.ndarray) -> Built:
@@ -176,7 +76,7 @@ def _candidates(problem: Problem, fitted: Fit, solution: np.ndarray) -> Iterator
     """Models with smaller and smaller shares of the calibrated changes, then the effects alone."""
     effects = changes_of(problem, fitted)
     left = problem.residual - fitted.change
-    if problem.run_to_run is not None:  # what differs between any two runs is no part of the gap
+    if problem.baseline:  # what differs between any two runs is no part of the gap
         size = solution * np.array([term.prior_std for term in problem.terms])
         left = left - np.tensordot(size.astype(np.float32), problem.raw, axes=1)
     alone = Built(effects, left, 0.0)

@@ -3,10 +3,9 @@
 An effect of which the torque is far from proportional acts at certain moments: a play is crossed
 when the torque of the gearbox changes its sign. A model whose masses are wrong by 3 % crosses it
 some 10 ms too early or too late, and what it foretells is then not what was measured. Discovery
-therefore simulates effects on a model that was fitted to the recording.
+with a baseline therefore begins with a model that was fitted to it.
 
-    robot, told = with_own_numbers(healthy, robot)  # with a baseline
-    near = with_own_links(recording, robot)  # without one
+    robot, told = with_own_numbers(healthy, robot)
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from dataclasses import replace
 from faultgen.discovery.calibration.held_out import EQUAL, HeldOut
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.rigid.classical import possible_regression
-from faultgen.discovery.rigid.drives import GAIN, Drives
+from faultgen.discovery.rigid.drives import GAIN
 from faultgen.discovery.rigid.physical import Physical, Spread, fit
 from faultgen.errors import SimulationFailed
 from faultgen.recordings.recording import Recording
@@ -46,31 +45,6 @@ def with_own_numbers(healthy: Recording, robot: Robot) -> tuple[Robot, str]:
         "masses and friction of the model were fitted to the healthy recording, which lowers the "
         f"torque error of motions that were not fitted from {before:.4f} to {after:.4f}"
     )
-
-
-def with_own_links(recording: Recording, robot: Robot, replay: Replay | None = None) -> Robot:
-    """Fit a model to a recording that may have a fault, and change only the links of the model.
-
-    A fault may look like other links. Effects are therefore simulated on this model, but what they
-    have to explain is the error of the given one.
-
-    Args:
-        recording: The recording.
-        robot: The model.
-        replay: Of the recording and the model on measured positions, if there is one already.
-
-    Returns:
-        The model with the links of the fit. The given robot in the same cases as for
-        `with_own_numbers`.
-    """
-    found = _fitted(recording, robot, replay)
-    if found is None:
-        return robot
-    made = replace(found[0], drives=Drives.of(robot))
-    try:
-        return made.robot
-    except SimulationFailed:
-        return robot
 
 
 def _fitted(

@@ -9,7 +9,7 @@ priors. Cross-validation chooses the prior scale.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +18,6 @@ import numpy as np
 from faultgen.discovery.calibration.ranges import severities
 from faultgen.discovery.fit.bounded import bounded_minimum
 from faultgen.discovery.fit.evidence import FREE, Evidence
-from faultgen.discovery.fit.fit import differences
 from faultgen.discovery.fit.regression import Problem, plain, pose, with_priors
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import sensitivities
@@ -269,3 +268,30 @@ def replaying(
     except (InputError, SimulationFailed):
         return None
     return made if np.isfinite(torque).all() else None
+
+
+def differences(
+    simulate: Callable[[np.ndarray], np.ndarray | None],
+    value: np.ndarray,
+    change: np.ndarray,
+    steps: Mapping[int, float],
+) -> dict[int, np.ndarray]:
+    """Compute slopes of a torque by finite differences, if they can be simulated.
+
+    Args:
+        simulate: Function from values to the torque. It returns None if the simulation diverges.
+        value: Values at which the slopes are computed, shape (terms,).
+        change: Torque at these values, shape (samples, n_axes).
+        steps: Step of each value whose slope is wanted, by its index.
+
+    Returns:
+        Slopes by index, shape (samples, n_axes) each.
+    """
+    slopes = {}
+    for k, step in steps.items():
+        moved = value.copy()
+        moved[k] += step
+        run = simulate(moved)
+        if run is not None:
+            slopes[k] = (run - change) / step
+    return slopes

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_solve
 
+from faultgen.discovery.decision.difference import FALL, groups_of
 from faultgen.discovery.decision.reaction import Reaction
-from faultgen.discovery.decision.selection import groups_of, needed, needed_of
 from faultgen.discovery.fit.evidence import FREE, factored
 from faultgen.discovery.fit.regression import Problem, posed_again
 from faultgen.discovery.laws.friction_discrepancy import shapes_of
@@ -65,7 +65,7 @@ def with_places(problem: Problem, *, workers: int = 1, exclude: Collection[str] 
             best[name, axis] = max(found, key=lambda one: one.gain)
     simulated: list[tuple[Term, np.ndarray]] = []
     for name in names:
-        least = _PROMISING * needed_of(name, baseline=problem.baseline)
+        least = _PROMISING * FALL
         of_name = sorted(
             (place for (own, _), place in best.items() if own == name), key=lambda one: -one.gain
         )
@@ -97,7 +97,7 @@ def _others(problem: Problem) -> tuple[list[int], float]:
         gains, _ = evidence.gains(rest, free) if rest else (np.zeros(1), None)
         k = int(np.argmax(gains))
         strongest = max(strongest, float(gains[k]))
-        if not rest or gains[k] < needed(problem, rest[k]):
+        if not rest or gains[k] < FALL:
             break
         free += rest[k]
     return free, strongest

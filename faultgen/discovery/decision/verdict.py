@@ -1,49 +1,38 @@
-"""The verdict on a residual: nothing missing, effects named or partly named, ambiguous, unknown."""
+"""The verdict: nothing missing, effects named or partly named, ambiguous, or unknown."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from faultgen.discovery.calibration.model_edit import build, build_stable, simulated_numbers
-from faultgen.discovery.calibration.refuted import without_refuted
-from faultgen.discovery.decision.certainty import certainty
-from faultgen.discovery.decision.confirmation import confirmed, shared_kinds
-from faultgen.discovery.decision.selection import Choice
+from faultgen.discovery.calibration.model_edit import build, build_stable
+from faultgen.discovery.decision.calibrated import Calibrated, calibrated
+from faultgen.discovery.decision.choice import Choice, only
+from faultgen.discovery.decision.gate import changed, gate
+from faultgen.discovery.decision.numbers import GENERIC
 from faultgen.discovery.fit.diagnostics import where
 from faultgen.discovery.fit.fit import Fit, first_of
 from faultgen.discovery.fit.gap import gap, scored, unexplained
 from faultgen.discovery.fit.regression import Problem
-from faultgen.discovery.laws.patterns import Pattern, patterns
+from faultgen.discovery.laws.patterns import patterns
 from faultgen.discovery.laws.spikes import spikes
 from faultgen.discovery.result import (
     AMBIGUOUS,
     CONSIDERABLE,
     EXPLAINED,
+    MODEL,
     NAMED,
     NONE,
-    PART,
     PARTLY,
     UNKNOWN,
-    UNLIKELY,
     Answer,
     Named,
 )
 from faultgen.discovery.terms.candidates import PAYLOAD, Term, payload_of
+from faultgen.effects import get_effect
 
-BAND = {
-    "time": 0.004,
-    "joint angle": 0.0036,
-    "motor turn": 0.0025,
-    "speed": 0.0026,
-    "acceleration": 0.0026,
-}
-"""Largest RMS of a pattern, divided by the RMS torque of its axis, that is normal for a calibrated
-model without a baseline: 1.35 times the largest of healthy development cases."""
-
-WORSE = 1.05
-"""Gap with effects, over that without them, from which they are not what has changed: assumed.
-Motions on which they are borne out sample by sample may also hold rest and slow motion."""
-
+_WIDE = 1.96  # standard errors that contain a normal value with 95 % probability
 _DRAWS = 1999  # of the bootstrap
 
 
@@ -57,57 +46,64 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     Returns:
         The answer.
     """
-    empty = choice.fits[0]
+    empty, best = choice.empty, choice.best
     without, _ = unexplained(problem, empty)
-    base_values = simulated_numbers(problem, empty)
+    numbers = _numbers(problem, choice, empty)
+    base_values = numbers.values
     basic = build(problem, empty, base_values)
-    calibrated, given = gap(problem, basic.left), gap(problem, problem.residual)
-    refuted: list[str] = []
-    if not problem.baseline:
-        basic, base_values, refuted = without_refuted(problem, empty, basic, base_values)
-        calibrated = gap(problem, basic.left)
-    kept = confirmed(problem, choice, basic.left, base_values)
-    choice, best = kept.choice, kept.choice.best
+    healthy, given = gap(problem, basic.left), gap(problem, problem.residual)
+    solution = _numbers(problem, choice, best).values if best.groups else base_values
     left, _ = unexplained(problem, best)
     white = problem.whiten(left)
     own = [(problem.terms[t].axis, problem.white[t]) for t in best.terms]
     found = patterns(problem, white, problem.fitting, own) + spikes(problem, white)
     found.sort(key=lambda one: (one.p_value, -one.strength))
     shown = left + best.change  # the residual that is to be explained, less calibration
-    white_shown = problem.whiten(shown)
-    shares = where(problem, white_shown)
+    shares = where(problem, problem.whiten(shown))
     p_value = significance(problem, problem.whiten(without))
     noise = problem.noise.of_samples()
-    strange = strange_patterns(problem, found, white)
-    contrived = bool(shared_kinds(problem, best))
-    known = bool(best.groups) and not contrived
-    effects, alternatives = _named(problem, choice, kept.solution)
-    chosen = (best, kept.solution) if known else (empty, base_values)
-    built, robot, lacks = build_stable(problem, *chosen)
-    worse = known and gap(problem, built.left)[0] > WORSE * max(given[0], calibrated[0])
-    if worse:
-        known, chosen = False, (empty, base_values)
-        built, robot, lacks = build_stable(problem, *chosen)
-        lacks.append(
-            "the effects that explain most of what differs are not named, because they make the "
-            "error on other motions larger: something else has changed, which resembles them"
+    effects, alternatives = _named(problem, choice, solution)
+    odd = changed(problem, choice)
+    doubts = [] if odd else gate(problem, choice, healthy[0])
+    known, lines = bool(effects) and not doubts, []
+    built, robot, lacks = build_stable(
+        problem, *(best, solution) if known else (empty, base_values)
+    )
+    if known and not gap(problem, built.left)[0] < max(given[0], healthy[0]):
+        names = ", ".join(f"{one.effect} of axis {one.axis}" for one in effects)
+        why = "because the error on motions that were not fitted is not smaller with"
+        least = max(given[0], healthy[0])
+        count = next((k for k, one in enumerate(effects) if one.gap_after >= least), len(effects))
+        if 0 < count < len(effects):
+            told = answer(problem, only(choice, list(range(count))))
+            verdict = PARTLY if told.verdict == NAMED else told.verdict
+            line = f"{names}: not all are named, {why} all of them: something else has changed"
+            return replace(told, verdict=verdict, lacks=(*told.lacks, line))
+        lines.append(
+            f"{names}: not named, {why} it; something else has changed, which resembles it"
         )
-    lacks += refuted
-    lacks += [
-        f"axis {one.axis}: {one.name} explains most of what differs on the motions for fitting, "
-        "but not on the others: something else has changed, which resembles it"
-        for one in dict.fromkeys(kept.resembled)
-    ]
+        known, solution = False, base_values
+        built, robot, lacks = build_stable(problem, empty, solution)
     before, after = given, gap(problem, built.left)
     # an error holds the noise, so that the noise of an axis is no larger than any of its errors
-    floor = np.min([gap(problem, noise)[1], before[1], calibrated[1], after[1]], axis=0)
+    floor = np.min([gap(problem, noise)[1], before[1], healthy[1], after[1]], axis=0)
     of_noise = float(np.sqrt(np.mean(floor[scored(problem).any(axis=0)] ** 2)))
-    if not known:
-        verdict = UNKNOWN if contrived or worse or strange or kept.resembled else NONE
+    if doubts:
+        verdict = MODEL
+    elif not known:
+        verdict = UNKNOWN if choice.unknown or effects or odd else NONE
     elif choice.rivals:  # what is listed in part must be certain
         verdict = AMBIGUOUS
+    elif choice.unknown or odd:
+        verdict = PARTLY
     else:
         verdict = PARTLY if is_part(before[0], after[0], of_noise) else NAMED
+    lines += [
+        f"axis {axis}: a torque that no effect of the catalogue explains depends on the {over}"
+        for axis, over in choice.unknown
+    ]
+    lines += [f"axis {axis}: it has changed in a way that nothing explains" for axis in odd]
+    chosen = best if known else empty
     return Answer(
         verdict=verdict,
         effects=effects if known else (),
@@ -115,13 +111,13 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         if known
         else tuple((one.effect, one.axis, one.confidence) for one in effects),
         before=before[0],
-        calibrated=calibrated[0],
+        calibrated=healthy[0],
         after=after[0],
         floor=of_noise,
         per_axis=tuple(
             {"axis": k + 1, "before": a, "calibrated": b, "after": c, "floor": d}
             for k, (a, b, c, d) in enumerate(
-                zip(before[1], calibrated[1], after[1], floor.tolist(), strict=True)
+                zip(before[1], healthy[1], after[1], floor.tolist(), strict=True)
             )
         ),
         p_value=p_value,
@@ -129,11 +125,43 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         left=tuple(found),
         changes=built.changes,
         robot=robot,
-        lacks=tuple(lacks),
-        calibration=_told(problem, chosen[0], built.changes),
+        lacks=(*lacks, *doubts, *lines, *numbers.lines),
+        calibration=_told(problem, chosen, built.changes),
         left_torque=built.left,
         strange_torque=built.left if problem.baseline else (left if known else without),
     )
+
+
+def _numbers(problem: Problem, choice: Choice, fitted: Fit) -> Calibrated:
+    """Calibrated numbers beside a set of effects. A baseline has the same, so that few differ."""
+    if problem.baseline:
+        return Calibrated(usual(problem, choice), ())
+    scales = choice.found.fitted.log_scales
+    return calibrated(problem, choice.difference, scales, fitted.change)
+
+
+def usual(problem: Problem, choice: Choice) -> np.ndarray:
+    """Compute by how much numbers differ between recording and baseline, beside the effects.
+
+    Args:
+        problem: The residual and the terms.
+        choice: The chosen set.
+
+    Returns:
+        Value of every term in prior standard deviations, shape (terms,); 0 for effects.
+    """
+    values = choice.found.fitted.values
+    numbers = choice.difference.numbers
+    known = [k for k, kind in enumerate(numbers.kinds) if kind not in GENERIC]
+    value = {numbers.which[k]: values[place] for place, k in enumerate(known)}
+    out = np.zeros(len(problem.terms))
+    seen = set()
+    for k, term in enumerate(problem.terms):
+        which = (*term.key, term.parameters)
+        if which in value and which not in seen:
+            out[k] = value[which] / term.prior_std
+            seen.add(which)
+    return out
 
 
 def significance(problem: Problem, white: np.ndarray) -> float:
@@ -189,62 +217,50 @@ def is_part(before: float, after: float, floor: float) -> bool:
     return open_ > (1 - EXPLAINED) * (before**2 - floor**2) and open_ > CONSIDERABLE * floor**2
 
 
-def strange_patterns(problem: Problem, found: list[Pattern], white: np.ndarray) -> list[Pattern]:
-    """Select the patterns that neither noise nor the usual errors of models explain.
-
-    Args:
-        problem: The recording and the model.
-        found: All patterns.
-        white: Whitened error in which they were found, shape (samples, n_axes).
-
-    Returns:
-        The selected patterns, strongest first.
-    """
-    strange = [one for one in found if one.p_value < UNLIKELY and _is_large(problem, one, white)]
-    return sorted(strange, key=lambda one: -one.strength)
-
-
-def _is_large(problem: Problem, pattern: Pattern, white: np.ndarray) -> bool:
-    """Whether a pattern is larger than the usual errors of models, or differences between runs."""
-    axis = pattern.axis - 1
-    if problem.baseline:
-        rows = problem.inside[:, axis] & problem.samples(problem.fitting)
-        beyond = float(np.sum(white[rows, axis] ** 2 - 1))  # noise is not known to within a little
-        return beyond < CONSIDERABLE * rows.sum() or pattern.strength > PART * beyond
-    rows = problem.inside[:, axis]
-    torque = float(np.sqrt(np.mean(problem.recording.torque[rows, axis] ** 2)))
-    size = np.sqrt(max(pattern.strength, 0.0) / rows.sum()) * problem.noise.deviation[axis]
-    return bool(size > BAND[pattern.along] * torque)
-
-
 def _named(
     problem: Problem, choice: Choice, solution: np.ndarray
 ) -> tuple[tuple[Named, ...], tuple[tuple[str, int, float], ...]]:
+    """Effects of the answer, and their alternatives with probabilities."""
     best = choice.best
     effects, others = [], []
-    for place, group in enumerate(best.groups):
-        known = certainty(choice.problem, best, place)
-        rivals = [(g, worse) for where, g, worse in choice.rivals if where == place]
-        odds = np.exp([-max(worse, 0.0) / 2 for _, worse in rivals])
-        total = 1 + float(odds.sum()) + float(np.exp(-known.absent / 2))
+    for place, (group, value, covariance) in enumerate(best.members()):
+        there = 1 / (1 + float(np.exp(-choice.odds[place])))
         others += [
-            (*problem.terms[g[0]].key, float(odd) / total)
-            for (g, _), odd in zip(rivals, odds, strict=True)
+            (*problem.terms[rival[0]].key, there * share)
+            for at, rival, share in choice.rivals
+            if at == place
         ]
         left = build(problem, first_of(problem, best, place + 1), solution).left
+        severity, error = _severity(problem, group, value, covariance)
+        effect = get_effect(problem.terms[group[0]].name)
+        least = 0.0 if len(group) > 1 else effect.smallest
         effects.append(
             Named(
                 *problem.terms[group[0]].key,
-                known.severity,
-                known.error,
-                (known.low, known.high),
+                severity,
+                error,
+                (
+                    max(severity - _WIDE * error, least),
+                    min(severity + _WIDE * error, effect.largest),
+                ),
                 _parameters(problem, best, place),
-                1 / total,
+                there * choice.shares[place],
                 gap(problem, left)[0],
             )
         )
     own = {(one.effect, one.axis) for one in effects}
     return tuple(effects), tuple(one for one in others if (one[0], one[1]) not in own)
+
+
+def _severity(
+    problem: Problem, group: tuple[int, ...], value: np.ndarray, covariance: np.ndarray
+) -> tuple[float, float]:
+    """Severity of an effect, a sum of its values times weights, and its standard error."""
+    size = float(np.linalg.norm(value))
+    weight = np.ones(len(group))
+    if len(group) > 1 and problem.terms[group[0]].name != PAYLOAD:  # sine and cosine
+        weight = value / max(size, 1e-300)
+    return float(weight @ value), float(np.sqrt(weight @ covariance @ weight))
 
 
 def _parameters(problem: Problem, best: Fit, place: int) -> dict[str, float]:

@@ -8,16 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from faultgen.discovery.decision.selection import Choice
+from faultgen.discovery.decision.choice import Choice, only
 from faultgen.discovery.decision.verdict import answer, is_part
-from faultgen.discovery.fit.fit import fit
 from faultgen.discovery.fit.gap import gap
 from faultgen.discovery.fit.regression import Problem
 from faultgen.discovery.laws.law_curves import Courses, Curve
 from faultgen.discovery.laws.law_words import NAMES
 from faultgen.discovery.laws.learned_law import Learned, learn
 from faultgen.discovery.replay.replay import Replay, relative_error, relative_errors
-from faultgen.discovery.result import NAMED, NONE, PART, PARTLY, UNKNOWN, Answer
+from faultgen.discovery.result import MODEL, NAMED, NONE, PART, PARTLY, UNKNOWN, Answer
 from faultgen.errors import InputError, SimulationFailed
 
 LEARNED = "learned"
@@ -56,6 +55,8 @@ def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, l
         The answer with the laws in its model and its gaps, and the laws. If nothing can be learned,
         the answer is unchanged.
     """
+    if told.verdict == MODEL:  # what is left is the model's error
+        return told, []
     laws = learn(problem, told.strange_torque, told.changes)
     if told.verdict == UNKNOWN:
         return if_smaller(problem, told, _with(problem, told, laws), laws)
@@ -71,13 +72,12 @@ def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, l
         return if_smaller(problem, told, whole, laws)
     whole = _with(problem, told, laws)
     groups = choice.best.groups
-    kept = [group for group in groups if problem.terms[group[0]].axis not in axes]
-    rest = fit(choice.problem, kept) if len(kept) < len(groups) else None
-    if rest is not None:
-        other = answer(problem, replace(choice, best=rest, rivals=()))
+    kept = [k for k, group in enumerate(groups) if problem.terms[group[0]].axis not in axes]
+    if len(kept) < len(groups):
+        other = answer(problem, only(choice, kept))
         own = learn(problem, other.strange_torque, other.changes)
         simpler = _with(problem, other, own)
-        left_out = {problem.terms[g[0]].key for g in groups if g not in kept}
+        left_out = {problem.terms[g[0]].key for k, g in enumerate(groups) if k not in kept}
         alike = {one[:2] for law in own for one in law.resembles if one[2] >= ALIKE}
         if own and simpler.after <= EQUAL * whole.after and not left_out & alike:
             return replace(simpler, verdict=PARTLY if simpler.effects else UNKNOWN), own

@@ -199,39 +199,6 @@ class Evidence:
             first[k] = (value[index] + block @ left)[0]
         return gain, first
 
-    def score(self, free: Sequence[int]) -> float:
-        """Compute how well recordings are predicted to which the terms were not fitted.
-
-        It is minus two times the logarithm of the density of each recording, given all others,
-        without the part that is the same for all sets of free terms. Unlike a squared error, it
-        takes into account how well the other recordings determine the prediction (Gneiting and
-        Raftery 2007). The prior of the terms that are not free is added, because a set is better if
-        it explains the same with numbers that healthy robots have.
-
-        Args:
-            free: Terms without a prior.
-
-        Returns:
-            The sum over all recordings, and the squares of the other terms in units of their
-            priors. Smaller is better.
-        """
-        value, _, _ = self.solve(free)
-        others = np.delete(np.sqrt(self._weights()) * value, list(free))
-        whole = self._marginal(free)
-        every = range(len(self.energy))
-        left_out = [self.only([p for p in every if p != part]) for part in every]
-        return float(sum(whole - other._marginal(free) for other in left_out) + others @ others)
-
-    def _marginal(self, free: Sequence[int]) -> float:
-        """Minus two times the logarithm of the marginal likelihood, up to a constant."""
-        weight = self._weights(free)
-        precision = self.gram.sum(axis=0)
-        precision[np.diag_indices_from(precision)] += weight
-        right = self.right.sum(axis=0)
-        factor = factored(precision)
-        volume = 2 * float(np.log(np.diag(factor[0])).sum())
-        return float(self.energy.sum() - right @ cho_solve(factor, right)) + volume
-
     def held_out(self, free: Sequence[int]) -> np.ndarray:
         """Compute the misfit of each recording with values that were fitted to the others.
 

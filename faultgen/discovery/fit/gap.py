@@ -7,7 +7,6 @@ import numpy as np
 from faultgen.discovery.fit.fit import Fit
 from faultgen.discovery.fit.regression import Problem
 from faultgen.discovery.replay.replay import relative_error, relative_errors
-from faultgen.discovery.replay.samples import rolling
 
 
 def unexplained(problem: Problem, fitted: Fit) -> tuple[np.ndarray, np.ndarray]:
@@ -40,23 +39,6 @@ def scored(problem: Problem) -> np.ndarray:
         Mask of shape (samples, n_axes).
     """
     return problem.inside & problem.samples(problem.scoring)[:, None]
-
-
-def scored_in_motion(problem: Problem) -> np.ndarray:
-    """Find the samples of the scoring motions at which an effect can be tested.
-
-    At rest and shortly after it, the torque depends on how the friction's bristles were bent, on
-    which two recordings of one robot need not agree.
-
-    Args:
-        problem: The recording and the model.
-
-    Returns:
-        Mask of shape (samples, n_axes): samples in motion, or all of `scored` if there are none.
-    """
-    inside = scored(problem)
-    moving = inside & rolling(problem.recording, problem.robot) if problem.baseline else inside
-    return moving if moving.any() else inside
 
 
 def gap(

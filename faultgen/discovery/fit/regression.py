@@ -82,13 +82,6 @@ class Problem:
     shared: np.ndarray
     """Axes on which the two recordings have the same noise, which cancels in their difference;
     shape (n_axes,)."""
-    run_to_run: np.ndarray | None = None
-    """Standard deviation by which the torque of an unchanged robot differs from run to run, beyond
-    the noise, shape (samples, n_axes). None if it is not known."""
-    friction_spread: float = 0.0
-    """Standard deviation of the friction factors of the axes, if friction differs on most of them
-    and `run_to_run` is known from this alone; `run_to_run.USUAL` if too few axes move to show it;
-    otherwise 0."""
 
     @property
     def fitting(self) -> list[int]:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from faultgen.discovery.decision.selection import SURE, SURE_IMITATED, groups_of
+from faultgen.discovery.decision.difference import FALL, groups_of
 from faultgen.discovery.terms.candidates import Term
 from faultgen.effects import get_effect
 from faultgen.robot import COULOMB, Robot
@@ -38,7 +38,7 @@ RIPPLE = 0.05
 STANDARD_DEVIATIONS = 7.0
 """Smallest severity in standard deviations among healthy robots. Without a healthy recording, no
 motion shows much smaller ones: the misfit falls by their square at most, and discovery asks for
-`SURE_IMITATED`."""
+`FALL`."""
 
 _DRAWS = 200  # recordings of each fault
 _ROUNDING = 1e-9
@@ -105,7 +105,7 @@ class Candidates:
             terms=terms,
             groups=groups,
             keys=[term.key for term in first],
-            sure=np.array([SURE_IMITATED if one.imitated else SURE for one in priors]),
+            sure=np.full(len(priors), FALL),
             least=np.array(
                 [
                     get_effect(term.name).smallest / term.prior_std if len(group) == 1 else -np.inf

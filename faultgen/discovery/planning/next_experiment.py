@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import tomli_w
 
-from faultgen.discovery.decision.selection import Choice
+from faultgen.discovery.decision.choice import Choice
 from faultgen.discovery.fit.fit import Group
 from faultgen.discovery.fit.regression import Problem
 from faultgen.discovery.replay.replay import Replay, settled
@@ -54,9 +54,11 @@ def next_experiment(problem: Problem, choice: Choice) -> Experiment | None:
     """
     pairs = []
     members = list(choice.best.members())
-    for place, rival, worse in choice.rivals:
+    for place, rival, share in choice.rivals:
         own, values, _ = members[place]
-        pairs.append((own, values, rival, max(worse, 0.0)))
+        # two hypotheses apart by d have a likelihood ratio of exp(d^2 / 2)
+        ratio = choice.shares[place] / max(share, 1e-300)
+        pairs.append((own, values, rival, 2 * np.log(max(ratio, 1.0))))
     best: Experiment | None = None
     for name, toml in library(problem) if pairs else ():
         try:

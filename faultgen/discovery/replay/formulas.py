@@ -46,6 +46,9 @@ if TYPE_CHECKING:
     from faultgen.discovery.replay.replay import Replay
     from faultgen.simulation.cycle import Cycle
 
+GEAR_DAMPING = "gear_damping"
+"""Term of the damping of a gearbox, a fraction of that of the model. It is no effect."""
+
 _STEP = 1e-3  # of the integration [s]: some 30 steps in a period of a resonance of 30 Hz
 _POSE = 0.01  # time in which the inertia of the arm counts as constant [s]
 _CHUNK = 2000  # steps of which the causes are in memory
@@ -53,8 +56,8 @@ _SHIFT = 1e-3  # of a position, for the slope of the torque of the arm [rad]
 
 
 @dataclass(frozen=True, eq=False)
-class _Motion:
-    """What effects on the rotors need to know about a separate recording.
+class Motion:
+    """What effects on the rotors need to know about a motion.
 
     Arrays have shape (samples, n_axes).
     """
@@ -65,6 +68,10 @@ class _Motion:
     """Of the motors [rad/s]."""
     acceleration: np.ndarray
     """Of the motors [rad/s^2]."""
+    joint: np.ndarray
+    """Position of the joints [rad]."""
+    gear: np.ndarray
+    """Torque of the gearboxes, joint side [N m]."""
     torque: np.ndarray
     """Logged torque of the motors [N m]."""
     rate: np.ndarray
@@ -103,7 +110,7 @@ class Formulas:
         rubs = [] if recording.link else [term for term in terms if self._rubs(term)]
         in_gear = [term for term in terms if term.name in LAWS]
         in_gear += [term for term in terms if self._slides(term)]
-        in_gear += [term for term in terms if term.name in _IN_GEAR]
+        in_gear += [term for term in terms if term.name in (GEAR_DAMPING, *_IN_GEAR)]
         links = [term for term in terms if term.name in (INERTIA, *MASSES, *_AT_JOINT)]
         out = {term: np.zeros(recording.torque.shape, np.float32) for term in at_rotor}
         for number, part in enumerate(recording.parts if at_rotor else ()):
@@ -152,13 +159,21 @@ class Formulas:
         last = len(self._runs[number].motor_position) - 1
         return np.minimum(np.round(times / timestep).astype(int), last)
 
-    def _at_samples(self, number: int) -> _Motion:
+    @cached_property
+    def motion(self) -> Motion:
+        """Of all separate recordings, one after the other."""
+        motions = [vars(self._at_samples(k)) for k in range(len(self.replay.recording.parts))]
+        return Motion(**{name: np.concatenate([m[name] for m in motions]) for name in motions[0]})
+
+    def _at_samples(self, number: int) -> Motion:
         run, at = self._runs[number], self._steps(number)
         timestep = self.robot.model.opt.timestep
-        return _Motion(
+        return Motion(
             angle=run.motor_position[at],
             speed=run.motor_velocity[at],
             acceleration=_slope(run.motor_velocity, at, timestep),
+            joint=run.joint_position[at],
+            gear=run.gear_torque[at],
             torque=run.motor_torque[at],
             rate=_slope(run.motor_torque, at, timestep),
         )
@@ -238,7 +253,9 @@ class Formulas:
         recording, ratio = self.replay.recording, self.robot.gear_ratio
         terms = [*in_gear, *links]
         out = np.zeros((*recording.torque.shape, len(terms)), np.float32)
-        slopes = slopes_of(self.robot, [term for term in links if term.name not in _AT_JOINT])
+        slopes = slopes_of(
+            self.robot, [term for term in links if term.name not in _AT_JOINT], self.replay.moved
+        )
         for number, part in enumerate(recording.parts):
             loads = self._loads(number, links, slopes)
             gear = self._gear_changes(number, in_gear, loads)
@@ -262,6 +279,7 @@ class Formulas:
         h = every * timestep
         angle, joint = run.motor_position[::every], run.joint_position[::every]
         twist = angle / self.robot.gear_ratio - joint @ self._turns.T
+        rate = np.gradient(twist, h, axis=0)
         count, n = twist.shape
         samples = np.minimum(np.round(self._steps(number) / every).astype(int), count - 1)
         # numbers of the samples at the steps, not whole
@@ -278,7 +296,10 @@ class Formulas:
         axes = np.array([term.axis - 1 for term in others], int)
         errors = np.empty((count, len(others)))
         for k, (term, own) in enumerate(zip(others, axes, strict=True)):
-            errors[:, k] = _IN_GEAR[term.name](twist[:, own], angle[:, own], term)
+            if term.name == GEAR_DAMPING:
+                errors[:, k] = self._damping[own] / self._stiffness[own] * rate[:, own]
+            else:
+                errors[:, k] = _IN_GEAR[term.name](twist[:, own], angle[:, own], term)
         held = max(1, round(_POSE / h))
         inertia = np.stack([self._arm.inertia(q) for q in joint[::held]])
         damping = (self._turns.T * self._damping) @ self._turns
@@ -325,7 +346,7 @@ def _sine(angle: np.ndarray, term: Term) -> np.ndarray:
     return np.sin(order * angle + phase)
 
 
-_AT_ROTOR: dict[str, Callable[[Formulas, _Motion, Term], np.ndarray]] = {
+_AT_ROTOR: dict[str, Callable[[Formulas, Motion, Term], np.ndarray]] = {
     "viscous_friction": lambda of, seen, term: (
         of.friction("viscous", term.axis) * seen.speed[:, term.axis - 1]
     ),

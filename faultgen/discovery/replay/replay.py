@@ -13,7 +13,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 from faultgen.discovery.replay.followed import followed, rotor_steps
 from faultgen.discovery.replay.prescribed import TURN, prescribed, stiffen
 from faultgen.discovery.terms.candidates import INERTIA, Term, applied
-from faultgen.discovery.terms.inertia import apply_inertia
+from faultgen.discovery.terms.inertia import Moved, apply_inertia
 from faultgen.effects import Applied, get_effect
 from faultgen.errors import InputError, SimulationFailed, one_line
 from faultgen.recordings.recording import Recording
@@ -67,6 +67,8 @@ class Replay:
         self.left_out: np.ndarray | None = None
         """Samples that are not compared, beside those of `samples.counted`; shape (samples,
         n_axes)."""
+        self.moved: Moved | None = None
+        """How the robot's links came from those to which terms refer; None if they are the same."""
         self._cycles: list[Cycle] | None = None
         if measured:
             found = followed(recording, robot, settled(recording, robot))
@@ -123,6 +125,17 @@ class Replay:
             return self
         other = copy.copy(self)
         other.robot, other._cycles = robot, None
+        return other
+
+    def with_links(self, robot: Robot, moved: Moved) -> Replay:
+        """Return the same motion for a robot with other links.
+
+        Args:
+            robot: The robot with these links.
+            moved: How they came from those of this replay.
+        """
+        other = self.on(robot)
+        other.moved = moved
         return other
 
     def with_effects(self, effects: Sequence[Applied]) -> Replay:

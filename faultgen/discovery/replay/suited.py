@@ -10,10 +10,11 @@ from faultgen.errors import SimulationFailed
 from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot
 
-_CLEARLY = 0.5
+_CLEARLY = 0.1
 """Squared torque error on commanded positions, over that on measured ones, up to which the
-commanded ones are used. Assumed: the servo of the model may be another one than that of the robot,
-which the torque error alone does not show."""
+commanded ones are used. Assumed: what smoothing of measured positions takes from a torque is known
+and allowed for, and the servo of the model may be another one than that of the robot, which the
+torque error alone does not show."""
 
 
 def suited_replay(recording: Recording, robot: Robot) -> Replay:

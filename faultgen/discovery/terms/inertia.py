@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -82,23 +83,45 @@ def apply_inertia(spec: mujoco.MjSpec, robot: Robot, changes: Sequence[tuple[Ter
     """
     bodies = inertial_bodies(spec, robot)
     for link, body in enumerate(bodies, start=1):
-        factor = np.eye(4)
-        for term, value in changes:
-            if term.axis == link:
-                factor[PAIRS[int(dict(term.parameters)["component"])]] += value
+        factor = _factor(link, changes)
         if np.any(factor != np.eye(4)):
             _transform(body, factor)
+
+
+def _factor(link: int, changes: Sequence[tuple[Term, float]]) -> np.ndarray:
+    """The factor F of a link, numbered from 1, shape (4, 4)."""
+    factor = np.eye(4)
+    for term, value in changes:
+        if term.axis == link:
+            factor[PAIRS[int(dict(term.parameters)["component"])]] += value
+    return factor
+
+
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """Links of a robot that were moved from those of a given one.
+
+    Terms keep their meaning, which is about the main axes of the given links: those of a moved link
+    may be others, for example if two moments of inertia are equal.
+    """
+
+    given: Robot
+    """The given robot."""
+    changes: Sequence[tuple[Term, float]]
+    """Inertia terms and their values."""
 
 
 _SLIGHT = 1e-4  # of a component, for the slope of the parameters
 
 
-def slopes_of(robot: Robot, terms: Sequence[Term]) -> np.ndarray:
+def slopes_of(robot: Robot, terms: Sequence[Term], moved: Moved | None = None) -> np.ndarray:
     """Compute how the parameters of the torque's regressor change with terms of masses.
 
     Args:
         robot: The unchanged robot.
         terms: Terms of `inertia_terms`, or of effects that change masses; see `candidates.MASSES`.
+        moved: How the robot's links came from those of the robot of the terms; None if they are
+            the same.
 
     Returns:
         Change of `regressor.link_parameters` per unit of each term, shape (parameters, terms). A
@@ -111,9 +134,13 @@ def slopes_of(robot: Robot, terms: Sequence[Term]) -> np.ndarray:
     slots = len(bodies) - (len(bodies) > robot.n_axes and bodies[-1].mass < MASSLESS)
     slopes = np.zeros((slots, PER_LINK, len(terms)))
     on_link = _place_of_payload(robot) if slots < len(bodies) else np.eye(4)
+    changes = () if moved is None else moved.changes
+    given = bodies if moved is None else inertial_bodies(moved.given.spec(), moved.given)
     for k, term in enumerate(terms):
         if term.name == INERTIA:
-            slopes[term.axis - 1, :, k] = _slope(bodies[term.axis - 1], term)
+            slopes[term.axis - 1, :, k] = _slope(
+                given[term.axis - 1], term, _factor(term.axis, changes)
+            )
             continue
         changed = robot.spec()
         effect = get_effect(term.name)
@@ -149,12 +176,12 @@ def _parameters(body: mujoco.MjsBody, frame: np.ndarray | None = None) -> np.nda
     return parameters_of(placed @ pseudo_inertia(body) @ placed.T)
 
 
-def _slope(body: mujoco.MjsBody, term: Term) -> np.ndarray:
-    """Change of the parameters of a link per unit of one of `inertia_terms`."""
+def _slope(body: mujoco.MjsBody, term: Term, factor: np.ndarray) -> np.ndarray:
+    """Change of the parameters of a link per unit of one of `inertia_terms`, about a factor F."""
     frame, pseudo = main_frame(body), pseudo_inertia(body)
     change = np.zeros((4, 4))
     change[PAIRS[int(dict(term.parameters)["component"])]] = 1.0
-    more, less = (np.eye(4) + side * _SLIGHT * change for side in (1, -1))
+    more, less = (factor + side * _SLIGHT * change for side in (1, -1))
     changes = [parameters_of(frame @ (f @ pseudo @ f.T) @ frame.T) for f in (more, less)]
     return np.asarray((changes[0] - changes[1]) / (2 * _SLIGHT))
 

@@ -1,0 +1,271 @@
+"""The effects that a difference shows, with severities from simulations.
+
+choice = choose(problem, difference)
+choice.best
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from faultgen.discovery.decision.difference import UNKNOWN, Difference, Group
+from faultgen.discovery.decision.numbers import GENERIC
+from faultgen.discovery.fit.fit import Fit, bounds_of, fit_at, no_effect
+from faultgen.discovery.fit.regression import Problem
+from faultgen.effects import get_effect
+from faultgen.inference.search import Found, search
+
+FALSE_ALARMS = 0.01
+"""Share of healthy robots in which an effect may be named, if the model of them is true: usual."""
+
+SURE = float(np.log((1 - FALSE_ALARMS) / FALSE_ALARMS))
+"""Logarithm of the posterior odds from which an effect counts."""
+
+OF_MODEL = 6.0
+"""How much more it has to be without a baseline, where signatures of the model are not exact:
+chosen on development robots of another simulator, whose false effects reached odds of 9.7."""
+
+_AROUND = 0.2  # farthest severity of a play from its column, over it: neighbours are 25 % apart
+_FAR = 0.8  # the same of another effect that is not linear, from its linear estimate
+_PROBES, _FINER = 9, 3  # severities that are simulated, and how often closer ones
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The chosen set of effects and its rivals."""
+
+    problem: Problem
+    """The residual and the terms."""
+    difference: Difference
+    """The same, as the inference sees it."""
+    found: Found
+    """What the inference found."""
+    groups: tuple[Group, ...]
+    """Terms of each effect of the catalogue that was found."""
+    odds: tuple[float, ...]
+    """Logarithm of the odds that each is there."""
+    shares: tuple[float, ...]
+    """Probability of each among its rivals."""
+    best: Fit
+    """The effects with their severities."""
+    empty: Fit
+    """No effect."""
+    rivals: tuple[tuple[int, Group, float], ...]
+    """Exchanges that are not excluded: position in the set, the effect that is put there, and its
+    probability."""
+    unknown: tuple[tuple[int, str], ...]
+    """Axis, and the variable on which it depends, of each effect that no catalogue has."""
+
+
+def choose(problem: Problem, difference: Difference) -> Choice:
+    """Choose the effects, and find their severities by simulation.
+
+    Args:
+        problem: The residual and the terms.
+        difference: The same, as the inference sees it.
+
+    Returns:
+        The chosen set and its rivals.
+    """
+    sure = SURE if problem.baseline else SURE + OF_MODEL
+    found = search(difference.model, difference.hypotheses, sure, GENERIC)
+    groups: list[Group] = []
+    odds, shares = [], []
+    rivals: list[tuple[int, Group, float]] = []
+    unknown: list[tuple[int, str]] = []
+    for effect in found.effects:
+        first = effect.forms[0][0]
+        if effect.keys[0][0] == UNKNOWN:
+            unknown.append((effect.keys[0][1], difference.over[first]))
+            continue
+        place = len(groups)
+        groups.append(difference.groups[first])
+        odds.append(effect.odds - (sure - SURE))
+        shares.append(float(effect.probabilities[0]))
+        for key, share, form in list(
+            zip(effect.keys, effect.probabilities, effect.forms, strict=True)
+        )[1 : effect.credible]:
+            rival = difference.groups[form[0]]
+            if rival and key[:2] != effect.keys[0][:2]:
+                rivals.append((place, rival, float(share)))
+    choice = Choice(
+        problem,
+        difference,
+        found,
+        tuple(groups),
+        tuple(odds),
+        tuple(shares),
+        severities(problem, difference, groups, found.fitted.log_scales),
+        no_effect(problem),
+        tuple(rivals),
+        tuple(unknown),
+    )
+    real = [k for k in range(len(groups)) if _can_be(choice, k)]
+    return choice if len(real) == len(groups) else only(choice, real)
+
+
+def _can_be(choice: Choice, place: int) -> bool:
+    """Whether an effect is within its bounds, and can be simulated."""
+    group, value, _ = list(choice.best.members())[place]
+    low, high = bounds_of(choice.problem, group)
+    pairs = [(choice.problem.terms[t], float(v)) for t, v in zip(group, value, strict=True)]
+    inside = bool(np.all((value > low) & (value < high)))
+    return inside and choice.problem.change(pairs) is not None
+
+
+def only(choice: Choice, kept: Sequence[int]) -> Choice:
+    """Leave out effects of a choice.
+
+    Args:
+        choice: The choice.
+        kept: Positions of the effects that stay.
+    """
+    groups = [choice.groups[k] for k in kept]
+    scales = choice.found.fitted.log_scales
+    return replace(
+        choice,
+        groups=tuple(groups),
+        odds=tuple(choice.odds[k] for k in kept),
+        shares=tuple(choice.shares[k] for k in kept),
+        best=severities(choice.problem, choice.difference, groups, scales),
+        rivals=(),
+    )
+
+
+def severities(
+    problem: Problem, difference: Difference, groups: Sequence[Group], scales: np.ndarray
+) -> Fit:
+    """Find the severities of effects, where need be with simulations.
+
+    An effect that is far from linear is simulated at several severities. No slope leads to the
+    right one, because the strokes of a play of another size come at other times, and because a real
+    law may resemble that of another severity more.
+
+    Args:
+        problem: The residual and the terms.
+        difference: The same, as the inference sees it.
+        groups: Terms of each effect.
+        scales: Logarithm of the scale of each group of numbers.
+
+    Returns:
+        The effects with their severities, within the bounds of the effects.
+    """
+    if not groups:
+        return no_effect(problem)
+    terms = [k for group in groups for k in group]
+    columns = problem.raw[terms].copy()
+    low, high = bounds_of(problem, terms)
+    own = [problem.terms[t] for t in terms]
+    first, _ = difference.beside(columns, own, None, scales)
+    size, error = np.zeros(len(terms)), np.zeros(len(terms))
+    bent = [k for k, t in enumerate(terms) if _is_bent(problem, t)]
+    for k in bent:
+        centre, reach = float(np.clip(first[k], low[k], high[k])), _FAR
+        if get_effect(own[k].name).prior.play:
+            centre, reach = own[k].step, _AROUND
+        columns[k], size[k], error[k] = _simulated(
+            problem, difference, terms, columns, k, scales, centre, reach
+        )
+    value, covariance = difference.beside(columns, own, size, scales)
+    value, covariance = np.clip(value, low, high), covariance.copy()
+    value[bent] = size[bent]
+    covariance[bent] = covariance[:, bent] = 0.0
+    covariance[bent, bent] = error[bent] ** 2
+    return fit_at(problem, tuple(groups), value, covariance)
+
+
+def _simulated(
+    problem: Problem,
+    difference: Difference,
+    terms: Sequence[int],
+    columns: np.ndarray,
+    place: int,
+    scales: np.ndarray,
+    centre: float,
+    reach: float,
+) -> tuple[np.ndarray, float, float]:
+    """Find a severity by simulations of several, beside numbers and other effects.
+
+    Args:
+        problem: The residual and the terms.
+        difference: The same, as the inference sees it.
+        terms: All terms.
+        columns: Their changes of the torque per unit, shape (terms, samples, n_axes).
+        place: Which of them.
+        scales: Logarithm of the scale of each group of numbers.
+        centre: Severity about which to look.
+        reach: How far, as a share of it.
+
+    Returns:
+        Its change of the torque per unit at this severity, shape (samples, n_axes), the severity,
+        and its standard error, from the curvature of the misfit.
+    """
+    term = problem.terms[terms[place]]
+    others = [k for k in range(len(terms)) if k != place]
+    steps = [3 * problem.terms[terms[k]].step for k in others]
+    misfit_of = _misfit(difference, columns[others], steps, scales)
+    misfits: dict[float, float] = {}
+    changes: dict[float, np.ndarray] = {}
+
+    def simulate(size: float) -> None:
+        change = problem.change([(term, size)]) if size not in misfits else None
+        if change is not None:
+            misfits[size], changes[size] = misfit_of(change), change
+
+    width = 2 * reach / (_PROBES - 1) * abs(centre)
+    for k in range(_PROBES if centre else 0):
+        simulate(centre + (k - _PROBES // 2) * width)
+    for _ in range(_FINER if misfits else 0):
+        best, width = min(misfits, key=lambda size: misfits[size]), width / 2
+        simulate(best - width)
+        simulate(best + width)
+    if len(misfits) < 3:  # the simulation diverges
+        return columns[place], centre, reach * abs(centre)
+    best = min(misfits, key=lambda size: misfits[size])
+    near = sorted(misfits, key=lambda size: abs(size - best))[:3]
+    curved, slope, _ = np.polyfit(np.array(near) - best, [misfits[size] for size in near], 2)
+    error = reach * abs(centre)
+    if curved > 0:
+        simulate(best + float(np.clip(-slope / (2 * curved), -width, width)))
+        best = min(misfits, key=lambda size: misfits[size])
+        error = min(error, float(np.sqrt(1 / curved)))  # there the misfit is larger by 1
+    return changes[best] / best, best, error
+
+
+def _misfit(
+    difference: Difference, columns: np.ndarray, stds: Sequence[float], scales: np.ndarray
+) -> Callable[[np.ndarray], float]:
+    """Squared whitened residual less a change of the torque, after a fit of all numbers.
+
+    Args:
+        difference: The difference.
+        columns: Of other effects, shape (effects, samples, n_axes).
+        stds: Their sizes.
+        scales: Logarithm of the scale of each group of numbers.
+    """
+    numbers = difference.numbers
+    of_numbers = np.exp(scales)[numbers.group] * numbers.std
+    known = [k for k, kind in enumerate(numbers.kinds) if kind not in GENERIC]
+    scaled = [(of_numbers[k] * numbers.columns[k]).astype(np.float32) for k in known]
+    scaled += [(std * one).astype(np.float32) for std, one in zip(stds, columns, strict=True)]
+    shape = difference.residual.shape
+    white = difference.whiten(np.array(scaled, np.float32).reshape(-1, *shape))
+    white = white.reshape(len(scaled), difference.residual.size)
+    factor = cho_factor(white.astype(float) @ white.T.astype(float) + np.eye(len(scaled)))
+
+    def misfit(change: np.ndarray) -> float:
+        left = difference.whiten(difference.residual - change).ravel()
+        right = white @ left
+        return float(left @ left - right @ cho_solve(factor, right))
+
+    return misfit
+
+
+def _is_bent(problem: Problem, index: int) -> bool:
+    """Whether the torque of an effect is far from proportional to its severity."""
+    prior = get_effect(problem.terms[index].name).prior
+    return prior.play or len(prior.steps) > 1 or problem.terms[index].name == "gear_stiffness"

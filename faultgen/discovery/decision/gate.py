@@ -1,0 +1,139 @@
+"""Whether the model of the healthy robot is good enough for an answer.
+
+for line in gate(problem, choice, calibrated): print(line)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from faultgen.discovery.decision.choice import Choice
+from faultgen.discovery.decision.numbers import GENERIC, KINDS
+from faultgen.discovery.fit.regression import Problem
+from faultgen.inference.model import LARGEST
+
+VARIANCE = 6.0
+"""Mean square of the whitened error on motions that were not fitted, over its expectation, from
+which evidence is not what it seems: logarithms of odds are as many times too large, and 100 to 1 is
+no more than 2 to 1. Healthy robots of other simulators have 1 to 3.5."""
+
+EXPLAINED = 0.5
+"""Torque error of the calibrated model over the torque, on motions that were not fitted, from which
+a model is none: assumed. It explains less than three quarters of the squared torque."""
+
+_ADVICE = {
+    "links": "state masses and centres of mass",
+    "friction": "state the friction of the drives, or run `calibrate` first",
+    "friction at low speed": "record slow motion, or run `calibrate` first",
+    "friction between motions": "let the robot warm up first",
+    "form of friction": "record at several speeds",
+    "form on one axis": "record at several speeds",
+    "rotor inertia": "state the rotor inertia",
+    "gain": "state the torque constants",
+    "offset": "state the zero of the torque",
+    "zero": "state the zero of the positions",
+    "stiffness": "state the stiffness of the gearboxes",
+    "hardening": "state the stiffness of the gearboxes",
+    "damping": "state the damping of the gearboxes",
+    "lag of the log": "log torque and position at the same time",
+    "smoothing": "log positions with less noise",
+    "temperature": "record at one temperature",
+}
+
+
+def gate(problem: Problem, choice: Choice, error: float) -> list[str]:
+    """Say why a model is not good enough.
+
+    Args:
+        problem: The residual and the terms.
+        choice: The chosen set and its rivals.
+        error: Torque error of the calibrated model on the scoring motions, over the torque.
+
+    Returns:
+        One line for each reason, with what would help; none if the model is good enough.
+    """
+    lines = []
+    if error > EXPLAINED and not problem.baseline:
+        lines.append(
+            f"the calibrated model misses {100 * error:.0f} % of the torque on motions that were "
+            "not fitted: check masses, gear ratios and the unit of the torque, or use --healthy"
+        )
+    variance = held_out(problem, choice)
+    variance[[axis - 1 for axis, _ in choice.unknown]] = np.nan  # nothing foretells that torque
+    axes = [str(k + 1) for k in np.flatnonzero(variance > VARIANCE)]
+    if axes:
+        worst = float(np.nanmax(variance))
+        lines.append(
+            f"axis {', '.join(axes)}: on motions that were not fitted, the error is {worst:.2g} "
+            "times what the model expects (variances): record more kinds of motion, or give "
+            "--healthy"
+        )
+    scales = choice.found.fitted.log_scales
+    for name, scale in zip(KINDS, scales, strict=True):
+        if name not in GENERIC and scale > _NEARLY * LARGEST:
+            lines.append(
+                f"{name}: the recording differs from the model {np.exp(scale):.0f} times as much "
+                f"as usual: {_ADVICE[name]}"
+            )
+    return lines
+
+
+_NEARLY = 0.97  # of the largest scale: it stands at its bound
+
+
+def changed(problem: Problem, choice: Choice) -> list[int]:
+    """List axes that differ from a baseline in a way that nothing explains.
+
+    The errors of a model cancel in the difference of two recordings. If it is not as expected on
+    half of the axes at most, something has changed there. On more axes it may be the day.
+
+    Args:
+        problem: The residual and the terms.
+        choice: The chosen set and its rivals.
+
+    Returns:
+        Axes, from 1; none without a baseline.
+    """
+    if not problem.baseline:
+        return []
+    variance = held_out(problem, choice)
+    axes = [int(k) + 1 for k in np.flatnonzero(variance > VARIANCE)]
+    return axes if 2 * len(axes) <= np.isfinite(variance).sum() else []
+
+
+def held_out(problem: Problem, choice: Choice) -> np.ndarray:
+    """Compare the whitened error on the scoring motions with what the model says it should be.
+
+    Args:
+        problem: The residual and the terms.
+        choice: The chosen set and its rivals.
+
+    Returns:
+        Mean square over its expectation, which is that of the noise and of the numbers' errors;
+        shape (n_axes,), nan for an axis that is not compared there.
+    """
+    difference, fitted = choice.difference, choice.found.fitted
+    known = [k for k, kind in enumerate(difference.numbers.kinds) if kind not in GENERIC]
+    columns = np.array([difference.numbers.columns[k] for k in known], np.float32)
+    columns = columns.reshape(-1, *difference.residual.shape)
+    count = len(known)
+    left = difference.residual - choice.best.change
+    left = left - np.tensordot(fitted.values[:count].astype(np.float32), columns, axes=1)
+    white = difference.noise.whiten(left, difference.parts)
+    shape = difference.noise.whiten(columns, difference.parts)
+    covariance = fitted.covariance[:count, :count]
+    inside = difference.comparable & problem.samples(problem.scoring)[:, None]
+    out = np.full(left.shape[1], np.nan)
+    for axis in range(left.shape[1]):
+        rows = inside[:, axis] & (white[:, axis] != 0)
+        if rows.sum() < _FEWEST:
+            continue
+        own = shape[:, rows, axis].astype(float)
+        expected = 1 + np.sum(own * (covariance @ own), axis=0)
+        squares = np.minimum(white[rows, axis] ** 2, _JUMP * expected)
+        out[axis] = squares.mean() / expected.mean()
+    return out
+
+
+_JUMP = 25.0  # squared error over its expectation of a jump: one sample should not decide
+_FEWEST = 50  # samples of an axis that can tell

@@ -1,0 +1,315 @@
+"""What may differ in a healthy robot: numbers, their columns, and how far they usually differ.
+
+The numbers are those of the model, the form of its friction, and what a log does to all torques: a
+time lag, and accelerations that smoothing has made smaller. They come in groups. One recording
+shows how much better or worse than usual all numbers of a group are known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from faultgen.discovery.decision.processes import OVER, processes
+from faultgen.discovery.laws.friction_forms import (
+    COUNT,
+    FALLING,
+    LENGTHS,
+    friction_forms,
+    without_level,
+)
+from faultgen.discovery.replay.elastic import STIFFNESS
+from faultgen.discovery.replay.formulas import GEAR_DAMPING, Formulas
+from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.terms.candidates import INERTIA, PAYLOAD, Term
+from faultgen.inference.model import Group
+from faultgen.recordings.recording import Recording
+from faultgen.recordings.smoothing import required, smoothed_with
+from faultgen.robot import BRISTLE_STIFFNESS, COULOMB, STICTION, STRIBECK_VELOCITY
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A group of numbers. Without a named source, its figures are assumed."""
+
+    spread: float
+    """Factor by which all of them may be better or worse known than usual: one standard deviation
+    of its logarithm."""
+    days: float
+    """Standard deviation between two days of one robot, over that between a robot and its model."""
+    spread_of_days: float = 3.0
+    """As `spread`, between two days."""
+
+
+KINDS = {
+    "links": Kind(1.4, 0.01),
+    "friction": Kind(1.4, 0.5, 2.0),  # 2 % from day to day; a UR10e has 0.5 to 5 %
+    "friction at low speed": Kind(1.4, 0.5, 2.0),
+    "friction between motions": Kind(2.0, 1.0, 2.0),
+    "form of friction": Kind(1.7, 0.1),
+    "form on one axis": Kind(1.7, 0.2),
+    "rotor inertia": Kind(1.2, 0.01),
+    "gain": Kind(1.2, 0.5),
+    "offset": Kind(1.7, 1.0, 1.7),
+    "zero": Kind(1.7, 0.1),
+    "stiffness": Kind(1.2, 0.05),
+    "hardening": Kind(3.0, 0.05),
+    "damping": Kind(1.7, 0.1),
+    "lag of the log": Kind(3.0, 1.0),
+    "smoothing": Kind(1.7, 1.0),
+    "temperature": Kind(1.4, 1.0, 2.0),
+    **{f"process over {over}": Kind(3.0, 0.3) for over in OVER},
+}
+"""Groups of numbers by name."""
+
+GENERIC = tuple(f"process over {over}" for over in OVER)
+"""Groups of torques of no known form."""
+
+_OF = {
+    INERTIA: "links",
+    "payload_mass": "links",
+    "payload_offset": "links",
+    "coulomb_friction": "friction",
+    "viscous_friction": "friction",
+    "static_friction": "friction at low speed",
+    "stribeck_velocity": "friction at low speed",
+    "rotor_inertia": "rotor inertia",
+    "torque_constant": "gain",
+    "torque_offset": "offset",
+    "encoder_offset": "zero",
+    "stiffness_hardening": "hardening",
+}
+_COMMON, _SINGLE = 0.1, 0.002  # forms, over Coulomb friction: of all axes, and of one
+_ONLY = 0.05  # the same of an axis without others, in which a form could not be told from a fault
+_BETWEEN, _MOTIONS = 0.003, 8  # friction between motions of one recording, and how many at most
+_LOW = 0.3  # fall of friction of a model without any, over Coulomb friction
+_DAMPING = 1.0  # of gearboxes, as a share: models hardly know it
+_SOFTER = 0.04  # share of the stiffness for a second derivative
+_STIFF, _CURVED = 0.07, 0.004  # stiffness, and half the square of what is left after its fit
+_PROCESS = 5e-4  # torque of no known form, over the RMS torque of its axis
+_FIXED = 1.01  # factor by which a scale that is given may differ
+_LAG = 3e-4  # [s]
+_SMOOTHED = 1.0  # what smoothing takes from inertial torques, over what it would take again
+
+
+@dataclass(eq=False)
+class Numbers:
+    """The numbers of one comparison."""
+
+    baseline: bool
+    """Whether two recordings of one robot are compared, and not a recording with the model."""
+    columns: list[np.ndarray] = field(default_factory=list)
+    """Change of the torque per unit of each, shape (samples, n_axes)."""
+    std: list[float] = field(default_factory=list)
+    """Usual standard deviation of each."""
+    kinds: list[str] = field(default_factory=list)
+    """Group of each, one of `KINDS`."""
+    which: list[tuple | None] = field(default_factory=list)
+    """Name, axis and parameters of each; None for those that no model has."""
+
+    def add(self, column: np.ndarray, std: float, kind: str, which: tuple | None = None) -> None:
+        """Add a number.
+
+        Args:
+            column: Change of the torque per unit, shape (samples, n_axes).
+            std: Standard deviation between a robot and its model.
+            kind: One of `KINDS`.
+            which: Name, axis and parameters.
+        """
+        if not column.any():
+            return
+        self.columns.append(column.astype(np.float32))
+        self.std.append(std * (KINDS[kind].days if self.baseline else 1.0))
+        self.kinds.append(kind)
+        self.which.append(which)
+
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """All groups, in the order of `KINDS`."""
+        return tuple(
+            Group(name, kind.spread_of_days if self.baseline else kind.spread)
+            for name, kind in KINDS.items()
+        )
+
+    @property
+    def group(self) -> np.ndarray:
+        """Number of the group of each, shape (numbers,)."""
+        names = list(KINDS)
+        return np.array([names.index(kind) for kind in self.kinds], int)
+
+
+def fixed_groups(scale: float) -> tuple[Group, ...]:
+    """Return the groups with a scale that is given for all numbers of the model.
+
+    Args:
+        scale: Over the usual scale.
+    """
+    of_model = {*_OF.values(), "form of friction", "form on one axis", "stiffness"}
+    return tuple(
+        Group(name, _FIXED, scale) if name in of_model else Group(name, kind.spread)
+        for name, kind in KINDS.items()
+    )
+
+
+def kind_of(term: Term) -> str | None:
+    """Name the group of a term; None if it is no number of a model.
+
+    Args:
+        term: Any term.
+    """
+    return _OF[term.name] if is_number(term) else None
+
+
+def is_number(term: Term) -> bool:
+    """Tell whether a term is a number that every model has.
+
+    Args:
+        term: Any term.
+    """
+    return term.name in _OF and not (term.name == PAYLOAD and term.parameters)
+
+
+def numbers_of(
+    replay: Replay, terms: Sequence[Term], raw: np.ndarray, base: np.ndarray, *, baseline: bool
+) -> Numbers:
+    """Compute the columns of all numbers of a healthy robot.
+
+    Args:
+        replay: The recording and the model.
+        terms: What may differ, among them the numbers of the model.
+        raw: Change of the torque per unit of each term, shape (terms, samples, n_axes).
+        base: Torque of the model, shape (samples, n_axes).
+        baseline: As in `Numbers`.
+
+    Returns:
+        The numbers.
+    """
+    out = Numbers(baseline)
+    seen = set()
+    shared: dict[str, np.ndarray] = {}
+    for term, column in zip(terms, raw, strict=True):
+        which = (*term.key, term.parameters)
+        if not is_number(term) or which in seen:
+            continue
+        seen.add(which)
+        kind = _OF[term.name]
+        out.add(column, term.prior_std, kind, which)
+        if kind == "friction":
+            _add_by_motion(out, column, replay.recording.parts)
+        if kind.startswith("friction"):
+            shared[term.name] = shared.get(term.name, 0.0) + column
+    common = _common(replay.recording)
+    for column in shared.values():
+        out.add(column, common, "form of friction")
+    formulas = Formulas(replay)
+    _add_gears(out, formulas)
+    if not replay.recording.link:
+        _add_forms(out, formulas)
+    _add_log(out, formulas, base)
+    size = np.sqrt(np.mean(base**2, axis=0))
+    for process in processes(replay.recording, formulas.motion):
+        for bump in process.bumps:
+            column = np.zeros_like(base)
+            column[:, process.axis - 1] = bump * size[process.axis - 1]
+            out.add(column, _PROCESS, f"process over {process.over}", process.key)
+    return out
+
+
+def _common(recording: Recording) -> float:
+    """Standard deviation of forms of friction of all axes, over Coulomb friction."""
+    used = np.any(recording.torque != 0, axis=0)
+    used[[axis - 1 for axis in recording.left_out]] = False
+    return _COMMON if used.sum() > 1 else _ONLY
+
+
+def _add_by_motion(out: Numbers, column: np.ndarray, parts: Sequence[slice]) -> None:
+    """Add differences of friction between separate motions, whose mean is no difference."""
+    if not 2 <= len(parts) <= _MOTIONS:
+        return
+    for part in parts:
+        own = np.zeros_like(column)
+        own[part] = column[part]
+        out.add(own, _BETWEEN, "friction between motions")
+
+
+def _add_gears(out: Numbers, formulas: Formulas) -> None:
+    """Add stiffness and damping of the gearboxes."""
+    axes = range(1, formulas.robot.n_axes + 1)
+    softer = [Term(STIFFNESS, axis, side * _SOFTER, 1.0) for axis in axes for side in (1, -1)]
+    damped = [Term(GEAR_DAMPING, axis, 1.0, 1.0) for axis in axes]
+    of = formulas.columns([*softer, *damped])
+    for axis in axes:
+        less, more = of[softer[2 * axis - 2]], of[softer[2 * axis - 1]]
+        out.add((less + more) / 2, _STIFF, "stiffness", (STIFFNESS, axis, ()))
+        out.add((less - more) / (2 * _SOFTER), _CURVED, "stiffness")
+        out.add(of[damped[axis - 1]], _DAMPING, "damping")
+
+
+def _add_forms(out: Numbers, formulas: Formulas) -> None:
+    """Add forms of friction that the model's law does not have."""
+    robot, recording = formulas.robot, formulas.replay.recording
+    motion = formulas.motion
+    coulomb, bristle, fall = _friction(formulas)
+    side = 1.0 if recording.side == "motor" else robot.gear_ratio
+    width = robot.model.actuator_biasprm[robot.ids("actuator", "friction"), STRIBECK_VELOCITY]
+    forms = friction_forms(motion.angle, motion.speed, recording.parts, coulomb / bristle, width)
+    height = np.tile(coulomb, (COUNT, 1))
+    height[FALLING] = fall
+    for form, size in zip(forms * side, height, strict=True):
+        out.add(form * size, _common(recording), "form of friction")
+    for form in without_level(forms) * side * coulomb:
+        for axis in range(robot.n_axes):
+            own = np.zeros_like(form)
+            own[:, axis] = form[:, axis]
+            out.add(own, _SINGLE, "form on one axis")
+
+
+def _friction(formulas: Formulas) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coulomb friction, bristle stiffness, and fall from static to Coulomb friction, (n_axes,)."""
+    robot = formulas.robot
+    friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")]
+    bristle = robot.model.actuator_dynprm[robot.ids("actuator", "friction"), BRISTLE_STIFFNESS]
+    coulomb = friction[:, COULOMB]
+    return coulomb, bristle, np.maximum(friction[:, STICTION] - coulomb, _LOW * coulomb)
+
+
+def bristles(replay: Replay) -> np.ndarray:
+    """Compute the deflection of the model's bristles on a motion.
+
+    Args:
+        replay: The recording and the model.
+
+    Returns:
+        Shape (samples, n_axes), from -1 to 1.
+    """
+    formulas = Formulas(replay)
+    motion = formulas.motion
+    coulomb, bristle, _ = _friction(formulas)
+    usual = coulomb / bristle
+    forms = friction_forms(
+        motion.angle, motion.speed, replay.recording.parts, usual, np.ones_like(usual)
+    )
+    return np.asarray(forms[LENGTHS.index(1.0)])
+
+
+def _add_log(out: Numbers, formulas: Formulas, base: np.ndarray) -> None:
+    """Add a time lag of each torque, and what smoothing took from its accelerations."""
+    robot, recording = formulas.robot, formulas.replay.recording
+    motion = formulas.motion
+    side = 1.0 if recording.side == "motor" else robot.gear_ratio
+    rotor = robot.model.dof_M0[list(robot.motors)]
+    inertial = (motion.gear / robot.gear_ratio + rotor * motion.acceleration) * side
+    if recording.link:
+        inertial = motion.gear
+    for axis in range(robot.n_axes):
+        late, smooth = np.zeros_like(base), np.zeros_like(base)
+        for part in recording.parts:
+            late[part, axis] = np.gradient(base[part, axis], recording.sample_period)
+            penalty = required(recording.position[part, axis])
+            if penalty is not None:
+                own = inertial[part, axis]
+                smooth[part, axis] = own - smoothed_with(own, penalty)
+        out.add(late, _LAG, "lag of the log")
+        out.add(smooth, _SMOOTHED, "smoothing")
