@@ -44,7 +44,7 @@ class Kind:
 
 
 KINDS = {
-    "links": Kind(1.4, 0.01),
+    "links": Kind(1.1, 0.01),  # a wider one would hide a payload
     "friction": Kind(1.4, 0.5, 2.0),  # 2 % from day to day; a UR10e has 0.5 to 5 %
     "friction at low speed": Kind(1.4, 0.5, 2.0),
     "friction between motions": Kind(2.0, 1.0, 2.0),
