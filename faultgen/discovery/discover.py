@@ -27,9 +27,7 @@ from faultgen.discovery.laws.learned_law import Learned
 from faultgen.discovery.laws.order_analysis import find_orders
 from faultgen.discovery.planning.next_experiment import Experiment, next_experiment
 from faultgen.discovery.replay.replay import Replay
-from faultgen.discovery.replay.sensitivities import (
-    sensitivities,
-)
+from faultgen.discovery.replay.sensitivities import sensitivities
 from faultgen.discovery.result import AMBIGUOUS, Answer
 from faultgen.discovery.signatures import Signatures, signatures
 from faultgen.discovery.terms.candidates import (

@@ -6,9 +6,8 @@ group. The data determine the scales, by their marginal likelihood and a log-nor
 (empirical Bayes; Bishop 2006, 3.5). a are effects with stated sizes, and n is white noise of
 variance 1, because columns and difference were whitened.
 
-    model = Model(products, numbers, kinds)
-    model.log_evidence([])         # of a healthy robot
-    model.log_evidence([12, 13])   # with the effect of these columns
+    model.healthy.log_evidence         # of a healthy robot
+    model.fit([12, 13]).log_evidence   # with the effect of these columns
 """
 
 from __future__ import annotations

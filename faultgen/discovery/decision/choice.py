@@ -249,8 +249,7 @@ def _misfit(
     """
     numbers = difference.numbers
     of_numbers = np.exp(scales)[numbers.group] * numbers.std
-    known = [k for k, kind in enumerate(numbers.kinds) if kind not in GENERIC]
-    scaled = [(of_numbers[k] * numbers.columns[k]).astype(np.float32) for k in known]
+    scaled = [(of_numbers[k] * numbers.columns[k]).astype(np.float32) for k in numbers.known]
     scaled += [(std * one).astype(np.float32) for std, one in zip(stds, columns, strict=True)]
     shape = difference.residual.shape
     white = difference.whiten(np.array(scaled, np.float32).reshape(-1, *shape))
@@ -268,4 +267,4 @@ def _misfit(
 def _is_bent(problem: Problem, index: int) -> bool:
     """Whether the torque of an effect is far from proportional to its severity."""
     prior = get_effect(problem.terms[index].name).prior
-    return prior.play or len(prior.steps) > 1 or problem.terms[index].name == "gear_stiffness"
+    return prior.play or len(prior.steps) > 1

@@ -164,7 +164,7 @@ class Difference:
         Returns:
             Severities, shape (terms,), and their covariance.
         """
-        numbers = [k for k, kind in enumerate(self.numbers.kinds) if kind not in GENERIC]
+        numbers = self.numbers.known
         every = np.array([*(self.numbers.columns[k] for k in numbers), *columns], np.float32)
         sizes, means = np.array([_size(term) for term in terms]).T
         if values is not None:

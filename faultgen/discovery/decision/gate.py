@@ -1,6 +1,6 @@
 """Whether the model of the healthy robot is good enough for an answer.
 
-for line in gate(problem, choice, calibrated): print(line)
+for line in gate(problem, choice, error, held_out(problem, choice)): print(line)
 """
 
 from __future__ import annotations
@@ -21,6 +21,9 @@ EXPLAINED = 0.5
 """Torque error of the calibrated model over the torque, on motions that were not fitted, from which
 a model is none: assumed. It explains less than three quarters of the squared torque."""
 
+_NEARLY = 0.97  # of the largest scale: it stands at its bound
+_JUMP = 25.0  # squared error over its expectation of a jump: one sample should not decide
+_FEWEST = 50  # samples of an axis that can tell
 _ADVICE = {
     "links": "state masses and centres of mass",
     "friction": "state the friction of the drives, or run `calibrate` first",
@@ -41,13 +44,14 @@ _ADVICE = {
 }
 
 
-def gate(problem: Problem, choice: Choice, error: float) -> list[str]:
+def gate(problem: Problem, choice: Choice, error: float, variance: np.ndarray) -> list[str]:
     """Say why a model is not good enough.
 
     Args:
         problem: The residual and the terms.
         choice: The chosen set and its rivals.
         error: Torque error of the calibrated model on the scoring motions, over the torque.
+        variance: As from `held_out`.
 
     Returns:
         One line for each reason, with what would help; none if the model is good enough.
@@ -58,7 +62,7 @@ def gate(problem: Problem, choice: Choice, error: float) -> list[str]:
             f"the calibrated model misses {100 * error:.0f} % of the torque on motions that were "
             "not fitted: check masses, gear ratios and the unit of the torque, or use --healthy"
         )
-    variance = held_out(problem, choice)
+    variance = variance.copy()
     variance[[axis - 1 for axis, _ in choice.unknown]] = np.nan  # nothing foretells that torque
     axes = [str(k + 1) for k in np.flatnonzero(variance > VARIANCE)]
     if axes:
@@ -78,10 +82,7 @@ def gate(problem: Problem, choice: Choice, error: float) -> list[str]:
     return lines
 
 
-_NEARLY = 0.97  # of the largest scale: it stands at its bound
-
-
-def changed(problem: Problem, choice: Choice) -> list[int]:
+def changed(problem: Problem, variance: np.ndarray) -> list[int]:
     """List axes that differ from a baseline in a way that nothing explains.
 
     The errors of a model cancel in the difference of two recordings. If it is not as expected on
@@ -89,14 +90,13 @@ def changed(problem: Problem, choice: Choice) -> list[int]:
 
     Args:
         problem: The residual and the terms.
-        choice: The chosen set and its rivals.
+        variance: As from `held_out`.
 
     Returns:
         Axes, from 1; none without a baseline.
     """
     if not problem.baseline:
         return []
-    variance = held_out(problem, choice)
     axes = [int(k) + 1 for k in np.flatnonzero(variance > VARIANCE)]
     return axes if 2 * len(axes) <= np.isfinite(variance).sum() else []
 
@@ -113,7 +113,7 @@ def held_out(problem: Problem, choice: Choice) -> np.ndarray:
         shape (n_axes,), nan for an axis that is not compared there.
     """
     difference, fitted = choice.difference, choice.found.fitted
-    known = [k for k, kind in enumerate(difference.numbers.kinds) if kind not in GENERIC]
+    known = difference.numbers.known
     columns = np.array([difference.numbers.columns[k] for k in known], np.float32)
     columns = columns.reshape(-1, *difference.residual.shape)
     count = len(known)
@@ -133,7 +133,3 @@ def held_out(problem: Problem, choice: Choice) -> np.ndarray:
         squares = np.minimum(white[rows, axis] ** 2, _JUMP * expected)
         out[axis] = squares.mean() / expected.mean()
     return out
-
-
-_JUMP = 25.0  # squared error over its expectation of a jump: one sample should not decide
-_FEWEST = 50  # samples of an axis that can tell

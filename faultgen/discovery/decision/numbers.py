@@ -126,6 +126,11 @@ class Numbers:
         self.which.append(which)
 
     @property
+    def known(self) -> list[int]:
+        """Places of those of known form: the numbers of a model without `GENERIC`, in its order."""
+        return [k for k, kind in enumerate(self.kinds) if kind not in GENERIC]
+
+    @property
     def groups(self) -> tuple[Group, ...]:
         """All groups, in the order of `KINDS`."""
         return tuple(

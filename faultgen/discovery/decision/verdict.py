@@ -9,8 +9,7 @@ import numpy as np
 from faultgen.discovery.calibration.model_edit import build, build_stable
 from faultgen.discovery.decision.calibrated import Calibrated, calibrated
 from faultgen.discovery.decision.choice import Choice, only
-from faultgen.discovery.decision.gate import changed, gate
-from faultgen.discovery.decision.numbers import GENERIC
+from faultgen.discovery.decision.gate import changed, gate, held_out
 from faultgen.discovery.fit.diagnostics import where
 from faultgen.discovery.fit.fit import Fit, first_of
 from faultgen.discovery.fit.gap import gap, scored, unexplained
@@ -63,8 +62,9 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     p_value = significance(problem, problem.whiten(without))
     noise = problem.noise.of_samples()
     effects, alternatives = _named(problem, choice, solution)
-    odd = changed(problem, choice)
-    doubts = [] if odd else gate(problem, choice, healthy[0])
+    variance = held_out(problem, choice)
+    odd = changed(problem, variance)
+    doubts = [] if odd else gate(problem, choice, healthy[0], variance)
     known, lines = bool(effects) and not doubts, []
     built, robot, lacks = build_stable(
         problem, *(best, solution) if known else (empty, base_values)
@@ -82,7 +82,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         lines.append(
             f"{names}: not named, {why} it; something else has changed, which resembles it"
         )
-        known, solution = False, base_values
+        known = False
         built, robot, lacks = build_stable(problem, empty, solution)
     before, after = given, gap(problem, built.left)
     # an error holds the noise, so that the noise of an axis is no larger than any of its errors
@@ -152,8 +152,7 @@ def usual(problem: Problem, choice: Choice) -> np.ndarray:
     """
     values = choice.found.fitted.values
     numbers = choice.difference.numbers
-    known = [k for k, kind in enumerate(numbers.kinds) if kind not in GENERIC]
-    value = {numbers.which[k]: values[place] for place, k in enumerate(known)}
+    value = {numbers.which[k]: values[place] for place, k in enumerate(numbers.known)}
     out = np.zeros(len(problem.terms))
     seen = set()
     for k, term in enumerate(problem.terms):

@@ -353,12 +353,7 @@ def plain(problem: Problem) -> Problem:
     This helps to distinguish effects. Values, however, should make the torque right where it is
     steady as well, and white noise gives long-lasting errors their full weight.
     """
-    colour = problem.noise.colour
-    longer = colour.deviation / colour.innovation  # root of the samples that one is worth
-    white = Autoregression(0 * colour.coefficients, colour.deviation * longer)
-    new = replace(
-        problem, noise=problem.noise.with_colour(white), trust=np.ones_like(problem.trust)
-    )
+    new = replace(problem, noise=problem.noise.plain(), trust=np.ones_like(problem.trust))
     prior_stds = np.array([term.prior_std for term in problem.terms], np.float32)
     return replace(new, white=new.whiten(problem.raw) * prior_stds[:, None, None])
 
