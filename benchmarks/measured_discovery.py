@@ -32,7 +32,7 @@ from scipy.signal import butter, decimate, filtfilt
 from faultgen.discovery import Recording, Replay, investigate
 from faultgen.discovery.calibration.calibrate import calibrate
 from faultgen.discovery.calibration.simulated_fit import changed, refined
-from faultgen.discovery.decision.difference import groups_of
+from faultgen.discovery.decision.hypotheses import groups_of
 from faultgen.discovery.fit.fit import changes_of
 from faultgen.discovery.fit.regression import plain
 from faultgen.discovery.replay.replay import Changes, settled

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from faultgen.discovery.decision.difference import Difference, Effects
+from faultgen.discovery.decision.difference import Difference
+from faultgen.discovery.decision.hypotheses import Effects
 from faultgen.discovery.decision.numbers import Numbers, is_number, kind_of
 from faultgen.discovery.fit.fit import fit_at
 from faultgen.discovery.fit.regression import Problem, pose
@@ -53,15 +54,10 @@ def difference_between(problem, processes=()) -> Difference:
     for axis, over, torques in processes:
         for torque in torques:
             numbers.add(torque, 1e-3, f"process over {over}", ("process", axis, (over,)))
-    of = SimpleNamespace(
-        terms=problem.terms,
-        raw=problem.raw,
-        base=problem.base,
-        replay=SimpleNamespace(recording=problem.recording),
-    )
-    effects = Effects(of, numbers)
-    effects.add_catalogue()
-    effects.add_unknown()
+    effects = Effects(numbers)
+    effects.add_catalogue(problem.terms, problem.raw)
+    axes = range(1, problem.robot.n_axes + 1)
+    effects.add_unknown(axis for axis in axes if axis not in problem.recording.left_out)
     inside = problem.inside & problem.samples(problem.fitting)[:, None]
     columns = np.array([*numbers.columns, *effects.columns], np.float32)
     columns = columns.reshape(-1, *problem.residual.shape)

@@ -191,5 +191,5 @@ def test_a_play_between_two_columns_is_named_with_its_size(measured, tiny_robot,
     found = investigate(measured([("backlash", axis, size)], 3), tiny_robot, measured([], 1))
     (one,) = found.answer.effects
     assert (one.effect, one.axis) == ("backlash", axis)
-    assert one.severity == pytest.approx(size, rel=0.03)
+    assert one.severity == pytest.approx(size, rel=0.05)  # beside unknown damping of bristles
     assert found.answer.after < 1.05 * found.answer.floor

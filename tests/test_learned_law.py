@@ -82,8 +82,8 @@ def test_a_law_is_learned(problem, name):
     noise = np.mean(problem.residual[rows, 1] ** 2) / np.mean(left[rows, 1] ** 2)
     assert law.share > 0.8 * (1 - noise) > 0 and law.confidence > 0.6
     assert law.interval[0] <= law.size <= law.interval[1]
-    again = Replay(problem.recording, problem.robot.with_effects([law.applied])).torque()
-    np.testing.assert_allclose(again - problem.base, law.change, atol=1e-9)
+    again = problem.given.with_effects([law.applied]).torque() - problem.given.torque()
+    np.testing.assert_allclose(again, law.change, atol=1e-9)
 
 
 @pytest.mark.slow

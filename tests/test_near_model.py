@@ -109,16 +109,18 @@ def test_a_model_that_diverges_is_not_moved(replay, monkeypatch):
 
 
 def test_signatures_tell_by_how_much_the_model_was_moved(recording, tiny_robot):
-    """With a baseline the given model stays: errors of its links cancel."""
+    """With a baseline the model is fitted to it, so that a change of the robot stays visible."""
     own = signatures(recording, tiny_robot, exclude=["torque_ripple", "transmission_error"])
     assert own.moved and own.replay is not own.given
     np.testing.assert_allclose(own.base, moved_by(own.given, own.moved).torque(), atol=1e-9)
     np.testing.assert_allclose(own.given_torque, own.given.torque(), atol=1e-9)
     assert len(own.raw) == len(own.terms) + len(own.scanned)
-    given = signatures(
-        recording, tiny_robot, own_links=False, exclude=["torque_ripple", "transmission_error"]
+    other = replace(recording, torque=1.1 * recording.torque)
+    found = signatures(
+        other, tiny_robot, baseline=recording, exclude=["torque_ripple", "transmission_error"]
     )
-    assert given.moved == {} and given.replay is given.given
+    before = near_model(Replay(recording, tiny_robot), np.ones(len(recording.torque), bool))
+    assert found.moved == before
 
 
 def test_what_moved_says_is_about_the_given_robot(tiny_robot):

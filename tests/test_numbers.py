@@ -7,24 +7,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from faultgen.discovery.decision.difference import UNKNOWN, Posed, difference_of
+from faultgen.discovery.decision.arrays import Posed, arrays_of
+from faultgen.discovery.decision.difference import difference_of
+from faultgen.discovery.decision.hypotheses import UNKNOWN
 from faultgen.discovery.decision.numbers import (
     GENERIC,
     KINDS,
     Numbers,
-    bristles,
     fixed_groups,
     is_number,
     kind_of,
     numbers_of,
 )
 from faultgen.discovery.decision.processes import OVER, processes
+from faultgen.discovery.laws.friction_forms import forms_of
+from faultgen.discovery.replay.bristles import DAMPED
 from faultgen.discovery.replay.elastic import STIFFNESS
 from faultgen.discovery.replay.formulas import GEAR_DAMPING, Formulas
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import sensitivities
 from faultgen.discovery.terms.candidates import PAYLOAD, Term, effect_terms, scanned_terms
 from faultgen.effects import get_effect
+from faultgen.mjcf.dcmotor import BRISTLE_DAMPING
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +47,8 @@ def signatures(replay, tiny_robot):
 
 def numbers(replay, signatures, *, baseline=False) -> Numbers:
     terms, raw, base = signatures
-    return numbers_of(replay, terms, raw, base, baseline=baseline)
+    formulas = Formulas(replay)
+    return numbers_of(formulas, forms_of(formulas), terms, raw, base, baseline=baseline)
 
 
 def posed_for(replay, signatures, residual, **more) -> Posed:
@@ -163,13 +168,17 @@ def test_a_sensor_behind_the_gearbox_sees_no_friction(measured, tiny_robot, repl
     link = Replay(recording, tiny_robot)
     terms = [Term(PAYLOAD, 2, 0.1, 0.1)]
     base, raw = sensitivities(link, terms)
-    found = numbers_of(link, terms, raw, base, baseline=False)
+    posed = Posed(link, terms, raw, base, torque - base, np.ones(len(base), bool))
+    arrays = arrays_of(posed, only_numbers=True)
+    found = arrays.numbers
+    assert arrays.bristles is None
     assert not {"form of friction", "form on one axis", "friction"} & set(found.kinds)
     assert {"links", "lag of the log"} <= set(found.kinds)
 
 
-def test_bristles_are_bent_in_the_direction_of_motion(replay):
-    bent = bristles(replay)
+def test_bristles_are_bent_in_the_direction_of_motion(replay, signatures):
+    posed = posed_for(replay, signatures, 0 * signatures[2])
+    bent = arrays_of(posed, only_numbers=True).bristles
     speed = Formulas(replay).motion.speed
     assert np.abs(bent).max() <= 1.0
     fast = np.abs(speed) > 0.5 * np.abs(speed).max(axis=0)
@@ -257,3 +266,14 @@ def test_values_that_the_model_was_moved_by_are_part_of_the_difference(replay, s
     posed = posed_for(replay, signatures, residual, moved={which: 0.2, ("inertia", 9, ()): 1.0})
     moved = difference_of(posed, only_numbers=True)
     np.testing.assert_allclose(moved.residual, residual + 0.2 * column, rtol=1e-5, atol=1e-9)
+
+
+def test_damping_of_bristles_is_that_of_a_robot_with_more_of_it(replay):
+    """The column is the change of the torque by twice the damping, simulated."""
+    robot = replay.robot
+    spec = robot.spec()
+    spec.actuator("friction1").dynprm[BRISTLE_DAMPING] *= 2
+    change = replay.on(robot.edited(spec)).torque() - replay.torque()
+    (column,) = Formulas(replay).columns([Term(DAMPED, 1, 1.0, 1.0)]).values()
+    assert np.abs(change).max() > 0
+    np.testing.assert_allclose(column, change, atol=1e-3 * np.abs(change).max())

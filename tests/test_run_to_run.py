@@ -8,7 +8,7 @@ import pytest
 
 import faultgen
 from faultgen.discovery import investigate, read_recording, write_recording
-from faultgen.discovery.decision.difference import Posed
+from faultgen.discovery.decision.arrays import Posed
 from faultgen.discovery.decision.run_to_run import differences, learned, repetitions
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import sensitivities

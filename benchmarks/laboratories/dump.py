@@ -87,8 +87,12 @@ def _runs(
     return np.concatenate(parts)
 
 
-def _effects(setup: Setup) -> list[Effect]:
-    """Every effect on every axis, with a severity for a difference; waves are four rows each."""
+def effects_of(setup: Setup) -> list[Effect]:
+    """Every effect on every axis, with a severity for a difference; waves are four rows each.
+
+    Args:
+        setup: The laboratory.
+    """
     machine, out = setup.lab.machine, []
     for name in (*CATALOGUE, *UNLISTED):
         # these laboratories have one temperature
@@ -128,7 +132,7 @@ def signatures(setup: Setup, prescribed: bool) -> dict[str, np.ndarray]:
     """
     machine, measured = setup.lab.machine, setup.points[: setup.n_measured]
     lengths = [len(sample_times(len(points), setup.period)) for points in measured]
-    effects = _effects(setup)
+    effects = effects_of(setup)
     out: dict[str, Any] = {
         "time": np.concatenate([setup.period * np.arange(length) for length in lengths]),
         "segments": np.cumsum([0, *lengths[:-1]]),

@@ -32,7 +32,7 @@ from laboratories.setup import Setup, beside, set_up
 
 _TEMPERATURES = (30.0, 55.0)
 _QUADRATURE = 4
-_COMMON, _OWN = 0.8, 0.6  # of differences between runs: of all axes together, of each
+COMMON_SHARE, OWN_SHARE = 0.8, 0.6  # of differences between runs: of all axes together, of each
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def draw_session(setup: Setup, rng: np.random.Generator) -> Session:
     """Draw what is particular to a day: friction, temperatures."""
     n, count = setup.lab.machine.n_axes, len(setup.motions)
     spread = setup.lab.factors["repeat"]
-    change = spread * (_COMMON * rng.standard_normal() + _OWN * rng.standard_normal(n))
+    change = spread * (COMMON_SHARE * rng.standard_normal() + OWN_SHARE * rng.standard_normal(n))
     low, high = _TEMPERATURES
     place = (np.arange(count) + rng.uniform(0, 1, count)) / count
     temperatures = low + (high - low) * rng.permutation(place)
@@ -60,7 +60,7 @@ def draw_session(setup: Setup, rng: np.random.Generator) -> Session:
     return Session(np.maximum(1 + change, 0.3), temperatures, rng.uniform(0.9, 1.1, count))
 
 
-def _slow(session: Session, motion: int, effects: Sequence[Effect]) -> np.ndarray:
+def slow_rows(session: Session, motion: int, effects: Sequence[Effect] = ()) -> np.ndarray:
     """Row of each axis that is fixed for a motion, see `plant.integrate`."""
     slow = np.tile(STILL, (len(session.friction), 1))
     slow[:, :3] *= session.friction[:, None]
@@ -100,7 +100,7 @@ def record(
     arrays: dict[str, list[np.ndarray]] = {}
     errors, torques = [], []
     for motion in motions:
-        slow, points = _slow(session, motion, effects), setup.points[motion]
+        slow, points = slow_rows(session, motion, effects), setup.points[motion]
         if factors["feed_forward"] == "worn":
             points = with_worn_forward(points, setup.lab.machine, plant, slow)
         run = simulate(plant, points, slow)

@@ -187,17 +187,18 @@ def simulate(
     return run
 
 
-def rotor_motion(plant: Plant, points: np.ndarray) -> np.ndarray:
+def rotor_motion(plant: Plant, points: np.ndarray, slow: np.ndarray | None = None) -> np.ndarray:
     """How the rotors of a robot move along set points, for `simulate`.
 
     Args:
         plant: The robot with its servo.
         points: From `set_points`.
+        slow: See `plant.integrate`, shape (n_axes, 5); default: nothing changes.
 
     Returns:
         Motor speed at every `plant.STEP`, shape (steps, n_axes), in [rad/s].
     """
-    slow = np.tile(STILL, (len(plant.table), 1))
+    slow = np.tile(STILL, (len(plant.table), 1)) if slow is None else slow
     body, state, integral = _at_rest(plant, points)
     return motor_speeds(body, plant.table, points, slow, state, STEP, LEAD, integral)
 

@@ -15,8 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from faultgen.discovery.decision.arrays import Posed
 from faultgen.discovery.decision.choice import Choice, choose
-from faultgen.discovery.decision.difference import Difference, Posed, difference_of
+from faultgen.discovery.decision.difference import Difference, difference_of
+from faultgen.discovery.decision.near import moved_by
 from faultgen.discovery.decision.numbers import GENERIC, fixed_groups, kind_of
 from faultgen.discovery.decision.placed import with_places
 from faultgen.discovery.decision.run_to_run import Learned as RunToRun
@@ -109,7 +111,7 @@ def investigate(
     of_model = signatures(
         recording,
         robot,
-        own_links=baseline is None,
+        baseline=baseline,
         exclude=exclude,
         include=include,
         workers=workers,
@@ -118,10 +120,9 @@ def investigate(
     given, replay, terms = of_model.given, of_model.replay, of_model.terms
     notes = list(of_model.notes)
     residual = recording.torque - of_model.given_torque
-    if baseline is not None:  # what the model lacked of the robot before
-        before = Replay(baseline, robot, measured=given.measured)
-        residual -= baseline.torque - before.torque()
-    if baseline is not None:
+    if baseline is not None:  # less what the model lacked of the robot before
+        before = moved_by(Replay(baseline, robot, measured=given.measured), of_model.moved)
+        residual = recording.torque - of_model.base - (baseline.torque - before.torque())
         terms = between_runs(terms)
     if baseline is None and recording.constants is not None:
         terms = with_free_gains(terms)
@@ -214,7 +215,7 @@ def _posed(
         residual,
         problem.samples(problem.fitting),
         problem.baseline,
-        of_model.moved,
+        {} if problem.baseline else of_model.moved,
         groups=None if prior_scale is None or problem.baseline else fixed_groups(prior_scale),
         own_noise=problem.noise if problem.shared.any() else None,
         shared=problem.shared,

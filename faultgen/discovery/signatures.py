@@ -73,7 +73,7 @@ def signatures(
     recording: Recording,
     robot: Robot,
     *,
-    own_links: bool = True,
+    baseline: Recording | None = None,
     exclude: Collection[str] = (),
     include: Collection[str] = (),
     workers: int = 1,
@@ -84,7 +84,8 @@ def signatures(
     Args:
         recording: The measured data.
         robot: The model.
-        own_links: Whether links of the model may be fitted to the recording first.
+        baseline: The robot before a change, on the same motions. The model is fitted to it, and
+            not to the recording.
         exclude: Effects that are not considered.
         include: Optional effects that are considered, with the use "on request".
         workers: Number of processes. It has no effect on the result.
@@ -99,8 +100,10 @@ def signatures(
     """
     given = suited_replay(recording, robot)
     moved: dict[tuple, float] = {}
-    if own_links and given.measured:
-        moved = near_model(given, _for_fitting(recording, robot))
+    if given.measured and baseline is None:
+        moved = near_model(given, for_fitting(recording, robot))
+    elif given.measured and baseline is not None:
+        moved = near_model(Replay(baseline, robot), np.ones(len(baseline.torque), bool))
     replay = moved_by(given, moved)
     terms = _with_numbers(robot, exclude, include) + inertia_terms(robot) + _waves(robot, exclude)
     if recording.link:
@@ -131,8 +134,16 @@ def signatures(
     return Signatures(given, replay, given_torque, base, terms, scanned, raw, moved, notes)
 
 
-def _for_fitting(recording: Recording, robot: Robot) -> np.ndarray:
-    """Samples that are not kept for scoring, shape (samples,)."""
+def for_fitting(recording: Recording, robot: Robot) -> np.ndarray:
+    """Find the samples that are not kept for scoring.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+
+    Returns:
+        Mask of shape (samples,).
+    """
     parts, scoring = cut(recording, robot, counted(recording, robot, baseline=False))
     return ~samples_of([parts[p] for p in scoring], len(recording.torque))
 

@@ -29,8 +29,9 @@ assumed. Real effects differ from their laws by some 10 %, and half of the diffe
 another effect: 0.1 x 0.1 x 0.5."""
 
 LAW_ERROR = 0.03
-"""Share of the evidence for known effects that a further effect has to exceed: assumed. Real
-effects differ from their laws by some 17 %, and the square of this is left over."""
+"""Share of what a known effect explains that a further effect, or an unknown one in its place, has
+to exceed: assumed. Real effects differ from their laws by some 17 %, and the square of this is left
+over."""
 
 _LISTED = 12  # hypotheses whose scales are found again; the others are far behind
 _MOST = 6  # effects in one robot: assumed
@@ -95,7 +96,8 @@ def search(
     Named hypotheses are compared with a robot that has no torque of unknown form. No model is
     exact, and on real robots such a torque may explain much at every place. The evidence for an
     effect is therefore lowered by that for an unknown one at a typical other place, or by what an
-    unknown one still explains at its own place beside the effect, whichever is more.
+    unknown one still explains at its own place beside the effect and the error of its law,
+    whichever is more.
 
     An unknown effect, which could be anything, has to be more than what all axes of a healthy robot
     have of it. It takes the place of a named one if it explains clearly more.
@@ -123,12 +125,12 @@ def search(
         any_, with_any = _next(
             model, [one for one in unknown if one.key not in taken], known, rough, -np.log(share)
         )
-        if best.odds >= sure:
+        if left:
             place = next(one.place for one in left if one.key == best.keys[0])
             before = _misfits(exact, unknown, known, fitted)
-            beside = _misfits(exact, unknown, [*known, *best.forms[0]], after)
+            beside = _beside(exact, unknown, known, best.forms[0], after, place)
             others = [value for at, value in before.items() if at != place]
-            misfit = max(0.0, beside.get(place, 0.0), float(np.median(others)) if others else 0.0)
+            misfit = max(0.0, beside, float(np.median(others)) if others else 0.0)
             best = replace(best, odds=best.odds - misfit)
         left_over = LAW_ERROR * sum(one.odds for one in found)
         best, any_ = (replace(one, odds=one.odds - left_over) for one in (best, any_))
@@ -139,14 +141,40 @@ def search(
         if is_sure:
             with_best = model.fit([*known, *best.forms[0]], rough.log_scales)
             gained = with_any.log_evidence - with_best.log_evidence
-            slack = FORM_ERROR * max(with_best.log_evidence - rough.log_evidence, 0.0)
-            if not (is_there and gained > sure + slack):
+            for form in any_.forms[:1]:
+                gained -= float(_law_errors(model, with_best, best.forms[0], [form])[0])
+            if not (is_there and gained > sure):
                 any_, with_any = best, with_best
         found.append(any_)
         taken.add(any_.keys[0])
         known += any_.forms[0]
         rough = with_any
         fitted = after if any_ is best else exact.fit(known, fitted.log_scales)
+
+
+def _law_errors(
+    model: Model, fitted: Fitted, form: Sequence[int], others: Sequence[Sequence[int]]
+) -> np.ndarray:
+    """What the error of an effect's law lets others explain beside it.
+
+    Args:
+        model: Numbers and effects.
+        fitted: The model with the effect as its last one.
+        form: Columns of the effect.
+        others: Columns of each form of others.
+
+    Returns:
+        Half of the squared residual that each may explain, shape (forms,): `LAW_ERROR` of that of
+        the effect, of which numbers take the same part as of the other one.
+    """
+    effects = model.products.only(np.arange(model.count, len(model.std)))
+    raw = effects.scaled(model.std[model.count :]).gram
+    left = np.diag(model.without_numbers(fitted.log_scales).gram)
+    own = np.array(form)
+    value = fitted.values[-len(own) :] / model.std[model.count + own]
+    explained = 0.5 * float(value @ raw[np.ix_(own, own)] @ value)
+    parts = [left[list(one)].sum() / np.diag(raw)[list(one)].sum() for one in others]
+    return LAW_ERROR * explained * np.array(parts)
 
 
 def _misfits(
@@ -160,6 +188,23 @@ def _misfits(
         best = float(log_bayes_factors(reduced, mean, one.forms).max())
         out[one.place] = max(out.get(one.place, -np.inf), best)
     return out
+
+
+def _beside(
+    exact: Model,
+    unknown: Sequence[Hypothesis],
+    known: Sequence[int],
+    form: Sequence[int],
+    fitted: Fitted,
+    place: int,
+) -> float:
+    """Logarithm of the Bayes factor of the best unknown effect beside an effect at its place."""
+    forms = [one for other in unknown if other.place == place for one in other.forms]
+    if not forms:
+        return 0.0
+    reduced = exact.without_numbers(fitted.log_scales, [*known, *form])
+    factors = log_bayes_factors(reduced, (exact.mean / exact.std)[exact.count :], forms)
+    return float((factors - _law_errors(exact, fitted, form, forms)).max())
 
 
 def _again(exact: Model, named: Sequence[Hypothesis], found: Found, sure: float) -> Found:
@@ -209,7 +254,7 @@ def _next(
     """
     if not hypotheses:
         return SingleEffect(-np.inf, (), np.zeros(0), ()), fitted
-    prior = _log_priors(hypotheses) + log_share
+    prior = log_priors(hypotheses) + log_share
     forms = [form for one in hypotheses for form in one.forms]
     owner = np.repeat(np.arange(len(hypotheses)), [len(one.forms) for one in hypotheses])
     mean = (model.mean / model.std)[model.count :]
@@ -254,8 +299,15 @@ def _families(hypotheses: Sequence[Hypothesis]) -> dict[str, int]:
     return Counter(one.family for one in hypotheses)
 
 
-def _log_priors(hypotheses: Sequence[Hypothesis]) -> np.ndarray:
-    """Logarithm of the prior probability of each: families are equally probable."""
+def log_priors(hypotheses: Sequence[Hypothesis]) -> np.ndarray:
+    """Logarithm of the prior probability of each: families are equally probable.
+
+    Args:
+        hypotheses: What may be there.
+
+    Returns:
+        Shape (hypotheses,).
+    """
     count = _families(hypotheses)
     shares = np.array([1 / (len(count) * count[one.family]) for one in hypotheses])
     return np.log((1 - HEALTHY) * shares)

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from faultgen.discovery.decision.difference import UNKNOWN, Difference, Group
+from faultgen.discovery.decision.difference import Difference
+from faultgen.discovery.decision.hypotheses import UNKNOWN, Group
 from faultgen.discovery.decision.numbers import GENERIC
 from faultgen.discovery.fit.fit import Fit, bounds_of, fit_at, no_effect
 from faultgen.discovery.fit.regression import Problem

@@ -38,6 +38,7 @@ _ADVICE = {
     "stiffness": "state the stiffness of the gearboxes",
     "hardening": "state the stiffness of the gearboxes",
     "damping": "state the damping of the gearboxes",
+    "damping of bristles": "record at several speeds",
     "lag of the log": "log torque and position at the same time",
     "smoothing": "log positions with less noise",
     "temperature": "record at one temperature",

@@ -11,7 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from faultgen.discovery.decision.difference import Posed, difference_of, number_terms
+from faultgen.discovery.decision.arrays import Posed
+from faultgen.discovery.decision.difference import difference_of
+from faultgen.discovery.decision.hypotheses import number_terms
 from faultgen.discovery.replay.elastic import STIFFNESS
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import sensitivities

@@ -13,21 +13,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from faultgen.discovery.decision.processes import OVER, processes
-from faultgen.discovery.laws.friction_forms import (
-    COUNT,
-    FALLING,
-    LENGTHS,
-    friction_forms,
-    without_level,
-)
+from faultgen.discovery.laws.friction_forms import COUNT, FALLING, without_level
+from faultgen.discovery.replay.bristles import DAMPED
 from faultgen.discovery.replay.elastic import STIFFNESS
 from faultgen.discovery.replay.formulas import GEAR_DAMPING, Formulas
-from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.terms.candidates import INERTIA, PAYLOAD, Term
 from faultgen.inference.model import Group
 from faultgen.recordings.recording import Recording
 from faultgen.recordings.smoothing import required, smoothed_with
-from faultgen.robot import BRISTLE_STIFFNESS, COULOMB, STICTION, STRIBECK_VELOCITY
+from faultgen.robot import COULOMB, STICTION
 
 
 @dataclass(frozen=True)
@@ -44,21 +38,22 @@ class Kind:
 
 
 KINDS = {
-    "links": Kind(1.1, 0.01),  # a wider one would hide a payload
+    "links": Kind(1.1, 0.01, 1.5),  # a wider one would hide a payload
     "friction": Kind(1.4, 0.5, 2.0),  # 2 % from day to day; a UR10e has 0.5 to 5 %
     "friction at low speed": Kind(1.4, 0.5, 2.0),
     "friction between motions": Kind(2.0, 1.0, 2.0),
-    "form of friction": Kind(1.7, 0.1),
-    "form on one axis": Kind(1.7, 0.2),
-    "rotor inertia": Kind(1.2, 0.01),
-    "gain": Kind(1.2, 0.5),
+    "form of friction": Kind(1.7, 0.1, 1.7),
+    "form on one axis": Kind(1.7, 0.2, 1.5),
+    "rotor inertia": Kind(1.2, 0.01, 1.5),
+    "gain": Kind(1.2, 0.5, 2.0),
     "offset": Kind(1.7, 1.0, 1.7),
-    "zero": Kind(1.7, 0.1),
-    "stiffness": Kind(1.2, 0.05),
-    "hardening": Kind(3.0, 0.05),
-    "damping": Kind(1.7, 0.1),
+    "zero": Kind(1.7, 0.02, 1.5),
+    "stiffness": Kind(1.2, 0.05, 1.5),
+    "hardening": Kind(3.0, 0.01, 1.5),
+    "damping": Kind(1.7, 0.1, 1.5),
+    "damping of bristles": Kind(1.7, 0.1, 1.5),
     "lag of the log": Kind(3.0, 1.0),
-    "smoothing": Kind(1.7, 1.0),
+    "smoothing": Kind(1.7, 1.0, 2.0),
     "temperature": Kind(1.4, 1.0, 2.0),
     **{f"process over {over}": Kind(3.0, 0.3) for over in OVER},
 }
@@ -85,7 +80,7 @@ _COMMON, _SINGLE = 0.1, 0.002  # forms, over Coulomb friction: of all axes, and 
 _ONLY = 0.05  # the same of an axis without others, in which a form could not be told from a fault
 _BETWEEN, _MOTIONS = 0.003, 8  # friction between motions of one recording, and how many at most
 _LOW = 0.3  # fall of friction of a model without any, over Coulomb friction
-_DAMPING = 1.0  # of gearboxes, as a share: models hardly know it
+_DAMPING = 1.0  # of gearboxes and bristles, as a share: models hardly know it
 _SOFTER = 0.04  # share of the stiffness for a second derivative
 _STIFF, _CURVED = 0.07, 0.004  # stiffness, and half the square of what is left after its fit
 _PROCESS = 5e-4  # torque of no known form, over the RMS torque of its axis
@@ -177,12 +172,19 @@ def is_number(term: Term) -> bool:
 
 
 def numbers_of(
-    replay: Replay, terms: Sequence[Term], raw: np.ndarray, base: np.ndarray, *, baseline: bool
+    formulas: Formulas,
+    forms: np.ndarray | None,
+    terms: Sequence[Term],
+    raw: np.ndarray,
+    base: np.ndarray,
+    *,
+    baseline: bool,
 ) -> Numbers:
     """Compute the columns of all numbers of a healthy robot.
 
     Args:
-        replay: The recording and the model.
+        formulas: The recording and the model.
+        forms: Forms of friction, as from `forms_of`; None if the torque has no friction in it.
         terms: What may differ, among them the numbers of the model.
         raw: Change of the torque per unit of each term, shape (terms, samples, n_axes).
         base: Torque of the model, shape (samples, n_axes).
@@ -191,6 +193,7 @@ def numbers_of(
     Returns:
         The numbers.
     """
+    recording = formulas.replay.recording
     out = Numbers(baseline)
     seen = set()
     shared: dict[str, np.ndarray] = {}
@@ -202,19 +205,17 @@ def numbers_of(
         kind = _OF[term.name]
         out.add(column, term.prior_std, kind, which)
         if kind == "friction":
-            _add_by_motion(out, column, replay.recording.parts)
+            _add_by_motion(out, column, recording.parts)
         if kind.startswith("friction"):
             shared[term.name] = shared.get(term.name, 0.0) + column
-    common = _common(replay.recording)
     for column in shared.values():
-        out.add(column, common, "form of friction")
-    formulas = Formulas(replay)
+        out.add(column, _common(recording), "form of friction")
     _add_gears(out, formulas)
-    if not replay.recording.link:
-        _add_forms(out, formulas)
+    if forms is not None:
+        _add_forms(out, formulas, forms)
     _add_log(out, formulas, base)
     size = np.sqrt(np.mean(base**2, axis=0))
-    for process in processes(replay.recording, formulas.motion):
+    for process in processes(recording, formulas.motion):
         for bump in process.bumps:
             column = np.zeros_like(base)
             column[:, process.axis - 1] = bump * size[process.axis - 1]
@@ -240,28 +241,29 @@ def _add_by_motion(out: Numbers, column: np.ndarray, parts: Sequence[slice]) -> 
 
 
 def _add_gears(out: Numbers, formulas: Formulas) -> None:
-    """Add stiffness and damping of the gearboxes."""
+    """Add stiffness and damping of the gearboxes, and damping of the bristles."""
     axes = range(1, formulas.robot.n_axes + 1)
     softer = [Term(STIFFNESS, axis, side * _SOFTER, 1.0) for axis in axes for side in (1, -1)]
     damped = [Term(GEAR_DAMPING, axis, 1.0, 1.0) for axis in axes]
-    of = formulas.columns([*softer, *damped])
+    bristles = [Term(DAMPED, axis, 1.0, 1.0) for axis in axes]
+    of = formulas.columns([*softer, *damped, *bristles])
     for axis in axes:
         less, more = of[softer[2 * axis - 2]], of[softer[2 * axis - 1]]
         out.add((less + more) / 2, _STIFF, "stiffness", (STIFFNESS, axis, ()))
         out.add((less - more) / (2 * _SOFTER), _CURVED, "stiffness")
         out.add(of[damped[axis - 1]], _DAMPING, "damping")
+        if bristles[axis - 1] in of:
+            out.add(of[bristles[axis - 1]], _DAMPING, "damping of bristles")
 
 
-def _add_forms(out: Numbers, formulas: Formulas) -> None:
+def _add_forms(out: Numbers, formulas: Formulas, forms: np.ndarray) -> None:
     """Add forms of friction that the model's law does not have."""
     robot, recording = formulas.robot, formulas.replay.recording
-    motion = formulas.motion
-    coulomb, bristle, fall = _friction(formulas)
+    friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")]
+    coulomb = friction[:, COULOMB]
     side = 1.0 if recording.side == "motor" else robot.gear_ratio
-    width = robot.model.actuator_biasprm[robot.ids("actuator", "friction"), STRIBECK_VELOCITY]
-    forms = friction_forms(motion.angle, motion.speed, recording.parts, coulomb / bristle, width)
     height = np.tile(coulomb, (COUNT, 1))
-    height[FALLING] = fall
+    height[FALLING] = np.maximum(friction[:, STICTION] - coulomb, _LOW * coulomb)
     for form, size in zip(forms * side, height, strict=True):
         out.add(form * size, _common(recording), "form of friction")
     for form in without_level(forms) * side * coulomb:
@@ -269,34 +271,6 @@ def _add_forms(out: Numbers, formulas: Formulas) -> None:
             own = np.zeros_like(form)
             own[:, axis] = form[:, axis]
             out.add(own, _SINGLE, "form on one axis")
-
-
-def _friction(formulas: Formulas) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Coulomb friction, bristle stiffness, and fall from static to Coulomb friction, (n_axes,)."""
-    robot = formulas.robot
-    friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")]
-    bristle = robot.model.actuator_dynprm[robot.ids("actuator", "friction"), BRISTLE_STIFFNESS]
-    coulomb = friction[:, COULOMB]
-    return coulomb, bristle, np.maximum(friction[:, STICTION] - coulomb, _LOW * coulomb)
-
-
-def bristles(replay: Replay) -> np.ndarray:
-    """Compute the deflection of the model's bristles on a motion.
-
-    Args:
-        replay: The recording and the model.
-
-    Returns:
-        Shape (samples, n_axes), from -1 to 1.
-    """
-    formulas = Formulas(replay)
-    motion = formulas.motion
-    coulomb, bristle, _ = _friction(formulas)
-    usual = coulomb / bristle
-    forms = friction_forms(
-        motion.angle, motion.speed, replay.recording.parts, usual, np.ones_like(usual)
-    )
-    return np.asarray(forms[LENGTHS.index(1.0)])
 
 
 def _add_log(out: Numbers, formulas: Formulas, base: np.ndarray) -> None:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_solve
 
-from faultgen.discovery.decision.difference import FALL, groups_of
+from faultgen.discovery.decision.hypotheses import FALL, groups_of
 from faultgen.discovery.decision.reaction import Reaction
 from faultgen.discovery.fit.evidence import FREE, factored
 from faultgen.discovery.fit.regression import Problem, posed_again

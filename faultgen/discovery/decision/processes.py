@@ -55,7 +55,7 @@ def processes(recording: Recording, motion: Motion) -> Iterator[Process]:
             (joint, always),
             (joint, turns),
             (speed, always),
-            (motion.acceleration[:, axis], turns),
+            (motion.acceleration[:, axis] * turns, turns),  # a change of the speed
             (motion.gear[:, axis], turns),
             (time, turns),
         )

@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from faultgen.discovery.decision.difference import Posed, difference_of
+from faultgen.discovery.decision.arrays import Posed
+from faultgen.discovery.decision.difference import difference_of
 from faultgen.discovery.replay.sensitivities import FOLLOWS, LEAST_RANGE
 from faultgen.discovery.terms.candidates import Term
 from faultgen.effects.temperature import friction_ratios

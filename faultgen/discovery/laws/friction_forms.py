@@ -12,8 +12,14 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from faultgen.discovery.replay.formulas import Formulas
+from faultgen.robot import BRISTLE_STIFFNESS, COULOMB, STRIBECK_VELOCITY
+
 LENGTHS = (0.2, 0.5, 1.0, 2.0, 5.0, 20.0)
 """Lengths of bristles, over that of the model."""
+
+USUAL = LENGTHS.index(1.0)
+"""Form that is the deflection of the model's own bristles, from -1 to 1."""
 
 FALLS = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Speeds over which friction falls exponentially, over the model's Stribeck velocity."""
@@ -41,13 +47,35 @@ def without_level(forms: np.ndarray) -> np.ndarray:
     """
     elastic, falls = forms[: len(LENGTHS)], forms[FALLING]
     smooth, (linear, square, _) = forms[FALLING.stop : -3], forms[-3:]
-    usual = elastic[LENGTHS.index(1.0)]
+    usual = elastic[USUAL]
     others = [one - usual for one in (*elastic, *smooth) if one is not usual]
     others = [one for one in others if one.any()]
     return np.array([*others, *falls, square - linear])
 
 
 _FINER = 8  # steps in a sample in which bristles are integrated
+
+
+def forms_of(formulas: Formulas) -> np.ndarray:
+    """Compute the forms on the motion of a model.
+
+    Args:
+        formulas: The model, with its rotors on their measured positions.
+
+    Returns:
+        Shape (`COUNT`, samples, n_axes), as from `friction_forms`.
+    """
+    robot, motion = formulas.robot, formulas.motion
+    rows = robot.ids("actuator", "friction")
+    friction = robot.model.actuator_biasprm[rows]
+    length = friction[:, COULOMB] / robot.model.actuator_dynprm[rows, BRISTLE_STIFFNESS]
+    return friction_forms(
+        motion.angle,
+        motion.speed,
+        formulas.replay.recording.parts,
+        length,
+        friction[:, STRIBECK_VELOCITY],
+    )
 
 
 def friction_forms(
@@ -76,7 +104,7 @@ def friction_forms(
     for part in parts:
         bristles[:, part] = _bristles(angle[part], lengths)
     slow = np.abs(speed) / width
-    usual, short = bristles[LENGTHS.index(1.0)], bristles[0]
+    usual, short = bristles[USUAL], bristles[0]
     made = [*bristles]
     made += [usual * np.exp(-slow / fall) for fall in FALLS]
     made += [short * np.exp(-slow / 0.5), usual * np.exp(-(slow**2))]

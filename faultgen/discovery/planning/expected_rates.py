@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from faultgen.discovery.decision.difference import FALL, groups_of
+from faultgen.discovery.decision.hypotheses import FALL, groups_of
 from faultgen.discovery.terms.candidates import Term
 from faultgen.effects import get_effect
 from faultgen.robot import COULOMB, Robot

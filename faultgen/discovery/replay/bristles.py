@@ -34,6 +34,9 @@ from faultgen.robot import Robot
 
 LOAD, SHARED = "load_friction", "wrist_coupling_friction"
 
+DAMPED = "bristle_damping"
+"""Term of the damping of the bristles, a fraction of that of the model. It is no effect."""
+
 FRICTION = (
     "friction_wear",
     "coulomb_friction",
@@ -43,9 +46,11 @@ FRICTION = (
     "low_speed_friction",
     LOAD,
     SHARED,
+    DAMPED,
 )
-"""Effects of which the friction is computed here. They change nothing else."""
+"""Terms of which the friction is computed here. They change nothing else."""
 
+_DAMPING = 1  # place of the damping among the numbers of a law
 _CHUNK = 4000  # steps of which all laws are in memory
 _NOTHING = 1e-12  # friction that counts as none, in order to divide by it [N m]
 
@@ -119,6 +124,11 @@ def _laws(robot: Robot, terms: Sequence[Term]) -> tuple[list[_Law], dict[Term, _
             if coulomb > 0:  # bristles as those of the axis, for each N m that they hold
                 held = [stiffness / coulomb, damping / coulomb, 1.0, 1.0, width, 0.0]
                 changed[term] = _Law(np.array(held), law.lever)
+            continue
+        if term.name == DAMPED:
+            changed[term] = _Law(
+                law.numbers * (1 + term.step * (_DAMPING == np.arange(6))), law.lever
+            )
             continue
         edited, effect = spec.copy(), get_effect(term.name)
         try:

@@ -40,6 +40,7 @@ def cut(recording: Recording, robot: Robot, used: np.ndarray) -> tuple[list[slic
     """
     parts = blocks(recording, robot)
     scoring = for_scoring(parts)
+    used = used & moving(recording, robot)  # at rest nothing is told apart
     if _shows_every_axis(parts, scoring, used):
         return parts, scoring
     moves = _moves(recording, robot)

@@ -1,0 +1,151 @@
+"""A recording and what may explain it, as arrays that are not whitened yet.
+
+arrays = arrays_of(posed)
+arrays.residual, arrays.columns
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from faultgen.discovery.decision.hypotheses import Effects
+from faultgen.discovery.decision.numbers import GENERIC, Numbers, numbers_of
+from faultgen.discovery.laws.friction_forms import USUAL, forms_of
+from faultgen.discovery.replay.formulas import Formulas
+from faultgen.discovery.replay.replay import Replay, settled
+from faultgen.discovery.replay.samples import for_noise
+from faultgen.discovery.terms.candidates import Term
+from faultgen.inference.model import Group as Kind
+from faultgen.recordings.noise_level import Noise
+
+REST = 0.02
+"""Speed of an axis at rest, over its largest."""
+
+
+@dataclass(frozen=True, eq=False)
+class Posed:
+    """A recording and what may differ. Arrays have shape (samples, n_axes)."""
+
+    replay: Replay
+    """The recording and the model at which columns were taken."""
+    terms: Sequence[Term]
+    """What may differ."""
+    raw: np.ndarray
+    """Change of the torque per unit of each term, shape (terms, samples, n_axes)."""
+    base: np.ndarray
+    """Torque of the model."""
+    residual: np.ndarray
+    """Torque that is to be explained: of the recording less that of the model or the baseline."""
+    used: np.ndarray
+    """Samples that may be used, shape (samples,)."""
+    baseline: bool = False
+    """Whether the residual is the difference of two recordings."""
+    moved: Mapping[tuple, float] = field(default_factory=dict)
+    """By how much numbers of the model differ from the given one, by name, axis and parameters."""
+    warmer: np.ndarray | None = None
+    """Change of the torque that the other temperature of a baseline should make."""
+    groups: tuple[Kind, ...] | None = None
+    """Groups of numbers with what is known of their scales; None: what is usual."""
+    own_noise: Noise | None = None
+    """Noise on axes on which two recordings share theirs, so that their difference has none."""
+    shared: np.ndarray | None = None
+    """These axes, a mask of shape (n_axes,)."""
+    white: bool = False
+    """Whether errors that last get full weight, as if the noise were white."""
+
+
+@dataclass(frozen=True, eq=False)
+class Arrays:
+    """Columns of numbers and effects beside a residual. Arrays have shape (samples, n_axes)."""
+
+    posed: Posed
+    """The recording and what may differ."""
+    numbers: Numbers
+    """Numbers of a healthy robot."""
+    effects: Effects
+    """Effects that it may have."""
+    residual: np.ndarray
+    """Torque that is to be explained, with what is linear in the values of `posed.moved`."""
+    comparable: np.ndarray
+    """Samples that can be compared."""
+    inside: np.ndarray
+    """Those of them that may be used, on axes of which there are enough."""
+    speed: np.ndarray
+    """Of the motors [rad/s]."""
+    bristles: np.ndarray | None
+    """Deflection of the model's bristles, from -1 to 1; None for torques without friction."""
+
+    @property
+    def parts(self) -> list[slice]:
+        """Samples of each separate recording."""
+        return self.posed.replay.recording.parts
+
+    @cached_property
+    def columns(self) -> np.ndarray:
+        """Change of the torque per unit of each number, then of each effect.
+
+        Returns:
+            Shape (columns, samples, n_axes).
+        """
+        columns = np.array([*self.numbers.columns, *self.effects.columns], np.float32)
+        return columns.reshape(-1, *self.residual.shape)
+
+    @property
+    def std(self) -> np.ndarray:
+        """Standard deviation of each number, and size of each effect, shape (columns,)."""
+        return np.array([*self.numbers.std, *self.effects.std])
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Prior mean of each, shape (columns,)."""
+        return np.concatenate([np.zeros(len(self.numbers.std)), self.effects.mean])
+
+    @property
+    def of_known_form(self) -> np.ndarray:
+        """Whether each is a torque of known form, shape (columns,)."""
+        return ~np.array([*np.isin(self.numbers.kinds, GENERIC), *self.effects.unknown], bool)
+
+
+def arrays_of(posed: Posed, *, only_numbers: bool = False) -> Arrays:
+    """Compute the columns of all numbers and effects.
+
+    Args:
+        posed: The recording and what may differ.
+        only_numbers: Whether there are no hypotheses.
+    """
+    recording = posed.replay.recording
+    formulas = Formulas(posed.replay)
+    forms = None if recording.link else forms_of(formulas)
+    numbers = numbers_of(
+        formulas, forms, posed.terms, posed.raw, posed.base, baseline=posed.baseline
+    )
+    if posed.warmer is not None:
+        numbers.add(posed.warmer, 1.0, "temperature")
+    effects = Effects(numbers)
+    if not only_numbers:
+        effects.add_catalogue(posed.terms, posed.raw)
+        axes = range(1, posed.base.shape[1] + 1)
+        effects.add_unknown(axis for axis in axes if axis not in recording.left_out)
+    residual = posed.residual.copy()
+    for which, value in posed.moved.items():
+        if which in numbers.which:  # otherwise it changes nothing
+            residual += value * numbers.columns[numbers.which.index(which)]
+    speed = formulas.motion.speed
+    comparable = _comparable(posed.replay, speed)
+    inside, _ = for_noise(comparable & posed.used[:, None], comparable, recording.parts)
+    bristles = None if forms is None else forms[USUAL]
+    return Arrays(posed, numbers, effects, residual, comparable, inside, speed, bristles)
+
+
+def _comparable(replay: Replay, speed: np.ndarray) -> np.ndarray:
+    """Samples that can be compared, shape (samples, n_axes); the speed is that of the motors."""
+    inside = settled(replay.recording, replay.robot)
+    if replay.recording.lost is not None:
+        inside &= ~replay.recording.lost
+    if replay.left_out is not None:
+        inside &= ~replay.left_out
+    return inside & (np.abs(speed) > REST * np.abs(speed).max(axis=0))

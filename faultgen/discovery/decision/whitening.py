@@ -1,0 +1,132 @@
+"""The noise of a difference, and the difference divided by it.
+
+white = whitened(arrays)
+white.noise, white.products
+
+Numbers and effects of known form and usual sizes are fitted, and what they leave is noise. Its
+level may grow with speed, load and jumps of friction, and after reversals, where the friction of a
+real robot and the smoothed motion are not exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from faultgen.discovery.decision.arrays import Arrays
+from faultgen.inference.products import Products
+from faultgen.recordings.noise import Autoregression
+from faultgen.recordings.noise_level import Noise, levelled
+
+_MEMORY = 0.08  # of the noise [s]: a period of the slowest arm that rings behind its gearboxes
+_ORDERS = (8, 40)  # least and largest order of the autoregression
+_DECAYS = (0.03, 0.1)  # of the error of friction after a reversal [s]
+_ROUNDS = 3
+_TAILS = 5.0  # degrees of freedom of the noise (Student)
+_EXACT = 1e-5  # noise over torque that simulations and columns are not exact enough to go below
+
+
+@dataclass(frozen=True, eq=False)
+class Whitened:
+    """What whitening leaves."""
+
+    noise: Noise
+    """The noise."""
+    weight: np.ndarray
+    """Weight of each sample, shape (samples, n_axes)."""
+    variance: np.ndarray
+    """Mean square of the whitened residual of each axis, shape (n_axes,)."""
+    products: Products
+    """Inner products of the whitened columns and the whitened residual."""
+
+
+def whitened(arrays: Arrays) -> Whitened:
+    """Find the noise of a difference, and whiten it.
+
+    Args:
+        arrays: Columns of numbers and effects beside a residual.
+    """
+    used = np.maximum(arrays.inside.sum(axis=0), 1)
+    size = np.sqrt((arrays.residual**2 * arrays.inside).sum(axis=0) / used)
+    size = np.where(size > 0, size, 1.0)
+    white = Autoregression(np.zeros((len(size), 0)), np.ones(len(size)))
+    noise = Noise(white, np.broadcast_to(size, arrays.residual.shape))
+    for _ in range(_ROUNDS):
+        left = _unexplained(arrays, noise)
+        noise = noise_of(arrays, left)
+    return weighed(arrays, noise, left)
+
+
+def _unexplained(arrays: Arrays, noise: Noise) -> np.ndarray:
+    """What torques of known form leave of the residual, shape (samples, n_axes)."""
+    known = arrays.of_known_form
+    std, columns = arrays.std[known], arrays.columns[known]
+    white = noise.whiten(columns, arrays.parts) * arrays.inside
+    target = noise.whiten(arrays.residual, arrays.parts) * arrays.inside
+    value = Products.of(white, target, 0).scaled(std).ridge() * std
+    return arrays.residual - np.tensordot(value.astype(np.float32), columns, axes=1)
+
+
+def noise_of(arrays: Arrays, left: np.ndarray) -> Noise:
+    """Estimate the noise from what a fit leaves.
+
+    Args:
+        arrays: Columns of numbers and effects beside a residual.
+        left: What the fit leaves, shape (samples, n_axes).
+    """
+    posed, recording = arrays.posed, arrays.posed.replay.recording
+    period = recording.sample_period
+    drivers = [np.abs(arrays.speed), np.abs(recording.torque)]
+    if arrays.bristles is not None:
+        drivers.append(_jumps(arrays.bristles, arrays.parts))
+    for decay in _DECAYS:
+        late = [
+            np.exp(-_since_reversal(arrays.speed[part]) * period / decay) for part in arrays.parts
+        ]
+        drivers.append(np.concatenate(late))
+    order = int(np.clip(round(_MEMORY / period), *_ORDERS))
+    # an axis without samples has some noise
+    seen = np.where(arrays.inside.any(axis=0), arrays.inside, True)
+    least = _EXACT * np.sqrt(np.mean(recording.torque**2, axis=0)) + 1e-12
+    noise = levelled(left, seen, arrays.parts, drivers, order).at_least(least)
+    if posed.own_noise is not None and posed.shared is not None:
+        noise = noise.replaced(posed.own_noise.of_order(order), posed.shared)
+    return noise.plain() if posed.white else noise
+
+
+def weighed(arrays: Arrays, noise: Noise, left: np.ndarray) -> Whitened:
+    """Whiten columns and residual, with less weight for samples that are far off.
+
+    Args:
+        arrays: Columns of numbers and effects beside a residual.
+        noise: The noise.
+        left: What a fit leaves, shape (samples, n_axes).
+    """
+    left, inside = noise.whiten(left, arrays.parts), arrays.inside
+    weight = np.sqrt((_TAILS + 1) / (_TAILS + left**2)) * inside
+    white = noise.whiten(arrays.columns, arrays.parts)
+    white *= weight.astype(np.float32)
+    target = noise.whiten(arrays.residual, arrays.parts) * weight
+    variance = (left**2 * inside).sum(axis=0) / np.maximum(inside.sum(axis=0), 1)
+    return Whitened(noise, weight, variance, Products.of(white, target, int(inside.sum())))
+
+
+def _jumps(bent: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+    """Change of the friction from sample to sample, the largest of neighbours."""
+    out = np.zeros_like(bent)
+    for part in parts:
+        change = np.abs(np.diff(bent[part], axis=0, prepend=bent[part][:1]))
+        wide = np.pad(change, ((1, 1), (0, 0)))
+        out[part] = np.maximum(np.maximum(wide[:-2], wide[2:]), change)
+    return out
+
+
+def _since_reversal(speed: np.ndarray) -> np.ndarray:
+    """Samples since each axis last turned back, shape (samples, n_axes); many before that."""
+    turned = np.zeros(speed.shape, bool)
+    turned[1:] = speed[1:] * speed[:-1] <= 0
+    number = np.arange(len(speed))[:, None]
+    last = np.maximum.accumulate(np.where(turned, number, -(10**6)), axis=0)
+    return number - last
