@@ -21,7 +21,7 @@ from faultgen.discovery.decision.difference import model_of
 from faultgen.discovery.decision.hypotheses import Effects
 from faultgen.discovery.decision.numbers import GENERIC, KINDS, Numbers
 from faultgen.discovery.decision.whitening import whitened
-from faultgen.inference.model import Model, log_bayes_factors
+from faultgen.inference.model import Model
 from faultgen.inference.products import Products
 from faultgen.inference.search import HEALTHY, Hypothesis, log_priors, search
 from laboratories.effects import WAVES
@@ -93,8 +93,7 @@ def decided(model: Model, hypotheses: Sequence[Hypothesis], log_scales: np.ndarr
     """
     forms = [form for one in hypotheses for form in one.forms]
     owner = np.repeat(np.arange(len(hypotheses)), [len(one.forms) for one in hypotheses])
-    mean = (model.mean / model.std)[model.count :]
-    factors = log_bayes_factors(model.without_numbers(log_scales), mean, forms)
+    factors = model.bayes_factors(log_scales, forms)
     total = log_priors(hypotheses)
     for h in range(len(hypotheses)):
         own = factors[owner == h]

@@ -18,7 +18,6 @@ import numpy as np
 from faultgen.discovery.decision.arrays import Posed
 from faultgen.discovery.decision.choice import Choice, choose
 from faultgen.discovery.decision.difference import Difference, difference_of
-from faultgen.discovery.decision.near import moved_by
 from faultgen.discovery.decision.numbers import GENERIC, fixed_groups, kind_of
 from faultgen.discovery.decision.placed import with_places
 from faultgen.discovery.decision.run_to_run import Learned as RunToRun
@@ -28,7 +27,6 @@ from faultgen.discovery.fit.regression import Problem, pose, posed_again, with_p
 from faultgen.discovery.laws.learned_law import Learned
 from faultgen.discovery.laws.order_analysis import find_orders
 from faultgen.discovery.planning.next_experiment import Experiment, next_experiment
-from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import sensitivities
 from faultgen.discovery.result import AMBIGUOUS, Answer
 from faultgen.discovery.signatures import Signatures, signatures
@@ -119,13 +117,14 @@ def investigate(
     )
     given, replay, terms = of_model.given, of_model.replay, of_model.terms
     notes = list(of_model.notes)
-    residual = recording.torque - of_model.given_torque
-    if baseline is not None:  # less what the model lacked of the robot before
-        before = moved_by(Replay(baseline, robot, measured=given.measured), of_model.moved)
-        residual = recording.torque - of_model.base - (baseline.torque - before.torque())
+    if before := of_model.before:  # less what the model lacked of the robot before
+        lacked = before.recording.torque - before.torque()
+        residual = recording.torque - of_model.base - lacked
         terms = between_runs(terms)
-    if baseline is None and recording.constants is not None:
-        terms = with_free_gains(terms)
+    else:
+        residual = recording.torque - of_model.given_torque
+        if recording.constants is not None:
+            terms = with_free_gains(terms)
     terms = [*terms, *of_model.scanned]
     try:
         problem = pose(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -51,10 +52,10 @@ class Signatures:
     replay: Replay
     """The recording and the model at which columns are taken: the given one, or one with links and
     stiffness that are nearer to the recording; see `near_model`."""
-    given_torque: np.ndarray
-    """Torque of the given model, shape (samples, n_axes), on the recording's side."""
+    before: Replay | None
+    """The baseline and the model of `replay`; None without a baseline."""
     base: np.ndarray
-    """The same for the model of `replay`."""
+    """Torque of the model of `replay`, shape (samples, n_axes), on the recording's side."""
     terms: list[Term]
     """What is looked for, with the prior standard deviations of a comparison with a model."""
     scanned: list[Term]
@@ -67,6 +68,11 @@ class Signatures:
     axis and parameters."""
     notes: list[str]
     """One line for each candidate that the model cannot have."""
+
+    @cached_property
+    def given_torque(self) -> np.ndarray:
+        """Torque of the given model, shape (samples, n_axes), on the recording's side."""
+        return self.base if self.replay is self.given else self.given.torque()
 
 
 def signatures(
@@ -99,12 +105,14 @@ def signatures(
         SimulationFailed: The model diverges on the recorded motion.
     """
     given = suited_replay(recording, robot)
+    before = None if baseline is None else Replay(baseline, robot, measured=given.measured)
     moved: dict[tuple, float] = {}
-    if given.measured and baseline is None:
+    if given.measured and before is None:
         moved = near_model(given, for_fitting(recording, robot))
-    elif given.measured and baseline is not None:
-        moved = near_model(Replay(baseline, robot), np.ones(len(baseline.torque), bool))
+    elif given.measured and before is not None:
+        moved = near_model(before, np.ones(len(before.recording.torque), bool))
     replay = moved_by(given, moved)
+    before = before and moved_by(before, moved)
     terms = _with_numbers(robot, exclude, include) + inertia_terms(robot) + _waves(robot, exclude)
     if recording.link:
         terms = [term for term in terms if term.name not in HIDDEN_BEHIND_GEARS]
@@ -129,9 +137,8 @@ def signatures(
             of_scanned,
         ]
     )
-    given_torque = base if replay is given else given.torque()
     terms += discrepancy + own
-    return Signatures(given, replay, given_torque, base, terms, scanned, raw, moved, notes)
+    return Signatures(given, replay, before, base, terms, scanned, raw, moved, notes)
 
 
 def for_fitting(recording: Recording, robot: Robot) -> np.ndarray:

@@ -209,6 +209,22 @@ class Model:
         energy = scaled.energy - scaled.right[inner] @ cho_solve(factor, scaled.right[inner])
         return Products((left + left.T) / 2, right, float(energy), scaled.count)
 
+    def bayes_factors(
+        self, log_scales: np.ndarray, sets: Sequence[Sequence[int]], known: Sequence[int] = ()
+    ) -> np.ndarray:
+        """Compute the logarithm of the Bayes factor of each set of effects against none.
+
+        Args:
+            log_scales: Logarithm of the scale of each group, shape (groups,).
+            sets: Columns of effects, from 0.
+            known: Effects that are there in any case.
+
+        Returns:
+            Shape (sets,).
+        """
+        means = (self.mean / self.std)[self.count :]
+        return log_bayes_factors(self.without_numbers(log_scales, known), means, sets)
+
 
 def _inverse(lower: np.ndarray) -> np.ndarray:
     """Inverse of a matrix from its lower triangular factor; quicker than solving for it."""

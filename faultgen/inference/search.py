@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from faultgen.inference.model import Fitted, Model, log_bayes_factors
+from faultgen.inference.model import Fitted, Model
 
 HEALTHY = 0.5
 """Prior probability that no further effect is there: assumed, so that nothing is preferred."""
@@ -140,9 +140,8 @@ def search(
             return _again(exact, named, Found(tuple(found), rejected, fitted), sure)
         if is_sure:
             with_best = model.fit([*known, *best.forms[0]], rough.log_scales)
-            gained = with_any.log_evidence - with_best.log_evidence
-            for form in any_.forms[:1]:
-                gained -= float(_law_errors(model, with_best, best.forms[0], [form])[0])
+            errors = _law_errors(model, with_best, best.forms[0], any_.forms[:1])
+            gained = with_any.log_evidence - with_best.log_evidence - float(errors.sum())
             if not (is_there and gained > sure):
                 any_, with_any = best, with_best
         found.append(any_)
@@ -181,12 +180,12 @@ def _misfits(
     exact: Model, unknown: Sequence[Hypothesis], known: Sequence[int], fitted: Fitted
 ) -> dict[int, float]:
     """Logarithm of the Bayes factor of the best unknown effect at each place."""
-    reduced = exact.without_numbers(fitted.log_scales, known)
-    mean = (exact.mean / exact.std)[exact.count :]
+    places = [one.place for one in unknown for _ in one.forms]
+    forms = [form for one in unknown for form in one.forms]
     out: dict[int, float] = {}
-    for one in unknown:
-        best = float(log_bayes_factors(reduced, mean, one.forms).max())
-        out[one.place] = max(out.get(one.place, -np.inf), best)
+    factors = exact.bayes_factors(fitted.log_scales, forms, known)
+    for place, factor in zip(places, factors.tolist(), strict=True):
+        out[place] = max(out.get(place, -np.inf), factor)
     return out
 
 
@@ -202,8 +201,7 @@ def _beside(
     forms = [one for other in unknown if other.place == place for one in other.forms]
     if not forms:
         return 0.0
-    reduced = exact.without_numbers(fitted.log_scales, [*known, *form])
-    factors = log_bayes_factors(reduced, (exact.mean / exact.std)[exact.count :], forms)
+    factors = exact.bayes_factors(fitted.log_scales, forms, [*known, *form])
     return float((factors - _law_errors(exact, fitted, form, forms)).max())
 
 
@@ -257,13 +255,9 @@ def _next(
     prior = log_priors(hypotheses) + log_share
     forms = [form for one in hypotheses for form in one.forms]
     owner = np.repeat(np.arange(len(hypotheses)), [len(one.forms) for one in hypotheses])
-    mean = (model.mean / model.std)[model.count :]
     # numbers that a fault has widened hide it, and such of the literature do not
     usual = np.minimum(fitted.log_scales, 0.0)
-    factors = [
-        log_bayes_factors(model.without_numbers(scales, known), mean, forms)
-        for scales in (fitted.log_scales, usual)
-    ]
+    factors = [model.bayes_factors(one, forms, known) for one in (fitted.log_scales, usual)]
     candidates: list[int] = []
     for factor in factors:
         weighed = factor + prior[owner]

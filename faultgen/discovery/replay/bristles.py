@@ -126,9 +126,9 @@ def _laws(robot: Robot, terms: Sequence[Term]) -> tuple[list[_Law], dict[Term, _
                 changed[term] = _Law(np.array(held), law.lever)
             continue
         if term.name == DAMPED:
-            changed[term] = _Law(
-                law.numbers * (1 + term.step * (_DAMPING == np.arange(6))), law.lever
-            )
+            numbers = law.numbers.copy()
+            numbers[_DAMPING] *= 1 + term.step
+            changed[term] = _Law(numbers, law.lever)
             continue
         edited, effect = spec.copy(), get_effect(term.name)
         try:
