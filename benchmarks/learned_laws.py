@@ -15,13 +15,15 @@ from typing import Any
 import numpy as np
 import typer
 
-from faultgen.discovery.fit.regression import Problem, pose
+from faultgen.discovery.fit.problem import Problem, division_of
 from faultgen.discovery.laws.learned_law import learn
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import sensitivities
-from faultgen.discovery.terms.candidates import between_runs, effect_terms
+from faultgen.discovery.terms.candidates import effect_terms
 from faultgen.effects import EFFECTS, Applied
 from faultgen.effects.learned import NAME
+from faultgen.recordings.noise import Autoregression
+from faultgen.recordings.noise_level import Noise
 from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot, load_robot
 from faultgen.simulation.motion import plan
@@ -101,16 +103,26 @@ def main(draws: int = 5) -> None:
     base = Replay(recording, robot).torque()
     replay = Replay(replace(recording, torque=base), robot)
     terms = effect_terms(robot, [name for name in EFFECTS if name not in _KNOWN])
-    terms = between_runs(terms)
     _, raw = sensitivities(replay, terms)
     deviation = NOISE * np.sqrt(np.mean(base**2, axis=0))
+    white = Autoregression(np.zeros((robot.n_axes, 0)), np.sqrt(2) * deviation)
     rng = np.random.default_rng(0)
 
     def posed(change: np.ndarray | float) -> Problem:
         noise = deviation * rng.standard_normal((2, *base.shape))
         worn = replace(recording, torque=base + change + noise[0])
-        return pose(
-            Replay(worn, robot), terms, base, raw, change + noise[0] - noise[1], baseline=True
+        own = Replay(worn, robot)
+        return Problem(
+            **vars(division_of(own, baseline=True)),
+            replay=own,
+            given=own,
+            terms=terms,
+            base=base,
+            residual=change + noise[0] - noise[1],
+            raw=raw,
+            noise=Noise(white, np.ones(base.shape)),
+            baseline=True,
+            shared=np.zeros(robot.n_axes, bool),
         )
 
     print("| law | axis | learned |\n| --- | --- | --- |")

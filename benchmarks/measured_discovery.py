@@ -31,10 +31,8 @@ from scipy.signal import butter, decimate, filtfilt
 
 from faultgen.discovery import Recording, Replay, investigate
 from faultgen.discovery.calibration.calibrate import calibrate
-from faultgen.discovery.calibration.simulated_fit import changed, refined
-from faultgen.discovery.decision.hypotheses import groups_of
+from faultgen.discovery.calibration.model_edit import changed
 from faultgen.discovery.fit.fit import changes_of
-from faultgen.discovery.fit.regression import plain
 from faultgen.discovery.replay.replay import Changes, settled
 from faultgen.discovery.replay.samples import rolling
 from faultgen.discovery.terms.candidates import INERTIA, PAYLOAD, Term, payload_of
@@ -126,26 +124,17 @@ def emps(data: Path, out: Path) -> None:
     errors = np.sqrt(np.diag(best.covariance))
     for (term, value), error in zip(effects, errors, strict=True):
         print(f"- {term.name} {value:.4g} +- {error:.2g} {dict(term.parameters)}")
-    following = investigate(emps_followed(train), robot, **asked)  # type: ignore[arg-type]
-    problem = plain(following.problem)
     print("\n| model | train | test | closed loop, train | position | test | position |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
-    steps: list[tuple[str, list | None]] = [("published symmetric", None), ("calibrated", [])]
-    count = 0
-    for group in best.groups:
-        count += len(group)
-        steps.append((f"+ {found.problem.terms[group[0]].name}", effects[:count]))
-    model, told = robot, ""
-    changes: Changes = ()
-    for name, start in steps:
-        changes = () if start is None else refined(problem, start)
-        row = [emps_error(one, robot, changes) for one in (train, test)]
-        row += [x for one in (train, test) for x in emps_closed_loop(one, robot, changes)]
+    changes: Changes = found.answer.changes
+    steps = (("published symmetric", ()), ("effects alone", effects), ("all found", changes))
+    for name, own in steps:
+        row = [emps_error(one, robot, own) for one in (train, test)]
+        row += [x for one in (train, test) for x in emps_closed_loop(one, robot, own)]
         print(f"| {name} | " + " | ".join(f"{x:.3g}" for x in row) + " |", flush=True)
-        if start:
-            model = changed(robot, changes)
-            large = [(t, v) for t, v in changes if abs(v) > 0.5 * t.prior_std]
-            told = ", ".join(f"{t.name} {v:.4g}" for t, v in large)
+    model = changed(robot, changes)
+    large = [(t, v) for t, v in changes if abs(v) > 0.5 * t.prior_std]
+    told = ", ".join(f"{t.name} {v:.4g}" for t, v in large)
     print("\nlast, off by more than half the prior_std:", told)
     out.mkdir(parents=True, exist_ok=True)
     (out / "emps_model.xml").write_text(model.xml)
@@ -225,11 +214,11 @@ def ur10e(data: Path, out: Path) -> None:
         print(f"| {name} | " + " | ".join(f"{x:.1f}" for x in errors) + " |", flush=True)
 
     train = read_ur10e(folder, "unloaded_14harm_feb19")
-    found = calibrate(train, robot, known=(INERTIA,), cache=cache)
+    found = calibrate(train, robot, known=(INERTIA,))
     model = found.robot
     out.mkdir(parents=True, exist_ok=True)
     (out / "ur10e_calibrated.xml").write_text(model.xml)
-    print("held-out error by prior scale:", found.held_out, "chosen:", found.prior_scale)
+    print("prior scale:", found.prior_scale)
     print("gains:", np.round(model.torque_gain, 3))
     for run in ("unloaded_14harm_feb19", "unloaded_15harm_feb19", "test_50s_feb12"):
         recording = read_ur10e(folder, run)
@@ -248,7 +237,7 @@ def ur10e(data: Path, out: Path) -> None:
             )
             told, best = result.answer, result.choice.best
             print(f"\n{run}, width {width}: {told.verdict}; alternatives {told.alternatives}")
-            problem = plain(result.problem)
+            problem = result.problem
             for one in told.effects:
                 print("-", one.effect, one.axis, f"{one.severity:.4g}", one.parameters)
             effects = changes_of(problem, best)
@@ -259,11 +248,6 @@ def ur10e(data: Path, out: Path) -> None:
                 print(f"payload {mass:.3f} kg at {np.round(place, 3)}")
             row(f"{run}, calibrated", ur10e_errors(read_ur10e(folder, run), model))
             row(f"{run}, with effects", ur10e_errors(read_ur10e(folder, run), model, effects))
-            left = groups_of(problem.terms)
-            gains, first = best.evidence.gains(left, best.terms)
-            for k in np.argsort(-gains)[:6]:
-                term = problem.terms[left[k][0]]
-                print(f"  next: {term.key} {first[k] * term.prior_std:.3g}, gain {gains[k]:.1f}")
             if width == 0.3:
                 summary = told.contract() | {"warnings": [], "seconds": 0.0}
                 write_discovery(out / run, summary, result)
@@ -378,8 +362,7 @@ def xl330(data: Path, out: Path) -> None:
         loads += load
         tuned: dict[str, Changes] = {
             "load friction alone": [(LOAD, value) for value, _ in load],
-            "calibrated": refined(plain(found.problem)),
-            "calibrated, with effects": refined(plain(found.problem), named),
+            "all found": found.answer.changes,
         }
         for label, changes in tuned.items():
             errors = [

@@ -310,7 +310,7 @@ def judge(name: str, data: Path, out: Path, workers: int) -> dict[str, list[floa
     if found.couplings:
         row("classical, coupled", _classical(fitted, case.judged, robot, found.couplings))
     torque = simulated(case.judged, found.robot)
-    row(f"calibrated ({found.method})", torque)
+    row("calibrated", torque)
     best = _classical(fitted, case.judged, robot, found.couplings)
     told = " | ".join(against(case.judged, torque, best))
     print(f"| {name}, calibrated less classical | | {told} |")

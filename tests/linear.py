@@ -9,7 +9,7 @@ from faultgen.discovery.decision.difference import Difference
 from faultgen.discovery.decision.hypotheses import Effects
 from faultgen.discovery.decision.numbers import Numbers, is_number, kind_of
 from faultgen.discovery.fit.fit import fit_at
-from faultgen.discovery.fit.regression import Problem, pose
+from faultgen.discovery.fit.problem import Problem, division_of
 from faultgen.inference.model import Model
 from faultgen.inference.products import Products
 from faultgen.recordings.noise import Autoregression
@@ -30,13 +30,45 @@ def straight(base, terms, columns):
     return simulate
 
 
+def ridge(problem, free):
+    """Values of all terms with their priors, but for those that are free; in their own units."""
+    rows = problem.samples(problem.fitting)
+    x = problem.whiten(problem.raw.astype(float))[:, rows].reshape(len(problem.terms), -1)
+    y = problem.whiten(problem.residual)[rows].ravel()
+    weight = np.array([term.prior_std**-2.0 for term in problem.terms])
+    weight[list(free)] = 0.0
+    precision = x @ x.T + np.diag(weight)
+    return np.linalg.solve(precision, x @ y), np.linalg.inv(precision)
+
+
 def least_squares(problem, groups=()):
     """A set of effects whose severities are those of a regression beside all other terms."""
     terms = [term for group in groups for term in group]
-    value, covariance, _ = problem.evidence().solve(free=terms)
-    scale = np.array([problem.terms[t].prior_std for t in terms])
-    own = covariance[np.ix_(terms, terms)] * np.outer(scale, scale)
-    return fit_at(problem, groups, value[terms] * scale, own)
+    value, covariance = ridge(problem, terms)
+    return fit_at(problem, groups, value[terms], covariance[np.ix_(terms, terms)])
+
+
+def white_noise(deviation, count):
+    """White noise of each axis with a deviation."""
+    colour = Autoregression(np.zeros((len(deviation), 0)), np.asarray(deviation, float))
+    return Noise(colour, np.ones((count, len(deviation))))
+
+
+def posed(replay, terms, base, raw, residual, noise, *, baseline):
+    """The problem of a recording, divided as discovery does it."""
+    division = division_of(replay, baseline=baseline)
+    return Problem(
+        **vars(division),
+        replay=replay,
+        given=replay,
+        terms=list(terms),
+        base=base,
+        residual=residual,
+        raw=raw,
+        noise=noise,
+        baseline=baseline,
+        shared=np.zeros(base.shape[1], bool),
+    )
 
 
 def difference_between(problem, processes=()) -> Difference:
@@ -70,8 +102,11 @@ def difference_between(problem, processes=()) -> Difference:
         numbers.group,
         numbers.groups,
     )
+    others = problem.inside & ~problem.samples(problem.fitting)[:, None]
+    held = [problem.noise.whiten(x, problem.parts) * others for x in (columns, problem.residual)]
     return Difference(
         model,
+        Products.of(*held, int(others.sum())),
         numbers,
         effects.hypotheses,
         effects.groups,
@@ -82,7 +117,7 @@ def difference_between(problem, processes=()) -> Difference:
         inside.astype(float),
         problem.residual,
         problem.parts,
-        np.ones(problem.robot.n_axes),
+        target,
     )
 
 
@@ -115,7 +150,8 @@ def linear(problem, values=(), *, noise=1.0, seed=0, baseline=None, terms=None, 
         left_out=None,
     )
     baseline = problem.baseline if baseline is None else baseline
-    return pose(replay, terms, problem.base, raw, residual, baseline=baseline)
+    white = white_noise(problem.noise.deviation, len(residual))
+    return posed(replay, terms, problem.base, raw, residual, white, baseline=baseline)
 
 
 PARTS = [slice(k, k + 100) for k in range(0, 600, 100)]
@@ -123,7 +159,7 @@ PARTS = [slice(k, k + 100) for k in range(0, 600, 100)]
 COUNT = PARTS[-1].stop
 
 
-def written_down(terms, columns, residual, *, baseline=False, trust=None, torque=10.0, period=0.01):
+def written_down(terms, columns, residual, *, baseline=False, torque=10.0, period=0.01):
     """A problem in which every number is given, and nothing is simulated.
 
     The noise is white with deviation 1 N m, so that whitened torques are torques. All axes move at
@@ -134,7 +170,6 @@ def written_down(terms, columns, residual, *, baseline=False, trust=None, torque
         columns: Torque per unit of each term, shape (terms, samples, n_axes).
         residual: Torque that is to be explained, shape (samples, n_axes).
         baseline: Whether the residual is the difference of two recordings.
-        trust: Weight of each sample; default 1.
         torque: Torque of the recording at every sample.
         period: Time between samples [s].
     """
@@ -156,8 +191,6 @@ def written_down(terms, columns, residual, *, baseline=False, trust=None, torque
     )
 
     simulate = straight(np.zeros(residual.shape), terms, columns)
-    trust = np.ones(residual.shape) if trust is None else trust
-    scale = np.array([term.prior_std for term in terms], np.float32)
     replay = SimpleNamespace(
         torque=simulate, recording=recording, robot=robot, measured=True, left_out=None
     )
@@ -171,11 +204,7 @@ def written_down(terms, columns, residual, *, baseline=False, trust=None, torque
         parts=PARTS,
         scoring=[len(PARTS) - 1],
         raw=columns,
-        noise=Noise(
-            Autoregression(np.zeros((n_axes, 0)), np.ones(n_axes)), np.ones(residual.shape)
-        ),
-        trust=trust,
-        white=columns * trust.astype(np.float32) * scale[:, None, None],
+        noise=white_noise(np.ones(n_axes), len(residual)),
         baseline=baseline,
         shared=np.zeros(n_axes, bool),
     )

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from linear import difference_between, linear
+from linear import difference_between, linear, ridge
 
 from faultgen.discovery import investigate
 from faultgen.discovery.calibration import model_edit as model
@@ -47,10 +47,9 @@ def at(problem, name, axis, **parameters):
 
 def value_of(problem, index, gain):
     """Value of a term which, freed, takes a gain off the misfit where there is no noise."""
-    prior_std = problem.terms[index].prior_std
-    unit = problem.evidence(prior_std * problem.raw[index].astype(float))
-    (taken,), _ = unit.gains([(index,)])
-    return prior_std * float(np.sqrt(gain / taken))
+    unit = replace(problem, residual=problem.raw[index].astype(float))
+    value, covariance = ridge(unit, [index])
+    return float(value[index] * np.sqrt(gain * covariance[index, index]))
 
 
 def small(problem, *names):
@@ -96,7 +95,7 @@ def test_a_large_effect_is_similar_to_what_a_wrong_form_could_be(posed, apart, i
     raw = problem.raw[[one, other]].copy()
     rng = np.random.default_rng(5)
     other_form = rng.standard_normal(raw[0].shape)
-    size = np.linalg.norm(problem.whiten(raw[0])) / np.linalg.norm(problem.whiten(other_form))
+    size = np.linalg.norm(raw[0]) / np.linalg.norm(other_form)
     raw[1] = raw[0] + apart * size * other_form
     terms = [replace(problem.terms[k], prior_std=1e-6) for k in (one, other)]
     value = value_of(linear(problem, terms=terms, raw=raw), 0, 1e5)

@@ -9,7 +9,7 @@ import pytest
 
 from faultgen.discovery import read_recording, replay, write_recording
 from faultgen.discovery.fit.diagnostics import regimes
-from faultgen.discovery.fit.regression import Kinematics
+from faultgen.discovery.fit.problem import Kinematics
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import kept_in, sensitivities
 from faultgen.discovery.terms.candidates import Term

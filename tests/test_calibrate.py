@@ -11,11 +11,11 @@ from typer.testing import CliRunner
 
 from faultgen.cli.app import app
 from faultgen.discovery import Replay, write_recording
-from faultgen.discovery.calibration import freedom, simulated_fit
+from faultgen.discovery.calibration import freedom
 from faultgen.discovery.calibration.calibrate import calibrate
+from faultgen.discovery.calibration.model_edit import changed, replaying
 from faultgen.discovery.calibration.own_friction import with_own_friction
 from faultgen.discovery.calibration.result import Calibrated
-from faultgen.discovery.calibration.simulated_fit import changed, replaying
 from faultgen.discovery.inputs import usable
 from faultgen.discovery.laws.friction_law import with_friction_law
 from faultgen.discovery.rigid.classical import Regression, identify
@@ -192,10 +192,8 @@ def test_findings_are_those_of_the_log_and_of_the_calibration(
 ):
     found = Calibrated(
         robot=tiny_robot,
-        method="simulated",
         errors=dict.fromkeys(("given", "classical", "calibrated"), 0.1),
         prior_scale=1.0,
-        held_out={},
         values={},
         parameters={},
         findings=("axis 2 is unusual",),
@@ -216,7 +214,7 @@ def test_torque_constants_differ_where_the_links_are_known(measured, tiny_robot)
     recording = measured([], 3)
     recording = replace(recording, torque=1.06 * recording.torque)
     found = calibrate(recording, tiny_robot, known=["inertia"])
-    assert found.robot.torque_gain == pytest.approx([1 / 1.06] * 2, abs=0.015)
+    assert found.robot.torque_gain == pytest.approx([1 / 1.06] * 2, abs=0.03)
 
 
 def test_a_file_as_output_of_the_command_is_refused(measured, tiny_robot_path, tmp_path):
@@ -308,37 +306,15 @@ def test_a_model_that_diverges_is_not_a_result(measured, tiny_robot):
     assert replaying(recording, tiny_robot, []) is tiny_robot
 
 
-@pytest.mark.parametrize(
-    ("failing", "share"),
-    [
-        pytest.param(0, 1.0, marks=pytest.mark.slow),
-        (2, 0.25),
-        pytest.param(99, 0.0, marks=pytest.mark.slow),
-    ],
-)
-def test_the_largest_share_of_the_changes_that_can_be_simulated_is_kept(
-    measured, tiny_robot, monkeypatch, failing, share
-):
-    """Where a model of all that was fitted diverges; a line says so."""
-    asked = []
-
-    def sometimes(recording, robot, changes):
-        asked.append((robot, dict(changes)))
-        return None if len(asked) <= failing else replaying(recording, robot, changes)
-
-    monkeypatch.setattr(simulated_fit, "replaying", sometimes)
+def test_a_fit_that_diverges_leaves_the_given_model(measured, tiny_robot, monkeypatch):
+    """A line says so."""
     monkeypatch.setattr(freedom, "fit", lambda *_: Unusable(tiny_robot))
     recording = measured([("viscous_friction", 2, 0.4)], 3)
     found = calibrate(
         recording, tiny_robot, prior_scales=[10.0], exclude=["torque_constant", "inertia"]
     )
-    assert found.method == "simulated" and found.errors["physical"] == np.inf
-    start, changes = asked[0]
-    assert start is tiny_robot  # the physical model cannot be simulated
-    (fitted,) = (v for t, v in changes.items() if t.key == ("viscous_friction", 2))
-    assert fitted == pytest.approx(0.4, rel=0.2)
-    assert found.values.get("viscous_friction", {}).get(2, 0.0) == pytest.approx(share * fitted)
-    assert len(found.lacks) == (share < 1)
+    assert found.errors["physical"] == np.inf and np.isfinite(found.errors["calibrated"])
+    assert any("the given one is kept" in line for line in found.lacks)
 
 
 class Unusable:

@@ -10,7 +10,7 @@ import faultgen
 from faultgen.dataset.experiment import Experiment
 from faultgen.discovery import check_recording, investigate, read_recording, write_recording
 from faultgen.discovery.inputs import read_together
-from faultgen.discovery.replay.samples import near_reversal, rolling
+from faultgen.discovery.replay.samples import rolling
 from faultgen.errors import InputError
 from faultgen.recordings.from_runs import recording_of
 from faultgen.recordings.recording import low_passed
@@ -162,8 +162,7 @@ def test_separate_recordings_may_be_short(tiny_robot, measured):
     """Masks have the shape of the recording, however few samples one of them has."""
     recording = replace(measured([], 1), segments=(0, 5, 12, 300))
     assert check_recording(recording, tiny_robot) is not None
-    for mask in (near_reversal, rolling):
-        assert mask(recording, tiny_robot).shape == recording.position.shape
+    assert rolling(recording, tiny_robot).shape == recording.position.shape
     with pytest.raises(InputError, match="5 samples is too short for the low-pass filter"):
         low_passed(recording, 10.0)
 

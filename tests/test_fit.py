@@ -53,14 +53,11 @@ def pose(shapes):
 
 
 def test_a_set_is_simulated_at_its_severities(pose, shapes):
-    """All effects together; what remains of the residual is what the evidence is of."""
+    """All effects together."""
     problem = pose()
     found = fit_at(problem, GROUPS, VALUES, COVARIANCE)
     change = np.tensordot(bent(VALUES), shapes, axes=1)
     np.testing.assert_allclose(found.change, change, rtol=1e-12)
-    left = problem.residual - change
-    own = problem.evidence(left)
-    np.testing.assert_array_equal(found.evidence.right, own.right)
     assert found.terms == [0, 1, 2]
     assert changes_of(problem, found) == list(zip(TERMS, VALUES, strict=True))
     (group, value, covariance), *others = found.members()
@@ -72,7 +69,6 @@ def test_a_set_is_linear_where_its_simulation_diverges(pose, shapes, diverges):
     found = fit_at(pose(diverges), GROUPS, VALUES, COVARIANCE)
     told = np.tensordot(2 * VALUES, shapes, axes=1)
     np.testing.assert_allclose(found.change, told, rtol=1e-4, atol=1e-4)
-    assert np.isfinite(found.evidence.right).all()
 
 
 @pytest.mark.parametrize("diverges", ["", "nan"])

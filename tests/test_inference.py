@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from faultgen.inference.confirm import confirmed, log_predictive, without_refuted
+from faultgen.inference.limits import AGAINST
 from faultgen.inference.model import Group, Model, log_bayes_factors
 from faultgen.inference.products import Products
 from faultgen.inference.search import Hypothesis, search
@@ -60,6 +64,93 @@ def test_scales_are_those_of_the_numbers(columns, rng):
     difference += rng.normal(size=difference.shape)
     narrow, wide = np.exp(model_of(columns, difference).healthy.log_scales)
     assert narrow < 1 < 4 < wide
+
+
+@pytest.mark.parametrize("effects", [(), (1,)])
+def test_the_curvature_is_that_of_the_evidence(columns, rng, effects):
+    """Against differences of its slope, where the data tell more than the prior."""
+    difference = np.tensordot(rng.normal(0, 0.2, 12), columns[:12], axes=1) + columns[13]
+    model = model_of(columns, difference + rng.normal(size=(SAMPLES, AXES)))
+    found = model.fit(effects)
+    cost, best = model.cost_of(effects), found.log_scales
+    steps = 1e-3 * np.eye(2)
+    slopes = [(cost(best + d)[1] - cost(best - d)[1]) / 2e-3 for d in steps]
+    np.testing.assert_allclose(found.curvature, slopes, rtol=1e-5, atol=1e-5)
+    assert np.abs(cost(best)[1]).max() < 0.05
+
+
+def test_a_fit_from_another_one_is_the_same(columns, rng):
+    """Also where a scale stands at its bound."""
+    difference = np.tensordot(rng.normal(0, 0.1, 12), columns[:12], axes=1) + columns[13]
+    difference += rng.normal(size=(SAMPLES, AXES))
+    for size in (1.0, 300.0):
+        model = model_of(columns, size * difference)
+        near, far = model.fit([1], model.healthy), model.fit([1])
+        assert near.log_evidence == pytest.approx(far.log_evidence, abs=0.01)
+        np.testing.assert_allclose(near.log_scales, far.log_scales, atol=0.1)
+
+
+def test_the_largest_effect_comes_first(columns, rng):
+    """However sure the others are."""
+    difference = 0.5 * columns[12] + 2.0 * columns[13] + rng.normal(size=(SAMPLES, AXES))
+    found = search(model_of(columns, difference), singles(), sure=3.0)
+    turned = replace(
+        found,
+        effects=found.effects[::-1],
+        fitted=found.fitted.model.fit([one.forms[0][0] for one in found.effects[::-1]]),
+    )
+    for one in (found, turned):
+        assert [effect.keys[0][0] for effect in one.by_size()] == ["effect 1", "effect 0"]
+
+
+def test_other_data_refute_what_only_the_first_ones_show(columns, rng):
+    """An effect that is in both stays."""
+    first = columns[12] + 0.8 * columns[13] + rng.normal(size=(SAMPLES, AXES))
+    found = search(model_of(columns, first), singles(), sure=3.0)
+    assert len(found.effects) == 2
+    others = rng.normal(size=columns.shape)
+    other = others[12] + rng.normal(size=(SAMPLES, AXES))
+    kept, refuted = confirmed(found, Products.of(others, other, other.size))
+    assert [one.keys[0][0] for one in kept.effects] == ["effect 0"]
+    ((lost, gained),) = refuted
+    assert lost.keys[0][0] == "effect 1" and gained < -AGAINST
+    both = other + 0.8 * others[13]
+    kept, refuted = confirmed(found, Products.of(others, both, both.size))
+    assert len(kept.effects) == 2 and not refuted
+
+
+def test_numbers_that_other_data_refute_are_exact(columns, rng):
+    """A group that only fits the first data; the other group keeps its scale."""
+    values = np.append(rng.normal(0, 0.1, 6), rng.normal(0, 1.0, 6))
+    first = np.tensordot(values, columns[:12], axes=1) + rng.normal(size=(SAMPLES, AXES))
+    others = rng.normal(size=columns.shape)
+    noise = rng.normal(size=(SAMPLES, AXES))
+    held = [
+        Products.of(others, np.tensordot(values[:count], others[:count], axes=1) + noise, 600)
+        for count in (6, 12)
+    ]
+    model = model_of(columns, first)
+    refuted, right = (without_refuted(model, one, ["narrow", "wide"]) for one in held)
+    assert refuted.groups[0] == model.groups[0]
+    assert np.exp(refuted.healthy.log_scales[1]) < 0.05
+    assert right.groups == model.groups
+
+
+def test_the_probability_of_other_data_is_their_density(columns, rng):
+    """Against a normal distribution with the covariance of noise and of all errors."""
+    first = columns[12] + rng.normal(size=(SAMPLES, AXES))
+    model = model_of(columns, first)
+    others = rng.normal(size=(len(columns), 20, AXES))
+    other = others[12] + rng.normal(size=(20, AXES))
+    apart = []
+    for effects in ((), (0,)):
+        found = model.fit(effects)
+        chosen = [*range(12), *(12 + k for k in effects)]
+        x = others[chosen].reshape(len(chosen), -1)
+        law = multivariate_normal(x.T @ found.values, np.eye(40) + x.T @ found.covariance @ x)
+        told = log_predictive(found, Products.of(others, other, 40))
+        apart.append(law.logpdf(other.ravel()) - told)
+    assert apart[0] == pytest.approx(apart[1], abs=1e-6)  # but for one constant
 
 
 def test_an_effect_is_found_with_its_size(columns, rng):

@@ -15,6 +15,7 @@ from faultgen.discovery.decision.choice import severities
 from faultgen.discovery.decision.verdict import answer
 from faultgen.discovery.decision.with_laws import contract, outside, with_laws
 from faultgen.discovery.laws.law_curves import Courses, Curve
+from faultgen.discovery.laws.law_fit import Regression
 from faultgen.discovery.laws.law_words import Part, formulas
 from faultgen.discovery.laws.learned_law import learn
 from faultgen.discovery.replay.replay import Replay
@@ -87,6 +88,14 @@ def test_a_law_is_learned(problem, name):
 
 
 @pytest.mark.slow
+def test_a_shape_that_is_nowhere_has_no_value(problem):
+    """A formula may be 0 on all samples, and its values are then not determined."""
+    left = np.random.default_rng(0).standard_normal(problem.residual.shape)
+    regression = Regression(problem, Courses(problem.replay, problem.inside), left, 1)
+    columns = np.array([regression.target, 0 * regression.target])
+    np.testing.assert_allclose(regression.fit(columns, np.zeros((2, 2))), [1.0, 0.0], atol=1e-9)
+
+
 def test_noise_is_no_law(problem):
     """Of healthy robots nothing is learned, whatever the draw of the noise."""
     rng = np.random.default_rng(4)

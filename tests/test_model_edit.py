@@ -8,7 +8,6 @@ from linear import COUNT, PARTS, least_squares, written_down
 
 from faultgen.discovery.calibration import model_edit
 from faultgen.discovery.calibration.model_edit import build, build_stable
-from faultgen.discovery.fit.gap import unexplained
 from faultgen.discovery.terms.candidates import Term
 from faultgen.errors import SimulationFailed
 
@@ -100,7 +99,7 @@ def test_the_written_model_replays_the_recording(columns, monkeypatch, refused):
 
     monkeypatch.setattr(model_edit, "replaying", replaying)
     found = least_squares(problem, [(0,)])
-    built, robot, lacks = build_stable(problem, found, unexplained(problem, found)[1])
+    built, robot, lacks = build_stable(problem, found, np.array([0.0, 0.1 / FRICTION.prior_std]))
     assert all(one == (problem.recording, problem.robot) for one in asked)
     shares = [1.0, 0.5, 0.25, 0.1, 0.0]
     assert built.share == (shares[refused] if refused < 5 else 0.0)

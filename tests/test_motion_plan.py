@@ -7,7 +7,6 @@ import pytest
 from conftest import faultgen_here
 from scipy.signal import lfilter
 
-from faultgen.discovery.fit.evidence import Evidence
 from faultgen.discovery.planning import motion_plan
 from faultgen.discovery.planning.expected_rates import (
     Candidates,
@@ -140,17 +139,26 @@ def test_drifting_noise_is_whitened():
     assert [white[k:] @ white[:-k] / count for k in (1, 2, 5)] == pytest.approx([0] * 3, abs=0.01)
 
 
-def test_gains_are_those_of_the_evidence():
-    """The misfit falls as in `Evidence`, on which discovery screens its candidates."""
+def test_gains_are_those_of_fits():
+    """By how much the misfit falls if a candidate has no prior any more."""
     rng = np.random.default_rng(1)
     terms, columns, gram = random_problem(rng)
     candidates = Candidates.of(terms)
-    residual = rng.standard_normal((50, 1))
-    evidence = Evidence.of(columns, residual, [slice(0, 50)])
-    value, inverse, _ = evidence.solve()
-    gains, first = evidence.gains(candidates.groups)
-    expected = np.where(first > candidates.least, gains, 0)
-    np.testing.assert_allclose(candidates.gains(inverse, value[:, None])[:, 0], expected, rtol=1e-5)
+    flat, y = columns.reshape(len(columns), -1), rng.standard_normal(50)
+
+    def fitted(free=()):
+        weight = np.ones(len(flat))
+        weight[list(free)] = 1e-9
+        value = np.linalg.solve(gram + np.diag(weight), flat @ y)
+        return value, float(np.sum((y - value @ flat) ** 2) + np.sum(weight * value**2))
+
+    value, misfit = fitted()
+    inverse = np.linalg.inv(gram + np.eye(len(gram)))
+    found = candidates.gains(inverse, value[:, None])[:, 0]
+    for gain, group, least in zip(found, candidates.groups, candidates.least, strict=True):
+        freed, less = fitted(group)
+        expected = misfit - less if freed[group[0]] > least else 0.0
+        assert gain == pytest.approx(expected, rel=1e-4, abs=1e-6)
     assert all(terms[g[0]].name != FORM for g in candidates.groups)
 
 

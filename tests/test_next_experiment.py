@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from linear import posed, white_noise
 
 from faultgen.discovery.fit.fit import fit_at
-from faultgen.discovery.fit.regression import pose
 from faultgen.discovery.planning.next_experiment import library, next_experiment, planned_recording
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.terms.candidates import Term
@@ -23,7 +23,8 @@ def problem(measured, tiny_robot):
     base = replay.torque()
     raw = np.array([(replay.torque([(t, t.step)]) - base) / t.step for t in TERMS], np.float32)
     residual = replay.recording.torque - base
-    return pose(replay, TERMS, base, raw, residual, baseline=True)
+    noise = white_noise(0.01 * np.abs(base).mean(axis=0), len(base))
+    return posed(replay, TERMS, base, raw, residual, noise, baseline=True)
 
 
 def moves(toml):

@@ -22,6 +22,7 @@ from faultgen.discovery.rigid.drives import Drives, built
 from faultgen.discovery.terms.candidates import Term
 from faultgen.effects import EFFECTS
 from faultgen.effects.spreads import SPREADS
+from faultgen.inference.limits import LIMITS, table
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY
 from faultgen.simulation.motion import plan
 from faultgen.simulation.servo import control_signal
@@ -239,11 +240,17 @@ def test_a_weak_axis_gets_better_numbers_of_its_drive(measured, tiny_robot, wron
 
 
 def test_the_documentation_has_the_table_of_spreads():
-    page = (Path(__file__).parents[1] / "docs" / "discovery.md").read_text()
+    page = (Path(__file__).parents[1] / "docs" / "discovery_priors.md").read_text()
     for name, one in SPREADS.items():
         value = f"{one.std:g} of the {one.of}" if one.of else f"{one.std:g}"
         row = f"| `{name}` | {value} | {one.reason} | {one.source or 'assumed'} |"
         assert row in page, row
+
+
+def test_the_documentation_has_the_table_of_limits():
+    page = (Path(__file__).parents[1] / "docs" / "discovery_priors.md").read_text()
+    assert table() in page
+    assert len({one.name for one in LIMITS}) == len(LIMITS) < 40
 
 
 def test_every_candidate_has_a_spread_with_a_reason():

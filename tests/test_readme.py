@@ -64,7 +64,7 @@ def test_numbers_and_names_in_the_docs_are_those_of_the_package():
 
 def test_discovery_tells_which_effects_it_never_considers():
     """The lists are those of the catalogue."""
-    text = (ROOT / "docs" / "discovery.md").read_text()
+    text = (ROOT / "docs" / "discovery_details.md").read_text()
     for use, begins in (("never", "Some effects"), ("on request", "`viscous_asymmetry`")):
         (line,) = re.findall(rf"^- ({begins}.*?(?:sensor_stuck|on request))", text, re.MULTILINE)
         told = set(re.findall(r"`?(\w+_\w+)`?", line))

@@ -9,10 +9,8 @@ from faultgen.discovery.replay.samples import (
     blocks,
     counted,
     divided,
-    for_noise,
     for_scoring,
     moving,
-    near_reversal,
     rolling,
     samples_of,
 )
@@ -89,22 +87,6 @@ def test_an_axis_moves_above_a_tenth_of_the_stribeck_velocity():
     assert not moving(still, ROBOT).any()
 
 
-@pytest.mark.parametrize("period", [0.01, 0.2])
-def test_near_a_reversal_is_near_low_speed(period):
-    """Three Stribeck velocities, and 50 ms on both sides, or a sample if samples are longer."""
-    speed = np.concatenate([np.full(60, 3.2), np.full(20, -2.8), np.full(60, -3.2)]) * STRIBECK
-    slow = np.zeros(140, bool)
-    slow[60:80] = True
-    slow[[59]] = True  # the central difference over the reversal
-    found = near_reversal(recorded(speed, period=period), ROBOT)[:, 0]
-    width = 5 if period == 0.01 else 1
-    expected = np.zeros(140, bool)
-    expected[min(np.flatnonzero(slow)) - width : 80 + width] = True
-    edge = 80 + width  # the difference there is between both speeds: 3 Stribeck velocities
-    inner = np.abs(np.arange(140) - edge) > 1
-    assert (found == expected)[inner].all()
-
-
 def test_rolling_begins_a_tenth_of_a_second_after_rest_and_reversal():
     """In each recording anew; a recording that begins in motion is rolling at once."""
     speed = np.concatenate([np.zeros(30), np.full(40, 10.0), np.full(50, -10.0)])
@@ -125,19 +107,6 @@ def test_a_baseline_is_compared_at_rest_too():
     assert not baseline[:30].any() and baseline[40:].all()
     assert (alone == (baseline & rolling(recording, ROBOT)[:, 0])).all()
     assert not alone[105:150].any() and alone[165:].all()
-
-
-def test_axes_with_too_few_samples_are_not_compared():
-    """Three axes: one steady for long, one hardly ever steady, one that hardly moves."""
-    parts = [slice(0, 3000), slice(3000, 6000)]
-    inside, steady = np.ones((2, 6000, 3), bool)
-    steady[20:, 1] = False
-    inside[10:, 2] = steady[10:, 2] = False
-    given = inside.copy(), steady.copy()
-    used, told = for_noise(inside, steady, parts)
-    assert used[:, :2].all() and not used[:, 2].any()
-    assert told.all()
-    assert (inside == given[0]).all() and (steady == given[1]).all()
 
 
 def test_an_axis_whose_servo_is_not_given_the_torque_creeps_to_rest():

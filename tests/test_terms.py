@@ -5,10 +5,7 @@ import numpy as np
 import pytest
 
 from faultgen.discovery.terms.candidates import (
-    DAY_TO_DAY,
     INERTIA,
-    SAME_MOTIONS,
-    between_runs,
     effect_terms,
     names_by_use,
     periodic_terms,
@@ -79,16 +76,6 @@ def test_tolerances_and_steps_are_positive(tiny_robot):
     terms = effect_terms(tiny_robot) + inertia_terms(tiny_robot)
     terms += periodic_terms(tiny_robot, "torque_ripple", 1, 3.5)
     assert all(term.prior_std > 0 and term.step > 0 for term in terms)
-
-
-def test_two_runs_of_a_robot_differ_less_than_a_robot_and_its_model(tiny_robot):
-    """Their friction differs by a tenth of a percent at least."""
-    terms = effect_terms(tiny_robot)
-    for before, after in zip(terms, between_runs(terms), strict=True):
-        least = DAY_TO_DAY.get(before.name, 0.0)
-        assert after.prior_std == max(SAME_MOTIONS * before.prior_std, least)
-        assert after.key == before.key and after.step == before.step
-    assert {"coulomb_friction", "viscous_friction"} == set(DAY_TO_DAY)
 
 
 def test_inertias_are_those_of_bodies_that_exist(tiny_robot):

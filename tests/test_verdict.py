@@ -7,8 +7,9 @@ from linear import COUNT, PARTS, difference_between, written_down
 from faultgen.discovery.calibration import model_edit
 from faultgen.discovery.decision.choice import choose
 from faultgen.discovery.decision.verdict import answer, is_part, significance
-from faultgen.discovery.result import AMBIGUOUS, EXPLAINED, NAMED, NONE, PARTLY, UNKNOWN
+from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE, PARTLY, UNKNOWN
 from faultgen.discovery.terms.candidates import Term
+from faultgen.inference.limits import NAMED_SHARE
 
 SCORED = np.arange(COUNT) >= PARTS[-1].start
 NAMES = ["torque_offset", "payload_mass"]
@@ -85,25 +86,24 @@ def test_what_explains_only_a_part_is_told(columns, rng, monkeypatch):
     assert found.verdict == PARTLY and len(found.effects) == 1
 
 
-@pytest.mark.parametrize(("in_scoring", "verdict"), [(1.0, NAMED), (-1.0, UNKNOWN)])
+@pytest.mark.parametrize(("in_scoring", "verdict"), [(1.0, NAMED), (-1.0, NONE)])
 def test_an_effect_that_other_motions_refute_is_not_named(
     columns, rng, monkeypatch, in_scoring, verdict
 ):
     """It explains the motions it was fitted to; on those for scoring it has the other sign.
 
-    The effect is then told as what resembles the change, and the model does not contain it.
+    A line tells it then, and the model does not contain the effect.
     """
     problem = posed(columns, [0.7, 0.0], rng.normal(size=(COUNT, 2)), baseline=True)
     problem.residual[SCORED] *= in_scoring
     found = told(problem, monkeypatch)
     assert found.verdict == verdict
     assert len(found.effects) == (verdict == NAMED)
-    lines = [line for line in found.lacks if "which resembles it" in line]
-    assert len(lines) == (verdict == UNKNOWN)
+    lines = [line for line in found.lacks if "speak against it" in line]
+    assert len(lines) == (verdict == NONE)
     assert found.after <= 1.001 * found.before
-    if verdict == UNKNOWN:
-        assert lines[0].startswith("torque_offset of axis 1: not named")
-        assert [one[:2] for one in found.alternatives] == [("torque_offset", 1)]
+    if verdict == NONE:
+        assert lines[0].startswith("torque_offset of axis 1 is not named")
         assert found.changes == [] and found.after == found.calibrated
 
 
@@ -187,7 +187,7 @@ def test_noise_alone_is_significant_as_often_as_it_should_be(rng):
 def test_part_of_a_gap(explained, left, is_partial, floor):
     """Squared errors beyond that of noise: the share that is explained, and the rest in noise."""
     after = np.sqrt((1 + left) * floor**2)
-    before = np.sqrt(floor**2 + left * floor**2 / (1 - EXPLAINED - explained))
+    before = np.sqrt(floor**2 + left * floor**2 / (1 - NAMED_SHARE - explained))
     assert is_part(before, after, floor) == is_partial
 
 

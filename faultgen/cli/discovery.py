@@ -172,6 +172,8 @@ def discover(
             f"[{low:.4g}, {high:.4g}], {one['parameters']['unit']}; "
             f"confidence {one['confidence']:.2f}"
         )
+        if "sentence" in one:
+            say(f"  {one['sentence']}")
         if "sentence" in one["parameters"]:
             say(f"  {one['parameters']['sentence']}: {one['parameters']['formula']}")
     for one in result["alternatives"]:

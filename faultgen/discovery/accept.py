@@ -17,8 +17,9 @@ import numpy as np
 from faultgen.discovery.left_out import left_out, unexplained, weightless
 from faultgen.discovery.log_scale import Found, with_scale
 from faultgen.discovery.rigid.log_fit import LogFit
-from faultgen.discovery.rigid.torque_log import CERTAIN, Evidence, evidence_of, signs
+from faultgen.discovery.rigid.torque_log import Evidence, evidence_of, signs
 from faultgen.errors import InputError
+from faultgen.inference.limits import LOG_CERTAIN
 from faultgen.recordings.checks import STILL, checked_motion, without_friction
 from faultgen.recordings.finding import (
     CORRECTED,
@@ -169,10 +170,14 @@ def _with_sign(
         for axis, one in enumerate(evidence[k]):
             if sign[axis] < 0:
                 ratio = 0.0 if one is None else -one.sign
-                by = f"log likelihood ratio {ratio:.0f}" if ratio >= CERTAIN else "as in the others"
+                by = (
+                    f"log likelihood ratio {ratio:.0f}"
+                    if ratio >= LOG_CERTAIN
+                    else "as in the others"
+                )
                 text = f"the torque has the opposite sign ({by}): it is multiplied by -1; {TRUST}"
                 findings[k].append(Finding(CORRECTED, axis + 1, text))
-            elif one is not None and abs(one.sign) < CERTAIN and one.sign < 0:
+            elif one is not None and abs(one.sign) < LOG_CERTAIN and one.sign < 0:
                 text = (
                     "the motion does not show the sign of the torque (log likelihood ratio "
                     f"{one.sign:.1f}): it is used as it was logged"

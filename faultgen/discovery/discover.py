@@ -18,12 +18,13 @@ import numpy as np
 from faultgen.discovery.decision.arrays import Posed
 from faultgen.discovery.decision.choice import Choice, choose
 from faultgen.discovery.decision.difference import Difference, difference_of
-from faultgen.discovery.decision.numbers import GENERIC, fixed_groups, kind_of
-from faultgen.discovery.decision.placed import with_places
+from faultgen.discovery.decision.numbers import GENERIC, fixed_groups
+from faultgen.discovery.decision.placed import places
 from faultgen.discovery.decision.run_to_run import Learned as RunToRun
 from faultgen.discovery.decision.run_to_run import by_temperature, differences, learned
+from faultgen.discovery.decision.shared import with_own_noise
 from faultgen.discovery.decision.verdict import answer
-from faultgen.discovery.fit.regression import Problem, pose, posed_again, with_priors
+from faultgen.discovery.fit.problem import Division, Problem, division_of
 from faultgen.discovery.laws.learned_law import Learned
 from faultgen.discovery.laws.order_analysis import find_orders
 from faultgen.discovery.planning.next_experiment import Experiment, next_experiment
@@ -32,7 +33,6 @@ from faultgen.discovery.result import AMBIGUOUS, Answer
 from faultgen.discovery.signatures import Signatures, signatures
 from faultgen.discovery.terms.candidates import (
     Term,
-    between_runs,
     names_by_use,
     periodic_terms,
     with_free_gains,
@@ -115,47 +115,39 @@ def investigate(
         workers=workers,
         cache=cache,
     )
-    given, replay, terms = of_model.given, of_model.replay, of_model.terms
+    replay, terms = of_model.replay, of_model.terms
     notes = list(of_model.notes)
+    residual = recording.torque - of_model.base
     if before := of_model.before:  # less what the model lacked of the robot before
-        lacked = before.recording.torque - before.torque()
-        residual = recording.torque - of_model.base - lacked
-        terms = between_runs(terms)
-    else:
-        residual = recording.torque - of_model.given_torque
-        if recording.constants is not None:
-            terms = with_free_gains(terms)
-    terms = [*terms, *of_model.scanned]
-    try:
-        problem = pose(
-            replay,
-            terms,
-            of_model.base,
-            of_model.raw,
-            residual,
-            baseline=baseline is not None,
-            given=given,
-        )
-    except ValueError as error:
-        raise InputError(f"{recording.source}: {error}") from None
-    problem = _with_orders(problem, workers, exclude)
-    problem = with_places(problem, workers=workers, exclude=exclude)
-    apart = differences(runs) if runs else []
+        residual -= before.recording.torque - before.torque()
+    elif recording.constants is not None:
+        terms = with_free_gains(terms)
+    division = division_of(replay, baseline=before is not None)
+    posed = Posed(
+        replay,
+        [*terms, *of_model.scanned],
+        of_model.raw,
+        of_model.base,
+        residual,
+        division.samples(division.fitting),
+        before is not None,
+        of_model.moved if before is None else {},
+        groups=None if prior_scale is None or before else fixed_groups(prior_scale),
+        white=white_noise,
+    )
     runs_differ: RunToRun | None = None
-    posed = _posed(problem, of_model, prior_scale, white_noise)
     if baseline is not None:
         warmer = by_temperature(recording, baseline, robot, posed.terms, posed.raw)
         posed = replace(posed, warmer=warmer)
-        runs_differ = learned(posed, apart)
+        runs_differ = learned(posed, differences(runs))
         if runs_differ is not None:
             posed = replace(posed, groups=runs_differ.groups)
     with Progress("choosing effects", None):
-        difference = difference_of(posed)
+        posed, difference = _with_more(posed, workers, exclude)
+        problem = _problem(posed, difference, of_model, division)
         choice = choose(problem, difference)
     scales = _scales(difference, choice)
-    if baseline is None:
-        problem = _with_scales(problem, scales)
-        choice = replace(choice, problem=problem)
+    choice = replace(choice, problem=(problem := _with_scales(problem, difference, choice)))
     with Progress("checking the choice", None):
         told = answer(problem, choice)
     experiment = None
@@ -168,57 +160,64 @@ def investigate(
     return Discovery(problem, choice, told, experiment, scales, runs_differ, notes=tuple(notes))
 
 
-def _with_orders(problem: Problem, workers: int, exclude: Collection[str]) -> Problem:
-    """The problem with additional periodic effects, at the orders that the residual shows."""
-    solution, _, _ = problem.evidence().solve()
-    error = problem.whiten(problem.residual) - np.tensordot(solution, problem.white, axes=1)
-    known = {(t.axis, dict(t.parameters).get("order")) for t in problem.terms}
-    new: list[Term] = []
-    for found in find_orders(problem, error):
-        if (found.axis, round(found.order, 2)) in known:
-            continue
-        if not problem.baseline and found.order < _LOWEST:
-            continue
-        for name in names_by_use("periodic"):
-            if name not in exclude:
-                new += periodic_terms(problem.robot, name, found.axis, found.order)
-    if not new:
-        return problem
-    _, raw = sensitivities(problem.replay, new, problem.base, workers=workers)
-    if problem.baseline:
-        new = between_runs(new)
-    return posed_again(problem, new, raw)
+def _with_more(posed: Posed, workers: int, exclude: Collection[str]) -> tuple[Posed, Difference]:
+    """Add effects to which the difference itself leads: waves of some orders, and places."""
+    difference = difference_of(posed)
+    shared = with_own_noise(posed, difference.noise) if posed.baseline else posed
+    if shared is not posed:
+        posed, difference = shared, difference_of(shared)
+    waves = _waves(posed, difference, exclude)
+    if waves:
+        _, raw = sensitivities(posed.replay, waves, posed.base, workers=workers)
+        posed = _and(posed, waves, raw)
+        difference = difference_of(posed)
+    terms, columns = places(posed, difference, workers=workers, exclude=exclude)
+    if terms:
+        posed = _and(posed, terms, np.array(columns))
+        difference = difference_of(posed)
+    return posed, difference
 
 
-def _posed(
-    problem: Problem, of_model: Signatures, prior_scale: float | None, white_noise: bool
-) -> Posed:
-    """The difference for the inference, with the priors of a comparison with a model."""
-    usual = {
-        (term.key, term.step, term.parameters): term.prior_std
-        for term in (*of_model.terms, *of_model.scanned)
-    }
-    terms = [
-        replace(t, prior_std=usual.get((t.key, t.step, t.parameters), t.prior_std))
-        for t in problem.terms
+def _and(posed: Posed, terms: Sequence[Term], raw: np.ndarray) -> Posed:
+    """The same with further terms."""
+    return replace(posed, terms=[*posed.terms, *terms], raw=np.concatenate([posed.raw, raw]))
+
+
+def _waves(posed: Posed, difference: Difference, exclude: Collection[str]) -> list[Term]:
+    """Periodic effects at the orders that a difference shows, besides those that are there."""
+    robot = posed.replay.robot
+    known = {(t.axis, dict(t.parameters).get("order")) for t in posed.terms}
+    return [
+        term
+        for found in find_orders(posed.replay.recording, robot, difference.rest, difference.inside)
+        if (found.axis, round(found.order, 2)) not in known
+        and (posed.baseline or found.order >= _LOWEST)
+        for name in names_by_use("periodic")
+        if name not in exclude
+        for term in periodic_terms(robot, name, found.axis, found.order)
     ]
-    residual = problem.residual
-    if not problem.baseline:
-        residual = problem.recording.torque - problem.base
-        terms = problem.terms
-    return Posed(
-        problem.replay,
-        terms,
-        problem.raw,
-        problem.base,
-        residual,
-        problem.samples(problem.fitting),
-        problem.baseline,
-        {} if problem.baseline else of_model.moved,
-        groups=None if prior_scale is None or problem.baseline else fixed_groups(prior_scale),
-        own_noise=problem.noise if problem.shared.any() else None,
-        shared=problem.shared,
-        white=white_noise,
+
+
+def _problem(
+    posed: Posed, difference: Difference, of_model: Signatures, division: Division
+) -> Problem:
+    """The residual and the terms, for all that comes after the inference."""
+    recording = posed.replay.recording
+    residual = posed.residual if posed.baseline else recording.torque - of_model.given_torque
+    shared = np.zeros(residual.shape[1], bool) if posed.shared is None else posed.shared
+    return Problem(
+        inside=division.inside,
+        parts=division.parts,
+        scoring=division.scoring,
+        replay=posed.replay,
+        given=of_model.given,
+        terms=list(posed.terms),
+        base=posed.base,
+        residual=residual,
+        raw=posed.raw,
+        noise=difference.noise,
+        baseline=posed.baseline,
+        shared=shared,
     )
 
 
@@ -233,13 +232,17 @@ def _scales(difference: Difference, choice: Choice) -> dict[str, float]:
     }
 
 
-def _with_scales(problem: Problem, scales: Mapping[str, float]) -> Problem:
-    """The problem with the learned scales of its numbers."""
+def _with_scales(problem: Problem, difference: Difference, choice: Choice) -> Problem:
+    """The problem with the standard deviations of numbers that were learned."""
+    numbers, scales = difference.numbers, np.exp(choice.found.fitted.log_scales)
+    std = {
+        which: numbers.std[k] * scales[numbers.group[k]] for k, which in enumerate(numbers.which)
+    }
     terms = [
-        replace(term, prior_std=term.prior_std * scales.get(kind_of(term) or "", 1.0))
+        replace(term, prior_std=std.get((*term.key, term.parameters), term.prior_std))
         for term in problem.terms
     ]
-    return with_priors(problem, terms)
+    return replace(problem, terms=terms)
 
 
 def dump(result: dict[str, Any]) -> str:

@@ -10,16 +10,10 @@ import numpy as np
 from faultgen.discovery.rigid.log_fit import LogFit
 from faultgen.discovery.rigid.torque_log import Evidence
 from faultgen.errors import InputError
+from faultgen.inference.limits import NO_TORQUE, OTHERS_FINE
 from faultgen.recordings.finding import LEFT_OUT, TRUST, WARN, Finding
 from faultgen.recordings.recording import Recording
 from faultgen.recordings.torque_doubts import without_weight
-
-LITTLE = 0.9
-"""Error of a fit with free parameters on blocks that were not fitted, over the deviation of the
-torque, from which an axis has no good model: less than a fifth of its variance is explained."""
-
-FINE = 0.5
-"""The same of the best axis, up to which the model and the motion can be right: assumed."""
 
 
 def weightless(
@@ -88,11 +82,11 @@ def unexplained(
         one.error if one is not None and slides[axis] else None for axis, one in enumerate(evidence)
     ]
     known = [error for error in errors if error is not None]
-    if not known or min(known) > FINE:
+    if not known or min(known) > OTHERS_FINE:
         return []
     out = []
     for axis, error in enumerate(errors, start=1):
-        if error is not None and error >= LITTLE:
+        if error is not None and error >= NO_TORQUE:
             out.append(axis)
             text = (
                 f"even free parameters of an arm leave {100 * error:.0f} % of the torque "

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from faultgen.discovery.rigid.torque_log import (
-    CERTAIN,
+    LOG_CERTAIN,
     Evidence,
     Factor,
     common_factor,
@@ -117,7 +117,7 @@ def _factors(
 def _together(evidence: Found, axis: int, number: int) -> bool:
     """Whether all recordings together show a factor of an axis."""
     of_axis = [axes[axis] for axes in evidence]
-    return sum(one.factors[number] for one in of_axis if one is not None) >= CERTAIN
+    return sum(one.factors[number] for one in of_axis if one is not None) >= LOG_CERTAIN
 
 
 def _gain(evidence: Found, axis: int) -> float | None:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from faultgen.discovery.fit.diagnostics import Share
-from faultgen.discovery.laws.patterns import Pattern
 from faultgen.discovery.terms.candidates import Term
 from faultgen.effects import get_effect
 from faultgen.robot import Robot
@@ -21,22 +20,6 @@ NONE, NAMED, PARTLY, AMBIGUOUS, UNKNOWN, MODEL = (
     "unknown effect",
     "model not good enough",
 )
-
-EXPLAINED = 0.8
-"""Share of what can be explained, before² − floor², below which an answer names only a part."""
-
-UNLIKELY = 1e-3
-"""A pattern is reported if the probability that noise causes it, corrected for the number of
-patterns tested, is below this value: one healthy robot in a thousand."""
-
-CONSIDERABLE = 0.25
-"""Squared error beyond that of noise, over that of noise, from which a gap counts as open:
-assumed."""
-
-PART = 0.1
-"""Share of what differs on an axis beyond noise that an effect or a pattern has to explain with a
-baseline: assumed. Runs of an unchanged robot that differ in many ways also differ in small ways
-that a single effect or pattern describes."""
 
 MEASURE = "RMS torque error over RMS torque, on motions used neither for fitting nor for choosing"
 
@@ -90,8 +73,8 @@ class Answer:
     """Probability that noise alone causes the gap that remains after calibration."""
     where: tuple[Share, ...]
     """Shares of the gap by axis and regime."""
-    left: tuple[Pattern, ...]
-    """Patterns in the gap that remains."""
+    left: tuple[tuple[int, str], ...]
+    """Axis and variable of torques of no known form in what remains, the surest first."""
     changes: list[tuple[Term, float]]
     """All changes of the model: effects and calibration."""
     robot: Robot
@@ -164,16 +147,5 @@ class Answer:
             open_ = f"{max(1 - share, 0):.0%} of the gap beyond the noise remains"
         else:
             open_ = "an effect that is in no catalogue"
-        units = {
-            "joint angle": "rad",
-            "motor turn": "rad of the motor's turn",
-            "speed": "rad/s motor side",
-            "acceleration": "rad/s^2 motor side",
-            "time": "s",
-        }
-        told = [
-            f"axis {one.axis} along {one.along}, strongest at {one.place:.3g} {units[one.along]}"
-            for one in self.left[:3]
-            if one.p_value < UNLIKELY
-        ]
-        return open_ + (": a pattern on " + "; ".join(told) if told else "")
+        told = [f"axis {axis} over the {variable}" for axis, variable in self.left[:3]]
+        return open_ + (": a torque of no known form on " + "; ".join(told) if told else "")

@@ -15,10 +15,6 @@ import numpy as np
 
 from faultgen.discovery.decision.near import moved_by, near_model
 from faultgen.discovery.decision.numbers import is_number
-from faultgen.discovery.laws.friction_discrepancy import (
-    discrepancy_sensitivities,
-    discrepancy_terms,
-)
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.samples import counted, cut, samples_of
 from faultgen.discovery.replay.sensitivities import (
@@ -128,16 +124,9 @@ def signatures(
         base, raw = sensitivities(replay, terms, workers=workers, cache=cache)
         of_scanned = own_sensitivities(replay, scanned, base, workers=workers, cache=cache)
     notes = impossible(replay, terms, raw)
-    discrepancy = discrepancy_terms(robot)
-    raw = np.concatenate(
-        [
-            raw,
-            discrepancy_sensitivities(replay, discrepancy, base, workers=workers, cache=cache),
-            own_sensitivities(replay, own, base, workers=workers, cache=cache),
-            of_scanned,
-        ]
-    )
-    terms += discrepancy + own
+    of_own = own_sensitivities(replay, own, base, workers=workers, cache=cache)
+    raw = np.concatenate([raw, of_own, of_scanned])
+    terms += own
     return Signatures(given, replay, before, base, terms, scanned, raw, moved, notes)
 
 

@@ -18,8 +18,8 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.linalg.lapack import dpotri
-from scipy.optimize import minimize
+from scipy.linalg.lapack import dtrtri
+from scipy.optimize import OptimizeResult, minimize
 
 from faultgen.inference.products import ROUNDING, Products
 
@@ -27,7 +27,8 @@ LARGEST = 3.5
 """Logarithm of the largest scale, and of the inverse of the smallest: 33 times the literature."""
 
 _STEPS = 60
-_STEP = 0.05  # of the logarithm of a scale, for a second derivative
+_FARTHEST = 2.0  # step of the logarithm of a scale
+_FLAT = 0.03  # slope of minus the log evidence at which a search ends: it costs less than 0.001
 
 
 @dataclass(frozen=True)
@@ -41,27 +42,6 @@ class Group:
     logarithm."""
     centre: float = 1.0
     """Scale that is most probable before the data are seen."""
-
-
-@dataclass(frozen=True, eq=False)
-class Fitted:
-    """Scales, and what follows from them, for one set of effects."""
-
-    log_evidence: float
-    """Of the data, with the best scales and their prior; up to a constant."""
-    log_scales: np.ndarray
-    """Logarithm of the scale of each group, shape (groups,)."""
-    values: np.ndarray
-    """Posterior mean of numbers and effects, in their own units, shape (numbers + effects,)."""
-    covariance: np.ndarray
-    """Their posterior covariance, shape (numbers + effects, numbers + effects)."""
-    slope: Callable[[np.ndarray], np.ndarray]
-    """Slope of minus the log evidence with logarithms of the scales, all of shape (groups,)."""
-
-    @property
-    def errors(self) -> np.ndarray:
-        """Posterior standard deviations, shape (numbers + effects,)."""
-        return np.sqrt(np.diag(self.covariance))
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,42 +69,62 @@ class Model:
         """Columns of all numbers and of some effects."""
         return np.array([*range(self.count), *(self.count + k for k in effects)], int)
 
-    def fit(self, effects: Sequence[int] = (), start: np.ndarray | None = None) -> Fitted:
+    def fit(self, effects: Sequence[int] = (), start: Fitted | None = None) -> Fitted:
         """Find the scales for a set of effects.
 
         Args:
             effects: Columns of effects, from 0.
-            start: Logarithms of scales from which the search starts, shape (groups,).
+            start: A fit of nearly the same set, from which the search starts.
         """
-        chosen = self._chosen(effects)
-        centred = self.products.only(chosen).about(self.mean[chosen])
-        mine = centred.scaled(self.std[chosen])
-        spreads = np.log([one.spread for one in self.groups])
-        centres = np.log([one.centre for one in self.groups])
-        group = np.append(self.group, np.full(len(effects), len(self.groups)))
-        eye = np.eye(len(chosen))
+        cost = self.cost_of(effects)
+        best = _near(cost, start) if start else self._from_afar(cost)
+        return Fitted(self, tuple(effects), -float(best.fun), best.x)
 
-        def cost(log_scales: np.ndarray) -> tuple[float, np.ndarray]:
-            scale = np.exp(np.append(log_scales, 0.0))[group]
-            gram, right = mine.gram * np.outer(scale, scale), mine.right * scale
-            factor = cho_factor(gram + eye + ROUNDING * np.diag(np.diag(gram)), lower=True)
-            value = cho_solve(factor, right)
-            off = (log_scales - centres) / spreads
-            half = np.log(np.diag(factor[0])).sum() - 0.5 * right @ value + 0.5 * mine.energy
-            slope = (_inverse(factor[0]) * gram).sum(axis=1) - value * (right - gram @ value)
-            by_group = np.bincount(group, slope, len(self.groups) + 1)[:-1]
-            return float(half + 0.5 * np.sum(off**2)), by_group + off / spreads
-
-        best = minimize(
+    def _from_afar(self, cost: Callable[[np.ndarray], tuple[float, np.ndarray]]) -> OptimizeResult:
+        """Search from what is most probable before the data are seen."""
+        return minimize(
             cost,
-            centres if start is None else start,
+            np.log([one.centre for one in self.groups]),
             jac=True,
             method="L-BFGS-B",
             bounds=[(-LARGEST, LARGEST)] * len(self.groups),
             options={"maxiter": _STEPS},
         )
-        values, covariance = self.at(best.x, effects)
-        return Fitted(-float(best.fun), best.x, values, covariance, lambda x: cost(x)[1])
+
+    def cost_of(self, effects: Sequence[int]) -> Callable[[np.ndarray], tuple[float, np.ndarray]]:
+        """Return minus the log evidence and its slope, as a function of the logarithms of scales.
+
+        Args:
+            effects: Columns of effects, from 0.
+
+        Returns:
+            The function; scales and slope have the shape (groups,).
+        """
+        chosen = self._chosen(effects)
+        mine = self.products.only(chosen).about(self.mean[chosen]).scaled(self.std[chosen])
+        spreads = np.log([one.spread for one in self.groups])
+        centres = np.log([one.centre for one in self.groups])
+        group = np.append(self.group, np.full(len(effects), len(self.groups)))
+        squares, own = np.diag(mine.gram), np.arange(len(chosen))
+
+        def cost(log_scales: np.ndarray) -> tuple[float, np.ndarray]:
+            scale = np.exp(np.append(log_scales, 0.0))[group]
+            precision = mine.gram * scale
+            precision *= scale[:, None]
+            prior = 1 + ROUNDING * squares * scale**2
+            precision[own, own] += prior
+            right = mine.right * scale
+            factor = cho_factor(precision, lower=True, overwrite_a=True, check_finite=False)
+            value = cho_solve(factor, right, check_finite=False)
+            inverse = np.tril(dtrtri(factor[0], lower=1)[0]) if len(own) else factor[0]
+            off = (log_scales - centres) / spreads
+            half = np.log(np.diag(factor[0])).sum() - 0.5 * right @ value + 0.5 * mine.energy
+            # with products = precision - prior, of which only the inverse's diagonal is needed
+            slope = 1 - prior * (np.einsum("ij,ij->j", inverse, inverse) + value**2)
+            by_group = np.bincount(group, slope, len(self.groups) + 1)[:-1]
+            return float(half + 0.5 * np.sum(off**2)), by_group + off / spreads
+
+        return cost
 
     def at(
         self, log_scales: np.ndarray, effects: Sequence[int] = ()
@@ -149,15 +149,26 @@ class Model:
 
     def without(self, names: Collection[str]) -> Model:
         """Return the model without the numbers of some groups, by their names."""
-        kept = np.array([self.groups[g].name not in names for g in self.group], bool)
-        columns = np.concatenate([kept, np.ones(len(self.std) - self.count, bool)])
+        columns = self.places_without(names)
         return Model(
-            self.products.only(np.flatnonzero(columns)),
+            self.products.only(columns),
             self.std[columns],
             self.mean[columns],
-            self.group[kept],
+            self.group[columns[columns < self.count]],
             self.groups,
         )
+
+    def places_without(self, names: Collection[str]) -> np.ndarray:
+        """Find all columns but the numbers of some groups.
+
+        Args:
+            names: Names of the groups.
+
+        Returns:
+            Numbers of the columns, from 0, shape (columns,).
+        """
+        kept = np.array([self.groups[g].name not in names for g in self.group], bool)
+        return np.flatnonzero([*kept, *[True] * (len(self.std) - self.count)])
 
     @cached_property
     def healthy(self) -> Fitted:
@@ -171,13 +182,8 @@ class Model:
         (Laplace's approximation).
         """
         best = self.healthy.log_scales
-        steps = _STEP * np.eye(len(best))
-        slope = self.healthy.slope
-        curved = np.array([slope(best + d) - slope(best - d) for d in steps]) / (2 * _STEP)
         spreads = np.log([one.spread for one in self.groups])
-        values, vectors = np.linalg.eigh((curved + curved.T) / 2)
-        # where the data tell nothing, the prior remains
-        inverse = (vectors / np.maximum(values, 1 / spreads.max() ** 2)) @ vectors.T
+        inverse = np.linalg.inv(self.healthy.curvature)
         stds = np.minimum(np.sqrt(np.diag(inverse)), spreads)
         return tuple(
             Group(one.name, float(np.exp(std)), float(np.exp(value)))
@@ -226,10 +232,77 @@ class Model:
         return log_bayes_factors(self.without_numbers(log_scales, known), means, sets)
 
 
-def _inverse(lower: np.ndarray) -> np.ndarray:
-    """Inverse of a matrix from its lower triangular factor; quicker than solving for it."""
-    inverse, _ = dpotri(lower, lower=1)
-    return np.asarray(np.tril(inverse) + np.tril(inverse, -1).T)
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Scales, and what follows from them, for one set of effects."""
+
+    model: Model
+    """The numbers and all effects."""
+    effects: tuple[int, ...]
+    """Columns of the effects of the set, from 0."""
+    log_evidence: float
+    """Of the data, with the best scales and their prior; up to a constant."""
+    log_scales: np.ndarray
+    """Logarithm of the scale of each group, shape (groups,)."""
+
+    @cached_property
+    def _posterior(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and covariance of numbers and effects."""
+        return self.model.at(self.log_scales, self.effects)
+
+    @property
+    def values(self) -> np.ndarray:
+        """Posterior mean of numbers and effects, in their own units, shape (numbers + effects,)."""
+        return self._posterior[0]
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Their posterior covariance, shape (numbers + effects, numbers + effects)."""
+        return self._posterior[1]
+
+    @property
+    def errors(self) -> np.ndarray:
+        """Posterior standard deviations, shape (numbers + effects,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @cached_property
+    def curvature(self) -> np.ndarray:
+        """Second derivatives of minus the log evidence with log scales, shape (groups, groups).
+
+        With Q, the inverse of the posterior precision in units of scaled standard deviations, and
+        v, the values in this unit, they are 2 (tr Q_gg + v_g v_g) - 2 (sum of squares of Q_gh) -
+        4 v_g Q_gh v_h, and those of the prior. Where the data tell nothing, the prior remains.
+        """
+        model, own = self.model, self.model.count
+        unit = np.exp(self.log_scales)[model.group] * model.std[:own]
+        value = self.values[:own] / unit
+        inverse = self.covariance[:own, :own] / np.outer(unit, unit)
+        member = np.eye(len(model.groups))[model.group]
+        mixed = inverse * (2 * inverse + 4 * np.outer(value, value))
+        curved = np.diag(2 * (np.diag(inverse) + value**2) @ member) - member.T @ mixed @ member
+        of_prior = np.log([one.spread for one in model.groups]) ** -2.0
+        values, vectors = np.linalg.eigh(curved + np.diag(of_prior))
+        return np.asarray((vectors * np.maximum(values, of_prior.min())) @ vectors.T)
+
+
+def _near(cost: Callable[[np.ndarray], tuple[float, np.ndarray]], start: Fitted) -> OptimizeResult:
+    """Search from a fit whose curvature holds: a few steps are enough."""
+
+    def bounded(log_scales: np.ndarray) -> tuple[float, np.ndarray]:
+        inside = np.clip(log_scales, -LARGEST, LARGEST)
+        value, slope = cost(inside)
+        off = log_scales - inside  # beyond a bound, the cost rises from that at the bound
+        return value + 0.5 * float(off @ off), np.where(off == 0, slope, off)
+
+    best = minimize(
+        bounded,
+        start.log_scales,
+        jac=True,
+        method="trust-exact",
+        hess=lambda _: start.curvature,
+        options={"gtol": _FLAT, "maxiter": _STEPS, "max_trust_radius": _FARTHEST},
+    )
+    return OptimizeResult(x=np.clip(best.x, -LARGEST, LARGEST), fun=best.fun)
 
 
 def log_bayes_factors(
@@ -250,7 +323,7 @@ def log_bayes_factors(
         columns = np.array(chosen, int)
         alone = products.only(columns)
         mine = alone.about(mean[columns])
-        precision = mine.gram + np.eye(len(chosen))
+        precision = mine.gram + np.eye(len(chosen)) + ROUNDING * np.diag(np.diag(mine.gram))
         value = np.linalg.solve(precision, mine.right)
         out[k] = 0.5 * (mine.right @ value - np.linalg.slogdet(precision)[1])
         out[k] += 0.5 * (alone.energy - mine.energy)

@@ -18,24 +18,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
+from faultgen.inference.limits import CREDIBLE, FORM_ERROR, HEALTHY, LAW_ERROR, MOST_EFFECTS
 from faultgen.inference.model import Fitted, Model
 
-HEALTHY = 0.5
-"""Prior probability that no further effect is there: assumed, so that nothing is preferred."""
-
-FORM_ERROR = 0.005
-"""Share of the evidence for an effect that the error of its law may shift to another effect:
-assumed. Real effects differ from their laws by some 10 %, and half of the difference looks like
-another effect: 0.1 x 0.1 x 0.5."""
-
-LAW_ERROR = 0.03
-"""Share of what a known effect explains that a further effect, or an unknown one in its place, has
-to exceed: assumed. Real effects differ from their laws by some 17 %, and the square of this is left
-over."""
-
 _LISTED = 12  # hypotheses whose scales are found again; the others are far behind
-_MOST = 6  # effects in one robot: assumed
-_CREDIBLE = 0.95  # probability of a credible set
 
 
 @dataclass(frozen=True)
@@ -70,7 +56,7 @@ class SingleEffect:
     @property
     def credible(self) -> int:
         """Count the first hypotheses that together have 95 % probability."""
-        return int(np.searchsorted(np.cumsum(self.probabilities), _CREDIBLE) + 1)
+        return int(np.searchsorted(np.cumsum(self.probabilities), CREDIBLE) + 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +69,20 @@ class Found:
     """The next one, which is not sure."""
     fitted: Fitted
     """The model with the best form of each effect."""
+
+    def by_size(self) -> list[SingleEffect]:
+        """Return the effects, the one that changes the torque most first.
+
+        The surest one may be small, where numbers of a healthy robot take up a larger one.
+        """
+        count, values = self.fitted.model.count, self.fitted.values
+        sizes, at = [], count
+        for effect in self.effects:
+            own = self.fitted.model.products.only(count + np.array(effect.forms[0])).gram
+            value = values[at : at + len(own)]
+            sizes.append(float(value @ own @ value))
+            at += len(own)
+        return [self.effects[k] for k in np.argsort(-np.array(sizes), kind="stable")]
 
 
 def search(
@@ -135,11 +135,11 @@ def search(
         left_over = LAW_ERROR * sum(one.odds for one in found)
         best, any_ = (replace(one, odds=one.odds - left_over) for one in (best, any_))
         is_sure, is_there = best.odds >= sure, any_.odds >= sure
-        if len(found) == _MOST or not (is_sure or is_there):
+        if len(found) == MOST_EFFECTS or not (is_sure or is_there):
             rejected = best if best.odds > any_.odds else any_
             return _again(exact, named, Found(tuple(found), rejected, fitted), sure)
         if is_sure:
-            with_best = model.fit([*known, *best.forms[0]], rough.log_scales)
+            with_best = model.fit([*known, *best.forms[0]], rough)
             errors = _law_errors(model, with_best, best.forms[0], any_.forms[:1])
             gained = with_any.log_evidence - with_best.log_evidence - float(errors.sum())
             if not (is_there and gained > sure):
@@ -148,7 +148,7 @@ def search(
         taken.add(any_.keys[0])
         known += any_.forms[0]
         rough = with_any
-        fitted = after if any_ is best else exact.fit(known, fitted.log_scales)
+        fitted = after if any_ is best else exact.fit(known, fitted)
 
 
 def _law_errors(
@@ -216,7 +216,7 @@ def _again(exact: Model, named: Sequence[Hypothesis], found: Found, sure: float)
         others = [one for k, one in enumerate(effects) if k != place and one is not None]
         known = [column for one in others for column in one.forms[0]]
         taken = {one.keys[0] for one in others}
-        beside = exact.fit(known, fitted.log_scales)
+        beside = exact.fit(known, fitted)
         left = [one for one in named if one.key not in taken]
         share = len(_families(named)) + 1
         best, after = _next(exact, left, known, beside, np.log((share - 1) / share))
@@ -225,7 +225,7 @@ def _again(exact: Model, named: Sequence[Hypothesis], found: Found, sure: float)
         effects[place] = best if stays else None
         fitted = after if stays else beside
     kept = tuple(one for one in effects if one is not None)
-    fitted = exact.fit([column for one in kept for column in one.forms[0]], fitted.log_scales)
+    fitted = exact.fit([column for one in kept for column in one.forms[0]], fitted)
     return Found(kept, found.rejected, fitted)
 
 
@@ -264,7 +264,7 @@ def _next(
         candidates += np.argsort(-weighed)[:_LISTED].tolist()
     again = {}
     for k in dict.fromkeys(candidates):
-        made = model.fit([*known, *forms[k]], fitted.log_scales)
+        made = model.fit([*known, *forms[k]], fitted)
         again[k] = made.log_evidence - fitted.log_evidence, made
     evidence = np.full(len(hypotheses), -np.inf)
     best = dict.fromkeys(range(len(hypotheses)), -1)

@@ -86,6 +86,8 @@ class Autoregression:
                 continue
             new = own[..., order:, :] * first
             for delay, weight in enumerate(later, start=1):
+                if not weight.any():
+                    continue
                 new += own[..., order - delay : own.shape[-2] - delay, :] * weight
             out[..., part.start + order : part.stop, :] = new
         return out

@@ -53,6 +53,19 @@ class Noise:
         """
         return self.colour.whiten(x / self.level.astype(x.dtype), parts)
 
+    def whiten_axis(self, x: np.ndarray, axis: int, parts: Sequence[slice]) -> np.ndarray:
+        """Compute the innovations of one axis.
+
+        Args:
+            x: Shape (..., samples), in the unit of the noise.
+            axis: Axis, from 1.
+            parts: Samples of each separate recording.
+
+        Returns:
+            Same shape as x, as from `whiten`.
+        """
+        return self.of_axis(axis).whiten(x[..., None], parts)[..., 0]
+
     def of_axis(self, axis: int) -> Noise:
         """Return the noise of one axis, counted from 1."""
         return Noise(self.colour.of_axis(axis), self.level[:, axis - 1 : axis])

@@ -18,10 +18,10 @@ from threadpoolctl import threadpool_limits
 from faultgen.discovery.calibration.limits import with_limits_of
 from faultgen.discovery.calibration.own_friction import with_own_friction
 from faultgen.discovery.calibration.own_numbers import with_own_numbers
-from faultgen.discovery.decision.with_laws import contract, outside, with_laws
+from faultgen.discovery.decision.with_laws import LEARNED, contract, outside, with_laws
 from faultgen.discovery.discover import Discovery, investigate
 from faultgen.discovery.fit.gap import gap
-from faultgen.discovery.fit.regression import Problem
+from faultgen.discovery.fit.problem import Problem
 from faultgen.discovery.inputs import check_positive, read_together, usable
 from faultgen.discovery.replay.own_servo import nearest_servo, with_own_servo
 from faultgen.discovery.replay.replay import Replay, relative_error
@@ -38,6 +38,7 @@ from faultgen.discovery.rigid.drives import GAIN
 from faultgen.discovery.terms.candidates import FREE_GAINS, Term, check_names, names_by_use
 from faultgen.effects import EFFECTS, get_effect
 from faultgen.effects.friction import SPEED_FRICTION
+from faultgen.effects.words import in_words
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.recordings.recording import LogFault, Recording, mean_of
 from faultgen.robot import Robot, load_robot
@@ -187,6 +188,7 @@ def discover(
             except (InputError, SimulationFailed) as error:  # what was found is not lost
                 result["gap"]["validation"] = None
                 warnings.append(f"{validate}: not scored: {error}")
+    _say(result, model)
     result["findings"] = findings
     result["following"] = "; ".join(filter(None, (servo, fitted)))
     result["torque_constants"] = _torque_constants(found)
@@ -215,6 +217,19 @@ def discover(
 
         write_discovery(Path(out), result, found)
     return result
+
+
+def _say(result: dict[str, Any], robot: Robot) -> None:
+    """Add what each effect means in words, and its severity in other units."""
+    for one in result["effects"]:
+        if one["effect"] != LEARNED:
+            given = one["parameters"]
+            others = {k: v for k, v in given.items() if k not in ("severity", "unit")}
+            low, high = one["interval"]["severity"]
+            said = in_words(
+                robot, one["effect"], one["axis"], given["severity"], (low, high), others
+            )
+            one |= said.contract()
 
 
 class _Stages:

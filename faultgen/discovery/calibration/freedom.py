@@ -10,6 +10,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
+from joblib import delayed
 
 from faultgen.discovery.calibration.held_out import HeldOut
 from faultgen.discovery.rigid.classical import Regression
@@ -17,6 +18,7 @@ from faultgen.discovery.rigid.drives import GAIN
 from faultgen.discovery.rigid.physical import Spread, fit
 from faultgen.discovery.terms.candidates import INERTIA
 from faultgen.robot import Robot
+from faultgen.system.parallel import in_parallel
 
 
 def physical_model(held_out: HeldOut, told: Sequence[Spread]) -> tuple[Spread, Robot, np.ndarray]:
@@ -77,13 +79,14 @@ def spreads(
     prior_scales: Sequence[float],
     known: Collection[str],
     exclude: Collection[str],
+    workers: int = 1,
 ) -> list[Spread]:
     """Choose how far the physical model may be from the given one, by blocks that were not fitted.
 
     The first is the least change that predicts as well as any, to within a standard error (Breiman
     et al. 1984): torque constants stay if they can, and the prior scale is the smallest. Where the
-    links are known and the torque constants are not, the links stay if they can: otherwise links
-    that are a little wrong would take the place of wrong torque constants.
+    links are known and the torque constants are not, the links stay if they can, and the torque
+    constants are as free as may be: otherwise links that are a little wrong would take their place.
 
     Args:
         regression: The regression.
@@ -91,34 +94,34 @@ def spreads(
         prior_scales: Scales to choose from.
         known: Numbers that keep their default prior standard deviations.
         exclude: Numbers that are not changed.
+        workers: Number of processes. It has no effect on the result.
 
     Returns:
         The chosen spread, and then wider ones in ascending order.
     """
-    products = regression.products
     told = [Spread(scale, known, {*exclude, GAIN}) for scale in sorted(prior_scales)]
     if GAIN not in exclude:
         told += [Spread(scale, known, exclude) for scale in sorted(prior_scales)]
         if INERTIA in known and GAIN not in known:
-            kept = {*exclude, INERTIA}
-            told = [Spread(scale, known, kept) for scale in sorted(prior_scales)] + told
+            told = [Spread(max(prior_scales), known, {*exclude, INERTIA}), *told]
     if len(fitting) < 2:
         return told
 
-    every, used = regression.products, products.only(fitting)
-    total = np.maximum(used.torque.sum(axis=0), 1e-300)
-
-    def errors(spread: Spread) -> np.ndarray:
-        """Squared relative error of each block."""
-        start = fit(regression, used, spread)
-        squares = []
-        for left_out in fitting:
-            others = every.only([k for k in fitting if k != left_out])
-            made = fit(regression, others, spread, start)
-            squares.append(np.mean(made.squares(every.only([left_out]))[0] / total))
-        return np.array(squares)
-
-    by_block = np.array([errors(spread) for spread in told])
+    calls = [delayed(_errors)(regression, fitting, spread) for spread in told]
+    by_block = np.array(list(in_parallel(calls, workers)))
     best = by_block[np.argmin(by_block.sum(axis=1))]
     limit = best.sum() + np.sqrt(len(fitting)) * best.std(ddof=1)
     return told[int(np.argmax(by_block.sum(axis=1) <= limit)) :]
+
+
+def _errors(regression: Regression, fitting: Sequence[int], spread: Spread) -> np.ndarray:
+    """Squared relative error of each block by a fit to the others, shape (blocks,)."""
+    every, used = regression.products, regression.products.only(fitting)
+    total = np.maximum(used.torque.sum(axis=0), 1e-300)
+    start = fit(regression, used, spread)
+    squares = []
+    for left_out in fitting:
+        others = every.only([k for k in fitting if k != left_out])
+        made = fit(regression, others, spread, start)
+        squares.append(np.mean(made.squares(every.only([left_out]))[0] / total))
+    return np.array(squares)

@@ -6,17 +6,24 @@ motion. A recording of other motions is compared with the same model in the same
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from faultgen.discovery.calibration.simulated_fit import SHARES, replaying
 from faultgen.discovery.fit.fit import Fit, changes_of
-from faultgen.discovery.fit.regression import Problem
-from faultgen.discovery.replay.replay import relative_error
-from faultgen.discovery.terms.candidates import Term
+from faultgen.discovery.fit.problem import Problem
+from faultgen.discovery.replay.replay import Replay, relative_error
+from faultgen.discovery.rigid.drives import GAIN, edited
+from faultgen.discovery.terms.candidates import INERTIA, Term, applied
+from faultgen.discovery.terms.inertia import apply_inertia
+from faultgen.effects import get_effect
+from faultgen.errors import InputError, SimulationFailed
+from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot
+
+SHARES = (1.0, 0.5, 0.25, 0.1)
+"""Shares of the changes that are tried in turn if a model with all of them cannot be simulated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,3 +118,52 @@ def _lacks(problem: Problem, built: Built, solution: np.ndarray) -> list[str]:
         f"model.xml has {has} of the calibrated values: with more of them its simulation diverges, "
         "or comes no nearer to the recording"
     ]
+
+
+def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
+    """Put changes into a model. A change of the torque constant goes into `torque_gain`.
+
+    Args:
+        robot: The model.
+        changes: Terms and values. Effects that MJCF cannot express join the robot's `effects`.
+
+    Returns:
+        The changed model.
+
+    Raises:
+        SimulationFailed: MuJoCo cannot compile the changed model.
+    """
+    spec = robot.spec()
+    apply_inertia(spec, robot, [change for change in changes if change[0].name == INERTIA])
+    gain = robot.torque_gain.copy()
+    effects = applied(changes)
+    for one in sorted(effects, key=lambda one: get_effect(one.effect).last):
+        if one.effect == GAIN:
+            gain[one.axis - 1] *= 1 - one.severity
+        elif get_effect(one.effect).in_mjcf:
+            get_effect(one.effect).apply(spec, one.axis, one.severity, **one.parameters)
+    beside = [one for one in effects if not (one.effect == GAIN or get_effect(one.effect).in_mjcf)]
+    return edited(robot, spec, gain).with_effects(beside)
+
+
+def replaying(
+    recording: Recording, robot: Robot, changes: Sequence[tuple[Term, float]]
+) -> Robot | None:
+    """Put changes into a model, and check that the written model can move as the robot did.
+
+    Where commanded positions were recorded, the servo of the model has to follow them.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+        changes: Terms and values.
+
+    Returns:
+        The changed model as it is written to a file, or None if it cannot replay the recording.
+    """
+    try:
+        made = changed(robot, changes) if changes else robot
+        torque = Replay(recording, made, measured=recording.reference_position is None).torque()
+    except (InputError, SimulationFailed):
+        return None
+    return made if np.isfinite(torque).all() else None

@@ -23,16 +23,12 @@ class Calibrated:
 
     robot: Robot
     """The model. A changed torque constant is its `torque_gain`."""
-    method: str
-    """'simulated' or 'physical': which of the two fits the model comes from."""
     errors: dict[str, float]
     """Relative RMS torque error on motions that were not fitted, of the model as it was `given`, of
-    `classical` identification, of the `physical` model, of the `simulated` fit, and of the chosen
-    method (`calibrated`)."""
+    `classical` identification, of the `physical` model, and of the model with the numbers of
+    single drives that were changed after it (`calibrated`)."""
     prior_scale: float
-    """The scale of the chosen method, as a multiple of the default prior standard deviations."""
-    held_out: dict[float, float]
-    """Mean squared whitened error of the parts that were left out of the fit, by prior scale."""
+    """The chosen scale, as a multiple of the default prior standard deviations."""
     values: dict[str, dict[int, float]]
     """Severity of each fitted number by name and axis, without the inertias. Friction that the
     given model lacks has no severity."""
@@ -54,10 +50,8 @@ class Calibrated:
     def report(self) -> dict[str, Any]:
         """Return all but the model itself, ready for JSON. What is not finite becomes None."""
         return {
-            "method": self.method,
             "errors": {k: v if np.isfinite(v) else None for k, v in self.errors.items()},
             "prior_scale": self.prior_scale,
-            "held_out": self.held_out,
             "values": self.values,
             "parameters": self.parameters,
             "torque_gain": self.robot.torque_gain.tolist(),

@@ -17,8 +17,9 @@ from faultgen.discovery.decision.numbers import GENERIC, Numbers, numbers_of
 from faultgen.discovery.laws.friction_forms import USUAL, forms_of
 from faultgen.discovery.replay.formulas import Formulas
 from faultgen.discovery.replay.replay import Replay, settled
-from faultgen.discovery.replay.samples import for_noise
+from faultgen.discovery.replay.samples import enough
 from faultgen.discovery.terms.candidates import Term
+from faultgen.inference.limits import UNRESOLVED
 from faultgen.inference.model import Group as Kind
 from faultgen.recordings.noise_level import Noise
 
@@ -94,6 +95,11 @@ class Arrays:
         columns = np.array([*self.numbers.columns, *self.effects.columns], np.float32)
         return columns.reshape(-1, *self.residual.shape)
 
+    @cached_property
+    def acts(self) -> np.ndarray:
+        """Whether each column changes the torque of each axis, shape (columns, n_axes)."""
+        return np.asarray(self.columns.any(axis=1))
+
     @property
     def std(self) -> np.ndarray:
         """Standard deviation of each number, and size of each effect, shape (columns,)."""
@@ -136,9 +142,29 @@ def arrays_of(posed: Posed, *, only_numbers: bool = False) -> Arrays:
             residual += value * numbers.columns[numbers.which.index(which)]
     speed = formulas.motion.speed
     comparable = _comparable(posed.replay, speed)
-    inside, _ = for_noise(comparable & posed.used[:, None], comparable, recording.parts)
+    if forms is not None:
+        comparable &= jumps(forms[USUAL], recording.parts) < UNRESOLVED
+    inside = enough(comparable & posed.used[:, None], recording.parts)
     bristles = None if forms is None else forms[USUAL]
     return Arrays(posed, numbers, effects, residual, comparable, inside, speed, bristles)
+
+
+def jumps(bent: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+    """Find by how much friction changes from one sample to the next, or from the one before.
+
+    Args:
+        bent: Deflection of bristles, shape (samples, n_axes).
+        parts: Samples of each separate recording.
+
+    Returns:
+        The largest of these changes and those of the neighbours, same shape.
+    """
+    out = np.zeros_like(bent)
+    for part in parts:
+        change = np.abs(np.diff(bent[part], axis=0, prepend=bent[part][:1]))
+        wide = np.pad(change, ((1, 1), (0, 0)))
+        out[part] = np.maximum(np.maximum(wide[:-2], wide[2:]), change)
+    return out
 
 
 def _comparable(replay: Replay, speed: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from faultgen.discovery.decision.near import FARTHEST
 from faultgen.discovery.decision.numbers import GENERIC
 from faultgen.discovery.fit.bounded import bounded_minimum
 from faultgen.discovery.fit.fit import bounds_of
-from faultgen.discovery.fit.regression import Problem
+from faultgen.discovery.fit.problem import Problem
 from faultgen.discovery.replay.samples import samples_of
 from faultgen.discovery.terms.candidates import INERTIA, MASSES
 

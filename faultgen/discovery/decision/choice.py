@@ -14,21 +14,17 @@ from scipy.linalg import cho_factor, cho_solve
 
 from faultgen.discovery.decision.difference import Difference
 from faultgen.discovery.decision.hypotheses import UNKNOWN, Group
-from faultgen.discovery.decision.numbers import GENERIC
+from faultgen.discovery.decision.numbers import GEARS, GENERIC
 from faultgen.discovery.fit.fit import Fit, bounds_of, fit_at, no_effect
-from faultgen.discovery.fit.regression import Problem
+from faultgen.discovery.fit.problem import Problem
+from faultgen.discovery.replay.servo_errors import DELAY
 from faultgen.effects import get_effect
+from faultgen.inference.confirm import confirmed, without_refuted
+from faultgen.inference.limits import FALSE_ALARMS, OF_MODEL, SHORTEST_SHARE
 from faultgen.inference.search import Found, search
-
-FALSE_ALARMS = 0.01
-"""Share of healthy robots in which an effect may be named, if the model of them is true: usual."""
 
 SURE = float(np.log((1 - FALSE_ALARMS) / FALSE_ALARMS))
 """Logarithm of the posterior odds from which an effect counts."""
-
-OF_MODEL = 6.0
-"""How much more it has to be without a baseline, where signatures of the model are not exact:
-chosen on development robots of another simulator, whose false effects reached odds of 9.7."""
 
 _AROUND = 0.2  # farthest severity of a play from its column, over it: neighbours are 25 % apart
 _FAR = 0.8  # the same of another effect that is not linear, from its linear estimate
@@ -60,6 +56,9 @@ class Choice:
     probability."""
     unknown: tuple[tuple[int, str], ...]
     """Axis, and the variable on which it depends, of each effect that no catalogue has."""
+    refuted: tuple[tuple[str, int, float], ...]
+    """Effect and axis of what motions that were not fitted refute, and the logarithm of the ratio
+    of the probabilities of these motions with and without it."""
 
 
 def choose(problem: Problem, difference: Difference) -> Choice:
@@ -73,12 +72,18 @@ def choose(problem: Problem, difference: Difference) -> Choice:
         The chosen set and its rivals.
     """
     sure = SURE if problem.baseline else SURE + OF_MODEL
+    others = difference.held_out.only(difference.model.places_without(GENERIC))
+    if problem.baseline:  # rings of the arm that smoothing has changed look like these numbers
+        exact = without_refuted(difference.model.without(GENERIC), others, GEARS)
+        model = replace(difference.model, groups=exact.groups)
+        difference = replace(difference, model=model)
     found = search(difference.model, difference.hypotheses, sure, GENERIC)
+    found, refuted = confirmed(found, others)
     groups: list[Group] = []
     odds, shares = [], []
     rivals: list[tuple[int, Group, float]] = []
     unknown: list[tuple[int, str]] = []
-    for effect in found.effects:
+    for effect in found.by_size():
         first = effect.forms[0][0]
         if effect.keys[0][0] == UNKNOWN:
             unknown.append((effect.keys[0][1], difference.over[first]))
@@ -104,17 +109,21 @@ def choose(problem: Problem, difference: Difference) -> Choice:
         no_effect(problem),
         tuple(rivals),
         tuple(unknown),
+        tuple((one.keys[0][0], one.keys[0][1], gained) for one, gained in refuted),
     )
     real = [k for k in range(len(groups)) if _can_be(choice, k)]
     return choice if len(real) == len(groups) else only(choice, real)
 
 
 def _can_be(choice: Choice, place: int) -> bool:
-    """Whether an effect is within its bounds, and can be simulated."""
+    """Whether an effect is within its bounds, is no smaller than what is told, and is simulated."""
     group, value, _ = list(choice.best.members())[place]
     low, high = bounds_of(choice.problem, group)
     pairs = [(choice.problem.terms[t], float(v)) for t, v in zip(group, value, strict=True)]
     inside = bool(np.all((value > low) & (value < high)))
+    if choice.problem.terms[group[0]].name == DELAY:
+        period = choice.problem.recording.sample_period
+        inside &= abs(float(value[0])) >= SHORTEST_SHARE * period
     return inside and choice.problem.change(pairs) is not None
 
 
@@ -133,7 +142,7 @@ def only(choice: Choice, kept: Sequence[int]) -> Choice:
         odds=tuple(choice.odds[k] for k in kept),
         shares=tuple(choice.shares[k] for k in kept),
         best=severities(choice.problem, choice.difference, groups, scales),
-        rivals=(),
+        rivals=tuple((kept.index(k), group, p) for k, group, p in choice.rivals if k in kept),
     )
 
 

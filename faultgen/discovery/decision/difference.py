@@ -16,7 +16,7 @@ from faultgen.discovery.decision.hypotheses import PLAY_SPREAD, Group, size_of
 from faultgen.discovery.decision.numbers import Numbers
 from faultgen.discovery.decision.whitening import whitened
 from faultgen.discovery.terms.candidates import Term
-from faultgen.inference.model import Model
+from faultgen.inference.model import Fitted, Model
 from faultgen.inference.products import Products
 from faultgen.inference.search import Hypothesis
 from faultgen.recordings.noise_level import Noise
@@ -28,6 +28,8 @@ class Difference:
 
     model: Model
     """Numbers and effects."""
+    held_out: Products
+    """Inner products of its columns on motions that are kept for scoring."""
     numbers: Numbers
     """The numbers."""
     hypotheses: list[Hypothesis]
@@ -48,8 +50,8 @@ class Difference:
     """Torque that is to be explained, same shape."""
     parts: list[slice]
     """Samples of each separate recording."""
-    variance: np.ndarray
-    """Mean square of the whitened residual of each axis, shape (n_axes,)."""
+    rest: np.ndarray
+    """What numbers and effects leave together, whitened and weighted, same shape."""
 
     def whiten(self, x: np.ndarray) -> np.ndarray:
         """Whiten, mask and weight torques.
@@ -61,6 +63,36 @@ class Difference:
             Same shape, in standard deviations of the noise.
         """
         return self.noise.whiten(x, self.parts) * self.weight.astype(x.dtype)
+
+    def whiten_axis(self, x: np.ndarray, axis: int) -> np.ndarray:
+        """Whiten, mask and weight torques of one axis.
+
+        Args:
+            x: Shape (..., samples), in the unit of the recording's torque.
+            axis: Axis, from 1.
+
+        Returns:
+            Same shape, as from `whiten`.
+        """
+        weight = self.weight[:, axis - 1].astype(x.dtype)
+        return self.noise.whiten_axis(x, axis, self.parts) * weight
+
+    def left(self, fitted: Fitted, change: np.ndarray | float = 0.0) -> np.ndarray:
+        """Compute the torque that numbers of known form leave.
+
+        Args:
+            fitted: A fit of these numbers.
+            change: Change of the torque by effects, shape (samples, n_axes).
+
+        Returns:
+            Shape (samples, n_axes).
+        """
+        known = self.numbers.known
+        if not known:
+            return self.residual - change
+        columns = np.array([self.numbers.columns[k] for k in known])
+        values = fitted.values[: len(known)].astype(np.float32)
+        return self.residual - change - np.tensordot(values, columns, axes=1)
 
     def beside(
         self,
@@ -113,6 +145,7 @@ def difference_of(posed: Posed, *, only_numbers: bool = False) -> Difference:
     effects = arrays.effects
     return Difference(
         model_of(arrays, white.products),
+        white.held_out,
         arrays.numbers,
         effects.hypotheses,
         effects.groups,
@@ -123,7 +156,7 @@ def difference_of(posed: Posed, *, only_numbers: bool = False) -> Difference:
         white.weight,
         arrays.residual,
         arrays.parts,
-        white.variance,
+        white.left,
     )
 
 

@@ -9,17 +9,9 @@ import numpy as np
 
 from faultgen.discovery.decision.choice import Choice
 from faultgen.discovery.decision.numbers import GENERIC, KINDS
-from faultgen.discovery.fit.regression import Problem
+from faultgen.discovery.fit.problem import Problem
+from faultgen.inference.limits import MODEL_ERROR, MODEL_VARIANCE
 from faultgen.inference.model import LARGEST
-
-VARIANCE = 6.0
-"""Mean square of the whitened error on motions that were not fitted, over its expectation, from
-which evidence is not what it seems: logarithms of odds are as many times too large, and 100 to 1 is
-no more than 2 to 1. Healthy robots of other simulators have 1 to 3.5."""
-
-EXPLAINED = 0.5
-"""Torque error of the calibrated model over the torque, on motions that were not fitted, from which
-a model is none: assumed. It explains less than three quarters of the squared torque."""
 
 _NEARLY = 0.97  # of the largest scale: it stands at its bound
 _JUMP = 25.0  # squared error over its expectation of a jump: one sample should not decide
@@ -58,14 +50,14 @@ def gate(problem: Problem, choice: Choice, error: float, variance: np.ndarray) -
         One line for each reason, with what would help; none if the model is good enough.
     """
     lines = []
-    if error > EXPLAINED and not problem.baseline:
+    if error > MODEL_ERROR and not problem.baseline:
         lines.append(
             f"the calibrated model misses {100 * error:.0f} % of the torque on motions that were "
             "not fitted: check masses, gear ratios and the unit of the torque, or use --healthy"
         )
     variance = variance.copy()
     variance[[axis - 1 for axis, _ in choice.unknown]] = np.nan  # nothing foretells that torque
-    axes = [str(k + 1) for k in np.flatnonzero(variance > VARIANCE)]
+    axes = [str(k + 1) for k in np.flatnonzero(variance > MODEL_VARIANCE)]
     if axes:
         worst = float(np.nanmax(variance))
         lines.append(
@@ -98,7 +90,7 @@ def changed(problem: Problem, variance: np.ndarray) -> list[int]:
     """
     if not problem.baseline:
         return []
-    axes = [int(k) + 1 for k in np.flatnonzero(variance > VARIANCE)]
+    axes = [int(k) + 1 for k in np.flatnonzero(variance > MODEL_VARIANCE)]
     return axes if 2 * len(axes) <= np.isfinite(variance).sum() else []
 
 
@@ -114,23 +106,19 @@ def held_out(problem: Problem, choice: Choice) -> np.ndarray:
         shape (n_axes,), nan for an axis that is not compared there.
     """
     difference, fitted = choice.difference, choice.found.fitted
-    known = difference.numbers.known
-    columns = np.array([difference.numbers.columns[k] for k in known], np.float32)
-    columns = columns.reshape(-1, *difference.residual.shape)
-    count = len(known)
-    left = difference.residual - choice.best.change
-    left = left - np.tensordot(fitted.values[:count].astype(np.float32), columns, axes=1)
+    columns = [difference.numbers.columns[k] for k in difference.numbers.known]
+    left = difference.left(fitted, choice.best.change)
     white = difference.noise.whiten(left, difference.parts)
-    shape = difference.noise.whiten(columns, difference.parts)
-    covariance = fitted.covariance[:count, :count]
     inside = difference.comparable & problem.samples(problem.scoring)[:, None]
     out = np.full(left.shape[1], np.nan)
     for axis in range(left.shape[1]):
         rows = inside[:, axis] & (white[:, axis] != 0)
         if rows.sum() < _FEWEST:
             continue
-        own = shape[:, rows, axis].astype(float)
-        expected = 1 + np.sum(own * (covariance @ own), axis=0)
+        acts = [k for k, one in enumerate(columns) if one[:, axis].any()]
+        own = np.array([columns[k][:, axis] for k in acts]).reshape(len(acts), len(left))
+        own = difference.noise.whiten_axis(own, axis + 1, difference.parts)[:, rows].astype(float)
+        expected = 1 + np.sum(own * (fitted.covariance[np.ix_(acts, acts)] @ own), axis=0)
         squares = np.minimum(white[rows, axis] ** 2, _JUMP * expected)
         out[axis] = squares.mean() / expected.mean()
     return out

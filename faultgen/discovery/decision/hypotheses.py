@@ -20,10 +20,6 @@ from faultgen.discovery.terms.candidates import INERTIA, PAYLOAD, Term
 from faultgen.effects import get_effect
 from faultgen.inference.search import Hypothesis
 
-FALL = 18.0
-"""Fall of minus two times the log-likelihood from which an effect may be named: twice the logarithm
-of odds of 100 to 1 in favour of one of 100 effects and axes."""
-
 UNKNOWN = "unknown"
 """Name of the hypothesis that an effect of no catalogue acts on an axis."""
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from faultgen.discovery.decision.processes import OVER, processes
-from faultgen.discovery.laws.friction_forms import COUNT, FALLING, without_level
+from faultgen.discovery.laws.friction_forms import COUNT, FALLING, USUAL, without_level
 from faultgen.discovery.replay.bristles import DAMPED
 from faultgen.discovery.replay.elastic import STIFFNESS
 from faultgen.discovery.replay.formulas import GEAR_DAMPING, Formulas
@@ -62,6 +62,9 @@ KINDS = {
 GENERIC = tuple(f"process over {over}" for over in OVER)
 """Groups of torques of no known form."""
 
+GEARS = ("stiffness", "hardening", "damping")
+"""Groups of numbers of the gearboxes."""
+
 _OF = {
     INERTIA: "links",
     "payload_mass": "links",
@@ -86,7 +89,7 @@ _STIFF, _CURVED = 0.07, 0.004  # stiffness, and half the square of what is left 
 _PROCESS = 5e-4  # torque of no known form, over the RMS torque of its axis
 _FIXED = 1.01  # factor by which a scale that is given may differ
 _LAG = 3e-4  # [s]
-_SMOOTHED = 1.0  # what smoothing takes from inertial torques, over what it would take again
+_SMOOTHED = 1.0  # what smoothing takes, over what it would take again; and samples [1]
 
 
 @dataclass(eq=False)
@@ -213,7 +216,7 @@ def numbers_of(
     _add_gears(out, formulas)
     if forms is not None:
         _add_forms(out, formulas, forms)
-    _add_log(out, formulas, base)
+    _add_log(out, formulas, base, forms)
     size = np.sqrt(np.mean(base**2, axis=0))
     for process in processes(recording, formulas.motion):
         for bump in process.bumps:
@@ -273,8 +276,14 @@ def _add_forms(out: Numbers, formulas: Formulas, forms: np.ndarray) -> None:
             out.add(own, _SINGLE, "form on one axis")
 
 
-def _add_log(out: Numbers, formulas: Formulas, base: np.ndarray) -> None:
-    """Add a time lag of each torque, and what smoothing took from its accelerations."""
+def _add_log(out: Numbers, formulas: Formulas, base: np.ndarray, forms: np.ndarray | None) -> None:
+    """Add a time lag of each torque, and what smoothing took from its motion.
+
+    Smoothed positions lack quick accelerations. They are those of the inertial torque, and those
+    that friction makes where it turns its sign: a step of the acceleration, where the servo does
+    not answer at once, and a pulse, where a controller that knows the friction answers a little
+    early or late. Friction itself may turn a little early or late, too.
+    """
     robot, recording = formulas.robot, formulas.replay.recording
     motion = formulas.motion
     side = 1.0 if recording.side == "motor" else robot.gear_ratio
@@ -282,13 +291,33 @@ def _add_log(out: Numbers, formulas: Formulas, base: np.ndarray) -> None:
     inertial = (motion.gear / robot.gear_ratio + rotor * motion.acceleration) * side
     if recording.link:
         inertial = motion.gear
+    causes = [inertial]
+    if forms is not None:
+        rows = robot.ids("actuator", "friction")
+        friction = forms[USUAL] * robot.model.actuator_biasprm[rows, COULOMB] * side
+        turning = _change(friction, recording.parts)  # from one sample to the next
+        causes += [friction, turning]
     for axis in range(robot.n_axes):
-        late, smooth = np.zeros_like(base), np.zeros_like(base)
+        late, early = np.zeros_like(base), np.zeros_like(base)
+        taken = np.zeros((len(causes), *base.shape))
         for part in recording.parts:
             late[part, axis] = np.gradient(base[part, axis], recording.sample_period)
             penalty = required(recording.position[part, axis])
-            if penalty is not None:
-                own = inertial[part, axis]
-                smooth[part, axis] = own - smoothed_with(own, penalty)
+            if penalty is None:
+                continue
+            for column, cause in zip(taken, causes, strict=True):
+                own = cause[part, axis]
+                column[part, axis] = own - smoothed_with(own, penalty)
+            if forms is not None:
+                early[part, axis] = turning[part, axis]
         out.add(late, _LAG, "lag of the log")
-        out.add(smooth, _SMOOTHED, "smoothing")
+        for column in (*taken, early):
+            out.add(column, _SMOOTHED, "smoothing")
+
+
+def _change(x: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+    """Mean change from one sample to the next, before and after each; shape (samples, n_axes)."""
+    out = np.zeros_like(x)
+    for part in parts:
+        out[part] = np.gradient(x[part], axis=0)
+    return out

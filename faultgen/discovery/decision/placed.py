@@ -5,7 +5,7 @@ place is the one at which the effect best explains what all other terms leave. T
 simulated there, and becomes a candidate. Simulating it takes long, so this is done only where it
 explains more than every other effect, or enough of what the best other effects would leave.
 
-    problem = with_places(problem)
+    terms, columns = places(posed, difference)
 """
 
 from __future__ import annotations
@@ -14,58 +14,69 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_solve
+from scipy.linalg import cho_factor, cho_solve
 
-from faultgen.discovery.decision.hypotheses import FALL, groups_of
+from faultgen.discovery.decision.arrays import Posed
+from faultgen.discovery.decision.difference import Difference
+from faultgen.discovery.decision.numbers import GENERIC
 from faultgen.discovery.decision.reaction import Reaction
-from faultgen.discovery.fit.evidence import FREE, factored
-from faultgen.discovery.fit.regression import Problem, posed_again
-from faultgen.discovery.laws.friction_discrepancy import shapes_of
+from faultgen.discovery.laws.friction_discrepancy import (
+    discrepancy_sensitivities,
+    discrepancy_terms,
+    shapes_of,
+)
 from faultgen.discovery.replay.sensitivities import sensitivities
-from faultgen.discovery.terms.candidates import FORM, Term, names_by_use
+from faultgen.discovery.terms.candidates import Term, names_by_use
 from faultgen.effects import get_effect
 from faultgen.effects.prior import Search, Seen
+from faultgen.inference.limits import AGAIN, FALL, PROMISING
 
 _WAVE = "transmission_error"  # its simulated reactions tell those to other errors of the gearbox
-_PROMISING = 0.75  # share of the evidence that is needed, from which a place is simulated
 _CLOSER = 0.5 ** np.arange(1, 5)  # distances from the best place so far, over the spacing
 _BESIDE = 2.0  # distance of places that are simulated beside the best one, over the spacing
 _MOST = 2  # axes of one effect that are simulated
 _APART = 0.5  # time between two passes of a place, at least [s]
 _LONGEST = 1.0  # a pass that takes longer counts as several [s]
 _FELT = 0.02  # square of the reaction during a pass, over the largest
-_AGAIN = 2.0  # standard errors of the severity that all passes but the most telling one show
 _BEFORE = 3  # other effects whose best explanation is left to a place at most
+_SINGLE = 1e-6  # share by which products of single precision are raised
 _USUAL = 0.01  # standard deviation among healthy robots, over the severity that is probed: assumed
 
 
-def with_places(problem: Problem, *, workers: int = 1, exclude: Collection[str] = ()) -> Problem:
-    """Return the same problem with candidates for effects that act at one place.
+def places(
+    posed: Posed, difference: Difference, *, workers: int = 1, exclude: Collection[str] = ()
+) -> tuple[list[Term], list[np.ndarray]]:
+    """Find effects that act at one place, where a place is promising.
 
     Args:
-        problem: The residual and the terms.
+        posed: The recording and what may differ.
+        difference: The same, as the inference sees it.
         workers: Number of processes. It has no effect on the result.
         exclude: Effects that are not considered.
 
     Returns:
-        The problem with a term for each effect and axis where a place is promising; the given one
-        if there is none.
+        A term for each such effect and axis, and its change of the torque per unit, shape (samples,
+        n_axes).
     """
     names = [name for name in names_by_use("searched") if name not in exclude]
-    left = _Left(problem)
-    others, strongest = _others(problem) if names else ([], 0.0)
-    beside = _Left(problem, others) if others else left
+    if not names:
+        return [], []
+    others, strongest = _others(difference)
+    left = _Left(posed, difference)
+    beside = _Left(posed, difference, others) if others else left
+    known = _Known(posed, workers)
     best: dict[tuple[str, int], _Place] = {}
-    for axis in range(1, problem.robot.n_axes + 1) if names else ():
-        if not problem.inside[left.rows, axis - 1].any():
+    for axis in range(1, posed.replay.robot.n_axes + 1):
+        if not difference.inside[:, axis - 1].any():
             continue
-        here = _Axis(problem, axis)
+        here = _Axis(posed, known, axis)
         for name in names:
             found = [here.best(left, name, search) for search in get_effect(name).prior.search]
             best[name, axis] = max(found, key=lambda one: one.gain)
-    simulated: list[tuple[Term, np.ndarray]] = []
+    terms: list[Term] = []
+    columns: list[np.ndarray] = []
     for name in names:
-        least = _PROMISING * FALL
+        least = PROMISING * FALL
         of_name = sorted(
             (place for (own, _), place in best.items() if own == name), key=lambda one: -one.gain
         )
@@ -73,34 +84,36 @@ def with_places(problem: Problem, *, workers: int = 1, exclude: Collection[str] 
             if place.gain > least and (
                 place.gain > strongest or beside.gain(place.column, place.axis) > least
             ):
-                term, column = _simulated(problem, left, place, workers)
+                term, column = _simulated(posed, left, place, workers)
                 own = column[:, place.axis - 1].astype(float)
-                if left.is_repeated(own, place.axis, least):
-                    simulated.append((term, column))
-    if not simulated:
-        return problem
-    terms, columns = zip(*simulated, strict=True)
-    return posed_again(problem, terms, np.array(columns))
+                period = posed.replay.recording.sample_period
+                if left.is_repeated(own, place.axis, least, period):
+                    terms.append(term)
+                    columns.append(column)
+    return terms, columns
 
 
-def _others(problem: Problem) -> tuple[list[int], float]:
-    """Terms of the effects that explain most, chosen one after another to first order.
+def _others(difference: Difference) -> tuple[list[int], float]:
+    """Columns of the effects that explain most, chosen one after another with usual scales.
 
     Returns:
-        Indices of the terms, and the decrease of the misfit by the first effect.
+        The columns, and the fall of the misfit by the first effect.
     """
-    evidence, groups = problem.evidence(), groups_of(problem.terms)
-    free: list[int] = []
+    exact = difference.model.without(GENERIC)
+    forms = [form for one in difference.hypotheses if not one.unknown for form in one.forms]
+    known: list[int] = []
     strongest = 0.0
     for _ in range(_BEFORE):
-        rest = [group for group in groups if not set(group) & set(free)]
-        gains, _ = evidence.gains(rest, free) if rest else (np.zeros(1), None)
-        k = int(np.argmax(gains))
-        strongest = max(strongest, float(gains[k]))
-        if not rest or gains[k] < FALL:
+        left = [form for form in forms if not set(form) & set(known)]
+        if not left:
             break
-        free += rest[k]
-    return free, strongest
+        falls = 2 * exact.bayes_factors(exact.healthy.log_scales, left, known)
+        k = int(np.argmax(falls))
+        strongest = max(strongest, float(falls[k]))
+        if falls[k] < FALL:
+            break
+        known += left[k]
+    return known, strongest
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,9 +137,7 @@ class _Place:
         return Term(self.effect, self.axis, step, _USUAL * step, tuple(own.items()))
 
 
-def _simulated(
-    problem: Problem, left: _Left, place: _Place, workers: int
-) -> tuple[Term, np.ndarray]:
+def _simulated(posed: Posed, left: _Left, place: _Place, workers: int) -> tuple[Term, np.ndarray]:
     """Simulate an effect at a place and beside it, and at the place that a parabola tells.
 
     The linear reaction is not exact at frequencies that friction hardly has.
@@ -136,7 +147,7 @@ def _simulated(
     """
     apart = _BESIDE * place.search.spacing
     terms = [place.term(place.at + k * apart) for k in (-1, 0, 1)]
-    _, columns = sensitivities(problem.replay, terms, problem.base, workers=workers)
+    _, columns = sensitivities(posed.replay, terms, posed.base, workers=workers)
 
     def gain(column: np.ndarray) -> float:
         return left.gain(column[:, place.axis - 1].astype(float), place.axis)
@@ -146,40 +157,52 @@ def _simulated(
     if bend < 0:
         shift = float(np.clip((low - high) / (2 * bend), -2.0, 2.0))
         new = place.term(place.at + shift * apart)
-        _, column = sensitivities(problem.replay, [new], problem.base, workers=workers)
+        _, column = sensitivities(posed.replay, [new], posed.base, workers=workers)
         terms, columns = [*terms, new], np.concatenate([columns, column])
     best = int(np.argmax([gain(column) for column in columns]))
     return terms[best], columns[best]
 
 
+class _Known:
+    """Torques on rotors whose reactions are known, and the motion."""
+
+    def __init__(self, posed: Posed, workers: int) -> None:
+        replay = posed.replay
+        self.motor = replay.recording.motor_position(replay.robot)
+        self.velocity = replay.recording.derivatives(self.motor)[1]
+        self.pushes = -shapes_of(replay)  # friction is positive against the motion
+        forms = discrepancy_terms(replay.robot)
+        self.reactions = discrepancy_sensitivities(replay, forms, posed.base, workers=workers)
+        self.axes = np.array([term.axis for term in forms])
+
+    def of_axis(self, axis: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Torques on the rotor of an axis, and their reactions, shape (samples,) each."""
+        own = self.reactions[self.axes == axis]
+        return list(self.pushes[:, :, axis - 1]), list(own[:, :, axis - 1])
+
+
 class _Axis:
     """Searched effects on one axis, and the reactions to them."""
 
-    def __init__(self, problem: Problem, axis: int) -> None:
-        recording, robot, k = problem.recording, problem.robot, axis - 1
-        torque = problem.base[:, k]
+    def __init__(self, posed: Posed, known: _Known, axis: int) -> None:
+        recording, robot, k = posed.replay.recording, posed.replay.robot, axis - 1
+        torque = posed.base[:, k]
         if recording.side == "joint":
             torque = torque / robot.gear_ratio[k]
-        motor = problem.motion.position[:, k]
-        joint = problem.replay.wanted[:, k]
-        self._seen = Seen(robot, axis, joint, motor, problem.motion.velocity[:, k], torque)
-        parts, period = recording.parts, recording.sample_period
-        own = {False: FORM, True: _WAVE}
-        shapes = -shapes_of(problem.replay)[:, :, k]  # friction is positive against the motion
-        self._reactions = {}
-        for twists, name in own.items():
-            causes, reactions = [], []
-            for term, raw in zip(problem.terms, problem.raw, strict=True):
-                if term.key != (name, axis):
-                    continue
+        motor = known.motor[:, k]
+        joint = posed.replay.wanted[:, k]
+        self._seen = Seen(robot, axis, joint, motor, known.velocity[:, k], torque)
+        causes, reactions = [], []
+        for term, raw in zip(posed.terms, posed.raw, strict=True):
+            if term.key == (_WAVE, axis):
                 given = dict(term.parameters)
-                if twists:
-                    causes.append(np.sin(given["order"] * motor + given["phase"]))
-                else:
-                    causes.append(shapes[int(given["shape"])])
+                causes.append(np.sin(given["order"] * motor + given["phase"]))
                 reactions.append(raw[:, k])
-            if causes:
-                self._reactions[twists] = Reaction(causes, reactions, parts, period)
+        self._reactions = {
+            twists: Reaction(both[0], both[1], recording.parts, recording.sample_period)
+            for twists, both in ((False, known.of_axis(axis)), (True, (causes, reactions)))
+            if both[0]
+        }
 
     def best(self, left: _Left, name: str, search: Search) -> _Place:
         """Find the best place of an effect, first among all places and then closer.
@@ -226,26 +249,34 @@ def _places(search: Search, seen: Seen) -> tuple[np.ndarray, float]:
 
 
 class _Left:
-    """What all terms of a problem leave, to be explained by further ones."""
+    """What numbers and some effects leave of a difference, to be explained by further effects."""
 
-    def __init__(self, problem: Problem, free: Sequence[int] = ()) -> None:
-        """Fit all terms.
+    def __init__(self, posed: Posed, difference: Difference, effects: Sequence[int] = ()) -> None:
+        """Fit all numbers of known form, with the scales of a healthy robot.
 
         Args:
-            problem: The residual and the terms.
-            free: Terms without a prior.
+            posed: The recording and what may differ.
+            difference: The same, as the inference sees it.
+            effects: Columns of the effects that are fitted beside them.
         """
-        self._problem = problem
-        evidence = problem.evidence()
-        gram = evidence.gram.sum(axis=0)
-        weight = np.ones(len(gram))
-        weight[list(free)] = FREE
-        gram[np.diag_indices_from(gram)] += weight
-        self._inverse = cho_solve(factored(gram), np.eye(len(gram)))
-        self._solution = self._inverse @ evidence.right.sum(axis=0)
-        self.rows = problem.samples(problem.fitting)
-        """Samples that are used for fitting, shape (samples,)."""
-        self._target = problem.whiten(problem.residual)
+        self._difference, model, numbers = difference, difference.model, difference.numbers
+        scales = np.exp(model.without(GENERIC).healthy.log_scales)
+        scaled = [
+            scales[numbers.group[k]] * numbers.std[k] * numbers.columns[k] for k in numbers.known
+        ]
+        own = [model.count + k for k in effects]
+        terms = [t for k in effects for t in difference.groups[k]]
+        scaled += [model.std[k] * posed.raw[t] for k, t in zip(own, terms, strict=True)]
+        count, shape = len(numbers.known), difference.residual.shape
+        self._columns = difference.whiten(np.array(scaled, np.float32).reshape(-1, *shape))
+        mean = (model.mean[own] / model.std[own]).astype(np.float32)  # of plays
+        target = difference.whiten(difference.residual).astype(np.float32)
+        self._target = target - np.tensordot(mean, self._columns[count:], axes=1)
+        flat = self._columns.reshape(len(self._columns), -1)
+        gram = (flat @ flat.T).astype(float)
+        gram[np.diag_indices_from(gram)] += 1 + _SINGLE * np.diag(gram)
+        self._inverse = cho_solve(cho_factor(gram), np.eye(len(gram)))
+        self._solution = self._inverse @ (flat @ self._target.ravel()).astype(float)
 
     def gain(self, column: np.ndarray, axis: int) -> float:
         """Compute the decrease of the misfit by a term that acts on one axis.
@@ -269,15 +300,15 @@ class _Left:
         Returns:
             The decreases, shape (terms,); 0 where the severity would be negative.
         """
-        own = self._problem.whiten_axis(columns, axis)[:, self.rows]
-        others = own.astype(np.float32) @ self._columns(axis).T
-        pull = own @ self._target[self.rows, axis - 1] - others @ self._solution
+        own = self._difference.whiten_axis(columns, axis)
+        others = own.astype(np.float32) @ self._columns[:, :, axis - 1].T
+        pull = own @ self._target[:, axis - 1] - others @ self._solution
         energy = np.einsum("ij,ij->i", own, own)
         size = energy - np.einsum("ij,ij->i", others @ self._inverse, others)
         useful = (pull > 0) & (size > 1e-6 * energy)
         return np.where(useful, pull**2 / np.where(useful, size, 1.0), 0.0)
 
-    def is_repeated(self, column: np.ndarray, axis: int, least: float) -> bool:
+    def is_repeated(self, column: np.ndarray, axis: int, least: float, period: float) -> bool:
         """Whether an effect is seen at more than one pass of its place, and about equally large.
 
         What happens once, such as a lost sample or a bump, happens at some place too.
@@ -286,37 +317,31 @@ class _Left:
             column: Change of the torque of the axis per unit of the term, shape (samples,).
             axis: From 1.
             least: Decrease of the misfit that is needed.
+            period: Time between samples [s].
         """
-        own = self._problem.whiten_axis(column, axis)[self.rows]
-        rest = self._target[self.rows, axis - 1] - self._solution @ self._columns(axis)
-        starts = self._passes(own)
+        own = self._difference.whiten_axis(column, axis)
+        rest = self._target[:, axis - 1] - self._solution @ self._columns[:, :, axis - 1]
+        starts = _passes(own, period)
         if len(starts) < 2:
             return False
         size = np.add.reduceat(own**2, starts)
         pull = np.add.reduceat(own * rest, starts)
         most = np.argmax(pull**2 / size)
-        if np.delete(pull, most).sum() < _AGAIN * np.sqrt(np.delete(size, most).sum()):
+        if np.delete(pull, most).sum() < AGAIN * np.sqrt(np.delete(size, most).sum()):
             return False
         severity = pull.sum() / size.sum()
         scatter = np.sum((pull - severity * size) ** 2 / size) / (len(starts) - 1)
         return bool(severity**2 * size.sum() > least * max(1.0, scatter))
 
-    def _passes(self, own: np.ndarray) -> np.ndarray:
-        """First sample of each pass, shape (passes,); a pass lasts until the next one."""
-        period = self._problem.recording.sample_period
-        felt = np.flatnonzero(own**2 > _FELT * np.max(own**2))
-        starts: list[int] = []
-        last = 0
-        for sample in felt.tolist():
-            ended = sample - last > _APART / period
-            if not starts or ended or sample - starts[-1] > _LONGEST / period:
-                starts.append(sample)
-            last = sample
-        return np.array(starts)
 
-    def _columns(self, axis: int) -> np.ndarray:
-        """Whitened columns of all terms on an axis, kept for the next call."""
-        if getattr(self, "_of", None) != axis:
-            self._of = axis
-            self._own = np.ascontiguousarray(self._problem.white[:, self.rows, axis - 1])
-        return self._own
+def _passes(own: np.ndarray, period: float) -> np.ndarray:
+    """First sample of each pass, shape (passes,); a pass lasts until the next one."""
+    felt = np.flatnonzero(own**2 > _FELT * np.max(own**2))
+    starts: list[int] = []
+    last = 0
+    for sample in felt.tolist():
+        ended = sample - last > _APART / period
+        if not starts or ended or sample - starts[-1] > _LONGEST / period:
+            starts.append(sample)
+        last = sample
+    return np.array(starts)

@@ -10,10 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import cho_solve, toeplitz
+from scipy.linalg import solve, toeplitz
 from scipy.signal import fftconvolve
-
-from faultgen.discovery.fit.evidence import factored
 
 _MEMORY = 0.15  # time after which a reaction has ended [s]: assumed
 _RIDGE = 1e-6  # share of the causes' energy that is added, so that the filter is determined
@@ -48,7 +46,7 @@ class Reaction:
         products[np.diag_indices(taps)] += _RIDGE * energy
         self._filter = np.zeros(taps)
         if energy > 0:
-            self._filter = cho_solve(factored(products), cross)
+            self._filter = solve(products, cross, assume_a="pos")
         self._parts = parts
 
     def to(self, cause: np.ndarray) -> np.ndarray:

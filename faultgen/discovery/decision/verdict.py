@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from faultgen.discovery.calibration.model_edit import build, build_stable
 from faultgen.discovery.decision.calibrated import Calibrated, calibrated
-from faultgen.discovery.decision.choice import Choice, only
+from faultgen.discovery.decision.choice import SURE, Choice, only
 from faultgen.discovery.decision.gate import changed, gate, held_out
+from faultgen.discovery.decision.hypotheses import UNKNOWN as UNKNOWN_FORM
+from faultgen.discovery.decision.numbers import GENERIC
 from faultgen.discovery.fit.diagnostics import where
 from faultgen.discovery.fit.fit import Fit, first_of
-from faultgen.discovery.fit.gap import gap, scored, unexplained
-from faultgen.discovery.fit.regression import Problem
-from faultgen.discovery.laws.patterns import patterns
-from faultgen.discovery.laws.spikes import spikes
+from faultgen.discovery.fit.gap import gap, scored
+from faultgen.discovery.fit.problem import Problem
 from faultgen.discovery.result import (
     AMBIGUOUS,
-    CONSIDERABLE,
-    EXPLAINED,
     MODEL,
     NAMED,
     NONE,
@@ -30,6 +29,7 @@ from faultgen.discovery.result import (
 )
 from faultgen.discovery.terms.candidates import PAYLOAD, Term, payload_of
 from faultgen.effects import get_effect
+from faultgen.inference.limits import CONSIDERABLE, NAMED_SHARE
 
 _WIDE = 1.96  # standard errors that contain a normal value with 95 % probability
 _DRAWS = 1999  # of the bootstrap
@@ -46,17 +46,14 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         The answer.
     """
     empty, best = choice.empty, choice.best
-    without, _ = unexplained(problem, empty)
+    difference = choice.difference
+    without = difference.left(difference.model.without(GENERIC).healthy)
     numbers = _numbers(problem, choice, empty)
     base_values = numbers.values
     basic = build(problem, empty, base_values)
     healthy, given = gap(problem, basic.left), gap(problem, problem.residual)
     solution = _numbers(problem, choice, best).values if best.groups else base_values
-    left, _ = unexplained(problem, best)
-    white = problem.whiten(left)
-    own = [(problem.terms[t].axis, problem.white[t]) for t in best.terms]
-    found = patterns(problem, white, problem.fitting, own) + spikes(problem, white)
-    found.sort(key=lambda one: (one.p_value, -one.strength))
+    left = difference.left(choice.found.fitted, best.change)
     shown = left + best.change  # the residual that is to be explained, less calibration
     shares = where(problem, problem.whiten(shown))
     p_value = significance(problem, problem.whiten(without))
@@ -69,16 +66,18 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     built, robot, lacks = build_stable(
         problem, *(best, solution) if known else (empty, base_values)
     )
-    if known and not gap(problem, built.left)[0] < max(given[0], healthy[0]):
-        names = ", ".join(f"{one.effect} of axis {one.axis}" for one in effects)
+    least = max(given[0], healthy[0])
+    gaps = [least, *(one.gap_after for one in effects)]
+    closing = [k for k in range(len(effects)) if gaps[k + 1] < gaps[k]]
+    if known and not (gap(problem, built.left)[0] < least and len(closing) == len(effects)):
         why = "because the error on motions that were not fitted is not smaller with"
-        least = max(given[0], healthy[0])
-        count = next((k for k, one in enumerate(effects) if one.gap_after >= least), len(effects))
-        if 0 < count < len(effects):
-            told = answer(problem, only(choice, list(range(count))))
+        if 0 < len(closing) < len(effects):
+            told = answer(problem, only(choice, closing))
             verdict = PARTLY if told.verdict == NAMED else told.verdict
-            line = f"{names}: not all are named, {why} all of them: something else has changed"
+            others = _names([one for k, one in enumerate(effects) if k not in closing])
+            line = f"{others}: not named, {why} all effects that were found"
             return replace(told, verdict=verdict, lacks=(*told.lacks, line))
+        names = _names(effects)
         lines.append(
             f"{names}: not named, {why} it; something else has changed, which resembles it"
         )
@@ -102,6 +101,12 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         f"axis {axis}: a torque that no effect of the catalogue explains depends on the {over}"
         for axis, over in choice.unknown
     ]
+    lines += [
+        f"{effect} of axis {axis} is not named: motions that were not fitted speak against it "
+        f"(logarithm of the ratio of probabilities {gained:.1f})"
+        for effect, axis, gained in choice.refuted
+        if effect != UNKNOWN_FORM
+    ]
     lines += [f"axis {axis}: it has changed in a way that nothing explains" for axis in odd]
     chosen = best if known else empty
     return Answer(
@@ -122,7 +127,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         ),
         p_value=p_value,
         where=tuple(shares),
-        left=tuple(found),
+        left=_strange(choice),
         changes=built.changes,
         robot=robot,
         lacks=(*lacks, *doubts, *lines, *numbers.lines),
@@ -130,6 +135,25 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         left_torque=built.left,
         strange_torque=built.left if problem.baseline else (left if known else without),
     )
+
+
+def _names(effects: Sequence[Named]) -> str:
+    """Names and axes of effects."""
+    return ", ".join(f"{one.effect} of axis {one.axis}" for one in effects)
+
+
+def _strange(choice: Choice) -> tuple[tuple[int, str], ...]:
+    """Axes and variables of torques of no known form beside the effects, the surest first."""
+    difference = choice.difference
+    fitted = choice.found.fitted
+    forms = [form for one in difference.hypotheses if one.unknown for form in one.forms]
+    places = [one.place for one in difference.hypotheses if one.unknown for _ in one.forms]
+    odds = fitted.model.bayes_factors(fitted.log_scales, forms, fitted.effects)
+    found: dict[int, str] = {}
+    for k in np.argsort(-odds).tolist():
+        if odds[k] >= SURE:
+            found.setdefault(places[k], difference.over[forms[k][0]])
+    return tuple(found.items())
 
 
 def _numbers(problem: Problem, choice: Choice, fitted: Fit) -> Calibrated:
@@ -209,11 +233,11 @@ def is_part(before: float, after: float, floor: float) -> bool:
         floor: Gap of noise alone.
 
     Returns:
-        Whether less than `EXPLAINED` of before² − floor² is explained, and the rest is considerable
-        beside the noise.
+        Whether less than `NAMED_SHARE` of before² − floor² is explained, and the rest is
+        considerable beside the noise.
     """
     open_ = after**2 - floor**2
-    return open_ > (1 - EXPLAINED) * (before**2 - floor**2) and open_ > CONSIDERABLE * floor**2
+    return open_ > (1 - NAMED_SHARE) * (before**2 - floor**2) and open_ > CONSIDERABLE * floor**2
 
 
 def _named(

@@ -10,12 +10,11 @@ real robot and the smoothed motion are not exact.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from faultgen.discovery.decision.arrays import Arrays
+from faultgen.discovery.decision.arrays import Arrays, jumps
 from faultgen.inference.products import Products
 from faultgen.recordings.noise import Autoregression
 from faultgen.recordings.noise_level import Noise, levelled
@@ -36,10 +35,12 @@ class Whitened:
     """The noise."""
     weight: np.ndarray
     """Weight of each sample, shape (samples, n_axes)."""
-    variance: np.ndarray
-    """Mean square of the whitened residual of each axis, shape (n_axes,)."""
+    left: np.ndarray
+    """What torques of known form leave, whitened and weighted, same shape."""
     products: Products
     """Inner products of the whitened columns and the whitened residual."""
+    held_out: Products
+    """The same on motions that must not be used."""
 
 
 def whitened(arrays: Arrays) -> Whitened:
@@ -61,12 +62,29 @@ def whitened(arrays: Arrays) -> Whitened:
 
 def _unexplained(arrays: Arrays, noise: Noise) -> np.ndarray:
     """What torques of known form leave of the residual, shape (samples, n_axes)."""
-    known = arrays.of_known_form
-    std, columns = arrays.std[known], arrays.columns[known]
-    white = noise.whiten(columns, arrays.parts) * arrays.inside
-    target = noise.whiten(arrays.residual, arrays.parts) * arrays.inside
-    value = Products.of(white, target, 0).scaled(std).ridge() * std
-    return arrays.residual - np.tensordot(value.astype(np.float32), columns, axes=1)
+    known = np.flatnonzero(arrays.of_known_form)
+    std = arrays.std[known]
+    value = _products(arrays, noise, arrays.inside, known).scaled(std).ridge() * std
+    return arrays.residual - np.tensordot(value.astype(np.float32), arrays.columns[known], axes=1)
+
+
+def _products(
+    arrays: Arrays, noise: Noise, weight: np.ndarray, which: np.ndarray | None = None
+) -> Products:
+    """Inner products of whitened columns and residual, axis by axis: most columns act on one."""
+    which = np.arange(len(arrays.columns)) if which is None else which
+    gram, right, energy = np.zeros((len(which), len(which))), np.zeros(len(which)), 0.0
+    for axis in range(arrays.residual.shape[1]):
+        rows = np.flatnonzero(weight[:, axis])
+        own = np.flatnonzero(arrays.acts[which, axis])
+        times = weight[rows, axis].astype(float)
+        columns = arrays.columns[which[own], :, axis]
+        white = noise.whiten_axis(columns, axis + 1, arrays.parts)[:, rows] * times
+        target = noise.whiten_axis(arrays.residual[:, axis], axis + 1, arrays.parts)[rows] * times
+        gram[np.ix_(own, own)] += white @ white.T
+        right[own] += white @ target
+        energy += float(target @ target)
+    return Products(gram, right, energy, int(np.count_nonzero(weight)))
 
 
 def noise_of(arrays: Arrays, left: np.ndarray) -> Noise:
@@ -80,7 +98,7 @@ def noise_of(arrays: Arrays, left: np.ndarray) -> Noise:
     period = recording.sample_period
     drivers = [np.abs(arrays.speed), np.abs(recording.torque)]
     if arrays.bristles is not None:
-        drivers.append(_jumps(arrays.bristles, arrays.parts))
+        drivers.append(jumps(arrays.bristles, arrays.parts))
     for decay in _DECAYS:
         late = [
             np.exp(-_since_reversal(arrays.speed[part]) * period / decay) for part in arrays.parts
@@ -106,21 +124,14 @@ def weighed(arrays: Arrays, noise: Noise, left: np.ndarray) -> Whitened:
     """
     left, inside = noise.whiten(left, arrays.parts), arrays.inside
     weight = np.sqrt((_TAILS + 1) / (_TAILS + left**2)) * inside
-    white = noise.whiten(arrays.columns, arrays.parts)
-    white *= weight.astype(np.float32)
-    target = noise.whiten(arrays.residual, arrays.parts) * weight
-    variance = (left**2 * inside).sum(axis=0) / np.maximum(inside.sum(axis=0), 1)
-    return Whitened(noise, weight, variance, Products.of(white, target, int(inside.sum())))
-
-
-def _jumps(bent: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
-    """Change of the friction from sample to sample, the largest of neighbours."""
-    out = np.zeros_like(bent)
-    for part in parts:
-        change = np.abs(np.diff(bent[part], axis=0, prepend=bent[part][:1]))
-        wide = np.pad(change, ((1, 1), (0, 0)))
-        out[part] = np.maximum(np.maximum(wide[:-2], wide[2:]), change)
-    return out
+    others = arrays.comparable & ~arrays.posed.used[:, None]
+    return Whitened(
+        noise,
+        weight,
+        left * weight,
+        _products(arrays, noise, weight),
+        _products(arrays, noise, others),
+    )
 
 
 def _since_reversal(speed: np.ndarray) -> np.ndarray:

@@ -11,30 +11,20 @@ import numpy as np
 from faultgen.discovery.decision.choice import Choice, only
 from faultgen.discovery.decision.verdict import answer, is_part
 from faultgen.discovery.fit.gap import gap
-from faultgen.discovery.fit.regression import Problem
+from faultgen.discovery.fit.problem import Problem
 from faultgen.discovery.laws.law_curves import Courses, Curve
 from faultgen.discovery.laws.law_words import NAMES
 from faultgen.discovery.laws.learned_law import Learned, learn
 from faultgen.discovery.replay.replay import Replay, relative_error, relative_errors
-from faultgen.discovery.result import MODEL, NAMED, NONE, PART, PARTLY, UNKNOWN, Answer
+from faultgen.discovery.result import MODEL, NAMED, NONE, PARTLY, UNKNOWN, Answer
 from faultgen.errors import InputError, SimulationFailed
+from faultgen.inference.limits import LAW_ALIKE, LAW_ALONE, LAW_CERTAIN, PART
 
 LEARNED = "learned"
 """Name of a learned law among the effects of ``discovery.json``."""
 
 UNIT = "N m, RMS on the recording"
 """Unit of its severity."""
-
-CERTAIN = 0.98
-"""Probability of a law from which it changes a verdict."""
-
-EQUAL = 1.01
-"""Gap of a law alone, over the gap of effects and laws, up to which the effects of its axis count
-as superfluous: assumed."""
-
-ALIKE = 0.8
-"""Correlation of a law with an effect from which the law is that effect in another form, and the
-effect keeps its name: assumed."""
 
 _BEYOND = 0.02  # share of the range of a variable by which other motions may leave it
 
@@ -61,7 +51,7 @@ def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, l
     if told.verdict == UNKNOWN:
         return if_smaller(problem, told, _with(problem, told, laws), laws)
     # beside a part that is known, less certain laws are told as well
-    least = 0.0 if told.verdict == PARTLY else CERTAIN
+    least = 0.0 if told.verdict == PARTLY else LAW_CERTAIN
     axes = {one.axis for one in laws if one.confidence >= least}
     if not axes:
         return told, []
@@ -78,8 +68,8 @@ def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, l
         own = learn(problem, other.strange_torque, other.changes)
         simpler = _with(problem, other, own)
         left_out = {problem.terms[g[0]].key for k, g in enumerate(groups) if k not in kept}
-        alike = {one[:2] for law in own for one in law.resembles if one[2] >= ALIKE}
-        if own and simpler.after <= EQUAL * whole.after and not left_out & alike:
+        alike = {one[:2] for law in own for one in law.resembles if one[2] >= LAW_ALIKE}
+        if own and simpler.after <= LAW_ALONE * whole.after and not left_out & alike:
             return replace(simpler, verdict=PARTLY if simpler.effects else UNKNOWN), own
     if told.verdict == PARTLY:
         return if_smaller(problem, told, whole, laws)

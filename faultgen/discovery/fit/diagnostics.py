@@ -5,16 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
-from statsmodels.stats.multitest import multipletests
+from scipy.stats import chi2, false_discovery_control
 
-from faultgen.discovery.fit.regression import Kinematics, Problem
-
-FALSE_DISCOVERIES = 0.05
-"""Expected share of false discoveries among the reported regimes."""
+from faultgen.discovery.fit.problem import Kinematics, Problem
+from faultgen.inference.limits import FALSE_DISCOVERIES
 
 _AFTER = 0.1  # time that counts as a reversal after a change of direction [s]
-_ENRICHED = 1.3  # intensity of a residual in a regime over that of its axis, to be told
 
 
 @dataclass(frozen=True)
@@ -122,12 +118,10 @@ def where(problem: Problem, error: np.ndarray) -> list[Share]:
             )
     if not found:
         return []
-    keep, corrected, _, _ = multipletests(
-        [one.p_value for one in found], FALSE_DISCOVERIES, method="fdr_bh"
-    )
+    corrected = false_discovery_control([one.p_value for one in found])
     told = [
         Share(one.axis, one.regime, one.share, one.intensity, float(p))
-        for one, kept, p in zip(found, keep, corrected, strict=True)
-        if kept and (one.regime == "all" or one.intensity > _ENRICHED)
+        for one, p in zip(found, corrected, strict=True)
+        if p <= FALSE_DISCOVERIES and (one.regime == "all" or one.intensity > 1)
     ]
     return sorted(told, key=lambda one: (one.regime != "all", -one.share))

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultgen.discovery.fit.evidence import Evidence
-from faultgen.discovery.fit.regression import Problem
+from faultgen.discovery.fit.problem import Problem
 from faultgen.discovery.terms.candidates import PAYLOAD, Term
 from faultgen.effects import get_effect
 
@@ -28,8 +27,6 @@ class Fit:
     """Covariance of the values. Shape (terms, terms)."""
     change: np.ndarray
     """Change of the torque by the effects, shape (samples, n_axes)."""
-    evidence: Evidence
-    """Inner products with the residual that remains, on the parts for fitting."""
 
     @property
     def terms(self) -> list[int]:
@@ -71,8 +68,7 @@ def fit_at(
         change = problem.change([(problem.terms[t], value) for t, value in pairs])
     if change is None:
         change = np.tensordot(values.astype(np.float32), problem.raw[terms], axes=1)
-    evidence = problem.evidence(problem.residual - change)
-    return Fit(tuple(groups), values, covariance, change, evidence)
+    return Fit(tuple(groups), values, covariance, change)
 
 
 def changes_of(problem: Problem, fitted: Fit) -> list[tuple[Term, float]]:

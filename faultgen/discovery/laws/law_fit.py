@@ -16,29 +16,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from faultgen.discovery.fit.regression import Problem
+from faultgen.discovery.fit.problem import Problem
 from faultgen.discovery.laws.law_curves import Courses, Curve
 from faultgen.discovery.laws.law_words import Part
 from faultgen.discovery.terms.candidates import INERTIA, NUMBERS
+from faultgen.inference.limits import CURVE_CHANCE, CURVE_GAIN, CURVE_SHARE
 
 MOST = 4
 """Largest number of curves of an axis."""
-
-LEAST = 20.0
-"""Amount by which a curve must reduce the squared whitened error of predictions: assumed."""
-
-CHANCE = 1e-3
-"""Largest probability that the error of predictions does not fall: assumed. About seven blocks of
-`_BLOCK` have to show the fall, so that no single event makes a law."""
-
-SHARE = 0.03
-"""Smallest share that a curve must have in what the first curve explains: assumed."""
 
 _ALLOWED = {name for name in NUMBERS if name != INERTIA}  # what may be wrong besides a law
 _FOLDS = 6  # blocks that are predicted in turn, at least
 _BLOCK = 0.25  # blocks of the bootstrap [s]
 _DRAWS = 3999
 _NEAR = 0.05  # share of a gain that a simpler curve may lack
+_ROUNDING = 1e-12  # of products, over the largest
 _SMOOTH = 2.0  # how much less values bend than they differ from zero: assumed
 
 
@@ -83,7 +75,8 @@ class Regression:
             if term.axis == axis and term.name in _ALLOWED and not term.parameters
         ]
         # in units of the prior standard deviations, as the parameters of any model may be wrong
-        self.allowed = problem.white[own][:, self._rows, k].astype(float)
+        stds = np.array([problem.terms[t].prior_std for t in own])[:, None]
+        self.allowed = self.whitened(problem.raw[own][:, :, k]) * stds
 
     @property
     def is_enough(self) -> bool:
@@ -132,7 +125,7 @@ class Regression:
         for fold in np.unique(self.fold):
             own = self.fold == fold
             train = columns[:, ~own]
-            value = np.linalg.solve(train @ train.T + penalty, train @ self.target[~own])
+            value = _minimum(train @ train.T + penalty, train @ self.target[~own])
             error[own] -= value @ columns[:, own]
         return error
 
@@ -146,7 +139,7 @@ class Regression:
         Returns:
             Shape (columns,), in [N m].
         """
-        return np.asarray(np.linalg.solve(columns @ columns.T + penalty, columns @ self.target))
+        return _minimum(columns @ columns.T + penalty, columns @ self.target)
 
     def design(self, parts: Sequence[Part]) -> tuple[np.ndarray, np.ndarray]:
         """Compute the whitened columns of some curves or formulas, and their penalty.
@@ -220,6 +213,12 @@ class Regression:
         return float((1 + np.sum(drawn <= 0)) / (_DRAWS + 1))
 
 
+def _minimum(precision: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Values of least squares; 0 for a shape that is 0 on all samples."""
+    raised = precision + _ROUNDING * np.diag(precision).max(initial=1.0) * np.eye(len(right))
+    return np.asarray(np.linalg.solve(raised, right))
+
+
 def _cut(problem: Problem, count: int) -> np.ndarray:
     """Number of the block to which each sample belongs, at least `count` blocks for fitting."""
     parts = [problem.parts[p] for p in problem.fitting]
@@ -252,12 +251,12 @@ def choose_curves(regression: Regression) -> Choice:
         gains = _gains(regression, white, prior, chosen)
         gains[chosen] = -np.inf
         top = float(gains.max())
-        if top < max(LEAST, SHARE * first):
+        if top < max(CURVE_GAIN, CURVE_SHARE * first):
             break
         near = np.flatnonzero(gains >= (1 - _NEAR) * top).tolist()
         best = min(near, key=lambda k: (candidates[k].size, -gains[k]))
         after = regression.errors(*_together(regression, white, prior, [*chosen, best]))
-        if regression.chance(error, after) > CHANCE:
+        if regression.chance(error, after) > CURVE_CHANCE:
             break
         chosen.append(best)
         first = first or top

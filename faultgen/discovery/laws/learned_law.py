@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from faultgen.discovery.fit.regression import Problem
+from faultgen.discovery.fit.problem import Problem
 from faultgen.discovery.laws.law_curves import Courses
 from faultgen.discovery.laws.law_fit import Choice, Regression, choose_curves
 from faultgen.discovery.laws.law_words import Formula, Part, formulas
@@ -27,16 +27,11 @@ from faultgen.effects import Applied
 from faultgen.effects.law_course import UNITS
 from faultgen.effects.learned import NAME
 from faultgen.errors import SimulationFailed
-
-USUAL = 0.005
-"""RMS of a law over the RMS torque of its axis that is normal for a calibrated model without a
-baseline: assumed, a little above the largest of `verdict.BAND`."""
+from faultgen.inference.limits import LAW_SAME, LAW_SHOWN, LAW_SIZE
 
 _WORTH = 0.9  # share of the gain of curves that a formula has to reach
-_LEAST = 0.3  # share of a law that its simulation has to show
 _BLOCK = 0.25  # blocks of the bootstrap [s]
 _DRAWS = 999
-_SAME = 0.95  # correlation from which an effect explains as much, and it was not found missing
 _ALIKE = 0.5  # correlation from which an effect of the catalogue is told
 
 
@@ -154,17 +149,17 @@ def _added(
             return None
         change = new
         factor, error = regression.factor(left - before, change - before)
-        if not _LEAST < factor < 1 / _LEAST:
+        if not LAW_SHOWN < factor < 1 / LAW_SHOWN:
             return None
     torque = problem.recording.torque[problem.inside[:, k], k]
     logged = float(np.sqrt(np.mean((change - before)[problem.inside[:, k], k] ** 2)))
-    if not problem.baseline and logged < USUAL * float(np.sqrt(np.mean(torque**2))):
+    if not problem.baseline and logged < LAW_SIZE * float(np.sqrt(np.mean(torque**2))):
         return None
     judged = _judged(problem, left - before, left - change, axis)
     if judged is None:
         return None
     alike = _resembles(problem, change - before)
-    if alike and alike[0][2] > _SAME:
+    if alike and alike[0][2] > LAW_SAME:
         return None
     size = logged / abs(float(regression.courses.side[k]))
     wide = 1.96 * error
@@ -238,10 +233,13 @@ def _resembles(problem: Problem, change: np.ndarray) -> tuple[tuple[str, int, fl
     """Effects of the catalogue whose sensitivities correlate most with a change of the torque."""
     own = problem.whiten(change).ravel().astype(float)
     best: dict[tuple[str, int], float] = {}
-    for term, column in zip(problem.terms, problem.white, strict=True):
+    for term, raw in zip(problem.terms, problem.raw, strict=True):
+        if not term.is_effect:
+            continue
+        column = problem.whiten(raw).ravel().astype(float)
         size = float(np.linalg.norm(column) * np.linalg.norm(own))
-        if term.is_effect and size > 0:
-            alike = abs(float(column.ravel().astype(float) @ own)) / size
+        if size > 0:
+            alike = abs(float(column @ own)) / size
             best[term.key] = max(best.get(term.key, 0.0), alike)
     top = sorted(best.items(), key=lambda item: -item[1])[:3]
     return tuple((*key, round(alike, 3)) for key, alike in top if alike > _ALIKE)

@@ -8,7 +8,9 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
-from faultgen.discovery.fit.regression import Problem
+from faultgen.inference.limits import ORDER_CHANCE
+from faultgen.recordings.recording import Recording
+from faultgen.robot import Robot
 
 SMALLEST_ORDER, LARGEST_ORDER = 0.5, 12.0
 """Cycles a motor turn that are looked for: assumed. Slower ones are not told from load."""
@@ -16,7 +18,6 @@ SMALLEST_ORDER, LARGEST_ORDER = 0.5, 12.0
 _BINS = 64  # a motor turn
 _PAD = 4  # finer than the resolution of the angle that was travelled
 _FEWEST = 3.0  # cycles within the travelled angle; fewer are not told from gravity
-_CHANCE = 1e-4  # that noise alone shows one order on any axis
 _MOST = 2  # orders an axis
 
 
@@ -33,22 +34,26 @@ class Order:
     """Chi-square with two degrees of freedom for each direction and level of speed."""
 
 
-def find_orders(problem: Problem, error: np.ndarray) -> list[Order]:
+def find_orders(
+    recording: Recording, robot: Robot, error: np.ndarray, inside: np.ndarray
+) -> list[Order]:
     """Find torque that is periodic in the motor's angle.
 
     Args:
-        problem: The recording.
+        recording: The measured data.
+        robot: The model.
         error: Whitened error, shape (samples, n_axes).
+        inside: Samples that are used, same shape.
 
     Returns:
         Orders that noise does not explain, strongest first.
     """
-    turns = problem.recording.motor_position(problem.robot) / (2 * np.pi)
-    use = problem.samples(problem.fitting)
-    velocity = problem.motion.velocity
+    position = recording.motor_position(robot)
+    turns = position / (2 * np.pi)
+    _, velocity, _ = recording.derivatives(position)
     found = []
     for axis in range(turns.shape[1]):
-        rows = use & problem.inside[:, axis]
+        rows = inside[:, axis]
         if rows.sum() < 100:
             continue
         classes = _classes(velocity[rows, axis])
@@ -72,7 +77,7 @@ def _orders(axis: int, turns: np.ndarray, error: np.ndarray, classes: np.ndarray
     order = np.arange(length // 2 + 1) * _BINS / length
     outside = (order < max(SMALLEST_ORDER, _FEWEST / travelled)) | (order > LARGEST_ORDER)
     kinds = np.unique(classes)
-    chance = _CHANCE / (6 * max(travelled * LARGEST_ORDER, 1.0))
+    chance = ORDER_CHANCE / (6 * max(travelled * LARGEST_ORDER, 1.0))
     least = float(chi2.isf(chance, 2 * len(kinds)))
     left, found = error.copy(), []
     for _ in range(_MOST):

@@ -16,9 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from faultgen.discovery.decision.hypotheses import FALL, groups_of
+from faultgen.discovery.decision.hypotheses import groups_of
 from faultgen.discovery.terms.candidates import Term
 from faultgen.effects import get_effect
+from faultgen.inference.limits import FALL
 from faultgen.robot import COULOMB, Robot
 
 SEVERITIES = {

@@ -11,7 +11,7 @@ import tomli_w
 
 from faultgen.discovery.decision.choice import Choice
 from faultgen.discovery.fit.fit import Group
-from faultgen.discovery.fit.regression import Problem
+from faultgen.discovery.fit.problem import Problem
 from faultgen.discovery.replay.replay import Replay, settled
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.recordings.recording import Recording

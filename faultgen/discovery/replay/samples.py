@@ -12,7 +12,6 @@ from faultgen.recordings.noise import FEWEST, usable
 from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot
 
-_JUMP = 0.05  # time around a change of direction in which the noise is not looked for [s]
 _SLOWEST, _CREEPING = 0.1, 0.3  # speed of an axis that moves, over the Stribeck velocity: assumed
 _PRESLIDING = 0.1  # time from rest or reversal until friction has settled [s]: assumed
 _BLOCKS = 6  # into which a single recording is cut, to fit on some and choose on others
@@ -119,31 +118,18 @@ def _shows_every_axis(parts: Sequence[slice], scoring: Sequence[int], used: np.n
     return bool(len(share) and np.all((share >= least * fair) & (1 - share >= least * (1 - fair))))
 
 
-def for_noise(
-    inside: np.ndarray, steady: np.ndarray, parts: Sequence[slice]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Make sure that there are enough samples of every axis to estimate its noise.
-
-    Where an axis hardly moves steadily, all of its samples that are compared are used. Where it
-    hardly moves at all, as in a recording of single axes, it is not compared.
+def enough(inside: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+    """Leave out axes with too few samples to estimate their noise, as in recordings of single axes.
 
     Args:
         inside: Samples that are compared, shape (samples, n_axes).
-        steady: Those of them at which friction does not jump, same shape.
         parts: Samples of each separate recording.
 
     Returns:
-        The two masks, of the same shape. An axis that is not compared is steady everywhere.
+        The mask without the samples of these axes, same shape.
     """
-    inside, steady = inside.copy(), steady.copy()
-    for axis in range(inside.shape[1]):
-        if usable(steady[:, axis], parts) >= FEWEST:
-            continue
-        if usable(inside[:, axis], parts) >= FEWEST:
-            steady[:, axis] = inside[:, axis]
-        else:
-            inside[:, axis], steady[:, axis] = False, True
-    return inside, steady
+    able = [usable(one, parts) >= FEWEST for one in inside.T]
+    return inside & np.array(able)
 
 
 def samples_of(parts: Sequence[slice], count: int) -> np.ndarray:
@@ -221,26 +207,6 @@ def turning(recording: Recording) -> np.ndarray:
         direction = np.sign(np.gradient(recording.position[part], axis=0))
         turned[part][1:] = direction[1:] != direction[:-1]
     return turned
-
-
-def near_reversal(recording: Recording, robot: Robot) -> np.ndarray:
-    """Find the samples near a change of direction, where friction jumps.
-
-    Args:
-        recording: The measured data.
-        robot: The model.
-
-    Returns:
-        Mask of shape (samples, n_axes).
-    """
-    still = _motor_speed(recording, robot) < 3 * robot.stribeck_velocity
-    width = max(1, round(_JUMP / recording.sample_period))
-    near = np.zeros(recording.position.shape, bool)
-    for part in recording.parts:
-        for axis in range(robot.n_axes):
-            spread = np.convolve(still[part, axis].astype(int), np.ones(2 * width + 1, int))
-            near[part, axis] = spread[width : width + part.stop - part.start] > 0
-    return near
 
 
 def moving(recording: Recording, robot: Robot) -> np.ndarray:

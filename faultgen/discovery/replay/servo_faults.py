@@ -36,14 +36,11 @@ from faultgen.discovery.replay.servo_errors import (
 from faultgen.effects import get_effect
 from faultgen.effects.spreads import SPREADS
 from faultgen.errors import SimulationFailed
+from faultgen.inference.limits import LOG_UNUSUAL, SERVO_PLAIN, SERVO_SURE, SHORTEST_DELAY
 from faultgen.recordings.finding import CORRECTED, TRUST, Finding
 from faultgen.recordings.recording import LogFault, Recording, mean_of
 from faultgen.robot import Robot
 
-_SURE = 8.0  # standard errors from which a fault counts: assumed
-_PLAIN = 1e-3  # delay [s] that the equation has to show, before it is trusted alone: assumed
-_SHORTEST = 1e-4  # delay [s] below which the clocks of drives may differ: assumed
-_UNUSUAL = 5.0  # standard deviations of healthy logs from which an error of the log counts: assumed
 _WIDTH = 2.09  # of intervals in standard errors: 95 % of Student's t with `BLOCKS` - 1 degrees
 _SCATTER = 1.48  # standard deviation over the median distance from the median, of normal numbers
 _AXES = 3  # from which what all axes have in common can be told from what one has
@@ -63,8 +60,8 @@ class ServoFaults:
     """Gains and offsets of the log that count: severities of `torque_constant`, the share of the
     log that is too much, and of `torque_offset`, in [N m] of the motor."""
     are_all: bool = False
-    """Whether the equation would show a delay of `_PLAIN` on every axis that moves, so that there
-    are no others."""
+    """Whether the equation would show a delay of `SERVO_PLAIN` on every axis that moves, so that
+    there are no others."""
 
     @property
     def faults(self) -> tuple[LogFault, ...]:
@@ -175,7 +172,7 @@ def find_servo_faults(
         )
     }
     moves = np.isfinite(own.error[0])
-    shown = own.holds & (_SURE * error[0] < _PLAIN)
+    shown = own.holds & (SERVO_SURE * error[0] < SERVO_PLAIN)
     are_all = bool(moves.any() and shown[moves].all() and DELAY not in untold)
     seen = ServoFaults(found[DELAY], nothing.change, found[GAIN] + found[OFFSET], are_all)
     if not seen.delays:
@@ -212,14 +209,14 @@ def _counting(
     """Which values count as faults, shape (3, n_axes)."""
     smallest = np.array(
         [
-            np.full_like(limits, _SHORTEST),
-            np.full_like(limits, _UNUSUAL * SPREADS[GAIN].std),
-            _UNUSUAL * SPREADS[OFFSET].std * _finite(limits),
+            np.full_like(limits, SHORTEST_DELAY),
+            np.full_like(limits, LOG_UNUSUAL * SPREADS[GAIN].std),
+            LOG_UNUSUAL * SPREADS[OFFSET].std * _finite(limits),
         ]
     )
     largest = np.array([[get_effect(name).largest] for name in SHOWN])
     size = np.abs(value)
-    clear = (size > np.maximum(_SURE * error, smallest)) & (size <= largest)
+    clear = (size > np.maximum(SERVO_SURE * error, smallest)) & (size <= largest)
     return np.asarray(own.holds & own.helps & clear)
 
 

@@ -3,8 +3,8 @@
     found = [evidence_of(LogFit(one, robot)) for one in recordings]
     signs(found)
 
-A hypothesis is accepted if its likelihood is e^`CERTAIN` times that of the log as it is. Otherwise
-the torque stays as it was logged.
+A hypothesis is accepted if its likelihood is e^`LOG_CERTAIN` times that of the log as it is.
+Otherwise the torque stays as it was logged.
 """
 
 from __future__ import annotations
@@ -16,20 +16,10 @@ import numpy as np
 from scipy.optimize import nnls
 
 from faultgen.discovery.rigid.log_fit import PARTS, LogFit
+from faultgen.inference.limits import LOG_AGREES, LOG_CERTAIN, LOG_GAIN
 from faultgen.recordings.checks import LATEST
 from faultgen.robot import Robot
 
-CERTAIN = 10.0
-"""Log likelihood ratio from which a sign or scale is corrected. If one log in fifty is wrong, the
-odds are 400 to 1 then. On the recordings of five real machines and of five simulated laboratories,
-right signs were at 16 or more in all but a few, and wrong ones at 2.3 at most."""
-
-LARGE = 3.0
-"""Gain beyond which it is not left to calibration: torque constants and masses of models are not
-that wrong. Assumed."""
-
-_AGREES = 3.0  # log likelihood ratio of every axis that a common factor needs: 1 in 20
-_CLEAR = 3.0  # log likelihood ratio of one known factor over another: 20 to 1
 _SMALL, _SMALL_AXES = 2.0, 3  # evidence for a common small unit, over the usual, and axes with it:
 # an arm that swings nearly freely, such as a double pendulum, also needs little torque
 _NEAR = 0.5  # standard deviation of the log of a gain about a known factor: model and constants
@@ -142,7 +132,7 @@ def _of_axis(fit: LogFit, axis: int, factors: Sequence[float]) -> Evidence:
     return Evidence(
         sign=sign,
         factors=tuple((logged - about(forward * value, False)) / 2 for value in factors),
-        is_shown=bool((rubbing - by_gain.min()) / 2 >= CERTAIN),
+        is_shown=bool((rubbing - by_gain.min()) / 2 >= LOG_CERTAIN),
         gain=10**mean,
         spread=spread,
         any_gain=(logged - float(by_gain.min())) / 2,
@@ -191,14 +181,14 @@ def common_factor(found: Sequence[Evidence | None], factors: Sequence[Factor]) -
     able = [one for one in found if one is not None and one.is_shown]
     totals = [
         sum(one.factors[k] for one in able)
-        if len(able) > 1 and min(one.factors[k] for one in able) >= _AGREES
+        if len(able) > 1 and min(one.factors[k] for one in able) >= LOG_AGREES
         else 0.0
         for k in range(len(factors))
     ]
     best = int(np.argmax(totals))
     if factors[best].values.max() < 1:
-        return best if totals[best] >= _SMALL * CERTAIN and len(able) >= _SMALL_AXES else None
-    return best if totals[best] >= CERTAIN else None
+        return best if totals[best] >= _SMALL * LOG_CERTAIN and len(able) >= _SMALL_AXES else None
+    return best if totals[best] >= LOG_CERTAIN else None
 
 
 def own_factor(one: Evidence, factors: Sequence[Factor]) -> tuple[int, int | None] | None:
@@ -221,13 +211,13 @@ def own_factor(one: Evidence, factors: Sequence[Factor]) -> tuple[int, int | Non
         k
         for k, factor in enumerate(factors)
         if not factor.common
-        and one.factors[k] >= CERTAIN
+        and one.factors[k] >= LOG_CERTAIN
         and (factor.values.min() > 1 or one.parts > _ALONE)
     ]
     able.sort(key=lambda k: -one.factors[k])
     if not able:
         return None
-    close = len(able) > 1 and one.factors[able[0]] < one.factors[able[1]] + _CLEAR
+    close = len(able) > 1 and one.factors[able[0]] < one.factors[able[1]] + LOG_AGREES
     return able[0], able[1] if close else None
 
 
@@ -237,7 +227,7 @@ def own_gain(one: Evidence) -> float | None:
     Args:
         one: The evidence of the axis.
     """
-    if not one.is_shown or one.any_gain < CERTAIN or abs(np.log(one.gain)) < np.log(LARGE):
+    if not one.is_shown or one.any_gain < LOG_CERTAIN or abs(np.log(one.gain)) < np.log(LOG_GAIN):
         return None
     if one.gain < 1 and PARTS * one.parts >= 1:  # it may swing nearly freely
         return None
@@ -252,7 +242,7 @@ def doubtful_gain(one: Evidence) -> float | None:
     Args:
         one: The evidence of the axis.
     """
-    is_large = np.log(one.gain) > max(np.log(LARGE), 2 * one.spread)
+    is_large = np.log(one.gain) > max(np.log(LOG_GAIN), 2 * one.spread)
     return one.gain if one.is_shown and is_large else None
 
 
@@ -273,6 +263,6 @@ def signs(
     ratios = np.array([[0.0 if one is None else one.sign for one in axes] for axes in found])
     together = ratios.sum(axis=0)
     if known is not None:
-        together = np.where(np.abs(together) >= CERTAIN, together, CERTAIN * known)
-    decided = np.where(np.abs(ratios) >= CERTAIN, ratios, together)
-    return list(np.where(decided <= -CERTAIN, -1.0, 1.0))
+        together = np.where(np.abs(together) >= LOG_CERTAIN, together, LOG_CERTAIN * known)
+    decided = np.where(np.abs(ratios) >= LOG_CERTAIN, ratios, together)
+    return list(np.where(decided <= -LOG_CERTAIN, -1.0, 1.0))

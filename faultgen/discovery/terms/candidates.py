@@ -47,16 +47,6 @@ FREE_GAINS = {"torque_constant": 150.0, "torque_offset": 500.0}
 """Effects that an unknown torque constant and offset imitate, and the factor of their prior
 standard deviations then: 30 % of the constant, and 10 % of the torque limit (assumed)."""
 
-SAME_MOTIONS = 0.01
-"""Prior standard deviation between two recordings of one robot, as a share of the prior standard
-deviation between a robot and its model: assumed."""
-
-DAY_TO_DAY = {"coulomb_friction": 1e-3, "viscous_friction": 1e-3}
-"""Smallest prior standard deviation between two recordings of one robot: assumed. It keeps changes
-of friction by some tenths of a percent from being named. Real arms differ by more: on a UR10e
-(benchmarks/reference_ur10e.py) friction at usual speeds differs by 0.5 to 5 % between recordings.
-Only several healthy recordings show how much it is; see `run_to_run`."""
-
 
 @dataclass(frozen=True)
 class Term:
@@ -231,21 +221,6 @@ def periodic_terms(robot: Robot, name: str, axis: int, order: float) -> tuple[Te
         return Term(name, axis, step, size, (("order", order), ("phase", phase)))
 
     return one(0.0), one(np.pi / 2)
-
-
-def between_runs(terms: Sequence[Term]) -> list[Term]:
-    """Return the same terms with the priors of a comparison of two recordings of one robot.
-
-    Args:
-        terms: Terms with the priors of a comparison with the model.
-
-    Returns:
-        New terms in the same order.
-    """
-    return [
-        replace(term, prior_std=max(SAME_MOTIONS * term.prior_std, DAY_TO_DAY.get(term.name, 0.0)))
-        for term in terms
-    ]
 
 
 def with_free_gains(terms: Sequence[Term]) -> list[Term]:
