@@ -26,7 +26,6 @@ from faultgen.discovery.terms.candidates import (
     effect_terms,
     names_by_use,
     payload_terms,
-    with_model_scale,
 )
 from faultgen.discovery.terms.inertia import inertia_terms
 from faultgen.effects import get_effect
@@ -106,14 +105,6 @@ def test_a_payload_moves_along_any_axis_of_the_flange(tiny_robot):
         get_effect("payload_offset").apply(spec, 2, 0.1, direction=direction)
         moved = np.array(spec.body("payload").ipos) - before
         np.testing.assert_allclose(moved, 0.1 * np.eye(3)[direction], atol=1e-12)
-
-
-def test_numbers_get_wider_and_nothing_else(tiny_robot):
-    terms = effect_terms(tiny_robot)
-    for old, new in zip(terms, with_model_scale(terms, 10.0, known=["rotor_inertia"]), strict=True):
-        wide = old.name in ("coulomb_friction", "viscous_friction", "torque_offset")
-        wide |= old.name == "torque_constant"
-        assert new.prior_std == pytest.approx((10.0 if wide else 1.0) * old.prior_std)
 
 
 def test_a_rough_model_is_calibrated(measured, tiny_robot):

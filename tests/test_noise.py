@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from faultgen.recordings.noise import autoregression, is_same_noise, noise_of, shared_noise
+from faultgen.recordings.noise import autoregression, is_same_noise, shared_noise
 
 
 def coloured(rng, n, memory, deviation):
@@ -10,44 +10,12 @@ def coloured(rng, n, memory, deviation):
     return lfilter([1.0], [1.0, -memory], kicks)
 
 
-def test_noise_under_a_slow_effect():
-    """White and coloured noise are found although an effect ten times as large lies under them."""
-    rng = np.random.default_rng(0)
-    n, parts = 100_000, [slice(0, 8000), slice(8000, 100_000)]
-    time = np.arange(n) * 0.004
-    effect = 10 * np.sin(2 * np.pi * 0.5 * time)
-    residual = np.stack(
-        [coloured(rng, n, m, d) for m, d in ((0.0, 1.0), (0.6, 1.0), (0.8, 0.5))], 1
-    )
-    noise = noise_of(residual + effect[:, None], np.ones_like(residual, bool), parts)
-    # the correlation of second differences hardly depends on a memory that is long
-    np.testing.assert_allclose(noise.coefficients[:, 0], [0, 0.6, 0.8], atol=0.1)
-    np.testing.assert_allclose(noise.deviation, [1, 1, 0.5], rtol=0.12)
-    white = noise.whiten(residual, parts)
-    assert (white[[0, 8000]] == 0).all()
-    np.testing.assert_allclose(white.std(axis=0), 1, atol=0.03)
-    neighbours = [np.corrcoef(white[1:, k], white[:-1, k])[0, 1] for k in range(3)]
-    np.testing.assert_allclose(neighbours, 0, atol=0.1)
-
-
-def test_jumps_that_are_left_out_do_not_count():
-    """A step in the gap inflates the noise unless its samples are left out."""
-    rng = np.random.default_rng(1)
-    residual = rng.standard_normal((4000, 1))
-    residual[2000:] += 500
-    inside = np.ones_like(residual, bool)
-    inside[1995:2005] = False
-    parts = [slice(0, 4000)]
-    assert noise_of(residual, inside, parts).deviation[0] == pytest.approx(1, rel=0.1)
-    assert noise_of(residual, np.ones_like(inside), parts).deviation[0] > 3
-
-
 def test_too_little_to_tell():
     residual = np.zeros((100, 2))
     inside = np.ones_like(residual, bool)
     inside[20:, 1] = False
     with pytest.raises(ValueError, match="axis 2: fewer than 50 samples"):
-        noise_of(residual, inside, [slice(0, 100)])
+        autoregression(residual, inside, [slice(0, 100)])
 
 
 def test_a_short_part_is_left_out():

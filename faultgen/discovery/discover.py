@@ -143,7 +143,7 @@ def investigate(
         if runs_differ is not None:
             posed = replace(posed, groups=runs_differ.groups)
     with Progress("choosing effects", None):
-        posed, difference = _with_more(posed, workers, exclude)
+        posed, difference = _with_more(posed, workers, exclude, cache)
         problem = _problem(posed, difference, of_model, division)
         choice = choose(problem, difference)
     scales = _scales(difference, choice)
@@ -160,7 +160,9 @@ def investigate(
     return Discovery(problem, choice, told, experiment, scales, runs_differ, notes=tuple(notes))
 
 
-def _with_more(posed: Posed, workers: int, exclude: Collection[str]) -> tuple[Posed, Difference]:
+def _with_more(
+    posed: Posed, workers: int, exclude: Collection[str], cache: Path | None
+) -> tuple[Posed, Difference]:
     """Add effects to which the difference itself leads: waves of some orders, and places."""
     difference = difference_of(posed)
     shared = with_own_noise(posed, difference.noise) if posed.baseline else posed
@@ -171,7 +173,7 @@ def _with_more(posed: Posed, workers: int, exclude: Collection[str]) -> tuple[Po
         _, raw = sensitivities(posed.replay, waves, posed.base, workers=workers)
         posed = _and(posed, waves, raw)
         difference = difference_of(posed)
-    terms, columns = places(posed, difference, workers=workers, exclude=exclude)
+    terms, columns = places(posed, difference, workers=workers, exclude=exclude, cache=cache)
     if terms:
         posed = _and(posed, terms, np.array(columns))
         difference = difference_of(posed)
@@ -206,9 +208,7 @@ def _problem(
     residual = posed.residual if posed.baseline else recording.torque - of_model.given_torque
     shared = np.zeros(residual.shape[1], bool) if posed.shared is None else posed.shared
     return Problem(
-        inside=division.inside,
-        parts=division.parts,
-        scoring=division.scoring,
+        **vars(division),
         replay=posed.replay,
         given=of_model.given,
         terms=list(posed.terms),

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.optimize import brentq
 
 from faultgen.monitoring.autoregression import amplification
 
@@ -24,7 +23,6 @@ FEWEST = 50
 
 _SAME = 0.05  # as `SHARED`, of noise that is the same beyond doubt
 _CONSIDERABLE = 3e-3  # noise over torque; simulations without any seem to have 0.001
-_LARGEST = 0.98  # autocorrelation; beyond it noise cannot be told from a drift
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,68 +89,6 @@ class Autoregression:
                 new += own[..., order - delay : own.shape[-2] - delay, :] * weight
             out[..., part.start + order : part.stop, :] = new
         return out
-
-
-def noise_of(residual: np.ndarray, inside: np.ndarray, parts: Sequence[slice]) -> Autoregression:
-    """Estimate the noise of a residual that also contains effects.
-
-    Effects change slowly compared with the sample period, except for jumps, which `inside` should
-    exclude. Second differences remove what changes slowly. For a first-order autoregression, their
-    variance and the correlation of neighbours determine its two parameters. Source: its
-    autocovariances, s^2 m^k / (1 - m^2).
-
-    Args:
-        residual: Shape (samples, n_axes), in any unit.
-        inside: Samples that may be used, same shape.
-        parts: Samples of each separate recording.
-
-    Returns:
-        The noise, of first order.
-
-    Raises:
-        ValueError: An axis has fewer than 50 usable samples.
-    """
-    axes = residual.shape[1]
-    memory, innovation = np.zeros(axes), np.zeros(axes)
-    for axis in range(axes):
-        squares, products = [], []
-        for part in parts:
-            x, use = residual[part, axis], inside[part, axis]
-            second = x[2:] - 2 * x[1:-1] + x[:-2]
-            usable = use[2:] & use[1:-1] & use[:-2]
-            squares.append(second[usable] ** 2)
-            both = usable[1:] & usable[:-1]
-            products.append((second[1:] * second[:-1])[both])
-        variance, product = np.concatenate(squares), np.concatenate(products)
-        if len(product) < FEWEST:
-            raise ValueError(
-                f"axis {axis + 1}: fewer than {FEWEST} samples in which it moves steadily"
-            )
-        ratio = float(product.mean() / variance.mean()) if variance.mean() > 0 else -2 / 3
-        memory[axis] = _memory(ratio)
-        scale = _covariances(memory[axis])[0]
-        innovation[axis] = np.sqrt(variance.mean() / scale)
-    return Autoregression(memory[:, None], np.maximum(innovation, 1e-12))
-
-
-def _covariances(memory: float) -> tuple[float, float]:
-    """Variance of second differences, and covariance of neighbours, for innovations of 1."""
-    g0, g1, g2, g3 = (memory**k / (1 - memory**2) for k in range(4))
-    return 6 * g0 - 8 * g1 + 2 * g2, -4 * g0 + 7 * g1 - 4 * g2 + g3
-
-
-def _memory(ratio: float) -> float:
-    """Autocorrelation for which the second differences have that correlation of neighbours."""
-
-    def excess(memory: float) -> float:
-        variance, covariance = _covariances(memory)
-        return covariance / variance - ratio
-
-    if excess(0.0) >= 0:
-        return 0.0
-    if excess(_LARGEST) <= 0:
-        return _LARGEST
-    return float(brentq(excess, 0.0, _LARGEST))
 
 
 def typical(values: np.ndarray) -> float:

@@ -142,10 +142,10 @@ def arrays_of(posed: Posed, *, only_numbers: bool = False) -> Arrays:
             residual += value * numbers.columns[numbers.which.index(which)]
     speed = formulas.motion.speed
     comparable = _comparable(posed.replay, speed)
-    if forms is not None:
-        comparable &= jumps(forms[USUAL], recording.parts) < UNRESOLVED
-    inside = enough(comparable & posed.used[:, None], recording.parts)
     bristles = None if forms is None else forms[USUAL]
+    if bristles is not None:
+        comparable &= jumps(bristles, recording.parts) < UNRESOLVED
+    inside = enough(comparable & posed.used[:, None], recording.parts)
     return Arrays(posed, numbers, effects, residual, comparable, inside, speed, bristles)
 
 

@@ -74,9 +74,8 @@ def choose(problem: Problem, difference: Difference) -> Choice:
     sure = SURE if problem.baseline else SURE + OF_MODEL
     others = difference.held_out.only(difference.model.places_without(GENERIC))
     if problem.baseline:  # rings of the arm that smoothing has changed look like these numbers
-        exact = without_refuted(difference.model.without(GENERIC), others, GEARS)
-        model = replace(difference.model, groups=exact.groups)
-        difference = replace(difference, model=model)
+        known = without_refuted(difference.exact, others, GEARS)
+        difference = replace(difference, model=replace(difference.model, groups=known.groups))
     found = search(difference.model, difference.hypotheses, sure, GENERIC)
     found, refuted = confirmed(found, others)
     groups: list[Group] = []
@@ -257,14 +256,12 @@ def _misfit(
         stds: Their sizes.
         scales: Logarithm of the scale of each group of numbers.
     """
-    numbers = difference.numbers
-    of_numbers = np.exp(scales)[numbers.group] * numbers.std
-    scaled = [(of_numbers[k] * numbers.columns[k]).astype(np.float32) for k in numbers.known]
-    scaled += [(std * one).astype(np.float32) for std, one in zip(stds, columns, strict=True)]
-    shape = difference.residual.shape
-    white = difference.whiten(np.array(scaled, np.float32).reshape(-1, *shape))
-    white = white.reshape(len(scaled), difference.residual.size)
-    factor = cho_factor(white.astype(float) @ white.T.astype(float) + np.eye(len(scaled)))
+    size = difference.residual.size
+    others = [std * one for std, one in zip(stds, columns, strict=True)]
+    beside = np.array(others, np.float32).reshape(-1, *difference.residual.shape)
+    white = np.concatenate([difference.white_numbers(scales), difference.whiten(beside)])
+    white = white.reshape(len(white), size)
+    factor = cho_factor(white.astype(float) @ white.T.astype(float) + np.eye(len(white)))
 
     def misfit(change: np.ndarray) -> float:
         left = difference.whiten(difference.residual - change).ravel()

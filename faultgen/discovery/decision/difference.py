@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from faultgen.discovery.decision.arrays import Arrays, Posed, arrays_of
 from faultgen.discovery.decision.hypotheses import PLAY_SPREAD, Group, size_of
-from faultgen.discovery.decision.numbers import Numbers
+from faultgen.discovery.decision.numbers import GENERIC, Numbers
 from faultgen.discovery.decision.whitening import whitened
 from faultgen.discovery.terms.candidates import Term
 from faultgen.inference.model import Fitted, Model
@@ -76,6 +77,25 @@ class Difference:
         """
         weight = self.weight[:, axis - 1].astype(x.dtype)
         return self.noise.whiten_axis(x, axis, self.parts) * weight
+
+    @cached_property
+    def exact(self) -> Model:
+        """The model without torques of no known form, of which a healthy robot has hardly any."""
+        return self.model.without(GENERIC)
+
+    def white_numbers(self, scales: np.ndarray) -> np.ndarray:
+        """Whiten the columns of all numbers of known form, in units of their standard deviations.
+
+        Args:
+            scales: Logarithm of the scale of each group, shape (groups,).
+
+        Returns:
+            Shape (numbers, samples, n_axes), in single precision.
+        """
+        numbers = self.numbers
+        size = np.exp(scales)[numbers.group] * numbers.std
+        scaled = [(size[k] * numbers.columns[k]).astype(np.float32) for k in numbers.known]
+        return self.whiten(np.array(scaled, np.float32).reshape(-1, *self.residual.shape))
 
     def left(self, fitted: Fitted, change: np.ndarray | float = 0.0) -> np.ndarray:
         """Compute the torque that numbers of known form leave.

@@ -202,10 +202,10 @@ def numbers_of(
     shared: dict[str, np.ndarray] = {}
     for term, column in zip(terms, raw, strict=True):
         which = (*term.key, term.parameters)
-        if not is_number(term) or which in seen:
+        kind = kind_of(term)
+        if kind is None or which in seen:
             continue
         seen.add(which)
-        kind = _OF[term.name]
         out.add(column, term.prior_std, kind, which)
         if kind == "friction":
             _add_by_motion(out, column, recording.parts)

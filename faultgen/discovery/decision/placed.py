@@ -12,13 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from faultgen.discovery.decision.arrays import Posed
 from faultgen.discovery.decision.difference import Difference
-from faultgen.discovery.decision.numbers import GENERIC
 from faultgen.discovery.decision.reaction import Reaction
 from faultgen.discovery.laws.friction_discrepancy import (
     discrepancy_sensitivities,
@@ -44,7 +44,12 @@ _USUAL = 0.01  # standard deviation among healthy robots, over the severity that
 
 
 def places(
-    posed: Posed, difference: Difference, *, workers: int = 1, exclude: Collection[str] = ()
+    posed: Posed,
+    difference: Difference,
+    *,
+    workers: int = 1,
+    exclude: Collection[str] = (),
+    cache: Path | None = None,
 ) -> tuple[list[Term], list[np.ndarray]]:
     """Find effects that act at one place, where a place is promising.
 
@@ -53,6 +58,7 @@ def places(
         difference: The same, as the inference sees it.
         workers: Number of processes. It has no effect on the result.
         exclude: Effects that are not considered.
+        cache: Folder in which simulations are kept.
 
     Returns:
         A term for each such effect and axis, and its change of the torque per unit, shape (samples,
@@ -62,9 +68,10 @@ def places(
     if not names:
         return [], []
     others, strongest = _others(difference)
-    left = _Left(posed, difference)
-    beside = _Left(posed, difference, others) if others else left
-    known = _Known(posed, workers)
+    white = difference.white_numbers(difference.exact.healthy.log_scales)
+    left = _Left(posed, difference, white)
+    beside = _Left(posed, difference, white, others) if others else left
+    known = _Known(posed, workers, cache)
     best: dict[tuple[str, int], _Place] = {}
     for axis in range(1, posed.replay.robot.n_axes + 1):
         if not difference.inside[:, axis - 1].any():
@@ -99,7 +106,7 @@ def _others(difference: Difference) -> tuple[list[int], float]:
     Returns:
         The columns, and the fall of the misfit by the first effect.
     """
-    exact = difference.model.without(GENERIC)
+    exact = difference.exact
     forms = [form for one in difference.hypotheses if not one.unknown for form in one.forms]
     known: list[int] = []
     strongest = 0.0
@@ -166,13 +173,15 @@ def _simulated(posed: Posed, left: _Left, place: _Place, workers: int) -> tuple[
 class _Known:
     """Torques on rotors whose reactions are known, and the motion."""
 
-    def __init__(self, posed: Posed, workers: int) -> None:
+    def __init__(self, posed: Posed, workers: int, cache: Path | None) -> None:
         replay = posed.replay
         self.motor = replay.recording.motor_position(replay.robot)
         self.velocity = replay.recording.derivatives(self.motor)[1]
         self.pushes = -shapes_of(replay)  # friction is positive against the motion
         forms = discrepancy_terms(replay.robot)
-        self.reactions = discrepancy_sensitivities(replay, forms, posed.base, workers=workers)
+        self.reactions = discrepancy_sensitivities(
+            replay, forms, posed.base, workers=workers, cache=cache
+        )
         self.axes = np.array([term.axis for term in forms])
 
     def of_axis(self, axis: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -251,24 +260,28 @@ def _places(search: Search, seen: Seen) -> tuple[np.ndarray, float]:
 class _Left:
     """What numbers and some effects leave of a difference, to be explained by further effects."""
 
-    def __init__(self, posed: Posed, difference: Difference, effects: Sequence[int] = ()) -> None:
+    def __init__(
+        self,
+        posed: Posed,
+        difference: Difference,
+        white: np.ndarray,
+        effects: Sequence[int] = (),
+    ) -> None:
         """Fit all numbers of known form, with the scales of a healthy robot.
 
         Args:
             posed: The recording and what may differ.
             difference: The same, as the inference sees it.
+            white: From `Difference.white_numbers`, shape (numbers, samples, n_axes).
             effects: Columns of the effects that are fitted beside them.
         """
-        self._difference, model, numbers = difference, difference.model, difference.numbers
-        scales = np.exp(model.without(GENERIC).healthy.log_scales)
-        scaled = [
-            scales[numbers.group[k]] * numbers.std[k] * numbers.columns[k] for k in numbers.known
-        ]
+        self._difference, model = difference, difference.model
         own = [model.count + k for k in effects]
         terms = [t for k in effects for t in difference.groups[k]]
-        scaled += [model.std[k] * posed.raw[t] for k, t in zip(own, terms, strict=True)]
-        count, shape = len(numbers.known), difference.residual.shape
-        self._columns = difference.whiten(np.array(scaled, np.float32).reshape(-1, *shape))
+        scaled = [model.std[k] * posed.raw[t] for k, t in zip(own, terms, strict=True)]
+        beside = np.array(scaled, np.float32).reshape(-1, *difference.residual.shape)
+        count = len(white)
+        self._columns = np.concatenate([white, difference.whiten(beside)])
         mean = (model.mean[own] / model.std[own]).astype(np.float32)  # of plays
         target = difference.whiten(difference.residual).astype(np.float32)
         self._target = target - np.tensordot(mean, self._columns[count:], axes=1)

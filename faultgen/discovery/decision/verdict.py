@@ -12,7 +12,6 @@ from faultgen.discovery.decision.calibrated import Calibrated, calibrated
 from faultgen.discovery.decision.choice import SURE, Choice, only
 from faultgen.discovery.decision.gate import changed, gate, held_out
 from faultgen.discovery.decision.hypotheses import UNKNOWN as UNKNOWN_FORM
-from faultgen.discovery.decision.numbers import GENERIC
 from faultgen.discovery.fit.diagnostics import where
 from faultgen.discovery.fit.fit import Fit, first_of
 from faultgen.discovery.fit.gap import gap, scored
@@ -47,7 +46,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     """
     empty, best = choice.empty, choice.best
     difference = choice.difference
-    without = difference.left(difference.model.without(GENERIC).healthy)
+    without = difference.left(difference.exact.healthy)
     numbers = _numbers(problem, choice, empty)
     base_values = numbers.values
     basic = build(problem, empty, base_values)

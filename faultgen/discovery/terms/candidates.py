@@ -238,23 +238,3 @@ def with_free_gains(terms: Sequence[Term]) -> list[Term]:
         else term
         for term in terms
     ]
-
-
-def with_model_scale(
-    terms: Sequence[Term], factor: float, known: Collection[str] = ()
-) -> list[Term]:
-    """Return the same terms with scaled priors of the numbers that every model has.
-
-    Args:
-        terms: All terms.
-        factor: Factor of the prior standard deviations of `NUMBERS`.
-        known: Numbers that keep their prior standard deviations.
-
-    Returns:
-        New terms in the same order.
-    """
-    names = set(NUMBERS) - set(known)
-    return [
-        replace(term, prior_std=factor * term.prior_std) if term.name in names else term
-        for term in terms
-    ]
