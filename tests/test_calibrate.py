@@ -81,7 +81,7 @@ def test_a_payload_of_no_mass_is_points(tiny_robot):
     """Their masses make one body: its weight is the sum, its centre the mean of their places."""
     robot = massless(tiny_robot)
     assert {t.axis for t in inertia_terms(robot)} == {1, 2}
-    points = payload_terms(2)
+    points = payload_terms(robot, 2)
     assert [t.key for t in effect_terms(robot) if t.name.startswith("payload")] == (
         [("payload_mass", 1)] * 4 + [("payload_mass", 2)] * 4
     )
@@ -92,7 +92,9 @@ def test_a_payload_of_no_mass_is_points(tiny_robot):
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "payload")
     assert model.body_mass[body] == pytest.approx(2.0, rel=1e-5)
     np.testing.assert_allclose(model.body_ipos[body], [0.1, -0.05, 0.0], atol=1e-6)
-    changes = zip(payload_terms(1) + points, [0.0, 0.0, 3.0, 0.0, 1.0, 2.0, -1.0, 0.0], strict=True)
+    changes = zip(
+        payload_terms(robot, 1) + points, [0.0, 0.0, 3.0, 0.0, 1.0, 2.0, -1.0, 0.0], strict=True
+    )
     both = applied(list(changes))  # each link has its own
     assert [(b.axis, b.severity) for b in both] == [(1, 3.0), (2, pytest.approx(2.0))]
     assert dict(both[0].parameters) == pytest.approx({"x": 0.0, "y": 0.1, "z": 0.0})
@@ -122,6 +124,9 @@ def test_a_rough_model_is_calibrated(measured, tiny_robot):
         for model in (tiny_robot, found.robot)
     )
     assert after < 0.6 * before  # the rest is noise
+    assert found.posterior is not None
+    told = found.posterior.which.index(("viscous_friction", 2, ()))
+    assert np.sqrt(found.posterior.covariance[told, told]) < 0.05  # what is usual
 
 
 def test_a_torque_constant_becomes_a_gain_of_the_log(tiny_robot):
@@ -290,11 +295,11 @@ def test_numbers_are_known_by_their_names(measured, tiny_robot):
 
 def test_a_model_that_diverges_is_not_a_result(measured, tiny_robot):
     """A spring that pushes the arm away is noticed, whether or not MuJoCo compiles it."""
-    recording = measured([], 1)
+    replay = Replay(measured([], 1), tiny_robot)
     term = Term("gravity_spring", 2, 1.0, 1.0)
-    assert replaying(recording, tiny_robot, [(term, -1e6)]) is None
-    assert replaying(recording, tiny_robot, [(term, 1.0)]) is not None
-    assert replaying(recording, tiny_robot, []) is tiny_robot
+    assert replaying(replay, [(term, -1e6)]) is None
+    assert replaying(replay, [(term, 1.0)]) is not None
+    assert replaying(replay, []) is tiny_robot
 
 
 def test_a_fit_that_diverges_leaves_the_given_model(measured, tiny_robot, monkeypatch):

@@ -93,14 +93,14 @@ def test_the_written_model_replays_the_recording(columns, monkeypatch, refused):
     problem = posed(columns)
     asked = []
 
-    def replaying(recording, robot, changes):
-        asked.append((recording, robot))
+    def replaying(given, changes):
+        asked.append(given)
         return None if len(asked) <= refused else "the robot"
 
     monkeypatch.setattr(model_edit, "replaying", replaying)
     found = least_squares(problem, [(0,)])
     built, robot, lacks = build_stable(problem, found, np.array([0.0, 0.1 / FRICTION.prior_std]))
-    assert all(one == (problem.recording, problem.robot) for one in asked)
+    assert all(one is problem.given for one in asked)
     shares = [1.0, 0.5, 0.25, 0.1, 0.0]
     assert built.share == (shares[refused] if refused < 5 else 0.0)
     assert robot == ("the robot" if refused < 5 else problem.robot)

@@ -280,6 +280,7 @@ def calibrate(
 
     from faultgen.discovery.calibration.calibrate import calibrate as run_calibrate
     from faultgen.discovery.calibration.limits import with_limits_of
+    from faultgen.discovery.decision.posterior import FILE
     from faultgen.discovery.discover import dump
     from faultgen.discovery.inputs import read_together
     from faultgen.robot import load_robot
@@ -301,7 +302,7 @@ def calibrate(
         changed = recording.constants.constant * found.robot.torque_gain / model.torque_gain
         result["torque_constants"] = replace(recording.constants, constant=changed).contract()
     found.robot.write(out)
-    write_listed(out, "calibration.json", dump(result))
+    write_listed(out, FILE, dump(result))
     for line in (*found.lacks, *found.findings):
         note(line)
     if as_json:

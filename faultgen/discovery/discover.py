@@ -20,6 +20,7 @@ from faultgen.discovery.decision.choice import Choice, choose
 from faultgen.discovery.decision.difference import Difference, difference_of
 from faultgen.discovery.decision.numbers import GENERIC, fixed_groups
 from faultgen.discovery.decision.placed import places
+from faultgen.discovery.decision.posterior import Posterior
 from faultgen.discovery.decision.run_to_run import Learned as RunToRun
 from faultgen.discovery.decision.run_to_run import by_temperature, differences, learned
 from faultgen.discovery.decision.shared import with_own_noise
@@ -79,6 +80,7 @@ def investigate(
     prior_scale: float | None = None,
     white_noise: bool = False,
     cache: Path | None = None,
+    posterior: Posterior | None = None,
 ) -> Discovery:
     """Run all stages on recordings that were already checked.
 
@@ -96,6 +98,8 @@ def investigate(
         white_noise: Whether long-lasting errors get full weight, see `Noise.plain`. Otherwise a
             part of them is treated as drifting noise. Use it for recordings that were filtered.
         cache: Folder in which sensitivities are kept.
+        posterior: What recordings of the healthy robot told of its numbers when the model was
+            calibrated with them. With `healthy`, it is not used.
 
     Returns:
         All results.
@@ -134,6 +138,7 @@ def investigate(
         of_model.moved if before is None else {},
         groups=None if prior_scale is None or before else fixed_groups(prior_scale),
         white=white_noise,
+        posterior=None if before else posterior,
     )
     runs_differ: RunToRun | None = None
     if baseline is not None:

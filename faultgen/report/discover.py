@@ -18,6 +18,7 @@ from threadpoolctl import threadpool_limits
 from faultgen.discovery.calibration.limits import with_limits_of
 from faultgen.discovery.calibration.own_friction import with_own_friction
 from faultgen.discovery.calibration.own_numbers import with_own_numbers
+from faultgen.discovery.decision.posterior import posterior_beside
 from faultgen.discovery.decision.with_laws import LEARNED, contract, outside, with_laws
 from faultgen.discovery.discover import Discovery, investigate
 from faultgen.discovery.fit.gap import gap
@@ -170,6 +171,7 @@ def discover(
             prior_scale=prior_scale,
             white_noise=white_noise,
             cache=_path(cache),
+            posterior=posterior_beside(robot) if prior_scale is None else None,
         )
         found = stage("search for laws", lambda: _completed(found), found)
         result = _result(found)

@@ -19,7 +19,6 @@ from faultgen.discovery.terms.candidates import INERTIA, Term, applied
 from faultgen.discovery.terms.inertia import apply_inertia
 from faultgen.effects import get_effect
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot
 
 SHARES = (1.0, 0.5, 0.25, 0.1)
@@ -72,7 +71,7 @@ def build_stable(
         contain.
     """
     for built in _candidates(problem, fitted, solution):
-        robot = replaying(problem.recording, problem.given.robot, built.changes)
+        robot = replaying(problem.given, built.changes)
         if robot is not None:
             return built, robot, _lacks(problem, built, solution)
     line = "model.xml is the model as it was given: with the effects in it, its simulation diverges"
@@ -146,24 +145,24 @@ def changed(robot: Robot, changes: Sequence[tuple[Term, float]]) -> Robot:
     return edited(robot, spec, gain).with_effects(beside)
 
 
-def replaying(
-    recording: Recording, robot: Robot, changes: Sequence[tuple[Term, float]]
-) -> Robot | None:
+def replaying(given: Replay, changes: Sequence[tuple[Term, float]]) -> Robot | None:
     """Put changes into a model, and check that the written model can move as the robot did.
 
     Where commanded positions were recorded, the servo of the model has to follow them.
 
     Args:
-        recording: The measured data.
-        robot: The model.
+        given: The recording and the model.
         changes: Terms and values.
 
     Returns:
         The changed model as it is written to a file, or None if it cannot replay the recording.
     """
     try:
-        made = changed(robot, changes) if changes else robot
-        torque = Replay(recording, made, measured=recording.reference_position is None).torque()
+        made = changed(given.robot, changes) if changes else given.robot
+        replay = given.on(made)
+        if given.recording.reference_position is not None:
+            replay = Replay(given.recording, made, measured=False)
+        torque = replay.torque()
     except (InputError, SimulationFailed):
         return None
     return made if np.isfinite(torque).all() else None

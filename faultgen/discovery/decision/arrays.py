@@ -14,6 +14,7 @@ import numpy as np
 
 from faultgen.discovery.decision.hypotheses import Effects
 from faultgen.discovery.decision.numbers import GENERIC, Numbers, numbers_of
+from faultgen.discovery.decision.posterior import Posterior
 from faultgen.discovery.laws.friction_forms import USUAL, forms_of
 from faultgen.discovery.replay.formulas import Formulas
 from faultgen.discovery.replay.replay import Replay, settled
@@ -57,6 +58,8 @@ class Posed:
     """These axes, a mask of shape (n_axes,)."""
     white: bool = False
     """Whether errors that last get full weight, as if the noise were white."""
+    posterior: Posterior | None = None
+    """What recordings of the healthy robot tell of the numbers of its model."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +68,16 @@ class Arrays:
 
     posed: Posed
     """The recording and what may differ."""
+    of_model: Numbers
+    """Numbers of a healthy robot, as its model has them."""
     numbers: Numbers
-    """Numbers of a healthy robot."""
+    """The same, as other recordings of the healthy robot leave them."""
     effects: Effects
     """Effects that it may have."""
-    residual: np.ndarray
+    from_model: np.ndarray
     """Torque that is to be explained, with what is linear in the values of `posed.moved`."""
+    residual: np.ndarray
+    """The same less what other recordings of the healthy robot tell."""
     comparable: np.ndarray
     """Samples that can be compared."""
     inside: np.ndarray
@@ -136,17 +143,23 @@ def arrays_of(posed: Posed, *, only_numbers: bool = False) -> Arrays:
         effects.add_catalogue(posed.terms, posed.raw)
         axes = range(1, posed.base.shape[1] + 1)
         effects.add_unknown(axis for axis in axes if axis not in recording.left_out)
-    residual = posed.residual.copy()
+    from_model = posed.residual.copy()
     for which, value in posed.moved.items():
         if which in numbers.which:  # otherwise it changes nothing
-            residual += value * numbers.columns[numbers.which.index(which)]
+            from_model += value * numbers.columns[numbers.which.index(which)]
+    left, residual = numbers, from_model
+    if posed.posterior is not None:
+        left, told = posed.posterior.given_to(numbers)
+        residual = from_model - told
     speed = formulas.motion.speed
     comparable = _comparable(posed.replay, speed)
     bristles = None if forms is None else forms[USUAL]
     if bristles is not None:
         comparable &= jumps(bristles, recording.parts) < UNRESOLVED
     inside = enough(comparable & posed.used[:, None], recording.parts)
-    return Arrays(posed, numbers, effects, residual, comparable, inside, speed, bristles)
+    return Arrays(
+        posed, numbers, left, effects, from_model, residual, comparable, inside, speed, bristles
+    )
 
 
 def jumps(bent: np.ndarray, parts: Sequence[slice]) -> np.ndarray:

@@ -90,7 +90,7 @@ class _Fit:
     def __init__(
         self, problem: Problem, difference: Difference, scales: np.ndarray, change: np.ndarray
     ) -> None:
-        numbers = difference.numbers
+        numbers = difference.of_model
         terms: dict[tuple, int] = {}
         for k, term in enumerate(problem.terms):
             terms.setdefault((*term.key, term.parameters), k)
@@ -108,7 +108,7 @@ class _Fit:
         groups = [numbers.group[k] for k in chosen]
         self._std = np.array([numbers.std[k] for k in chosen]) * np.exp(scales[groups])
         self._columns = np.array([numbers.columns[k] for k in chosen])
-        self._residual = difference.residual - change
+        self._residual = difference.from_model - change
         self._given = problem.residual - change
         plain = difference.noise.plain()
         weight = (problem.inside * problem.samples(problem.fitting)[:, None]).astype(np.float32)

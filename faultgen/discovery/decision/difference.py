@@ -33,6 +33,8 @@ class Difference:
     """Inner products of its columns on motions that are kept for scoring."""
     numbers: Numbers
     """The numbers."""
+    of_model: Numbers
+    """The numbers as the model has them, see `Arrays`."""
     hypotheses: list[Hypothesis]
     """What may be there."""
     groups: list[Group]
@@ -49,6 +51,8 @@ class Difference:
     """Weight of each sample, same shape."""
     residual: np.ndarray
     """Torque that is to be explained, same shape."""
+    from_model: np.ndarray
+    """The same beside `of_model`."""
     parts: list[slice]
     """Samples of each separate recording."""
     rest: np.ndarray
@@ -167,6 +171,7 @@ def difference_of(posed: Posed, *, only_numbers: bool = False) -> Difference:
         model_of(arrays, white.products),
         white.held_out,
         arrays.numbers,
+        arrays.of_model,
         effects.hypotheses,
         effects.groups,
         effects.over,
@@ -175,6 +180,7 @@ def difference_of(posed: Posed, *, only_numbers: bool = False) -> Difference:
         arrays.comparable,
         white.weight,
         arrays.residual,
+        arrays.from_model,
         arrays.parts,
         white.left,
     )

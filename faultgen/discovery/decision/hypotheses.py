@@ -173,8 +173,8 @@ def size_of(term: Term) -> tuple[float, float]:
     prior = get_effect(term.name).prior
     if prior.play:
         return PLAY_SPREAD * term.step, term.step
-    usual = 1.0 if term.name == PAYLOAD and term.parameters else 3 * term.step
-    usual = term.step if prior.steps_in_std else usual
+    is_point = term.name == PAYLOAD and term.parameters
+    usual = term.step if prior.steps_in_std or is_point else 3 * term.step
     return _SIZES.get(term.name, usual), 0.0
 
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from faultgen.discovery.decision.arrays import Posed
-from faultgen.discovery.decision.difference import difference_of
+from faultgen.discovery.decision.difference import Difference, difference_of
 from faultgen.discovery.decision.hypotheses import number_terms
 from faultgen.discovery.replay.elastic import STIFFNESS
 from faultgen.discovery.replay.replay import Replay
@@ -42,17 +42,33 @@ def near_model(replay: Replay, used: np.ndarray) -> dict[tuple, float]:
         Their differences from the given model, by name, axis and parameters. They are empty if the
         near model cannot be simulated.
     """
-    every = effect_terms(replay.robot) + inertia_terms(replay.robot)
-    terms = [every[k] for k in number_terms(every)]
     try:
-        base, raw = sensitivities(replay, terms)
-        posed = Posed(replay, terms, raw, base, replay.recording.torque - base, used)
-        difference = difference_of(posed, only_numbers=True)
+        difference = fitted_numbers(replay, used)
         moved = _of_model(difference.numbers.which, difference.model.healthy.values)
         moved_by(replay, moved).torque()
     except SimulationFailed:
         return {}
     return moved
+
+
+def fitted_numbers(replay: Replay, used: np.ndarray) -> Difference:
+    """Compare a recording with the numbers of its model only.
+
+    Args:
+        replay: The recording and the model, with rotors on their measured positions.
+        used: Samples that may be used, shape (samples,).
+
+    Returns:
+        The difference.
+
+    Raises:
+        SimulationFailed: The model diverges on the recorded motion.
+    """
+    every = effect_terms(replay.robot) + inertia_terms(replay.robot)
+    terms = [every[k] for k in number_terms(every)]
+    base, raw = sensitivities(replay, terms)
+    posed = Posed(replay, terms, raw, base, replay.recording.torque - base, used)
+    return difference_of(posed, only_numbers=True)
 
 
 def _of_model(which: Sequence[tuple | None], values: np.ndarray) -> dict[tuple, float]:

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from faultgen.building.doubts import moving_mass
+from faultgen.building.elements import PAYLOAD_SHARE
 from faultgen.effects import EFFECTS, Applied
 from faultgen.effects.structure import MASSLESS, is_loaded
 from faultgen.errors import InputError
@@ -123,7 +125,7 @@ def effect_terms(
         for axis in effect.axes_on(robot):
             if name in MASSES and not is_loaded(robot, axis):
                 # the centre of mass of a link without a payload is a number of its inertia
-                terms += payload_terms(axis) if name == PAYLOAD else []
+                terms += payload_terms(robot, axis) if name == PAYLOAD else []
                 continue
             terms += [
                 Term(name, axis, step, prior.std_on(robot, axis), tuple(parameters.items()))
@@ -152,18 +154,20 @@ def scanned_terms(robot: Robot, exclude: Collection[str] = ()) -> list[Term]:
     ]
 
 
-def payload_terms(axis: int) -> list[Term]:
+def payload_terms(robot: Robot, axis: int) -> list[Term]:
     """Terms for a load of unknown mass and place: four point masses that make one candidate.
 
     Weight and first moment are linear in the four masses. One of the masses may be negative,
     because only their sum and their common centre are used: together they are again one point mass.
 
     Args:
+        robot: The robot, whose usual payload is probed.
         axis: Number of the joint that carries the link on which the load is.
     """
+    usual = PAYLOAD_SHARE * moving_mass(robot.model)
     places = np.vstack([np.zeros(3), _ARM * np.eye(3)])
     return [
-        Term(PAYLOAD, axis, 0.1, _POINTS, tuple(zip("xyz", place.tolist(), strict=True)))
+        Term(PAYLOAD, axis, usual, _POINTS, tuple(zip("xyz", place.tolist(), strict=True)))
         for place in places
     ]
 
