@@ -19,8 +19,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from faultgen.analysis.plots import COLOURS, legend_beside, style
 
-from faultgen.discovery import investigate, read_recording
-from faultgen.discovery.decision.with_laws import with_laws
+from faultgen.discovery import Discovery, read_recording
 from faultgen.robot import load_robot
 
 SHOWN = 1.6  # time of the scoring motion that is shown [s]
@@ -36,9 +35,9 @@ def overlay(case: Path, axis: int, cache: Path, file: Path) -> None:
         file: Figure to write.
     """
     recordings = [read_recording(case / f"{name}.h5") for name in ("measured", "healthy")]
-    found = investigate(recordings[0], load_robot("puma560"), recordings[1], cache=cache)
-    told, laws = with_laws(found.problem, found.choice, found.answer)
-    problem, k = found.problem, axis - 1
+    found = Discovery(load_robot("puma560"), cache=cache).fit(recordings[0], recordings[1])
+    told, laws = found.answer_, found.laws_
+    problem, k = found.problem_, axis - 1
     part = problem.parts[problem.scoring[0]]
     rows = slice(part.start, part.start + round(SHOWN / problem.recording.sample_period))
     time = np.arange(rows.stop - rows.start) * problem.recording.sample_period

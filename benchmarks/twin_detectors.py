@@ -31,8 +31,7 @@ from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
 from faultgen.discovery.calibration.calibrate import calibrate
-from faultgen.discovery.decision.with_laws import with_laws
-from faultgen.discovery.discover import investigate
+from faultgen.discovery.discover import Discovery
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.evaluation.shares import wilson
 from faultgen.monitoring.sensors import get_sensors
@@ -141,10 +140,10 @@ def measured(setup: Setup, effects: Sequence[Effect], rng: np.random.Generator) 
 
 def discovered(recording: Recording, robot: Robot) -> tuple[Robot, list[str]]:
     """The model with what discovery names or learns on a healthy recording."""
-    found = investigate(recording, robot)
-    told, laws = with_laws(found.problem, found.choice, found.answer)
+    found = Discovery(robot).fit(recording)
+    told = found.answer_
     names = [f"{one['effect']} on axis {one['axis']}" for one in told.contract()["effects"]]
-    names += [one.sentence for one in laws]
+    names += [one.sentence for one in found.laws_]
     return told.robot if names else robot, names
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from linear import difference_between, linear, ridge
 
-from faultgen.discovery import investigate
+from faultgen.discovery import Discovery
 from faultgen.discovery.calibration import model_edit as model
 from faultgen.discovery.decision import choice as choices
 from faultgen.discovery.decision import verdict as judgement
@@ -32,7 +32,9 @@ def posed(measured, tiny_robot):
     """Problems of a clean recording, with a baseline and without, ready for other gaps."""
     worn, healthy = (measured([], seed) for seed in (2, 1))
     return {
-        baseline: investigate(worn, tiny_robot, healthy if baseline else None).problem
+        baseline: Discovery(tiny_robot, laws=False)
+        .fit(worn, healthy if baseline else None)
+        .problem_
         for baseline in (True, False)
     }
 

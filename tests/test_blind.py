@@ -6,7 +6,7 @@ from sealed.cases import make_recordings
 from sealed.effects import Effect
 from sealed.plan import Case
 
-from faultgen.discovery import investigate
+from faultgen.discovery import Discovery
 from faultgen.robot import load_robot
 
 pytestmark = pytest.mark.slow
@@ -21,7 +21,11 @@ def found(tmp_path_factory):
     def run(seed, *effects, exclude=()):
         case = Case("x", "twin", "puma560", "single", 0.01, seed, effects, (5.0,) * len(effects))
         measured, healthy = make_recordings(case)
-        return investigate(measured, robot, healthy, workers=2, exclude=exclude, cache=cache).answer
+        return (
+            Discovery(robot, exclude=exclude, laws=False, workers=2, cache=cache)
+            .fit(measured, healthy)
+            .answer_
+        )
 
     return run
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from linear import COUNT, difference_between, written_down
 
-from faultgen.discovery import investigate
+from faultgen.discovery import Discovery
 from faultgen.discovery.decision.choice import SURE, choose, only, severities
 from faultgen.discovery.terms.candidates import Term
 
@@ -188,8 +188,10 @@ def test_an_effect_counts_from_odds_of_99_to_1():
 )
 def test_a_play_between_two_columns_is_named_with_its_size(measured, tiny_robot, axis, size):
     """Of simulated recordings; the model with it leaves noise."""
-    found = investigate(measured([("backlash", axis, size)], 3), tiny_robot, measured([], 1))
-    (one,) = found.answer.effects
+    found = Discovery(tiny_robot, laws=False).fit(
+        measured([("backlash", axis, size)], 3), measured([], 1)
+    )
+    (one,) = found.answer_.effects
     assert (one.effect, one.axis) == ("backlash", axis)
     assert one.severity == pytest.approx(size, rel=0.05)  # beside unknown damping of bristles
-    assert found.answer.after < 1.05 * found.answer.floor
+    assert found.answer_.after < 1.05 * found.answer_.floor

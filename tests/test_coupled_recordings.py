@@ -7,7 +7,7 @@ import pytest
 
 from faultgen.discovery import Recording, write_recording
 from faultgen.discovery.calibration.calibrate import calibrate
-from faultgen.discovery.discover import investigate
+from faultgen.discovery.discover import Discovery
 from faultgen.discovery.inputs import read_together, usable
 from faultgen.discovery.replay.replay import Replay
 from faultgen.effects import Applied
@@ -115,7 +115,7 @@ def test_a_hidden_effect_is_named(robot, record, baseline, tmp_path):
         write_recording(on_joints(one, robot), tmp_path / f"{name}.h5")
     healthy = [tmp_path / "healthy.h5"] if baseline else []
     given = read_together([tmp_path / "worn.h5"], robot, healthy)
-    told = investigate(given.recording, robot, given.runs or None).answer
+    told = Discovery(robot, laws=False).fit(given.recording, given.runs).answer_
     assert [(one.effect, one.axis) for one in told.effects] == [("coulomb_friction", 2)]
     assert told.effects[0].severity == pytest.approx(0.4, rel=0.1)
     assert told.after < 1.2 * told.floor < told.before

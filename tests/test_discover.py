@@ -8,7 +8,7 @@ import pytest
 
 import faultgen
 from faultgen.dataset.experiment import Experiment
-from faultgen.discovery import check_recording, investigate, read_recording, write_recording
+from faultgen.discovery import Discovery, check_recording, read_recording, write_recording
 from faultgen.discovery.inputs import read_together
 from faultgen.discovery.replay.samples import rolling
 from faultgen.errors import InputError
@@ -75,7 +75,9 @@ def test_a_clean_robot_has_no_missing_effect(files, tiny_robot_path, tmp_path):
 def test_a_play_is_looked_for_at_every_size(measured, tiny_robot, baseline):
     """A play of 1 mrad. From the next smaller or larger probe but these, slopes lead nowhere."""
     healthy = measured([], 3) if baseline else None
-    told = investigate(measured([("backlash", 1, 1e-3)], 2), tiny_robot, healthy).answer
+    told = (
+        Discovery(tiny_robot, laws=False).fit(measured([("backlash", 1, 1e-3)], 2), healthy).answer_
+    )
     assert [(one.effect, one.axis) for one in told.effects] == [("backlash", 1)]
     assert told.effects[0].severity == pytest.approx(1e-3, rel=0.05)
     assert told.after < 1.1 * told.floor < told.before

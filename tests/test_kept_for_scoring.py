@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from faultgen.discovery import Recording, investigate
+from faultgen.discovery import Discovery, Recording
 from faultgen.discovery.replay.samples import blocks, cut
 
 PERIOD = 0.004
@@ -110,7 +110,7 @@ def test_an_effect_is_named_in_a_log_that_ends_at_rest(measured, tiny_robot):
         )
 
     worn = resting(measured([("torque_offset", 2, 0.1)], seed=2))
-    told = investigate(worn, tiny_robot).answer
+    told = Discovery(tiny_robot, laws=False).fit(worn).answer_
     assert [(one.effect, one.axis) for one in told.effects] == [("torque_offset", 2)]
     assert told.effects[0].severity == pytest.approx(0.1, rel=0.02)
     assert told.after < 0.03 * told.before

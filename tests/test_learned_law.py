@@ -9,7 +9,7 @@ from linear import difference_between
 
 import faultgen
 from faultgen.applied import Applied
-from faultgen.discovery import investigate, write_recording
+from faultgen.discovery import Discovery, write_recording
 from faultgen.discovery.decision.choice import choose as choose_of
 from faultgen.discovery.decision.choice import severities
 from faultgen.discovery.decision.verdict import answer
@@ -54,7 +54,7 @@ SEEN = {"periodic": "motor angle", "position": "joint angle", "hysteresis": "hys
 @pytest.fixture(scope="module")
 def problem(measured, tiny_robot):
     """Two recordings of the healthy robot, compared with each other."""
-    return investigate(measured([], 2), tiny_robot, measured([], 1)).problem
+    return Discovery(tiny_robot, laws=False).fit(measured([], 2), measured([], 1)).problem_
 
 
 def choose(problem):

@@ -8,7 +8,7 @@ import pytest
 from linear import COUNT, difference_between, written_down
 from scipy.optimize import minimize
 
-from faultgen.discovery import investigate
+from faultgen.discovery import Discovery
 from faultgen.discovery.calibration.calibrate import calibrate
 from faultgen.discovery.calibration.compared import compared
 from faultgen.discovery.calibration.held_out import HeldOut
@@ -177,8 +177,8 @@ def test_calibration_in_discovery_does_not_spoil_an_axis(measured, tiny_robot):
     """A spring is missing on axis 2. Links that imitate it must not spoil axis 1."""
     effects = [("gravity_spring", 2, 3.0), ("torque_ripple", 1, 0.05), ("torque_ripple", 2, 0.03)]
     recording = measured(effects, 3, torque_ripple={"order": 8.0})
-    found = investigate(recording, tiny_robot, exclude=["gravity_spring", "delay"])
-    problem, answer = found.problem, found.answer
+    found = Discovery(tiny_robot, exclude=["gravity_spring", "delay"], laws=False).fit(recording)
+    problem, answer = found.problem_, found.answer_
     size = {t.key: 1 + value for t, value in answer.changes if t.is_effect and not t.parameters}
     assert all(1 / 3.01 < size.get((n, axis), 1) < 3.01 for n in LOW_SPEED for axis in (1, 2))
     torque = np.sqrt(np.mean(recording.torque**2, axis=0))

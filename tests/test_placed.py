@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from faultgen.discovery.decision.reaction import Reaction
-from faultgen.discovery.discover import investigate
+from faultgen.discovery.discover import Discovery
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.terms.candidates import Term, names_by_use
 from faultgen.effects import get_effect
@@ -35,8 +35,8 @@ def with_effect(recording, robot, name):
 def test_a_hidden_effect_is_named_with_its_place(name, tiny_robot, measured):
     axis, severity, parameters = HIDDEN[name]
     worn = with_effect(measured([], 0), tiny_robot, name)
-    found = investigate(worn, tiny_robot, measured([], 1))
-    (named,) = found.answer.effects
+    found = Discovery(tiny_robot, laws=False).fit(worn, measured([], 1))
+    (named,) = found.answer_.effects
     assert (named.effect, named.axis) == (name, axis)
     assert named.severity == pytest.approx(severity, rel=0.15)
     for key, value in parameters.items():
@@ -44,14 +44,14 @@ def test_a_hidden_effect_is_named_with_its_place(name, tiny_robot, measured):
             assert named.parameters[key] == value
         else:
             assert named.parameters[key] == pytest.approx(value, abs=0.15)
-    assert found.answer.after < 1.1 * found.answer.floor
+    assert found.answer_.after < 1.1 * found.answer_.floor
 
 
 @pytest.mark.slow
 def test_a_healthy_robot_has_no_promising_place(tiny_robot, measured):
-    found = investigate(measured([], 2), tiny_robot, measured([], 3))
-    assert {t.name for t in found.problem.terms}.isdisjoint(names_by_use("searched"))
-    assert found.answer.effects == ()
+    found = Discovery(tiny_robot, laws=False).fit(measured([], 2), measured([], 3))
+    assert {t.name for t in found.problem_.terms}.isdisjoint(names_by_use("searched"))
+    assert found.answer_.effects == ()
 
 
 @pytest.mark.slow
@@ -61,15 +61,15 @@ def test_what_happens_once_has_no_place(tiny_robot, measured):
     time = worn.sample_period * np.arange(len(worn.torque))
     bump = 0.1 * np.exp(-(((time - time[-1] / 2) / 0.05) ** 2))
     torque = worn.torque + bump[:, np.newaxis] * [1.0, 0.0]
-    found = investigate(replace(worn, torque=torque), tiny_robot, measured([], 1))
-    assert {t.name for t in found.problem.terms}.isdisjoint(names_by_use("searched"))
+    found = Discovery(tiny_robot, laws=False).fit(replace(worn, torque=torque), measured([], 1))
+    assert {t.name for t in found.problem_.terms}.isdisjoint(names_by_use("searched"))
 
 
 @pytest.mark.slow
 def test_excluded_effects_are_not_searched_for(tiny_robot, measured):
     worn = with_effect(measured([], 0), tiny_robot, "seizing_spot")
-    found = investigate(worn, tiny_robot, measured([], 1), exclude=["seizing_spot"])
-    assert "seizing_spot" not in {term.name for term in found.problem.terms}
+    found = Discovery(tiny_robot, exclude=["seizing_spot"], laws=False).fit(worn, measured([], 1))
+    assert "seizing_spot" not in {term.name for term in found.problem_.terms}
 
 
 def test_reaction_is_that_of_the_filter():

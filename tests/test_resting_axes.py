@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from recorded import record
 
-from faultgen.discovery import investigate
+from faultgen.discovery import Discovery
 from faultgen.discovery.replay.samples import FEWEST, enough
 
 ONE_AXIS = """
@@ -33,7 +33,7 @@ def test_the_axis_that_moves_is_judged(tiny_robot, tmp_path, baseline):
     task.write_text(ONE_AXIS)
     worn = record(tiny_robot, str(task), 1, [("viscous_friction", 2, 0.8)], spread=0.0)
     healthy = record(tiny_robot, str(task), 2, spread=0.0) if baseline else None
-    answer = investigate(worn, tiny_robot, healthy).answer
+    answer = Discovery(tiny_robot, laws=False).fit(worn, healthy).answer_
     assert [(one.effect, one.axis) for one in answer.effects] == [("viscous_friction", 2)]
     assert answer.effects[0].severity == pytest.approx(0.8, rel=0.1)
     assert all(np.isfinite(list(one.values())).all() for one in answer.per_axis)

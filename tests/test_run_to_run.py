@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import faultgen
-from faultgen.discovery import investigate, read_recording, write_recording
+from faultgen.discovery import Discovery, read_recording, write_recording
 from faultgen.discovery.decision.arrays import Posed
 from faultgen.discovery.decision.run_to_run import differences, learned, repetitions
 from faultgen.discovery.replay.replay import Replay
@@ -45,9 +45,9 @@ def files(runs, tmp_path_factory):
 def asked(tiny_robot, tmp_path_factory):
     """Compares recordings by few effects; sensitivities are simulated once."""
     cache = tmp_path_factory.mktemp("cache")
-    return lambda worn, healthy: investigate(
-        worn, tiny_robot, healthy, cache=cache, exclude=EXCLUDED
-    )
+    return lambda worn, healthy: Discovery(
+        tiny_robot, exclude=EXCLUDED, laws=False, cache=cache
+    ).fit(worn, healthy)
 
 
 def named(answer):
@@ -59,8 +59,8 @@ def test_what_differs_between_healthy_runs_is_no_effect(measured, runs, asked):
     """Friction as in another healthy run."""
     usual = measured([("coulomb_friction", 2, 0.06)], 3)
     found = asked(usual, runs)
-    assert (found.answer.verdict, named(found.answer)) == ("no missing effect", set())
-    assert found.runs is not None
+    assert (found.answer_.verdict, named(found.answer_)) == ("no missing effect", set())
+    assert found.runs_ is not None
 
 
 @pytest.mark.slow
@@ -77,16 +77,16 @@ def test_friction_at_another_temperature_is_no_effect(measured, asked):
         )
     ]
     before, now = measured([], 20), measured(warmer, 21)
-    unknown = asked(now, before).answer
+    unknown = asked(now, before).answer_
     assert (unknown.verdict, named(unknown)) == ("no missing effect", set())
 
     def at(recording, temperature):
         return replace(recording, temperature=np.full(len(recording.torque), temperature))
 
-    found = asked(at(now, 44.0), at(before, 40.0)).answer
+    found = asked(at(now, 44.0), at(before, 40.0)).answer_
     assert (found.verdict, named(found)) == ("no missing effect", set())
     worn = measured([*warmer, ("coulomb_friction", 2, 0.5)], 22)
-    found = asked(at(worn, 44.0), at(before, 40.0)).answer
+    found = asked(at(worn, 44.0), at(before, 40.0)).answer_
     assert found.effects[0].axis == 2
     assert found.effects[0].effect in ("coulomb_friction", "friction_wear")
 
@@ -95,7 +95,7 @@ def test_friction_at_another_temperature_is_no_effect(measured, asked):
 def test_an_effect_beside_it_is_named(measured, runs, asked):
     """The friction of the runs does not hide another effect."""
     worn = measured([("coulomb_friction", 2, 0.05), ("viscous_friction", 1, 0.3)], 4)
-    found = asked(worn, runs).answer
+    found = asked(worn, runs).answer_
     assert (found.verdict, named(found)) == ("named", {("viscous_friction", 1)})
     # what differs from run to run is no part of the gap
     assert found.after < 1.1 * found.floor < found.calibrated
@@ -104,7 +104,7 @@ def test_an_effect_beside_it_is_named(measured, runs, asked):
 @pytest.mark.slow
 def test_much_more_of_what_differs_is_named(measured, runs, asked):
     """The friction of axis 2 beyond that of any run."""
-    more = asked(measured([("coulomb_friction", 2, 0.7)], 5), runs).answer
+    more = asked(measured([("coulomb_friction", 2, 0.7)], 5), runs).answer_
     assert named(more) and {axis for _, axis in named(more)} == {2}
 
 
@@ -121,8 +121,8 @@ def test_what_differs_between_repetitions_is_no_effect(measured, runs, asked):
     """Two repetitions in one healthy file, and a recording with the friction of one of them."""
     usual = together([measured([("coulomb_friction", 2, 0.03)], seed) for seed in (3, 4)])
     found = asked(usual, together(runs[:2]))
-    assert (found.answer.verdict, named(found.answer)) == ("no missing effect", set())
-    assert found.runs is not None
+    assert (found.answer_.verdict, named(found.answer_)) == ("no missing effect", set())
+    assert found.runs_ is not None
 
 
 def test_repetitions_in_one_recording_are_runs(runs):
@@ -245,5 +245,5 @@ def test_friction_that_differs_on_many_axes_may_be_the_temperature():
 def test_some_percent_of_friction_are_usual_and_a_fault_is_larger(measured, asked, change, names):
     """Between two days of one robot, of which there is one healthy recording."""
     effects = [("coulomb_friction", axis + 1, size) for axis, size in enumerate(change)]
-    found = asked(measured(effects, 8), measured([], 9)).answer
+    found = asked(measured(effects, 8), measured([], 9)).answer_
     assert {axis for _, axis in named(found)} == names

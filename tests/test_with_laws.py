@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from linear import COUNT, PARTS, written_down
+from linear import COUNT, written_down
 
-from faultgen.discovery.decision.with_laws import if_smaller, is_considerable
+from faultgen.discovery.decision.with_laws import if_smaller
 from faultgen.discovery.fit.gap import gap
 from faultgen.discovery.terms.candidates import Term
 
@@ -33,13 +33,3 @@ def test_laws_that_make_the_gap_larger_are_left_out(problem, size, kept):
     laws = [object()]
     assert if_smaller(problem, told, whole, laws) == ((whole, laws) if kept else (told, []))
     assert if_smaller(problem, told, whole, []) == (told, [])
-
-
-@pytest.mark.parametrize(("closed", "enough"), [(0.09, False), (0.11, True)])
-def test_a_law_must_close_a_tenth_of_what_is_open_on_its_axis(problem, closed, enough):
-    """Without a baseline; what is closed on another axis does not count."""
-    size = np.sqrt(25 - closed * (25 - 9))
-    told, whole = answers(problem, 5.0, size)
-    assert is_considerable(problem, told, whole, {1}) == enough
-    assert not is_considerable(problem, told, whole, {2})
-    assert PARTS[problem.scoring[0]].stop == COUNT

@@ -14,7 +14,7 @@ from faultgen.system.lazy import lazily
 
 if TYPE_CHECKING:
     from faultgen.discovery.accept import check_recording
-    from faultgen.discovery.discover import Discovery, investigate
+    from faultgen.discovery.discover import Discovery
     from faultgen.discovery.replay.replay import Replay, replay, settled
     from faultgen.recordings.finding import Finding
     from faultgen.recordings.read import read_recording
@@ -26,7 +26,6 @@ __all__ = [
     "Recording",
     "Replay",
     "check_recording",
-    "investigate",
     "read_recording",
     "replay",
     "settled",
@@ -42,7 +41,6 @@ lazily(
         "Recording": "faultgen.recordings.recording",
         "Replay": "faultgen.discovery.replay.replay",
         "check_recording": "faultgen.discovery.accept",
-        "investigate": "faultgen.discovery.discover",
         "read_recording": "faultgen.recordings.read",
         "replay": "faultgen.discovery.replay.replay",
         "settled": "faultgen.discovery.replay.replay",

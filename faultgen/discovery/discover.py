@@ -1,15 +1,15 @@
 """From a recording to a named effect and a model that contains it.
 
 given = read_together(["measured.h5"], robot)
-found = investigate(given.recording, robot)
-found.answer.verdict
+found = Discovery(robot).fit(given.recording)
+found.answer_.verdict
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from faultgen.discovery.decision.run_to_run import Learned as RunToRun
 from faultgen.discovery.decision.run_to_run import by_temperature, differences, learned
 from faultgen.discovery.decision.shared import with_own_noise
 from faultgen.discovery.decision.verdict import answer
+from faultgen.discovery.decision.with_laws import with_laws
 from faultgen.discovery.fit.problem import Division, Problem, division_of
 from faultgen.discovery.laws.learned_law import Learned
 from faultgen.discovery.laws.order_analysis import find_orders
@@ -46,123 +47,163 @@ from faultgen.system.progress import Progress
 _LOWEST = 0.9  # cycles per motor turn without a baseline: errors of gravity look like slower waves
 
 
-@dataclass(frozen=True, eq=False)
 class Discovery:
-    """All results of a discovery, for reports and further questions."""
+    """Finds the effect that a robot has and its model lacks, as an estimator of scikit-learn does.
 
-    problem: Problem
+    Attributes that end in ``_`` exist after `fit`.
+    """
+
+    problem_: Problem
     """The residual and the terms."""
-    choice: Choice
+    choice_: Choice
     """The chosen set of effects and its rivals."""
-    answer: Answer
-    """The answer."""
-    experiment: Experiment | None
+    answer_: Answer
+    """The answer, with the laws that were learned."""
+    laws_: tuple[Learned, ...]
+    """Laws that were learned from what effects leave unexplained."""
+    experiment_: Experiment | None
     """A motion that distinguishes what this recording cannot distinguish."""
-    prior_scales: Mapping[str, float] = field(default_factory=dict)
+    prior_scales_: dict[str, float]
     """Factors by which groups of numbers are known worse than usual, or better, as learned from the
     recording."""
-    runs: RunToRun | None = None
+    runs_: RunToRun | None
     """How the unchanged robot differs from run to run; None if there was one run of each motion."""
-    laws: tuple[Learned, ...] = ()
-    """Laws that were learned from what effects leave unexplained."""
-    notes: tuple[str, ...] = ()
+    notes_: tuple[str, ...]
     """One line for each candidate that dropped out, and each stage that could not be done."""
 
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        posterior: Posterior | None = None,
+        exclude: Collection[str] = (),
+        include: Collection[str] = (),
+        prior_scale: float | None = None,
+        white_noise: bool = False,
+        laws: bool = True,
+        workers: int = 1,
+        cache: Path | None = None,
+    ) -> None:
+        """State the model and what may differ.
 
-def investigate(
-    recording: Recording,
-    robot: Robot,
-    healthy: Recording | Sequence[Recording] | None = None,
-    *,
-    workers: int = 1,
-    exclude: Collection[str] = (),
-    include: Collection[str] = (),
-    prior_scale: float | None = None,
-    white_noise: bool = False,
-    cache: Path | None = None,
-    posterior: Posterior | None = None,
-) -> Discovery:
-    """Run all stages on recordings that were already checked.
+        Args:
+            robot: The model.
+            posterior: What recordings of the healthy robot told of its numbers when the model was
+                calibrated with them. With a baseline, it is not used.
+            exclude: Effects that are not considered.
+            include: Optional effects that are considered, with the use "on request".
+            prior_scale: How uncertain the model's parameters (`candidates.NUMBERS`) are, as a
+                multiple of the default. None: it is learned from the recording, group by group.
+            white_noise: Whether long-lasting errors get full weight, see `Noise.plain`. Otherwise a
+                part of them is treated as drifting noise. Use it for recordings that were filtered.
+            laws: Whether laws are learned from what effects leave unexplained.
+            workers: Number of processes. It has no effect on the result.
+            cache: Folder in which sensitivities are kept.
+        """
+        self.robot = robot
+        self.posterior = posterior
+        self.exclude = exclude
+        self.include = include
+        self.prior_scale = prior_scale
+        self.white_noise = white_noise
+        self.laws = laws
+        self.workers = workers
+        self.cache = cache
 
-    Args:
-        recording: The measured data.
-        robot: The model.
-        healthy: Recordings of the same motions before the change: one, several, or None. The
-            baseline is their mean. Several show how much the robot differs from run to run, and so
-            does one that repeats a motion; see `run_to_run`.
-        workers: Number of processes. It has no effect on the result.
-        exclude: Effects that are not considered.
-        include: Optional effects that are considered, with the use "on request".
-        prior_scale: How uncertain the model's parameters (`candidates.NUMBERS`) are, as a multiple
-            of the default. None: it is learned from the recording, group by group.
-        white_noise: Whether long-lasting errors get full weight, see `Noise.plain`. Otherwise a
-            part of them is treated as drifting noise. Use it for recordings that were filtered.
-        cache: Folder in which sensitivities are kept.
-        posterior: What recordings of the healthy robot told of its numbers when the model was
-            calibrated with them. With `healthy`, it is not used.
+    def fit(
+        self, recording: Recording, baseline: Recording | Sequence[Recording] | None = None
+    ) -> Discovery:
+        """Run all stages on recordings that were already checked.
 
-    Returns:
-        All results.
+        Args:
+            recording: The measured data.
+            baseline: Recordings of the same motions before the change: one, several, or None. Their
+                mean is compared. Several show how much the robot differs from run to run, and so
+                does one that repeats a motion; see `run_to_run`.
 
-    Raises:
-        InputError: Too little of the recording can be used.
-        SimulationFailed: The model diverges on the recorded motion.
-    """
-    runs = [healthy] if isinstance(healthy, Recording) else list(healthy or ())
-    baseline = mean_of(runs) if runs else None
-    of_model = signatures(
-        recording,
-        robot,
-        baseline=baseline,
-        exclude=exclude,
-        include=include,
-        workers=workers,
-        cache=cache,
-    )
-    replay, terms = of_model.replay, of_model.terms
-    notes = list(of_model.notes)
-    residual = recording.torque - of_model.base
-    if before := of_model.before:  # less what the model lacked of the robot before
-        residual -= before.recording.torque - before.torque()
-    elif recording.constants is not None:
-        terms = with_free_gains(terms)
-    division = division_of(replay, baseline=before is not None)
-    posed = Posed(
-        replay,
-        [*terms, *of_model.scanned],
-        of_model.raw,
-        of_model.base,
-        residual,
-        division.samples(division.fitting),
-        before is not None,
-        of_model.moved if before is None else {},
-        groups=None if prior_scale is None or before else fixed_groups(prior_scale),
-        white=white_noise,
-        posterior=None if before else posterior,
-    )
-    runs_differ: RunToRun | None = None
-    if baseline is not None:
-        warmer = by_temperature(recording, baseline, robot, posed.terms, posed.raw)
-        posed = replace(posed, warmer=warmer)
-        runs_differ = learned(posed, differences(runs))
-        if runs_differ is not None:
-            posed = replace(posed, groups=runs_differ.groups)
-    with Progress("choosing effects", None):
-        posed, difference = _with_more(posed, workers, exclude, cache)
-        problem = _problem(posed, difference, of_model, division)
-        choice = choose(problem, difference)
-    scales = _scales(difference, choice)
-    choice = replace(choice, problem=(problem := _with_scales(problem, difference, choice)))
-    with Progress("checking the choice", None):
-        told = answer(problem, choice)
-    experiment = None
-    if told.verdict == AMBIGUOUS:
-        with Progress("planning the next experiment", None):
-            try:
-                experiment = next_experiment(problem, choice)
-            except (InputError, SimulationFailed) as error:  # the answer is not lost
-                notes.append(f"no next experiment was planned: {error}")
-    return Discovery(problem, choice, told, experiment, scales, runs_differ, notes=tuple(notes))
+        Returns:
+            Itself.
+
+        Raises:
+            InputError: Too little of the recording can be used.
+            SimulationFailed: The model diverges on the recorded motion.
+        """
+        runs = [baseline] if isinstance(baseline, Recording) else list(baseline or ())
+        before = mean_of(runs) if runs else None
+        of_model = signatures(
+            recording,
+            self.robot,
+            baseline=before,
+            exclude=self.exclude,
+            include=self.include,
+            workers=self.workers,
+            cache=self.cache,
+        )
+        division = division_of(of_model.replay, baseline=before is not None)
+        posed = self._posed(recording, of_model, division)
+        self.runs_ = None
+        if before is not None:
+            warmer = by_temperature(recording, before, self.robot, posed.terms, posed.raw)
+            posed = replace(posed, warmer=warmer)
+            self.runs_ = learned(posed, differences(runs))
+            if self.runs_ is not None:
+                posed = replace(posed, groups=self.runs_.groups)
+        with Progress("choosing effects", None):
+            posed, difference = _with_more(posed, self.workers, self.exclude, self.cache)
+            problem = _problem(posed, difference, of_model, division)
+            choice = choose(problem, difference)
+        self.prior_scales_ = _scales(difference, choice)
+        self.problem_ = _with_scales(problem, difference, choice)
+        self.choice_ = replace(choice, problem=self.problem_)
+        with Progress("checking the choice", None):
+            self.answer_ = answer(self.problem_, self.choice_)
+        self.experiment_, self.laws_, self.notes_ = None, (), tuple(of_model.notes)
+        if self.answer_.verdict == AMBIGUOUS:
+            with Progress("planning the next experiment", None):
+                self._stage("no next experiment was planned", self._plan)
+        if self.laws and not recording.link:  # laws act on the rotors
+            with Progress("learning laws", None):
+                self._stage("no laws were learned", self._learn)
+        return self
+
+    def _posed(self, recording: Recording, of_model: Signatures, division: Division) -> Posed:
+        """The recording and what may differ."""
+        terms = of_model.terms
+        residual = recording.torque - of_model.base
+        if before := of_model.before:  # less what the model lacked of the robot before
+            residual -= before.recording.torque - before.torque()
+        elif recording.constants is not None:
+            terms = with_free_gains(terms)
+        scale = None if before else self.prior_scale
+        return Posed(
+            of_model.replay,
+            [*terms, *of_model.scanned],
+            of_model.raw,
+            of_model.base,
+            residual,
+            division.samples(division.fitting),
+            before is not None,
+            of_model.moved if before is None else {},
+            groups=None if scale is None else fixed_groups(scale),
+            white=self.white_noise,
+            posterior=self.posterior if before is None and scale is None else None,
+        )
+
+    def _plan(self) -> None:
+        """Plan a motion that distinguishes what the recording cannot distinguish."""
+        self.experiment_ = next_experiment(self.problem_, self.choice_)
+
+    def _learn(self) -> None:
+        """Learn laws from what effects leave unexplained."""
+        self.answer_, laws = with_laws(self.problem_, self.choice_, self.answer_)
+        self.laws_ = tuple(laws)
+
+    def _stage(self, without: str, stage: Callable[[], None]) -> None:
+        """Run a stage without which there is an answer."""
+        try:
+            stage()
+        except (InputError, SimulationFailed) as error:
+            self.notes_ = (*self.notes_, f"{without}: {error}")
 
 
 def _with_more(

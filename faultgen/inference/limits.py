@@ -131,12 +131,6 @@ CONSIDERABLE = _limit(
     "squared error beyond that of noise, over that of noise, from which a gap is open",
     "assumed",
 )
-PART = _limit(
-    "PART",
-    0.1,
-    "share of what differs on an axis beyond noise that a learned law has to explain",
-    "unchanged robots differ in small ways that a law describes; assumed",
-)
 CURVE_GAIN = _limit(
     "CURVE_GAIN",
     20.0,
@@ -227,6 +221,13 @@ SHORTEST_DELAY = _limit(
     1e-4,
     "delay [s] from which it is told",
     "clocks of drives may differ; assumed",
+)
+SMALLEST_ERROR = _limit(
+    "SMALLEST_ERROR",
+    5e-6,
+    "amplitude [rad] from which a transmission error is told",
+    "a second of arc: no gearbox of a robot is that exact (30 to 60 is usual), and rings that "
+    "smoothing has changed look like 0.1 to 0.7 of it",
 )
 SHORTEST_SHARE = _limit(
     "SHORTEST_SHARE",

@@ -19,8 +19,8 @@ from faultgen.discovery.calibration.limits import with_limits_of
 from faultgen.discovery.calibration.own_friction import with_own_friction
 from faultgen.discovery.calibration.own_numbers import with_own_numbers
 from faultgen.discovery.decision.posterior import posterior_beside
-from faultgen.discovery.decision.with_laws import LEARNED, contract, outside, with_laws
-from faultgen.discovery.discover import Discovery, investigate
+from faultgen.discovery.decision.with_laws import LEARNED, contract, outside
+from faultgen.discovery.discover import Discovery
 from faultgen.discovery.fit.gap import gap
 from faultgen.discovery.fit.problem import Problem
 from faultgen.discovery.inputs import check_positive, read_together, usable
@@ -43,7 +43,6 @@ from faultgen.effects.words import in_words
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.recordings.recording import LogFault, Recording, mean_of
 from faultgen.robot import Robot, load_robot
-from faultgen.system.progress import Progress
 
 _T = TypeVar("_T")
 
@@ -161,32 +160,29 @@ def discover(
         if seen.delays:
             model = model.with_effects(seen.applied())
             runs = [replace(run, torque=run.torque + seen.change) for run in runs]
-        found = investigate(
-            recording,
+        found = Discovery(
             model,
-            runs,
-            workers=workers,
+            posterior=posterior_beside(robot),
             exclude=exclude,
             include=include,
             prior_scale=prior_scale,
             white_noise=white_noise,
+            workers=workers,
             cache=_path(cache),
-            posterior=posterior_beside(robot) if prior_scale is None else None,
-        )
-        found = stage("search for laws", lambda: _completed(found), found)
+        ).fit(recording, runs)
         result = _result(found)
-        if seen.delays and (runs or not found.problem.replay.measured):
+        if seen.delays and (runs or not found.problem_.replay.measured):
             change = change + seen.change
         if seen.faults:
-            _put_before(result, found.problem, change)
+            _put_before(result, found.problem_, change)
         warnings += _add_log_faults(
             result, [*seen.faults, *(one for one in given.faults if one.effect not in exclude)]
         )
         if other is not None:
             try:
                 result["gap"]["validation"] = _validation(found, other, given_model, seen)
-                if found.laws:
-                    warnings += outside(found.laws, suited_replay(other, model))
+                if found.laws_:
+                    warnings += outside(found.laws_, suited_replay(other, model))
             except (InputError, SimulationFailed) as error:  # what was found is not lost
                 result["gap"]["validation"] = None
                 warnings.append(f"{validate}: not scored: {error}")
@@ -204,14 +200,14 @@ def discover(
             "torque_sensor is 'link': what acts on the rotors is not visible and not named, that "
             "is friction, ripple, rotor inertia, torque constant and offset"
         )
-    result["prior_scales"] = {kind: round(one, 3) for kind, one in found.prior_scales.items()}
+    result["prior_scales"] = {kind: round(one, 3) for kind, one in found.prior_scales_.items()}
     result["run_to_run"] = _run_to_run(found)
     result["warnings"] = [
         *warnings,
-        *_on_noise(found.problem),
+        *_on_noise(found.problem_),
         *friction_warnings(found),
-        *found.notes,
-        *found.answer.lacks,
+        *found.notes_,
+        *found.answer_.lacks,
     ]
     result["seconds"] = round(time.monotonic() - started, 1)
     if out is not None:
@@ -305,16 +301,16 @@ def friction_warnings(found: Discovery) -> list[str]:
     Returns:
         One line for each warning; none without a baseline, or if several runs were compared.
     """
-    difference = found.choice.difference
-    if not found.problem.baseline or found.runs is not None:
+    difference = found.choice_.difference
+    if not found.problem_.baseline or found.runs_ is not None:
         return []
     several = "give several healthy recordings, which show how much it differs on this robot"
     friction = [
         number for number, kind in enumerate(difference.numbers.kinds) if kind == "friction"
     ]
-    scale = found.prior_scales.get("friction", 0.0)
+    scale = found.prior_scales_.get("friction", 0.0)
     day = scale * max((difference.numbers.std[k] for k in friction), default=0.0)
-    moving = int(found.problem.inside.any(axis=0).sum())
+    moving = int(found.problem_.inside.any(axis=0).sum())
     if moving < _FEWEST_AXES:
         return [
             f"one healthy recording with {moving} moving axes does not show how much friction "
@@ -322,7 +318,7 @@ def friction_warnings(found: Discovery) -> list[str]:
             f"friction cannot be told from another day; {several}"
         ]
     named = [
-        one for one in found.answer.effects if get_effect(one.effect).prior.group == SPEED_FRICTION
+        one for one in found.answer_.effects if get_effect(one.effect).prior.group == SPEED_FRICTION
     ]
     axes = sorted({one.axis for one in named})
     if len(axes) < _MANY:
@@ -336,9 +332,9 @@ def friction_warnings(found: Discovery) -> list[str]:
 
 def _run_to_run(found: Discovery) -> list[dict[str, float]] | None:
     """RMS torque by which the unchanged robot differs from run to run; None if not measured."""
-    if found.runs is None:
+    if found.runs_ is None:
         return None
-    return [{"axis": k + 1, "torque": one} for k, one in enumerate(found.runs.torque.tolist())]
+    return [{"axis": k + 1, "torque": one} for k, one in enumerate(found.runs_.torque.tolist())]
 
 
 def _torque_constants(found: Discovery) -> list[dict[str, float]] | None:
@@ -346,12 +342,12 @@ def _torque_constants(found: Discovery) -> list[dict[str, float]] | None:
 
     Without a healthy recording they are calibrated with the other numbers of the model.
     """
-    constants = found.problem.recording.constants
+    constants = found.problem_.recording.constants
     if constants is None:
         return None
     constant, offset = constants.constant.copy(), constants.offset.copy()
-    if not found.problem.baseline:
-        for term, value in found.answer.changes:
+    if not found.problem_.baseline:
+        for term, value in found.answer_.changes:
             if term.name == GAIN:
                 constant[term.axis - 1] *= 1 - value
             elif term.name == "torque_offset":  # pushes forward, which spares the motor torque
@@ -367,28 +363,19 @@ def _path(folder: str | Path | None) -> Path | None:
     return None if folder is None else Path(folder)
 
 
-def _completed(found: Discovery) -> Discovery:
-    """The discovery with laws learned from what effects leave unexplained."""
-    if found.problem.recording.link:  # laws act on the rotors
-        return found
-    with Progress("learning laws", None):
-        told, laws = with_laws(found.problem, found.choice, found.answer)
-    return replace(found, answer=told, laws=tuple(laws))
-
-
 def _result(found: Discovery) -> dict[str, Any]:
-    result = found.answer.contract()
-    result["effects"] += contract(found.problem, found.answer, found.laws)
-    if found.laws:
-        learned = "; ".join(one.sentence for one in found.laws)
+    result = found.answer_.contract()
+    result["effects"] += contract(found.problem_, found.answer_, found.laws_)
+    if found.laws_:
+        learned = "; ".join(one.sentence for one in found.laws_)
         result["unexplained"] = f"{result['unexplained']}; learned: {learned}".removeprefix("; ")
-    if found.experiment is not None:
+    if found.experiment_ is not None:
         result["next_experiment"] = {
-            "task": found.experiment.task,
+            "task": found.experiment_.task,
             "file": "next_experiment.toml",
-            "separates": [{"effect": e, "axis": a} for e, a in found.experiment.separates],
-            "distance": found.experiment.distance,
-            "now": found.experiment.now,
+            "separates": [{"effect": e, "axis": a} for e, a in found.experiment_.separates],
+            "distance": found.experiment_.distance,
+            "now": found.experiment_.now,
         }
     return result
 
@@ -408,9 +395,9 @@ def _validation(
         InputError: No sample of the recording can be used.
         SimulationFailed: The model diverges on these motions.
     """
-    problem = found.problem
+    problem = found.problem_
     replay = suited_replay(validate, given)
-    full = replay.with_effects([*seen.applied(), *(one.applied for one in found.laws)])
+    full = replay.with_effects([*seen.applied(), *(one.applied for one in found.laws_)])
     inside = counted(validate, problem.robot, baseline=False)
 
     def error_of(logged: Recording, model: Replay, changes: list[tuple[Term, float]]) -> float:
@@ -418,5 +405,5 @@ def _validation(
 
     return {
         "before": error_of(validate, replay, []),
-        "after": error_of(seen.corrected(validate), full, found.answer.changes),
+        "after": error_of(seen.corrected(validate), full, found.answer_.changes),
     }

@@ -33,11 +33,11 @@ def write_discovery(folder: Path, result: dict[str, Any], found: Discovery) -> N
     folder.mkdir(parents=True, exist_ok=True)
     # what was found comes first, so that nothing that fails afterwards loses it
     write_listed(folder, "discovery.json", dump(result))
-    robot = found.answer.robot
+    robot = found.answer_.robot
     robot.write(folder / "model")
     add_sums(folder, write_model(folder / "model.xml", robot.xml, robot.assets))
-    if found.experiment is not None:
-        write_listed(folder, "next_experiment.toml", found.experiment.toml)
+    if found.experiment_ is not None:
+        write_listed(folder, "next_experiment.toml", found.experiment_.toml)
     write_text(folder / "report.html", discovery_page(result, found))
 
 
@@ -54,10 +54,10 @@ def discovery_page(result: dict[str, Any], found: Discovery) -> str:
     return page(
         "discovery.html",
         result=result,
-        baseline=found.problem.baseline,
-        p_value=found.answer.p_value,
+        baseline=found.problem_.baseline,
+        p_value=found.answer_.p_value,
         beside_the_model=_beside_the_model(found),
-        laws=laws_image(found.laws) if found.laws else "",
+        laws=laws_image(found.laws_) if found.laws_ else "",
         steps=image(_steps(result)),
         overlay=image(_overlay(found)),
         maps=image(_maps(found)),
@@ -66,7 +66,7 @@ def discovery_page(result: dict[str, Any], found: Discovery) -> str:
 
 def _beside_the_model(found: Discovery) -> list[str]:
     """Names of the effects in the robot's folder that MJCF cannot express."""
-    return sorted({one.effect for one in found.answer.robot.effects})
+    return sorted({one.effect for one in found.answer_.robot.effects})
 
 
 def _steps(result: dict[str, Any]) -> Figure:
@@ -89,7 +89,7 @@ def _steps(result: dict[str, Any]) -> Figure:
 
 
 def _overlay(found: Discovery) -> Figure:
-    problem, told = found.problem, found.answer
+    problem, told = found.problem_, found.answer_
     gap = problem.residual
     n_axes = gap.shape[1]
     time = np.arange(len(gap)) * problem.recording.sample_period
@@ -123,7 +123,7 @@ def _overlay(found: Discovery) -> Figure:
 
 def _maps(found: Discovery) -> Figure:
     """Mean error over joint angle and motor speed, before and after, in units of the noise."""
-    problem, told = found.problem, found.answer
+    problem, told = found.problem_, found.answer_
     motion = problem.motion
     n_axes = problem.residual.shape[1]
     with style():

@@ -20,7 +20,7 @@ from faultgen.discovery.fit.problem import Problem
 from faultgen.discovery.replay.servo_errors import DELAY
 from faultgen.effects import get_effect
 from faultgen.inference.confirm import confirmed, without_refuted
-from faultgen.inference.limits import FALSE_ALARMS, OF_MODEL, SHORTEST_SHARE
+from faultgen.inference.limits import FALSE_ALARMS, OF_MODEL, SHORTEST_SHARE, SMALLEST_ERROR
 from faultgen.inference.search import Found, search
 
 SURE = float(np.log((1 - FALSE_ALARMS) / FALSE_ALARMS))
@@ -120,9 +120,12 @@ def _can_be(choice: Choice, place: int) -> bool:
     low, high = bounds_of(choice.problem, group)
     pairs = [(choice.problem.terms[t], float(v)) for t, v in zip(group, value, strict=True)]
     inside = bool(np.all((value > low) & (value < high)))
-    if choice.problem.terms[group[0]].name == DELAY:
+    name = choice.problem.terms[group[0]].name
+    if name == DELAY:
         period = choice.problem.recording.sample_period
         inside &= abs(float(value[0])) >= SHORTEST_SHARE * period
+    if name == "transmission_error":  # sine and cosine
+        inside &= float(np.linalg.norm(value)) >= SMALLEST_ERROR
     return inside and choice.problem.change(pairs) is not None
 
 

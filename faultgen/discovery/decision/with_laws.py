@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,7 +18,7 @@ from faultgen.discovery.laws.learned_law import Learned, learn
 from faultgen.discovery.replay.replay import Replay, relative_error, relative_errors
 from faultgen.discovery.result import MODEL, NAMED, NONE, PARTLY, UNKNOWN, Answer
 from faultgen.errors import InputError, SimulationFailed
-from faultgen.inference.limits import LAW_ALIKE, LAW_ALONE, LAW_CERTAIN, PART
+from faultgen.inference.limits import LAW_ALIKE, LAW_ALONE, LAW_CERTAIN
 
 LEARNED = "learned"
 """Name of a learned law among the effects of ``discovery.json``."""
@@ -32,9 +32,9 @@ _BEYOND = 0.02  # share of the range of a variable by which other motions may le
 def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, list[Learned]]:
     """Learn laws for what an answer leaves unexplained, and put them into its model.
 
-    The laws also check the answer. Where nothing is missing, a law that is certain makes the effect
-    an unknown one. Where effects were named on the axis of such a law, they are left out if the law
-    alone comes as near to the scoring motions: then they only imitated it.
+    Where nothing is missing, nothing is learned. Effects that were named on the axis of a law that
+    is certain are left out if the law alone comes as near to the scoring motions: then they only
+    imitated it.
 
     Args:
         problem: The recording and the model.
@@ -45,7 +45,7 @@ def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, l
         The answer with the laws in its model and its gaps, and the laws. If nothing can be learned,
         the answer is unchanged.
     """
-    if told.verdict == MODEL:  # what is left is the model's error
+    if told.verdict in (MODEL, NONE):  # what is left is usual, or the model's error
         return told, []
     laws = learn(problem, told.strange_torque, told.changes)
     if told.verdict == UNKNOWN:
@@ -55,11 +55,6 @@ def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, l
     axes = {one.axis for one in laws if one.confidence >= least}
     if not axes:
         return told, []
-    if told.verdict == NONE:
-        whole = _with(problem, replace(told, verdict=UNKNOWN), laws)
-        if not problem.baseline and not is_considerable(problem, told, whole, axes):
-            return told, []
-        return if_smaller(problem, told, whole, laws)
     whole = _with(problem, told, laws)
     groups = choice.best.groups
     kept = [k for k, group in enumerate(groups) if problem.terms[group[0]].axis not in axes]
@@ -91,25 +86,6 @@ def if_smaller(
     """
     before, _ = gap(problem, told.left_torque)
     return (whole, laws) if laws and whole.after < before else (told, [])
-
-
-def is_considerable(problem: Problem, told: Answer, whole: Answer, axes: Collection[int]) -> bool:
-    """Tell whether laws close a tenth of what is open on one of their axes.
-
-    Without a baseline, the errors of a model leave small patterns on every axis.
-
-    Args:
-        problem: The recording and the model.
-        told: The answer without the laws.
-        whole: The answer with them.
-        axes: Axes of the laws, from 1.
-    """
-    _, before = gap(problem, told.left_torque)
-    return any(
-        gap_before**2 - one["after"] ** 2 > PART * (gap_before**2 - one["floor"] ** 2)
-        for gap_before, one in zip(before, whole.per_axis, strict=True)
-        if one["axis"] in axes
-    )
 
 
 def _with(problem: Problem, told: Answer, laws: Sequence[Learned]) -> Answer:
