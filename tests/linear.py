@@ -150,6 +150,7 @@ def linear(problem, values=(), *, noise=1.0, seed=0, baseline=None, terms=None, 
         recording=replace(problem.recording, torque=problem.base + residual),
         robot=problem.robot,
         left_out=None,
+        on=problem.replay.on,
     )
     baseline = problem.baseline if baseline is None else baseline
     white = white_noise(problem.noise.deviation, len(residual))
