@@ -60,6 +60,7 @@ def posed(replay, terms, base, raw, residual, noise, *, baseline):
     return Problem(
         **vars(division),
         replay=replay,
+        commanded=None,
         given=replay,
         terms=list(terms),
         base=base,
@@ -199,6 +200,7 @@ def written_down(terms, columns, residual, *, baseline=False, torque=10.0, perio
     )
     return Problem(
         replay=replay,
+        commanded=None,
         given=replay,
         terms=list(terms),
         base=np.zeros(residual.shape),

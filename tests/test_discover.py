@@ -208,8 +208,8 @@ def test_sensitivities_are_kept(files, tiny_robot_path, tmp_path, monkeypatch):
     from faultgen.discovery import signatures
     from faultgen.discovery.replay.replay import Replay
 
-    commanded = lambda recording, robot: Replay(recording, robot, measured=False)  # noqa: E731
-    monkeypatch.setattr(signatures, "suited_replay", commanded)
+    commanded = lambda recording, robot: (Replay(recording, robot, measured=False), None)  # noqa: E731
+    monkeypatch.setattr(signatures, "suited_replays", commanded)
     count = []
     torque = Replay.torque
     monkeypatch.setattr(Replay, "torque", lambda *a, **k: (count.append(1), torque(*a, **k))[1])

@@ -18,6 +18,7 @@ import numpy as np
 from faultgen.discovery.decision.arrays import Posed
 from faultgen.discovery.decision.choice import Choice, choose
 from faultgen.discovery.decision.difference import Difference, difference_of
+from faultgen.discovery.decision.kicks import kicks
 from faultgen.discovery.decision.numbers import GENERIC, fixed_groups
 from faultgen.discovery.decision.placed import places
 from faultgen.discovery.decision.posterior import Posterior
@@ -30,6 +31,7 @@ from faultgen.discovery.fit.problem import Division, Problem, division_of
 from faultgen.discovery.laws.learned_law import Learned
 from faultgen.discovery.laws.order_analysis import find_orders
 from faultgen.discovery.planning.next_experiment import Experiment, next_experiment
+from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import sensitivities
 from faultgen.discovery.result import AMBIGUOUS, Answer
 from faultgen.discovery.signatures import Signatures, signatures
@@ -149,7 +151,7 @@ class Discovery:
             if self.runs_ is not None:
                 posed = replace(posed, groups=self.runs_.groups)
         with Progress("choosing effects", None):
-            posed, difference = _with_more(posed, self.workers, self.exclude, self.cache)
+            posed, difference = self._with_more(posed, of_model.commanded)
             problem = _problem(posed, difference, of_model, division)
             choice = choose(problem, difference)
         self.prior_scales_ = _scales(difference, choice)
@@ -189,6 +191,29 @@ class Discovery:
             posterior=self.posterior if before is None and scale is None else None,
         )
 
+    def _with_more(self, posed: Posed, commanded: Replay | None) -> tuple[Posed, Difference]:
+        """Add effects to which the difference itself leads: waves, kicks and places."""
+        difference = difference_of(posed)
+        shared = with_own_noise(posed, difference.noise) if posed.baseline else posed
+        if shared is not posed:
+            posed, difference = shared, difference_of(shared)
+        asked: dict[str, Any] = {
+            "workers": self.workers,
+            "exclude": self.exclude,
+            "cache": self.cache,
+        }
+        waves = _waves(posed, difference, self.exclude)
+        _, raw = sensitivities(posed.replay, waves, posed.base, workers=self.workers)
+        kicked, more = kicks(posed, difference, commanded, **asked)
+        if waves or kicked:
+            posed = _and(posed, [*waves, *kicked], np.concatenate([raw, more]))
+            difference = difference_of(posed)
+        terms, columns = places(posed, difference, **asked)
+        if terms:
+            posed = _and(posed, terms, np.array(columns))
+            difference = difference_of(posed)
+        return posed, difference
+
     def _plan(self) -> None:
         """Plan a motion that distinguishes what the recording cannot distinguish."""
         self.experiment_ = next_experiment(self.problem_, self.choice_)
@@ -204,26 +229,6 @@ class Discovery:
             stage()
         except (InputError, SimulationFailed) as error:
             self.notes_ = (*self.notes_, f"{without}: {error}")
-
-
-def _with_more(
-    posed: Posed, workers: int, exclude: Collection[str], cache: Path | None
-) -> tuple[Posed, Difference]:
-    """Add effects to which the difference itself leads: waves of some orders, and places."""
-    difference = difference_of(posed)
-    shared = with_own_noise(posed, difference.noise) if posed.baseline else posed
-    if shared is not posed:
-        posed, difference = shared, difference_of(shared)
-    waves = _waves(posed, difference, exclude)
-    if waves:
-        _, raw = sensitivities(posed.replay, waves, posed.base, workers=workers)
-        posed = _and(posed, waves, raw)
-        difference = difference_of(posed)
-    terms, columns = places(posed, difference, workers=workers, exclude=exclude, cache=cache)
-    if terms:
-        posed = _and(posed, terms, np.array(columns))
-        difference = difference_of(posed)
-    return posed, difference
 
 
 def _and(posed: Posed, terms: Sequence[Term], raw: np.ndarray) -> Posed:
@@ -256,6 +261,7 @@ def _problem(
     return Problem(
         **vars(division),
         replay=posed.replay,
+        commanded=of_model.commanded,
         given=of_model.given,
         terms=list(posed.terms),
         base=posed.base,

@@ -23,7 +23,7 @@ from faultgen.discovery.replay.sensitivities import (
     own_sensitivities,
     sensitivities,
 )
-from faultgen.discovery.replay.suited import suited_replay
+from faultgen.discovery.replay.suited import suited_replays
 from faultgen.discovery.terms.candidates import (
     HIDDEN_BEHIND_GEARS,
     MASSES,
@@ -48,6 +48,8 @@ class Signatures:
     replay: Replay
     """The recording and the model at which columns are taken: the given one, or one with links and
     stiffness that are nearer to the recording; see `near_model`."""
+    commanded: Replay | None
+    """The same robot, whose servo follows the commands; None if it does so badly."""
     before: Replay | None
     """The baseline and the model of `replay`; None without a baseline."""
     base: np.ndarray
@@ -100,7 +102,7 @@ def signatures(
         InputError: Too little of the recording can be used.
         SimulationFailed: The model diverges on the recorded motion.
     """
-    given = suited_replay(recording, robot)
+    given, commanded = suited_replays(recording, robot)
     before = None if baseline is None else Replay(baseline, robot, measured=given.measured)
     moved: dict[tuple, float] = {}
     if given.measured and before is None:
@@ -127,7 +129,8 @@ def signatures(
     of_own = own_sensitivities(replay, own, base, workers=workers, cache=cache)
     raw = np.concatenate([raw, of_own, of_scanned])
     terms += own
-    return Signatures(given, replay, before, base, terms, scanned, raw, moved, notes)
+    commanded = commanded and moved_by(commanded, moved)
+    return Signatures(given, replay, commanded, before, base, terms, scanned, raw, moved, notes)
 
 
 def for_fitting(recording: Recording, robot: Robot) -> np.ndarray:

@@ -38,6 +38,9 @@ class Hypothesis:
     """Where it acts, such as an axis."""
     unknown: bool = False
     """Whether it is an effect of no known form."""
+    kin: str = ""
+    """Hypotheses of one kin at one place change the same law: together they can imitate each other,
+    as different laws of friction can; empty for others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,8 +280,15 @@ def _next(
         best[h] = own[int(np.argmax(values))]
     odds = float(logsumexp(evidence + prior) - np.log(HEALTHY))
     order = [h for h in np.argsort(-(evidence + prior)).tolist() if np.isfinite(evidence[h])]
+    first = hypotheses[order[0]]
+    same = [
+        hypotheses[h].kin == first.kin != "" and hypotheses[h].place == first.place for h in order
+    ]
+    errors = np.where(same, LAW_ERROR, FORM_ERROR) * max(float(evidence[order[0]]), 0.0)
     weights = evidence[order] + prior[order]
-    weights = (weights - weights[0]) / (1 + FORM_ERROR * max(float(evidence[order[0]]), 0.0))
+    weights = (weights - weights[0]) / (1 + errors)
+    order = [order[k] for k in np.argsort(-weights, kind="stable")]
+    weights = np.sort(weights)[::-1]
     effect = SingleEffect(
         odds,
         tuple(hypotheses[h].key for h in order),

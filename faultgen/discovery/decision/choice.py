@@ -12,13 +12,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from faultgen.building.doubts import moving_mass
 from faultgen.discovery.decision.difference import Difference
 from faultgen.discovery.decision.hypotheses import UNKNOWN, Group
 from faultgen.discovery.decision.numbers import GEARS, GENERIC
 from faultgen.discovery.fit.fit import Fit, bounds_of, fit_at, no_effect
 from faultgen.discovery.fit.problem import Problem
 from faultgen.discovery.replay.servo_errors import DELAY
+from faultgen.discovery.terms.candidates import PAYLOAD
 from faultgen.effects import get_effect
+from faultgen.effects.structure import MASSLESS
 from faultgen.inference.confirm import confirmed, without_refuted
 from faultgen.inference.limits import FALSE_ALARMS, OF_MODEL, SHORTEST_SHARE, SMALLEST_ERROR
 from faultgen.inference.search import Found, search
@@ -124,6 +127,9 @@ def _can_be(choice: Choice, place: int) -> bool:
     if name == DELAY:
         period = choice.problem.recording.sample_period
         inside &= abs(float(value[0])) >= SHORTEST_SHARE * period
+    if name == PAYLOAD and len(group) > 1:  # points, of which each may be negative
+        mass = float(value.sum())
+        inside &= MASSLESS < mass < moving_mass(choice.problem.robot.model)
     if name == "transmission_error":  # sine and cosine
         inside &= float(np.linalg.norm(value)) >= SMALLEST_ERROR
     return inside and choice.problem.change(pairs) is not None

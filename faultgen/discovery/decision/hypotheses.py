@@ -80,7 +80,7 @@ class Effects:
     def hypotheses(self) -> list[Hypothesis]:
         """The hypotheses, in the order in which they were added."""
         return [
-            Hypothesis(key, key[0], tuple(own), key[1], key[0] == UNKNOWN)
+            Hypothesis(key, key[0], tuple(own), key[1], key[0] == UNKNOWN, _kin(key[0]))
             for key, own in self._forms.items()
         ]
 
@@ -178,6 +178,11 @@ def size_of(term: Term) -> tuple[float, float]:
     return _SIZES.get(term.name, usual), 0.0
 
 
+def _kin(name: str) -> str:
+    """Effects that change the same law."""
+    return "" if name == UNKNOWN else get_effect(name).prior.group
+
+
 def _key(term: Term) -> tuple:
     """What a hypothesis is, whatever the severity with which it is probed."""
     parameters = dict(term.parameters)
@@ -190,5 +195,6 @@ def _key(term: Term) -> tuple:
 def _is_first(terms: Sequence[Term], index: int) -> bool:
     """Whether a term is that of a play, or the first one with its effect, axis and parameters."""
     term = terms[index]
-    same = [one.key == term.key and one.parameters == term.parameters for one in terms[:index]]
+    which = (term.key, term.parameters, term.commanded)
+    same = [(one.key, one.parameters, one.commanded) == which for one in terms[:index]]
     return get_effect(term.name).prior.play or term.name == "stribeck_velocity" or not any(same)

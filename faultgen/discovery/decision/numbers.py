@@ -171,7 +171,8 @@ def is_number(term: Term) -> bool:
     Args:
         term: Any term.
     """
-    return term.name in _OF and not (term.name == PAYLOAD and term.parameters)
+    is_point = term.name == PAYLOAD and bool(term.parameters)
+    return term.name in _OF and not (is_point or term.commanded)
 
 
 def numbers_of(

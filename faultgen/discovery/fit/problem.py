@@ -99,6 +99,8 @@ class Problem(Division):
 
     replay: Replay
     """The recording and the model on which effects are simulated."""
+    commanded: Replay | None
+    """The same model, whose servo follows the commands, for terms that are `Term.commanded`."""
     given: Replay
     """The recording and the model as it was given, which may have other links; see `near_model`.
     The residual and the values of all terms count from there."""
@@ -145,7 +147,29 @@ class Problem(Division):
             Shape (samples, n_axes), in the unit of the recording's torque, or None if the
             simulation diverges.
         """
-        return _finite(lambda: self.replay.torque(effects) - self.base)
+        return self._with_commanded(effects, lambda own: self.replay.torque(own) - self.base)
+
+    def _with_commanded(
+        self, effects: Changes, simulate: Callable[[Changes], np.ndarray]
+    ) -> np.ndarray | None:
+        """Change by effects, of which some are simulated on commands."""
+        kicks = [one for one in effects if one[0].commanded]
+        own = [one for one in effects if not one[0].commanded]
+
+        def change() -> np.ndarray:
+            made = simulate(own) if own or not kicks else np.zeros_like(self.base)
+            if kicks:
+                assert self.commanded is not None
+                made = made + self.commanded.torque(kicks) - self._commanded_torque
+            return made
+
+        return _finite(change)
+
+    @cached_property
+    def _commanded_torque(self) -> np.ndarray:
+        """Torque of the unchanged model whose servo follows the commands."""
+        assert self.commanded is not None
+        return self.commanded.torque()
 
     def change_of_given(self, changes: Changes) -> np.ndarray | None:
         """Simulate by how much changes of the given model change its torque.
@@ -159,7 +183,7 @@ class Problem(Division):
         if self.given is self.replay:
             return self.change(changes)
         given_torque = self.recording.torque - self.residual  # there is no baseline
-        return _finite(lambda: self.given.torque(changes) - given_torque)
+        return self._with_commanded(changes, lambda own: self.given.torque(own) - given_torque)
 
     def whiten(self, x: np.ndarray) -> np.ndarray:
         """Whiten torques, and mask samples that are not compared.

@@ -12,13 +12,24 @@ from faultgen.robot import Robot
 
 _CLEARLY = 0.1
 """Squared torque error on commanded positions, over that on measured ones, up to which the
-commanded ones are used. Assumed: what smoothing of measured positions takes from a torque is known
-and allowed for, and the servo of the model may be another one than that of the robot, which the
-torque error alone does not show."""
+commanded ones are used; and its inverse, up to which they are used beside the measured ones.
+Assumed: what smoothing of measured positions takes from a torque is known and allowed for, and the
+servo of the model may be another one than that of the robot, which the torque error alone does not
+show."""
 
 
 def suited_replay(recording: Recording, robot: Robot) -> Replay:
-    """Return the replay whose torque is nearer to the recorded one.
+    """Return the replay whose torque is nearer to the recorded one, see `suited_replays`.
+
+    Args:
+        recording: The measured data.
+        robot: The model.
+    """
+    return suited_replays(recording, robot)[0]
+
+
+def suited_replays(recording: Recording, robot: Robot) -> tuple[Replay, Replay | None]:
+    """Return the replay whose torque is nearer to the recorded one, and one on commands beside it.
 
     Measured positions need no servo. But their noise, differentiated twice, can be much larger than
     all that a servo does. This shows in the torque: see `followed.unexplained`.
@@ -29,11 +40,12 @@ def suited_replay(recording: Recording, robot: Robot) -> Replay:
 
     Returns:
         The replay on measured positions, or on commanded ones if they were recorded and explain the
-        torque clearly better.
+        torque clearly better. Beside measured ones, the replay on commanded ones, unless these
+        explain the torque clearly worse.
     """
     measured = Replay(recording, robot)
     if recording.reference_position is None or recording.link:
-        return measured
+        return measured, None
     commanded = Replay(recording, robot, measured=False)
     inside = settled(recording, robot)
     speed = differences(recording, commanded.wanted)[0]
@@ -44,4 +56,7 @@ def suited_replay(recording: Recording, robot: Robot) -> Replay:
         except SimulationFailed:
             return np.inf
 
-    return commanded if error(commanded) < _CLEARLY * error(measured) else measured
+    of_commanded, of_measured = error(commanded), error(measured)
+    if of_commanded < _CLEARLY * of_measured:
+        return commanded, None
+    return measured, commanded if _CLEARLY * of_commanded < of_measured else None

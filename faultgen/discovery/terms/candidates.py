@@ -66,6 +66,9 @@ class Term:
     """Further parameters of the effect."""
     nuisance: bool = False
     """Whether it is only allowed for. It is then never part of an answer."""
+    commanded: bool = False
+    """Whether its change of the torque is that of a robot whose servo follows the commands, while
+    others are taken on the measured motion."""
 
     @property
     def key(self) -> tuple[str, int]:
