@@ -18,6 +18,7 @@ from faultgen.discovery.calibration.own_friction import with_own_friction
 from faultgen.discovery.calibration.result import Calibrated
 from faultgen.discovery.inputs import usable
 from faultgen.discovery.laws.friction_law import with_friction_law
+from faultgen.discovery.posterior_of import posterior_of
 from faultgen.discovery.rigid.classical import Regression, identify
 from faultgen.discovery.rigid.drives import Drives
 from faultgen.discovery.terms.candidates import (
@@ -124,9 +125,9 @@ def test_a_rough_model_is_calibrated(measured, tiny_robot):
         for model in (tiny_robot, found.robot)
     )
     assert after < 0.6 * before  # the rest is noise
-    assert found.posterior is not None
-    told = found.posterior.which.index(("viscous_friction", 2, ()))
-    assert np.sqrt(found.posterior.covariance[told, told]) < 0.05  # what is usual
+    posterior = posterior_of(recording, found.robot)
+    told = posterior.which.index(("viscous_friction", 2, ()))
+    assert np.sqrt(posterior.covariance[told, told]) < 0.05  # what is usual
 
 
 def test_a_torque_constant_becomes_a_gain_of_the_log(tiny_robot):

@@ -54,7 +54,9 @@ def shown(monkeypatch):
     def make(result, baseline=False, beside=()):
         robot = SimpleNamespace(effects=[SimpleNamespace(effect=name) for name in beside])
         answer = SimpleNamespace(p_value=0.00123, robot=robot)
-        found = SimpleNamespace(problem=SimpleNamespace(baseline=baseline), answer=answer, laws=())
+        found = SimpleNamespace(
+            problem_=SimpleNamespace(baseline=baseline), answer_=answer, laws_=()
+        )
         return " ".join(discovery_report.discovery_page(result, found).split())
 
     return make

@@ -209,11 +209,11 @@ def discovered(effects, *, moving, baseline=True, runs=None):
     inside[:, :moving] = True
     numbers = SimpleNamespace(kinds=["links", "friction"], std=[1.0, 0.02])
     return SimpleNamespace(
-        problem=SimpleNamespace(baseline=baseline, inside=inside),
-        choice=SimpleNamespace(difference=SimpleNamespace(numbers=numbers)),
-        answer=SimpleNamespace(effects=effects),
-        prior_scales={"friction": 1.5},
-        runs=runs,
+        problem_=SimpleNamespace(baseline=baseline, inside=inside),
+        choice_=SimpleNamespace(difference=SimpleNamespace(numbers=numbers)),
+        answer_=SimpleNamespace(effects=effects),
+        prior_scales_={"friction": 1.5},
+        runs_=runs,
     )
 
 

@@ -280,9 +280,10 @@ def calibrate(
 
     from faultgen.discovery.calibration.calibrate import calibrate as run_calibrate
     from faultgen.discovery.calibration.limits import with_limits_of
-    from faultgen.discovery.decision.posterior import FILE
+    from faultgen.discovery.decision.posterior import FILE, KEY
     from faultgen.discovery.discover import dump
     from faultgen.discovery.inputs import read_together
+    from faultgen.discovery.posterior_of import posterior_of
     from faultgen.robot import load_robot
     from faultgen.system.sums import write_listed
 
@@ -296,7 +297,9 @@ def calibrate(
         note(warning)
     with threadpool_limits(limits=1):
         found = run_calibrate(recording, model, known=known or (), workers=worker_count(workers))
+        posterior = posterior_of(recording, found.robot)
     result = found.report()
+    result[KEY] = posterior and posterior.contract()
     result["findings"] = [*given.findings, *result["findings"]]
     if recording.constants is not None:
         changed = recording.constants.constant * found.robot.torque_gain / model.torque_gain

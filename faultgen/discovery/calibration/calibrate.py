@@ -32,11 +32,8 @@ from faultgen.discovery.calibration.result import (
     weaknesses,
 )
 from faultgen.discovery.calibration.weak_axes import repaired, weak_axes, with_choices
-from faultgen.discovery.decision.near import fitted_numbers
-from faultgen.discovery.decision.posterior import Posterior
 from faultgen.discovery.laws.friction_law import with_friction_law
 from faultgen.discovery.replay.own_servo import with_own_servo
-from faultgen.discovery.replay.suited import suited_replay
 from faultgen.discovery.rigid.classical import (
     Coupling,
     Regression,
@@ -95,26 +92,7 @@ def calibrate(
     own, servo = with_own_servo(recording, lawful)
 
     found = _calibrated(recording, (robot, lawful, own), prior_scales, exclude, known, workers)
-    lacks = (servo, *found.lacks) if servo else found.lacks
-    return replace(found, lacks=lacks, posterior=_posterior(recording, found.robot))
-
-
-def _posterior(recording: Recording, robot: Robot) -> Posterior | None:
-    """What a recording tells of the numbers of the model that was calibrated with it.
-
-    None if torques do not follow from the recorded motion, or cannot be simulated on it.
-    """
-    replay = suited_replay(recording, robot)
-    if not replay.measured:
-        return None
-    try:
-        difference = fitted_numbers(replay, np.ones(len(recording.torque), bool))
-    except (InputError, SimulationFailed):
-        return None
-    fitted, numbers = difference.exact.healthy, difference.numbers
-    told = {one: k for k, n in enumerate(numbers.known) if (one := numbers.which[n]) is not None}
-    own = list(told.values())
-    return Posterior(tuple(told), fitted.values[own], fitted.covariance[np.ix_(own, own)])
+    return replace(found, lacks=(servo, *found.lacks)) if servo else found
 
 
 def _calibrated(

@@ -10,7 +10,6 @@ import numpy as np
 
 from faultgen.discovery.calibration.compared import BAD, Compared
 from faultgen.discovery.calibration.weak_axes import AGAIN, GIVEN
-from faultgen.discovery.decision.posterior import KEY, Posterior
 from faultgen.discovery.rigid.classical import Coupling
 from faultgen.discovery.rigid.drives import GAIN, NAMES, Drives
 from faultgen.robot import Robot
@@ -47,8 +46,6 @@ class Calibrated:
     model, of `classical` identification and of this model (`calibrated`), the 95 % interval of the
     difference of the last two, and where the `numbers` of its drive come from: 'fit', 'again' (once
     more, to this axis alone) or 'given'."""
-    posterior: Posterior | None = None
-    """What the recording tells of the numbers of the model, for `discover`; None if nothing."""
 
     def report(self) -> dict[str, Any]:
         """Return all but the model itself, ready for JSON. What is not finite becomes None."""
@@ -62,7 +59,6 @@ class Calibrated:
             "lacks": list(self.lacks),
             "findings": list(self.findings),
             "per_axis": list(self.per_axis),
-            KEY: None if self.posterior is None else self.posterior.contract(),
         }
 
 
