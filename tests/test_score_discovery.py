@@ -11,7 +11,7 @@ import score_discovery
 from laboratories.files import write_truth
 from scoring import answering, real, trials
 from scoring.judging import REFUSED, judge
-from scoring.table import by_factor, by_group, page, scores, share
+from scoring.table import by_factor, by_group, page, reliability, scores, share
 from typer.testing import CliRunner
 
 TRUTH: dict[str, Any] = {
@@ -104,6 +104,30 @@ def test_unlisted_effects() -> None:
     named = judge(odd, said("partly named", DELAY))
     assert named.recognised is False and named.wrong
     assert judge(odd | {"d_prime": 5.0}, said("unknown effect")).recognised is None
+
+
+def test_stated_probabilities_are_compared_with_the_truth() -> None:
+    """Rivals count, what is beside the effect and learned laws do not; Brier's score by hand."""
+    gain = {"effect": "torque_constant", "axis": 1, "parameters": {}, "confidence": 1.0}
+    law = {"effect": "learned", "axis": 2, "parameters": {}, "confidence": 1.0}
+    answer = said(
+        "ambiguous",
+        gain,
+        law,
+        BACKLASH | {"confidence": 0.8},
+        alternatives=[{"effect": "delay", "axis": 2, "confidence": 0.2}],
+    )
+    beside = {"beside": [{"name": "torque_constant", "axis": 1, "severity": 0.1}]}
+    row = judge(TRUTH | beside, answer)
+    assert row.stated == ((0.8, True), (0.2, False))
+    wrong = judge(HEALTHY, said("named", DELAY | {"confidence": 1.0}))
+    bins, brier = reliability([row, wrong])
+    told = [
+        (one["low"], one["stated"], one["share"]["hits"], one["share"]["count"]) for one in bins
+    ]
+    assert told == [(0.0, 0.2, 0, 1), (0.5, 0.8, 1, 1), (0.99, 1.0, 0, 1)]
+    assert brier == pytest.approx((0.04 + 0.04 + 1.0) / 3)
+    assert judge(TRUTH, said("model not good enough", alternatives=[DELAY])).stated == ()
 
 
 def test_shares_and_page() -> None:

@@ -7,7 +7,7 @@ row.first, row.wrong, row.severity_error
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any
 
@@ -70,6 +70,9 @@ class Row:
     """Relative torque error on motions for the score, with the effects of the answer."""
     seconds: float
     """Processor time [s]."""
+    stated: tuple[tuple[float, bool], ...] = ()
+    """Stated probability of each effect that is listed or an alternative, and whether it is
+    there."""
 
 
 def key(part: Json) -> Key:
@@ -102,6 +105,20 @@ def severity_error(truth: Json, answer: Json) -> float | None:
         if key(part) == key(truth) and estimate is not None and severity:
             return float(abs(estimate - severity) / abs(severity))
     return None
+
+
+def stated(answer: Json, true: Sequence[Key], beside: Set[Key]) -> tuple[tuple[float, bool], ...]:
+    """Stated probabilities of effects of the catalogue, and whether each is there.
+
+    Args:
+        answer: Content of discovery.json.
+        true: What is there.
+        beside: What may be there, and does not count.
+    """
+    parts = [*answer.get("effects", ()), *answer.get("alternatives", ())]
+    told = [one for one in parts if one.get("confidence") is not None]
+    counted = [one for one in told if key(one) not in beside and key(one)[0] != LEARNED]
+    return tuple((float(one["confidence"]), key(one) in true) for one in counted)
 
 
 def judge(entry: Json, answer: Json) -> Row:
@@ -170,4 +187,5 @@ def judge(entry: Json, answer: Json) -> Row:
         else None,
         held_out=scored.get("after"),
         seconds=float(answer.get("processor_seconds", math.nan)),
+        stated=stated(answer, true, beside) if verdict in COMMITTED else (),
     )

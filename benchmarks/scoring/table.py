@@ -149,6 +149,47 @@ def cases(rows: Sequence[Row]) -> str:
     return markdown(heads, lines)
 
 
+BINS = (0.0, 0.5, 0.9, 0.99, 1.0)
+"""Borders of stated probabilities."""
+
+
+def reliability(rows: Iterable[Row]) -> tuple[list[dict[str, Any]], float | None]:
+    """Compare stated probabilities of effects with how often these are there.
+
+    Args:
+        rows: The cases.
+
+    Returns:
+        For each of `BINS` with any, `low`, `high`, the mean `stated` probability, and `share`, the
+        share that is there as from `share`; and the Brier score, the mean squared difference of
+        probability and truth (Brier 1950), None if nothing was stated.
+    """
+    every = [pair for row in rows for pair in row.stated]
+    bins = []
+    for low, high in zip(BINS[:-1], BINS[1:], strict=True):
+        own = [pair for pair in every if low <= pair[0] < high or pair[0] == high == 1.0]
+        if own:
+            hits = sum(there for _, there in own)
+            first, last = proportion_confint(hits, len(own), method="wilson")
+            share_of = {"hits": hits, "count": len(own), "value": hits / len(own)}
+            mean = statistics.mean(p for p, _ in own)
+            seen = share_of | {"low": float(first), "high": float(last)}
+            bins.append({"low": low, "high": high, "stated": mean, "share": seen})
+    brier = statistics.mean((p - there) ** 2 for p, there in every) if every else None
+    return bins, brier
+
+
+def _stated(groups: Mapping[str, Sequence[Row]]) -> str:
+    """Stated probabilities by group as a Markdown table."""
+    heads = ["effects", *(f"{a:g} to {b:g}" for a, b in zip(BINS[:-1], BINS[1:], strict=True))]
+    lines = []
+    for name, rows in groups.items():
+        bins, brier = reliability(rows)
+        told = {one["low"]: f"{one['stated']:.2f}: {_shown(one['share'])}" for one in bins}
+        lines.append([name, *(told.get(low, "–") for low in BINS[:-1]), _number(brier)])
+    return markdown([*heads, "Brier score"], lines)
+
+
 def page(rows: Sequence[Row], about: Mapping[str, Any]) -> str:
     """The page of a set.
 
@@ -178,6 +219,13 @@ process of its own, without a cache. The SHA-256 of the drawn plan is
 ## By set
 
 {scores(by_group(rows))}
+
+## Stated probabilities
+
+Of effects that were listed or alternatives, by the probability that the answer stated: its mean,
+and how many of them are there.
+
+{_stated(by_group(rows))}
 
 ## Laboratories by factor
 
