@@ -21,7 +21,7 @@ from joblib import Parallel, delayed
 from scoring import batches, trials
 from scoring.answering import LIMIT, answer, version
 from scoring.judging import Row, judge
-from scoring.table import SHARES, by_factor, by_group, page, scores, share
+from scoring.table import SHARES, by_factor, by_group, into, page, scores, share
 from sealed.limits import CACHE
 from tqdm import tqdm
 
@@ -139,6 +139,9 @@ def main(
     limit: Annotated[float, typer.Option(help="Time that an answer may take [s].")] = LIMIT,
     dry: Annotated[bool, typer.Option(help="Make the cases, but answer none.")] = False,
     save: Annotated[Path | None, typer.Option(help="File for all scores, as JSON.")] = None,
+    docs: Annotated[
+        Path | None, typer.Option(help="Page into which the results are put, docs/score.md.")
+    ] = None,
     cache: Annotated[
         Path, typer.Option(help="Folder for sensitivities of the sealed simulator.")
     ] = CACHE,
@@ -188,6 +191,8 @@ def main(
     for path in (answers / SCORES, save):
         if path is not None:
             write_text(path, json.dumps(told, indent=1) + "\n")
+    if docs is not None:
+        write_text(docs, into(docs.read_text(), rows, about))
     typer.echo(scores(by_group(rows)))
     for batch_name, why in about["skipped"].items():
         typer.echo(f"{batch_name} was left out: {why}")

@@ -190,6 +190,44 @@ def _stated(groups: Mapping[str, Sequence[Row]]) -> str:
     return markdown([*heads, "Brier score"], lines)
 
 
+def results(rows: Sequence[Row]) -> str:
+    """Scores and stated probabilities by set, in Markdown."""
+    return f"""## By set
+
+{scores(by_group(rows))}
+
+## Stated probabilities
+
+Of effects that were listed or alternatives, by the probability that the answer stated: its mean,
+and how many of them are there.
+
+{_stated(by_group(rows))}"""
+
+
+BEGIN, END = "<!-- results of one version -->", "<!-- end of results -->"
+"""Lines of a page between which its results stand."""
+
+
+def into(text: str, rows: Sequence[Row], about: Mapping[str, Any]) -> str:
+    """Put the results into a page.
+
+    Args:
+        text: The page, with the lines `BEGIN` and `END`.
+        rows: All cases that were answered.
+        about: As for `page`.
+
+    Returns:
+        The page.
+    """
+    head, rest = text.split(BEGIN)
+    _, tail = rest.split(END)
+    told = (
+        f"{len(rows)} of {about['planned']} answers of the {about['set']} set, by source "
+        f"{about['version']}; the SHA-256 of the drawn plan is `{about['plan_sha256']}`."
+    )
+    return f"{head}{BEGIN}\n\n{told}\n\n{results(rows)}\n\n{END}{tail}"
+
+
 def page(rows: Sequence[Row], about: Mapping[str, Any]) -> str:
     """The page of a set.
 
@@ -216,16 +254,7 @@ process of its own, without a cache. The SHA-256 of the drawn plan is
 - Intervals are Wilson's (95 %). Cases of one laboratory share robot, motions and sensors, so that
   they are too narrow.
 {skipped}
-## By set
-
-{scores(by_group(rows))}
-
-## Stated probabilities
-
-Of effects that were listed or alternatives, by the probability that the answer stated: its mean,
-and how many of them are there.
-
-{_stated(by_group(rows))}
+{results(rows)}
 
 ## Laboratories by factor
 
