@@ -208,7 +208,8 @@ class Model:
         inner = self._chosen(known)
         outer = np.arange(self.count, len(std))
         gram = scaled.gram
-        factor = cho_factor(gram[np.ix_(inner, inner)] + np.eye(len(inner)))
+        own = gram[np.ix_(inner, inner)]
+        factor = cho_factor(own + np.eye(len(inner)) + ROUNDING * np.diag(np.diag(own)))
         across = cho_solve(factor, gram[np.ix_(inner, outer)])
         left = gram[np.ix_(outer, outer)] - gram[np.ix_(outer, inner)] @ across
         right = scaled.right[outer] - across.T @ scaled.right[inner]

@@ -30,6 +30,7 @@ from faultgen.discovery.terms.candidates import Term, names_by_use
 from faultgen.effects import get_effect
 from faultgen.effects.prior import Search, Seen
 from faultgen.inference.limits import AGAIN, FALL, PROMISING
+from faultgen.inference.products import ROUNDING
 
 _WAVE = "transmission_error"  # its simulated reactions tell those to other errors of the gearbox
 _CLOSER = 0.5 ** np.arange(1, 5)  # distances from the best place so far, over the spacing
@@ -39,7 +40,6 @@ _APART = 0.5  # time between two passes of a place, at least [s]
 _LONGEST = 1.0  # a pass that takes longer counts as several [s]
 _FELT = 0.02  # square of the reaction during a pass, over the largest
 _BEFORE = 3  # other effects whose best explanation is left to a place at most
-_SINGLE = 1e-6  # share by which products of single precision are raised
 _USUAL = 0.01  # standard deviation among healthy robots, over the severity that is probed: assumed
 
 
@@ -276,18 +276,22 @@ class _Left:
             effects: Columns of the effects that are fitted beside them.
         """
         self._difference, model = difference, difference.model
-        own = [model.count + k for k in effects]
+        placed = [model.count + k for k in effects]
         terms = [t for k in effects for t in difference.groups[k]]
-        scaled = [model.std[k] * posed.raw[t] for k, t in zip(own, terms, strict=True)]
+        scaled = [model.std[k] * posed.raw[t] for k, t in zip(placed, terms, strict=True)]
         beside = np.array(scaled, np.float32).reshape(-1, *difference.residual.shape)
         count = len(white)
         self._columns = np.concatenate([white, difference.whiten(beside)])
-        mean = (model.mean[own] / model.std[own]).astype(np.float32)  # of plays
+        mean = (model.mean[placed] / model.std[placed]).astype(np.float32)  # of plays
         target = difference.whiten(difference.residual).astype(np.float32)
         self._target = target - np.tensordot(mean, self._columns[count:], axes=1)
         flat = self._columns.reshape(len(self._columns), -1)
-        gram = (flat @ flat.T).astype(float)
-        gram[np.diag_indices_from(gram)] += 1 + _SINGLE * np.diag(gram)
+        # products of single precision would not be positive beside columns of other sizes
+        gram = np.eye(len(flat))
+        for axis in range(self._columns.shape[2]):
+            own = self._columns[:, :, axis].astype(float)
+            gram += own @ own.T
+        gram[np.diag_indices_from(gram)] *= 1 + ROUNDING
         self._inverse = cho_solve(cho_factor(gram), np.eye(len(gram)))
         self._solution = self._inverse @ (flat @ self._target.ravel()).astype(float)
 
