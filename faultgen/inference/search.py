@@ -287,8 +287,8 @@ def _next(
     errors = np.where(same, LAW_ERROR, FORM_ERROR) * max(float(evidence[order[0]]), 0.0)
     weights = evidence[order] + prior[order]
     weights = (weights - weights[0]) / (1 + errors)
-    order = [order[k] for k in np.argsort(-weights, kind="stable")]
-    weights = np.sort(weights)[::-1]
+    falling = np.argsort(-weights, kind="stable")
+    order, weights = [order[k] for k in falling], weights[falling]
     effect = SingleEffect(
         odds,
         tuple(hypotheses[h].key for h in order),

@@ -114,7 +114,7 @@ def discover(
     for name, folder in (("out", out), ("cache", cache)):
         if folder is not None and Path(folder).is_file():
             raise InputError(f"{name}: must be a folder, not the file {folder}")
-    model = load_robot(str(robot))
+    model, posterior = load_robot(str(robot)), posterior_beside(robot)
     given = read_together(_paths(measured), model, _paths(healthy), low_pass, trust_log=trust_log)
     recording, runs, warnings = given.recording, given.runs, given.warnings
     findings = list(given.findings)
@@ -162,7 +162,7 @@ def discover(
             runs = [replace(run, torque=run.torque + seen.change) for run in runs]
         found = Discovery(
             model,
-            posterior=posterior_beside(robot),
+            posterior=posterior,
             exclude=exclude,
             include=include,
             prior_scale=prior_scale,

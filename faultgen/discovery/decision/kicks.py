@@ -22,7 +22,8 @@ from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import sensitivities
 from faultgen.discovery.terms.candidates import Term
 
-NAMES = ("backlash", "stiffness_hardening")
+PLAYS = ("backlash",)
+NAMES = (*PLAYS, "stiffness_hardening")
 """Effects that kick."""
 
 _MOST = 2  # axes of one effect that are simulated once more
@@ -56,7 +57,8 @@ def kicks(
     if replay is None:
         return terms, np.zeros((0, *posed.base.shape))
     exact = difference.exact
-    for name in NAMES:
+    # where rotors follow commands, only plays were simulated together
+    for name in NAMES if posed.replay.measured else PLAYS:
         own = [one for one in difference.hypotheses if one.family == name and name not in exclude]
         odds = {
             one.place: exact.bayes_factors(exact.healthy.log_scales, one.forms).max() for one in own
@@ -67,8 +69,6 @@ def kicks(
             for term in posed.terms
             if term.name == name and term.axis in likely and odds[term.axis] > 0
         ]
-    if not posed.replay.measured:  # one effect at a time is simulated already
-        terms = [term for term in terms if term.name == "backlash"]
     if not terms:
         return terms, np.zeros((0, *posed.base.shape))
     return terms, sensitivities(replay, terms, workers=workers, cache=cache)[1]

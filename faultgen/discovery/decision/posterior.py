@@ -106,8 +106,9 @@ def posterior_beside(robot: str | Path) -> Posterior | None:
         for k, row in enumerate(told["covariance"]):
             lower[k, : k + 1] = row
         mean = np.array(told["mean"], float)
-        assert mean.shape == (len(which),)
-    except (AttributeError, KeyError, TypeError, ValueError, AssertionError):
+        if mean.shape != (len(which),):
+            raise ValueError("another number of means")
+    except (AttributeError, KeyError, TypeError, ValueError):
         raise InputError(
             f"{path}: its entry '{KEY}' is damaged; run calibrate again, or remove the file"
         ) from None
