@@ -22,14 +22,14 @@ from faultgen.discovery.decision.numbers import (
 )
 from faultgen.discovery.decision.processes import OVER, processes
 from faultgen.discovery.laws.friction_forms import forms_of
-from faultgen.discovery.replay.bristles import DAMPED
+from faultgen.discovery.replay.bristles import DAMPED, EXPONENT, friction_columns
 from faultgen.discovery.replay.elastic import STIFFNESS
 from faultgen.discovery.replay.formulas import GEAR_DAMPING, Formulas
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import sensitivities
 from faultgen.discovery.terms.candidates import PAYLOAD, Term, effect_terms, scanned_terms
 from faultgen.effects import get_effect
-from faultgen.mjcf.dcmotor import BRISTLE_DAMPING
+from faultgen.mjcf.dcmotor import BRISTLE_DAMPING, COULOMB, STICTION
 
 
 @pytest.fixture(scope="module")
@@ -294,3 +294,20 @@ def test_damping_of_bristles_is_that_of_a_robot_with_more_of_it(replay):
     (column,) = Formulas(replay).columns([Term(DAMPED, 1, 1.0, 1.0)]).values()
     assert np.abs(change).max() > 0
     np.testing.assert_allclose(column, change, atol=1e-3 * np.abs(change).max())
+
+
+def test_exponent_is_that_of_the_stribeck_curve(replay):
+    """The closed form of sliding friction at a constant speed, per unit of the exponent over 2."""
+    robot = replay.robot
+    width, step = robot.stribeck_velocity[0], -0.25
+    spec = robot.spec().actuator("friction1").biasprm
+    fall = spec[STICTION] - spec[COULOMB]
+    for speed in (0.3 * width, 0.9 * width, 1.5 * width):
+        time = np.arange(4000) * robot.model.opt.timestep
+        rotors = np.outer(time, speed * np.eye(robot.n_axes)[0])
+        term = Term(EXPONENT, 1, step, 1.0)
+        last = np.array([len(time) - 2])
+        columns = friction_columns(robot, [term], rotors, last, np.zeros((1, robot.n_axes)))
+        curves = [np.exp(-((speed / width) ** power)) for power in (2 * (1 + step), 2.0)]
+        expected = fall * (curves[0] - curves[1]) / step
+        assert columns[term][0, 0] == pytest.approx(expected, rel=1e-4)

@@ -31,6 +31,7 @@ _ADVICE = {
     "hardening": "state the stiffness of the gearboxes",
     "damping": "state the damping of the gearboxes",
     "damping of bristles": "record at several speeds",
+    "Stribeck exponent": "record slow motion",
     "lag of the log": "log torque and position at the same time",
     "smoothing": "log positions with less noise",
     "temperature": "record at one temperature",

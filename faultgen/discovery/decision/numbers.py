@@ -14,7 +14,7 @@ import numpy as np
 
 from faultgen.discovery.decision.processes import OVER, processes
 from faultgen.discovery.laws.friction_forms import COUNT, FALLING, USUAL, without_level
-from faultgen.discovery.replay.bristles import DAMPED
+from faultgen.discovery.replay.bristles import DAMPED, EXPONENT
 from faultgen.discovery.replay.elastic import STIFFNESS
 from faultgen.discovery.replay.formulas import GEAR_DAMPING, Formulas
 from faultgen.discovery.terms.candidates import INERTIA, PAYLOAD, Term
@@ -52,6 +52,7 @@ KINDS = {
     "hardening": Kind(3.0, 0.01, 1.5),
     "damping": Kind(1.7, 0.1, 1.5),
     "damping of bristles": Kind(1.7, 0.1, 1.5),
+    "Stribeck exponent": Kind(1.7, 0.1, 1.5),
     "lag of the log": Kind(3.0, 1.0),
     "smoothing": Kind(1.7, 1.0, 2.0),
     "temperature": Kind(1.4, 1.0, 2.0),
@@ -84,6 +85,9 @@ _ONLY = 0.05  # the same of an axis without others, in which a form could not be
 _BETWEEN, _MOTIONS = 0.003, 8  # friction between motions of one recording, and how many at most
 _LOW = 0.3  # fall of friction of a model without any, over Coulomb friction
 _DAMPING = 1.0  # of gearboxes and bristles, as a share: models hardly know it
+# of the Stribeck curve, as a share of 2. Published are 0.5 to 2: Armstrong-Helouvry et al. 1994,
+# doi 10.1016/0005-1098(94)90209-7
+_EXPONENT = 0.25
 _SOFTER = 0.04  # share of the stiffness for a second derivative
 _STIFF, _CURVED = 0.07, 0.004  # stiffness, and half the square of what is left after its fit
 _PROCESS = 5e-4  # torque of no known form, over the RMS torque of its axis
@@ -245,12 +249,13 @@ def _add_by_motion(out: Numbers, column: np.ndarray, parts: Sequence[slice]) -> 
 
 
 def _add_gears(out: Numbers, formulas: Formulas) -> None:
-    """Add stiffness and damping of the gearboxes, and damping of the bristles."""
+    """Add stiffness and damping of the gearboxes, damping of the bristles, and exponents."""
     axes = range(1, formulas.robot.n_axes + 1)
     softer = [Term(STIFFNESS, axis, side * _SOFTER, 1.0) for axis in axes for side in (1, -1)]
     damped = [Term(GEAR_DAMPING, axis, 1.0, 1.0) for axis in axes]
     bristles = [Term(DAMPED, axis, 1.0, 1.0) for axis in axes]
-    of = formulas.columns([*softer, *damped, *bristles])
+    exponents = [Term(EXPONENT, axis, -_EXPONENT, 1.0) for axis in axes]
+    of = formulas.columns([*softer, *damped, *bristles, *exponents])
     for axis in axes:
         less, more = of[softer[2 * axis - 2]], of[softer[2 * axis - 1]]
         out.add((less + more) / 2, _STIFF, "stiffness", (STIFFNESS, axis, ()))
@@ -258,6 +263,7 @@ def _add_gears(out: Numbers, formulas: Formulas) -> None:
         out.add(of[damped[axis - 1]], _DAMPING, "damping")
         if bristles[axis - 1] in of:
             out.add(of[bristles[axis - 1]], _DAMPING, "damping of bristles")
+            out.add(of[exponents[axis - 1]], _EXPONENT, "Stribeck exponent")
 
 
 def _add_forms(out: Numbers, formulas: Formulas, forms: np.ndarray) -> None:

@@ -3,7 +3,9 @@
 The bristles of LuGre friction see nothing but the speed w of their rotor, which is known:
 
     friction = s0 z + s1 dz/dt,        dz/dt = w - s0 |w| z / g(w)
-    g(w) = coulomb + (static - coulomb) exp(-(w / width)^2)
+    g(w) = coulomb + (static - coulomb) exp(-|w / width|^exponent)
+
+The exponent is 2 in every model; other machines have others.
 
 While the speed is constant, this is linear in the deflection z. Each step of a simulation is such a
 time, so that z follows exactly as in MuJoCo, for any number of laws at once. The equation and its
@@ -37,6 +39,9 @@ LOAD, SHARED = "load_friction", "wrist_coupling_friction"
 DAMPED = "bristle_damping"
 """Term of the damping of the bristles, a fraction of that of the model. It is no effect."""
 
+EXPONENT = "stribeck_exponent"
+"""Term of the exponent of the Stribeck curve, a fraction of 2. It is no effect."""
+
 FRICTION = (
     "friction_wear",
     "coulomb_friction",
@@ -47,10 +52,13 @@ FRICTION = (
     LOAD,
     SHARED,
     DAMPED,
+    EXPONENT,
 )
 """Terms of which the friction is computed here. They change nothing else."""
 
-_DAMPING = 1  # place of the damping among the numbers of a law
+_PLACES = {DAMPED: 1, EXPONENT: -1}
+"""Places of what is no effect among the numbers of a law."""
+_GAUSSIAN = 2.0  # exponent of the Stribeck curve in MuJoCo
 _CHUNK = 4000  # steps of which all laws are in memory
 _NOTHING = 1e-12  # friction that counts as none, in order to divide by it [N m]
 
@@ -61,7 +69,8 @@ class _Law:
 
     numbers: np.ndarray
     """Bristle stiffness [N m/rad] and damping [N m s/rad], Coulomb and static friction [N m],
-    Stribeck velocity [rad/s], and the constant torque against forward motion [N m]."""
+    Stribeck velocity [rad/s], the constant torque against forward motion [N m], and the exponent of
+    the Stribeck curve."""
     lever: np.ndarray
     """Speed that it acts on, over the speed of each motor; shape (n_axes,)."""
 
@@ -73,7 +82,7 @@ class _Law:
         # cogging without poles is a constant torque
         constant = -bias[OFFSET] * np.sin(bias[OFFSET + 2])
         sliding = bias[[COULOMB, STICTION, STRIBECK_VELOCITY]]
-        return _Law(np.array([stiffness, damping, *sliding, constant]), lever)
+        return _Law(np.array([stiffness, damping, *sliding, constant, _GAUSSIAN]), lever)
 
 
 def friction_columns(
@@ -120,14 +129,14 @@ def _laws(robot: Robot, terms: Sequence[Term]) -> tuple[list[_Law], dict[Term, _
     for term in terms:
         law = own[term.axis - 1]
         if term.name == LOAD:
-            stiffness, damping, coulomb, *_, width, _ = law.numbers
+            stiffness, damping, coulomb, _, width, _, exponent = law.numbers
             if coulomb > 0:  # bristles as those of the axis, for each N m that they hold
-                held = [stiffness / coulomb, damping / coulomb, 1.0, 1.0, width, 0.0]
+                held = [stiffness / coulomb, damping / coulomb, 1.0, 1.0, width, 0.0, exponent]
                 changed[term] = _Law(np.array(held), law.lever)
             continue
-        if term.name == DAMPED:
+        if term.name in _PLACES:
             numbers = law.numbers.copy()
-            numbers[_DAMPING] *= 1 + term.step
+            numbers[_PLACES[term.name]] *= 1 + term.step
             changed[term] = _Law(numbers, law.lever)
             continue
         edited, effect = spec.copy(), get_effect(term.name)
@@ -150,7 +159,7 @@ def _friction(
 ) -> np.ndarray:
     """Torque that overcomes the friction of each law at some steps, shape (samples, laws)."""
     speeds, before = speeds_of(rotors, timestep)
-    stiffness, damping, coulomb, static, width, constant = np.stack(
+    stiffness, damping, coulomb, static, width, constant, exponent = np.stack(
         [law.numbers for law in laws], axis=1
     )
     damping = np.where(stiffness > 0, damping, 0.0)  # without bristles there is no friction
@@ -161,7 +170,7 @@ def _friction(
     bent = np.zeros(len(laws))
     for start in range(0, len(speeds), _CHUNK):
         speed = speeds[start : start + _CHUNK] @ levers
-        holds = coulomb + (static - coulomb) * np.exp(-((speed / width) ** 2))
+        holds = coulomb + (static - coulomb) * np.exp(-(np.abs(speed / width) ** exponent))
         rate = stiffness * np.abs(speed) / np.maximum(holds, _NOTHING)
         stays = np.exp(-rate * timestep)
         comes = speed * np.where(rate > 0, -np.expm1(-rate * timestep), timestep)
