@@ -1,11 +1,18 @@
 """How exact and how fast is the simulation on a graphics card? See `faultgen generate --device`.
 
-python benchmarks/device.py --device cuda --save device.json
-python benchmarks/device.py --device cpu --seconds 2 --worlds 0      # the same code, without a card
+python benchmarks/device.py --device cuda --save benchmarks/results/device.json      # ten minutes
+python benchmarks/device.py --device cpu --seconds 0.2 --worlds 8 --tasks 1          # a trial
 
-For every task of both robots and every effect, one cycle is stepped in single precision on the
-device and in double precision on the processor. The error is the RMS difference of the motor
-torques over the mean |torque| of the axis in the healthy cycle; that of the worst axis counts.
+Every part is saved as soon as it is done:
+
+speed    many robots with friction wear step through the begin of a motion. The second cycle is
+         timed, so that nothing is compiled any more. One core of the processor, and all cores, step
+         through the same motion in double precision.
+kernels  what a step of the worlds consists of, and how long it takes with and without a CUDA graph.
+exact    for tasks of both robots and every effect, one cycle in single precision on the device and
+         in double precision on the processor. The error is the RMS difference of the motor torques
+         over the mean |torque| of the axis in the healthy cycle; that of the worst axis counts.
+
 docs/speed.md shows the results.
 """
 
@@ -16,16 +23,19 @@ import json
 import os
 import platform
 import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import warp
+from joblib import Parallel, delayed
 
 from faultgen.applied import Applied
 from faultgen.effects import EFFECTS
 from faultgen.errors import SimulationFailed
 from faultgen.robot import robot_names
+from faultgen.simulation import worlds
 from faultgen.simulation.nominal import nominal
 from faultgen.simulation.plant import Plant, assemble
 from faultgen.simulation.stepping import simulate
@@ -36,6 +46,133 @@ from faultgen.tasks import task_names
 SAMPLE_PERIOD = 0.004
 LEAD_IN = 0.5
 """Time before the recorded one [s]."""
+ROBOT, TASK = "puma560", "pick_and_place"
+"""Of the speed."""
+KINDS = 64
+"""Severities of friction wear; with more worlds, several have the same model."""
+PROFILED, STEPS = 4096, 200
+"""Worlds and steps of the part `kernels`."""
+
+
+def courses_of(robot: Any, count: int) -> list[list[Plant]]:
+    """Plants of two cycles of many robots with friction wear."""
+    kinds = min(count, KINDS)
+    plants = [
+        assemble(robot, [Applied("friction_wear", 1, 0.2 * (k + 1) / kinds)]) for k in range(kinds)
+    ]
+    return [2 * [plants[k % kinds]] for k in range(count)]
+
+
+class Clock:
+    """Adds up the time of calls of a function, the work on the device included."""
+
+    def __init__(self, owner: Any, name: str, device: str) -> None:
+        self.seconds, self._inside = 0.0, getattr(owner, name)
+        self._device = device
+
+        def timed(*args: Any, **more: Any) -> Any:
+            started = time.perf_counter()
+            told = self._inside(*args, **more)
+            warp.synchronize_device(device)
+            self.seconds += time.perf_counter() - started
+            return told
+
+        setattr(owner, name, timed)
+        self.stop: Callable[[], None] = lambda: setattr(owner, name, self._inside)
+
+
+def speed(device: str, count: int, seconds: float) -> dict[str, float]:
+    """Time the second cycle of many worlds."""
+    shared = nominal(ROBOT, TASK, SAMPLE_PERIOD)
+    control = shared.control[: round(seconds / shared.robot.model.opt.timestep)]
+    courses = courses_of(shared.robot, count)
+    started = time.perf_counter()
+    cycles = simulate_together(
+        shared.robot, control, courses, sample_period=SAMPLE_PERIOD, device=device
+    )
+    next(cycles)
+    first = time.perf_counter() - started
+    stepping = Clock(worlds._Worlds, "_sample", device)
+    moving = Clock(worlds._Worlds, "run", device)
+    started = time.perf_counter()
+    next(cycles)
+    whole = time.perf_counter() - started
+    for clock in (stepping, moving):
+        clock.stop()
+    steps = count * len(control)
+    told = {
+        "worlds": count,
+        "steps": len(control),
+        "first_cycle_s": first,
+        "cycle_s": whole,
+        "stepping_s": stepping.seconds,
+        "transfers_s": moving.seconds - stepping.seconds,
+        "steps_per_second": steps / whole,
+        "steps_per_second_without_host": steps / stepping.seconds,
+    }
+    if warp.get_device(device).is_cuda:
+        used = warp.get_device(device)
+        told["memory_bytes"] = used.total_memory - used.free_memory
+    return told
+
+
+def _alone(seconds: float) -> float:
+    """Time of a cycle of one robot in double precision on one core."""
+    shared = nominal(ROBOT, TASK, SAMPLE_PERIOD)
+    control = shared.control[: round(seconds / shared.robot.model.opt.timestep)]
+    (plants,) = courses_of(shared.robot, 1)
+    cycles = simulate(shared.robot, control, 11 * plants[:1], sample_period=SAMPLE_PERIOD)
+    next(cycles)
+    started = time.perf_counter()
+    done = sum(1 for _ in cycles)
+    return (time.perf_counter() - started) / done / len(control)
+
+
+def processors(seconds: float) -> dict[str, float]:
+    """Steps per second of one core, and of all cores at once."""
+    cores = len(os.sched_getaffinity(0))
+    told: dict[str, float] = {"cores": cores, "one_core": 1 / _alone(seconds)}
+    with Parallel(n_jobs=cores) as running:
+        running(delayed(_alone)(0.1) for _ in range(cores))  # starts the processes
+        times = running(delayed(_alone)(seconds) for _ in range(2 * cores))
+    told["all_cores"] = cores / float(np.mean(times))
+    return told
+
+
+def kernels(device: str, count: int) -> dict[str, Any]:
+    """What a step consists of, with its time; and a step with and without a graph."""
+    shared = nominal(ROBOT, TASK, SAMPLE_PERIOD)
+    control = np.ascontiguousarray(shared.control[:STEPS])
+    plants = [one[0] for one in courses_of(shared.robot, count)]
+    told: dict[str, Any] = {"worlds": count}
+    batch = worlds._Worlds(plants, device)
+    batch.use(plants, [control] * count)
+    states = [worlds._at(shared.robot, plant, None, control, 1) for plant in plants[:KINDS]]
+    batch.put_states([states[k % len(states)] for k in range(count)])
+    every = round(SAMPLE_PERIOD / shared.robot.model.opt.timestep)
+    batch.run(0, every)
+    started = time.perf_counter()
+    batch.run(0, every)
+    told["step_s"] = (time.perf_counter() - started) / STEPS
+    graph = worlds._Worlds._sample
+    worlds._Worlds._sample = lambda self, control, records, every: self._steps(  # type: ignore[method-assign]
+        control, records, every, every
+    )
+    started = time.perf_counter()
+    batch.run(0, every)
+    told["step_without_graph_s"] = (time.perf_counter() - started) / STEPS
+    if batch.device.is_cuda:
+        warp.timing_begin(cuda_filter=warp.TIMING_ALL)
+        batch.run(0, every)
+        sums: dict[str, list[float]] = {}
+        for one in warp.timing_end():
+            sums.setdefault(one.name, []).append(one.elapsed * 1e-3)
+        told["device_s"] = {
+            name: {"calls": len(times) / STEPS, "step_s": sum(times) / STEPS}
+            for name, times in sorted(sums.items(), key=lambda pair: -sum(pair[1]))
+        }
+    worlds._Worlds._sample = graph  # type: ignore[method-assign]
+    return told
 
 
 def plants_of(robot: Any) -> tuple[dict[str, Plant], list[str]]:
@@ -74,76 +211,82 @@ def errors(robot_name: str, task: str, device: str, seconds: float | None) -> di
     return {"seconds": len(control) * robot.model.opt.timestep, "error": found, "refused": refused}
 
 
-def speed(robot_name: str, task: str, device: str, worlds: int) -> dict[str, float]:
-    """Time of one cycle of many worlds, and of one world on one core of the processor."""
-    shared = nominal(robot_name, task, SAMPLE_PERIOD)
-    robot = shared.robot
-    plants = [
-        assemble(robot, [Applied("friction_wear", 1, 0.2 * (k + 1) / worlds)])
-        for k in range(worlds)
-    ]
-    times = []
-    for kind in ("device", "processor"):
-        plan: Any = [[plant, plant] for plant in (plants if kind == "device" else plants[:1])]
-        if kind == "device":
-            stepped: Iterator[object] = simulate_together(
-                robot, shared.control, plan, sample_period=SAMPLE_PERIOD, device=device
-            )
-        else:
-            stepped = simulate(robot, shared.control, plan[0], sample_period=SAMPLE_PERIOD)
-        next(stepped)  # compiles, and makes the graph
-        started = time.perf_counter()
-        next(stepped)
-        times.append((time.perf_counter() - started) / len(plan) / len(shared.control))
-    return {"worlds": worlds, "device_step": times[0], "processor_step": times[1]}
-
-
 def table(results: dict[str, Any]) -> str:
-    """Make the table of docs/speed.md."""
-    told = list(results["errors"].values())
-    lines = ["| effect | largest error, in percent of the mean torque | robot and task |"]
-    lines += ["| --- | --- | --- |"]
-    for effect in told[0]["error"]:
-        sizes = {k: one["error"][effect] for k, one in results["errors"].items()}
-        broken = [k for k, v in sizes.items() if isinstance(v, str)]
-        where = broken[0] if broken else max(sizes, key=sizes.__getitem__)
-        size = "failed" if broken else f"{100 * sizes[where]:.3f}"
-        lines.append(f"| {effect} | {size} | {where} |")
-    lines += ["", f"Refused: {', '.join(told[0]['refused'])}."]
-    if "speed" in results:
-        one = results["speed"]
-        ratio = one["processor_step"] / one["device_step"]
+    """Make the tables of docs/speed.md."""
+    lines: list[str] = []
+    if results.get("speed"):
+        one, cores = results["processors"]["one_core"], results["processors"]["all_cores"]
         lines += [
+            f"One core: {one:.3g} steps/s; {results['processors']['cores']} cores: {cores:.3g}.",
             "",
-            f"{one['worlds']} worlds: {1e6 * one['device_step']:.3g} us for each step of a world, "
-            f"{1e6 * one['processor_step']:.3g} us on one core; {ratio:.3g} times as fast.",
+            "| worlds | steps/s | over one core | over all cores | transfers and host | memory |",
+            "| --- | --- | --- | --- | --- | --- |",
         ]
+        for row in results["speed"]:
+            rate = row["steps_per_second"]
+            lines.append(
+                f"| {row['worlds']} | {rate:.3g} | {rate / one:.3g} | {rate / cores:.3g} | "
+                f"{100 * (1 - row['stepping_s'] / row['cycle_s']):.0f} % | "
+                f"{row.get('memory_bytes', 0) / 2**30:.2f} GiB |"
+            )
+        lines.append("")
+    if results.get("errors"):
+        told = list(results["errors"].values())
+        lines += ["| effect | largest error, in percent of the mean torque | robot and task |"]
+        lines += ["| --- | --- | --- |"]
+        for effect in told[0]["error"]:
+            sizes = {k: one["error"][effect] for k, one in results["errors"].items()}
+            broken = [k for k, v in sizes.items() if isinstance(v, str)]
+            where = broken[0] if broken else max(sizes, key=sizes.__getitem__)
+            size = "failed" if broken else f"{100 * sizes[where]:.3f}"
+            lines.append(f"| {effect} | {size} | {where} |")
+        lines += ["", f"Refused: {', '.join(told[0]['refused'])}."]
     return "\n".join(lines)
 
 
 def main() -> None:
     """Run the command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--device", default="cuda")
-    parser.add_argument("--seconds", type=float, help="of each task; default: a whole cycle")
-    parser.add_argument("--worlds", type=int, default=2048, help="for the speed; 0: not measured")
+    parser.add_argument(
+        "--worlds", type=int, nargs="*", default=[64, 256, 1024, 4096, 16384], help="for the speed"
+    )
+    parser.add_argument("--speed-seconds", type=float, default=1.0, help="of the timed motion")
+    parser.add_argument("--seconds", type=float, help="compared of each task; default: all of it")
+    parser.add_argument("--tasks", type=int, default=99, help="of each robot that are compared")
     parser.add_argument("--save", type=Path)
     given = parser.parse_args()
     results: dict[str, Any] = {
         "machine": f"{platform.machine()}, {os.cpu_count()} cores",
-        "device": given.device,
+        "device": f"{given.device}: {warp.get_device(given.device).name}",
         "by": version(),
     }
-    results["errors"] = {
-        f"{robot} {task}": errors(robot, task, given.device, given.seconds)
-        for robot in robot_names()
-        for task in task_names(robot)
-    }
+
+    def keep() -> None:
+        if given.save:
+            write_text(given.save, json.dumps(results, indent=1) + "\n")
+
+    started = time.perf_counter()
+    results["speed"], results["errors"] = [], {}
     if given.worlds:
-        results["speed"] = speed("puma560", "pick_and_place", given.device, given.worlds)
+        results["processors"] = processors(given.speed_seconds)
+        print(f"{time.perf_counter() - started:.0f} s: {results['processors']}", flush=True)
+    for count in given.worlds:
+        results["speed"].append(speed(given.device, count, given.speed_seconds))
+        print(f"{time.perf_counter() - started:.0f} s: {results['speed'][-1]}", flush=True)
+        keep()
+    if given.worlds:
+        results["kernels"] = kernels(given.device, min(PROFILED, max(given.worlds)))
+        keep()
+        print(f"{time.perf_counter() - started:.0f} s: {results['kernels']}", flush=True)
+    for robot in robot_names():
+        for task in task_names(robot)[: given.tasks]:
+            results["errors"][f"{robot} {task}"] = errors(robot, task, given.device, given.seconds)
+            keep()
+            print(f"{time.perf_counter() - started:.0f} s: {robot} {task}", flush=True)
     print(table(results))
-    if given.save:
-        write_text(given.save, json.dumps(results, indent=1) + "\n")
 
 
 if __name__ == "__main__":

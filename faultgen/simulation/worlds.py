@@ -272,6 +272,8 @@ class _Worlds:
                 raise InputError(
                     f"device: MuJoCo Warp cannot simulate this model: {one_line(error)}"
                 ) from None
+            # channels are made of the state and of forces, so that no sensor has to be computed
+            self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
             self.data = mujoco_warp.make_data(model, nworld=self.count)
             self.exact = warp.zeros((self.count, model.nv), dtype=warp.float64)
             self.at = warp.zeros(1, dtype=int)
