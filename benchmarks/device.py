@@ -147,8 +147,7 @@ def kernels(device: str, count: int) -> dict[str, Any]:
     told: dict[str, Any] = {"worlds": count}
     batch = worlds._Worlds(plants, device)
     batch.use(plants, [control] * count)
-    states = [worlds._at(shared.robot, plant, None, control, 1) for plant in plants[:KINDS]]
-    batch.put_states([states[k % len(states)] for k in range(count)])
+    batch.put_states(count * [worlds._start(shared.robot, plants[0], control, 1)])
     every = round(SAMPLE_PERIOD / shared.robot.model.opt.timestep)
     batch.run(0, every)
     started = time.perf_counter()

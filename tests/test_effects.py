@@ -360,3 +360,10 @@ def test_unknown_effects_are_refused_with_the_choices():
     """The message names the effects that there are."""
     with pytest.raises(InputError, match="unknown effect 'rust': choose healthy, friction_wear"):
         get_effect("rust")
+
+
+def test_points_may_be_heavier_than_a_payload_may_grow():
+    """Kilograms of a point on a link, which has a place, are no fractions of the model's load."""
+    mass = get_effect("payload_mass")
+    assert mass.largest_with({}) == mass.largest
+    assert mass.largest_with({"x": 0.0, "y": 0.0, "z": 0.0}) == mass.point_largest > 100

@@ -190,6 +190,14 @@ class Effect:
         """
         return self.point_units if self.point_units and parameters else self.unit
 
+    def largest_with(self, parameters: Mapping[str, Any]) -> float:
+        """Return the largest sensible severity, in the unit of `unit_with`.
+
+        Args:
+            parameters: Parameters of one case.
+        """
+        return self.point_largest if self.point_units and parameters else self.largest
+
     def check_severity(self, severity: float, robot: Robot, axis: int) -> None:
         """Refuse a severity that is too large for its unit on an axis of a robot.
 

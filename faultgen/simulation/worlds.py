@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import mujoco
@@ -45,6 +45,8 @@ OWN = tuple(
 _SHARED = ("names",) + tuple(
     sorted({field.name for field in fields(mujoco_warp.Model)} & set(MODEL_FIELDS) - set(OWN))
 )
+_OPTIONS = tuple(name for name in dir(mujoco.MjOption) if not name.startswith("_"))
+_STATE = ("qpos", "qvel", "act", "qacc_warmstart")
 _SAMPLES = 250  # that are stepped at once; bounds the memory on the device
 _LARGEST = 1e10  # state from which MuJoCo, too, counts a simulation as diverged
 
@@ -124,53 +126,101 @@ def simulate_together(
     timestep = robot.model.opt.timestep
     every = decimation(timestep, sample_period)
     lead = min(len(control), round(lead_in / timestep))
-    states: dict[int, Batch] = {}
+    starts: dict[tuple[Any, ...], _State] = {}
+    robots: list[_Robot | None] = [None] * len(courses)
     failed = np.zeros(len(courses), dtype=bool)
-    known: list[tuple[Plant, bytes] | None] = [None] * len(courses)
     groups: dict[tuple[Any, ...], _Worlds] = {}
     for number, plants in enumerate(zip(*courses, strict=True), start=1):
         told: list[Cycle | SimulationFailed | None] = [None] * len(courses)
         members: dict[bytes, list[int]] = {}
+        as_before: dict[int, _Robot] = {}
         for k in np.flatnonzero(~failed).tolist():
-            last = known[k]
-            if last is None or last[0] is not plants[k]:
-                last = known[k] = plants[k], _structure(plants[k])
-            members.setdefault(last[1], []).append(k)
+            plant, one = plants[k], robots[k]
+            if one is None or one.plant is not plant:
+                same = as_before.get(id(plant))
+                if same is None:
+                    same = _Robot(plant, _structure(plant), Channels(robot, plant.model))
+                robots[k] = one = replace(same, state=None if one is None else one.state_for(plant))
+            as_before[id(plant)] = one
+            members.setdefault(one.structure, []).append(k)
         before, groups = groups, {}
         for structure, numbers in members.items():
             chosen = [plants[k] for k in numbers]
             commands = [np.ascontiguousarray(one.command(control, lead > 0)) for one in chosen]
-            for k, command in zip(numbers, commands, strict=True):
-                states[k] = _at(robot, plants[k], states.get(k), command, lead)
-            own = [states[k] for k in numbers]
+            own = [robots[k] for k in numbers]
+            for one, command in zip(own, commands, strict=True):
+                if one.state is None:
+                    key = structure, id(command), None if lead else id(one.plant)
+                    if key not in starts:
+                        starts[key] = _start(robot, one.plant, command, lead)
+                    one.state = starts[key]
             key = structure, *numbers
             worlds = groups[key] = before.get(key) or _Worlds(chosen, device)
             worlds.use(chosen, commands)
-            worlds.put_states(own)
+            worlds.put_states([one.state for one in own])
             if number == 1 and lead:
                 worlds.run(len(control) - lead, every)
             recorded = worlds.run(0, every)
-            worlds.get_states(own)
+            for one, state in zip(own, worlds.get_states(), strict=True):
+                one.state = state
             for place, k in enumerate(numbers):
-                kept = {name: values[:, place].astype(float) for name, values in recorded.items()}
-                told[k] = _cycle(robot, chosen[place], kept, number, sample_period)
+                kept = {name: values[place].astype(float) for name, values in recorded.items()}
+                told[k] = _cycle(own[place], kept, number, sample_period)
                 failed[k] = isinstance(told[k], SimulationFailed)
         yield told
 
 
-def _at(robot: Robot, plant: Plant, before: Batch | None, command: np.ndarray, lead: int) -> Batch:
-    """The state of a robot at the begin of a cycle, in a batch of one, whose model is the plant."""
-    if before is not None and before.model is plant.model:
-        return before
+@dataclass(frozen=True, eq=False)
+class _State:
+    """State of one robot: one-dimensional arrays."""
+
+    qpos: np.ndarray
+    qvel: np.ndarray
+    act: np.ndarray
+    qacc_warmstart: np.ndarray
+
+    @classmethod
+    def of(cls, batch: Batch) -> _State:
+        """Read the state of a batch of one simulation."""
+        return cls(*(getattr(batch, name)[0].copy() for name in _STATE))
+
+    def batch(self, model: mujoco.MjModel) -> Batch:
+        """A batch of one simulation with this state."""
+        made = Batch(model, 1, 1)
+        for name in _STATE:
+            getattr(made, name)[0] = getattr(self, name)
+        return made
+
+
+@dataclass(eq=False)
+class _Robot:
+    """One robot: what it is in this cycle, and its state."""
+
+    plant: Plant
+    structure: bytes
+    """As from `_structure`."""
+    channels: Channels
+    state: _State | None = None
+    """None before the first cycle."""
+
+    def state_for(self, plant: Plant) -> _State | None:
+        """The state of the same robot as another plant, which may have other elements."""
+        old, new = self.plant.model, plant.model
+        if self.state is None or old.names == new.names:
+            return self.state
+        after = Batch(new, 1, 1)
+        carry(self.state.batch(old), after)
+        return _State.of(after)
+
+
+def _start(robot: Robot, plant: Plant, command: np.ndarray, lead: int) -> _State:
+    """The state of a robot at the begin of the lead-in, or of the first cycle if there is none."""
     state = Batch(plant.model, 1, 1)
-    if before is None:
-        if lead == 0:
-            start_in_equilibrium(robot, state, command)
-        else:
-            start_on_reference(robot, state, command[-lead])
+    if lead == 0:
+        start_in_equilibrium(robot, state, command)
     else:
-        carry(before, state)
-    return state
+        start_on_reference(robot, state, command[-lead])
+    return _State.of(state)
 
 
 def _structure(plant: Plant) -> bytes:
@@ -187,17 +237,16 @@ def _structure(plant: Plant) -> bytes:
         told.update(np.asarray(getattr(model, name)).tobytes())
     for name in OWN:
         told.update((np.asarray(getattr(model, name)) != 0).tobytes())
-    for name in dir(model.opt):
-        if not name.startswith("_"):
-            told.update(np.asarray(getattr(model.opt, name)).tobytes())
+    for name in _OPTIONS:
+        told.update(np.asarray(getattr(model.opt, name)).tobytes())
     return told.digest()
 
 
 def _cycle(
-    robot: Robot, plant: Plant, kept: dict[str, np.ndarray], number: int, sample_period: float
+    one: _Robot, kept: dict[str, np.ndarray], number: int, sample_period: float
 ) -> Cycle | SimulationFailed:
     """The cycle of a robot from its records, or what went wrong."""
-    channels = Channels(robot, plant.model)
+    channels = one.channels
     position = kept["actuator_length"][:, channels.drive]
     sizes = np.abs(np.stack([position, kept["actuator_velocity"][:, channels.drive]]))
     bad = ~(sizes < _LARGEST).all(axis=0)
@@ -206,11 +255,11 @@ def _cycle(
         axis = int(np.argmax(bad[sample])) + 1
         return SimulationFailed(
             f"cycle {number}: the simulation diverged before {sample * sample_period:.3f} s of the "
-            f"cycle, on {robot.label('axis ', axis)}: bad state"
+            f"cycle, on {channels.robot.label('axis ', axis)}: bad state"
         )
-    damping = plant.model.actuator_damping[channels.friction]
+    damping = channels.model.actuator_damping[channels.friction]
     cycle = channels.cycle(kept, np.tile(damping, (len(position), 1)))
-    return plant.log(cycle)
+    return one.plant.log(cycle)
 
 
 @warp.kernel
@@ -244,7 +293,7 @@ def _keep(
     out: warp.array3d(dtype=float),
 ) -> None:
     world, k = warp.tid()  # type: ignore[misc]
-    out[at[0] // every, world, k] = values[world, k]
+    out[world, at[0] // every, k] = values[world, k]
 
 
 @warp.kernel
@@ -315,25 +364,19 @@ class _Worlds:
             array.assign(stacked.reshape(array.numpy().shape))
         self.used = models
 
-    def put_states(self, states: Sequence[Batch]) -> None:
+    def put_states(self, states: Sequence[_State]) -> None:
         """Set the state of every world."""
-        position = np.concatenate([one.qpos for one in states])
-        self.exact.assign(position)
-        self.data.qpos.assign(position.astype(np.float32))
-        for name in ("qvel", "act", "qacc_warmstart"):
-            values = np.concatenate([getattr(one, name) for one in states])
+        self.exact.assign(np.stack([one.qpos for one in states]))
+        for name in _STATE:
+            values = np.stack([getattr(one, name) for one in states])
             if values.size:
                 getattr(self.data, name).assign(values.astype(np.float32))
 
-    def get_states(self, states: Sequence[Batch]) -> None:
+    def get_states(self) -> list[_State]:
         """Read the state of every world."""
-        position = self.exact.numpy()
-        for k, one in enumerate(states):
-            one.qpos[0] = position[k]
-        for name in ("qvel", "act", "qacc_warmstart"):
-            values = getattr(self.data, name).numpy()
-            for k, one in enumerate(states):
-                getattr(one, name)[0] = values[k]
+        values = [self.exact.numpy().copy()]
+        values += [getattr(self.data, name).numpy().astype(float) for name in _STATE[1:]]
+        return [_State(*one) for one in zip(*values, strict=True)]
 
     def run(self, first: int, every: int) -> dict[str, np.ndarray]:
         """Step all worlds through their control signals.
@@ -343,7 +386,7 @@ class _Worlds:
             every: Number of steps from one sample to the next.
 
         Returns:
-            The recorded fields by name, each of shape (samples, worlds, elements).
+            The recorded fields by name, each of shape (worlds, samples, elements).
         """
         steps, size = len(self.signals[0]), _SAMPLES * every
         kept: dict[str, list[np.ndarray]] = {name: [] for name in RECORD}
@@ -352,7 +395,7 @@ class _Worlds:
                 part = np.stack([one[start : start + size] for one in self.signals])
                 for name, values in self._part(part, every).items():
                     kept[name].append(values)
-        return {name: np.concatenate(parts) for name, parts in kept.items()}
+        return {name: np.concatenate(parts, axis=1) for name, parts in kept.items()}
 
     def _part(self, signals: np.ndarray, every: int) -> dict[str, np.ndarray]:
         """Step through a part of the control signals, of shape (signals, steps, n_controls)."""
@@ -366,8 +409,10 @@ class _Worlds:
             self._sample(control, records, every)
         if left:
             self._steps(control, records, every, left)
-        # a copy: on a processor these are the arrays themselves
-        return {name: records[name].numpy()[: whole + (left > 0)].copy() for name in RECORD}
+        kept = {name: records[name].numpy()[:, : whole + (left > 0)] for name in RECORD}
+        if self.device.is_cuda:
+            return kept
+        return {name: values.copy() for name, values in kept.items()}  # these are the arrays
 
     def _buffers(self, signals: int, every: int, controls: int) -> tuple[Any, dict[str, Any]]:
         """Arrays on the device for a part of the control signals and for the samples of it."""
@@ -378,7 +423,9 @@ class _Worlds:
             )
             records = {
                 name: warp.zeros(
-                    (_SAMPLES, *getattr(self.data, name).shape), dtype=float, device=self.device
+                    (self.count, _SAMPLES, getattr(self.data, name).shape[1]),
+                    dtype=float,
+                    device=self.device,
                 )
                 for name in RECORD
             }

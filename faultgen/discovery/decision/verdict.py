@@ -255,17 +255,16 @@ def _named(
         left = build(problem, first_of(problem, best, place + 1), solution).left
         severity, error = _severity(problem, group, value, covariance)
         effect = get_effect(problem.terms[group[0]].name)
+        parameters = _parameters(problem, best, place)
         least = 0.0 if len(group) > 1 else effect.smallest
+        most = effect.largest_with(dict(problem.terms[group[0]].parameters))
         effects.append(
             Named(
                 *problem.terms[group[0]].key,
                 severity,
                 error,
-                (
-                    max(severity - _WIDE * error, least),
-                    min(severity + _WIDE * error, effect.largest),
-                ),
-                _parameters(problem, best, place),
+                (max(severity - _WIDE * error, least), min(severity + _WIDE * error, most)),
+                parameters,
                 there * choice.shares[place],
                 gap(problem, left)[0],
             )

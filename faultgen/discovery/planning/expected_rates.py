@@ -128,7 +128,7 @@ class Candidates:
         for number, group in enumerate(self.groups):
             term = self.terms[group[0]]
             value = severity(robot, term)
-            if value <= get_effect(term.name).largest:
+            if value <= get_effect(term.name).largest_with(dict(term.parameters)):
                 found.append(Fault(term.name, term.axis, value, number))
         return found
 
