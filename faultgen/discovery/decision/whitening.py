@@ -10,11 +10,13 @@ real robot and the smoothed motion are not exact.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from faultgen.discovery.decision.arrays import Arrays, jumps
+from faultgen.discovery.replay.bristles import FRICTION
 from faultgen.inference.products import Products
 from faultgen.recordings.noise import Autoregression
 from faultgen.recordings.noise_level import Noise, levelled
@@ -57,7 +59,32 @@ def whitened(arrays: Arrays) -> Whitened:
     for _ in range(_ROUNDS):
         left = _unexplained(arrays, noise)
         noise = noise_of(arrays, left)
-    return weighed(arrays, noise, left)
+    return weighed(resolved(arrays, noise), noise, left)
+
+
+def resolved(arrays: Arrays, noise: Noise) -> Arrays:
+    """Judge laws of friction only where the motion is resolved.
+
+    Where an axis turns back, smoothing of its position takes more torque than the noise, and what
+    it takes looks like friction at low speed. There a change of a law explains nothing.
+
+    Args:
+        arrays: Columns of numbers and effects beside a residual.
+        noise: The noise.
+
+    Returns:
+        The same with columns of these effects that are zero there.
+    """
+    inside = _smoothing(arrays) < noise.of_samples()
+    effects = copy(arrays.effects)
+    effects.columns = list(effects.columns)
+    for hypothesis in effects.hypotheses:
+        if hypothesis.key[0] not in FRICTION:
+            continue
+        for form in hypothesis.forms:
+            for k in form:
+                effects.columns[k] = effects.columns[k] * inside
+    return replace(arrays, effects=effects)
 
 
 def _unexplained(arrays: Arrays, noise: Noise) -> np.ndarray:
