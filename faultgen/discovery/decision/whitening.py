@@ -66,7 +66,8 @@ def resolved(arrays: Arrays, noise: Noise) -> Arrays:
     """Judge laws of friction only where the motion is resolved.
 
     Where an axis turns back, smoothing of its position takes more torque than the noise, and what
-    it takes looks like friction at low speed. There a change of a law explains nothing.
+    it takes looks like friction at low speed. There a change of a law explains nothing. In the
+    difference of two recordings of one motion it cancels.
 
     Args:
         arrays: Columns of numbers and effects beside a residual.
@@ -75,6 +76,8 @@ def resolved(arrays: Arrays, noise: Noise) -> Arrays:
     Returns:
         The same with columns of these effects that are zero there.
     """
+    if arrays.posed.baseline:
+        return arrays
     inside = _smoothing(arrays) < noise.of_samples()
     effects = copy(arrays.effects)
     effects.columns = list(effects.columns)
