@@ -16,7 +16,6 @@ recording, whatever the number of features.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -253,7 +252,7 @@ class EffectPosterior(BaseEstimator):
         Returns:
             Shape (recordings, 1 + causes): healthy, then each cause.
         """
-        logs, _ = self._log_odds(self.transform(X), 1)
+        logs = self._log_odds(self.transform(X), 1)
         logs = np.concatenate([np.zeros((len(logs), 1)), logs], axis=1)
         return np.asarray(np.exp(logs - logsumexp(logs, axis=1, keepdims=True)))
 
@@ -269,11 +268,15 @@ class EffectPosterior(BaseEstimator):
         check_is_fitted(self)
         scores = np.atleast_2d(np.asarray(scores, float))
         total = np.cumsum(scores[::-1], axis=0)
-        tried = []
-        for length in _lengths(len(scores)):
-            logs, _ = self._log_odds(total[length - 1 : length] / length, length)
+        lengths, tried = _lengths(len(scores)), []
+        for length in lengths:
+            logs = self._log_odds(total[length - 1 : length] / length, length)
             tried.append((float(logsumexp(logs)), length, logs[0]))
         statistic, length, logs = max(tried, key=lambda one: one[0])
+        cause = self.effects.causes[int(np.argmax(logs))]
+        place = lengths.index(length)
+        beside = range([0, *lengths][place] + 1, [*lengths, length + 1][place + 1])
+        since = max(beside, key=lambda n: self._evidence(cause, total[n - 1] / n, n))
         value, error = self._values(total[length - 1] / length, length)
         probabilities = np.exp(logs - np.logaddexp(0.0, statistic))
         positive = np.array([cause.positive for cause in self.effects.causes], bool)
@@ -283,7 +286,7 @@ class EffectPosterior(BaseEstimator):
         return Judgement(
             statistic > self.limit_,
             statistic,
-            len(scores) - length,
+            len(scores) - since,
             float(1 / (1 + np.exp(statistic))),
             probabilities,
             np.where(positive, middle, value),
@@ -360,7 +363,7 @@ class EffectPosterior(BaseEstimator):
         best = np.full((count, length), -np.inf)
         for n in _lengths(length):
             mean = (total[:, n:] - total[:, :-n]) / n
-            logs, _ = self._log_odds(mean.reshape(-1, columns), n)
+            logs = self._log_odds(mean.reshape(-1, columns), n)
             best[:, n - 1 :] = np.maximum(
                 best[:, n - 1 :], logsumexp(logs, axis=1).reshape(count, -1)
             )
@@ -374,7 +377,7 @@ class EffectPosterior(BaseEstimator):
         shares = 1 / (len(set(families)) * members)
         return np.asarray(np.log(shares * self.prior / (1 - self.prior)))
 
-    def _log_odds(self, mean: Floats, length: int) -> tuple[Floats, Floats]:
+    def _log_odds(self, mean: Floats, length: int) -> Floats:
         """Logarithm of the posterior odds of each cause against a healthy robot.
 
         Args:
@@ -382,40 +385,69 @@ class EffectPosterior(BaseEstimator):
             length: Number of these recordings.
 
         Returns:
-            Shape (cases, causes); and the value of each severity over its standard error.
+            Shape (cases, causes).
         """
         variance = 1 / length + 1 / self.count_
-        logs = np.empty((len(mean), len(self.effects.causes)))
-        sure = np.empty_like(logs)
-        for k, cause in enumerate(self.effects.causes):
-            own, sizes = list(cause.columns), np.array(cause.sizes)
-            right = mean[:, own] * sizes / variance
-            gram = self.information_[np.ix_(own, own)] * np.outer(sizes, sizes) / variance
-            factor = cho_factor(gram + np.eye(len(own)), lower=True)
-            inverse = cho_solve(factor, np.eye(len(own)))
-            value = right @ inverse
-            logs[:, k] = 0.5 * np.einsum("ck,ck->c", right, value)
-            logs[:, k] -= np.log(np.diag(factor[0])).sum()
-            sure[:, k] = value[:, 0] / np.sqrt(inverse[0, 0])
-            if cause.positive:
-                logs[:, k] += np.log(2.0) + log_ndtr(sure[:, k])
-        return logs + self._log_prior, sure
+        causes = self.effects.causes
+        logs = np.empty((len(mean), len(causes)))
+        sure = np.zeros_like(logs)
+        single = np.array([len(cause.columns) == 1 for cause in causes], bool)
+        if single.any():
+            own = [cause.columns[0] for cause in causes if len(cause.columns) == 1]
+            sizes = np.array([cause.sizes[0] for cause in causes if len(cause.columns) == 1])
+            precision = 1 + self.information_[own, own] * sizes**2 / variance
+            right = mean[:, own] * (sizes / variance)
+            sure[:, single] = right / np.sqrt(precision)
+            logs[:, single] = 0.5 * (sure[:, single] ** 2 - np.log(precision))
+        for k in np.flatnonzero(~single):
+            logs[:, k], sure[:, k] = self._several(causes[k], mean, variance)
+        positive = np.array([cause.positive for cause in causes], bool)
+        logs[:, positive] += np.log(2.0) + log_ndtr(sure[:, positive])
+        return np.asarray(logs + self._log_prior)
+
+    def _several(self, cause: Cause, mean: Floats, variance: float) -> tuple[Floats, Floats]:
+        """Log Bayes factor of a cause, and its severity over the standard error; (cases,) each."""
+        right, inverse, size = self._regression(cause, mean, variance)
+        value = right @ inverse
+        logs = 0.5 * np.einsum("ck,ck->c", right, value) + size
+        return logs, np.asarray(value[:, 0] / np.sqrt(inverse[0, 0]))
+
+    def _evidence(self, cause: Cause, mean: Floats, length: int) -> float:
+        """Log Bayes factor of a cause since some recordings, without its sign."""
+        return float(self._several(cause, mean[None], 1 / length + 1 / self.count_)[0][0])
+
+    def _regression(
+        self, cause: Cause, mean: Floats, variance: float
+    ) -> tuple[Floats, Floats, float]:
+        """Regression on the columns of a cause, in units of their sizes.
+
+        Returns:
+            Right-hand sides, shape (cases, columns); covariance of the values; and half the
+            logarithm of its determinant.
+        """
+        own, sizes = list(cause.columns), np.array(cause.sizes)
+        gram = self.information_[np.ix_(own, own)] * np.outer(sizes, sizes) / variance
+        factor = cho_factor(gram + np.eye(len(own)), lower=True)
+        inverse = cho_solve(factor, np.eye(len(own)))
+        return (
+            np.asarray(mean[:, own] * sizes / variance),
+            np.asarray(inverse),
+            -float(np.log(np.diag(factor[0])).sum()),
+        )
 
     def _values(self, mean: Floats, length: int) -> tuple[Floats, Floats]:
         """Severity of each cause if it is the one, and its standard error, shape (causes,) each."""
         variance = 1 / length + 1 / self.count_
         found = []
         for cause in self.effects.causes:
-            own, sizes = list(cause.columns), np.array(cause.sizes)
-            gram = self.information_[np.ix_(own, own)] * np.outer(sizes, sizes) / variance
-            covariance = np.linalg.inv(gram + np.eye(len(own)))
-            value = covariance @ (mean[own] * sizes / variance)
-            found.append((value[0] * sizes[0], np.sqrt(covariance[0, 0]) * sizes[0]))
+            right, inverse, _ = self._regression(cause, mean[None], variance)
+            found.append((float((right @ inverse)[0, 0]), float(np.sqrt(inverse[0, 0]))))
+        sizes = np.array([cause.sizes[0] for cause in self.effects.causes])
         value, error = np.array(found).reshape(-1, 2).T
-        return value, error
+        return value * sizes, error * sizes
 
 
-def _lengths(count: int) -> Sequence[int]:
+def _lengths(count: int) -> list[int]:
     """Numbers of newest recordings since which an effect may be there."""
     found, next_one = [], 1.0
     while round(next_one) < count:
