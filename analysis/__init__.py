@@ -7,9 +7,11 @@ from .cross_correlation import (
 )
 from .detection import CUSUMChart, EWMAChart
 from .divergence import HistogramDivergence, kl_divergence
+from .effect_posterior import Cause, Days, EffectPosterior, Effects, Judgement
 from .friction_features import FrictionFeatures
 from .isolation import Answer, ChangeIsolator
 from .pca import PCAMonitor, held_out_q_limit
+from .remaining_life import Forecast, forecast_severity, phm_score
 from .run_length import (
     RunLength,
     cusum_interval,
@@ -31,10 +33,16 @@ from .transfer_entropy import (
 __all__ = [
     "Answer",
     "CUSUMChart",
+    "Cause",
     "ChangeIsolator",
+    "Days",
     "EWMAChart",
+    "EffectPosterior",
+    "Effects",
+    "Forecast",
     "FrictionFeatures",
     "HistogramDivergence",
+    "Judgement",
     "PCAMonitor",
     "RunLength",
     "choose_bins",
@@ -45,6 +53,7 @@ __all__ = [
     "effective_transfer_entropy",
     "ewma_run_length",
     "ewma_width",
+    "forecast_severity",
     "held_out_q_limit",
     "isolate_axis",
     "isolate_axis_by_lags",
@@ -52,6 +61,7 @@ __all__ = [
     "kl_divergence",
     "leading_axis",
     "net_transfer_entropy",
+    "phm_score",
     "quantile_symbols",
     "transfer_entropy",
     "transfer_entropy_matrix",
