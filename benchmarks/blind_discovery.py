@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 Seeds = StrEnum(
     "Seeds",
-    ["development", "report", *(f"report{k}" for k in range(2, 9))],
+    "development report report2 report3 report4 report5 report6 report7 report8",
 )
 Mode = StrEnum("Mode", ["twin", "alone"])
 Kind = StrEnum("Kind", ["single", "clean", "unknown", "pair"])

@@ -126,13 +126,13 @@ def simulate_together(
     timestep = robot.model.opt.timestep
     every = decimation(timestep, sample_period)
     lead = min(len(control), round(lead_in / timestep))
-    starts: dict[tuple[Any, ...], _State] = {}
     robots: list[_Robot | None] = [None] * len(courses)
     failed = np.zeros(len(courses), dtype=bool)
     groups: dict[tuple[Any, ...], _Worlds] = {}
     for number, plants in enumerate(zip(*courses, strict=True), start=1):
         told: list[Cycle | SimulationFailed | None] = [None] * len(courses)
         members: dict[bytes, list[int]] = {}
+        present: dict[int, _Robot] = {}
         as_before: dict[int, _Robot] = {}
         for k in np.flatnonzero(~failed).tolist():
             plant, one = plants[k], robots[k]
@@ -140,24 +140,26 @@ def simulate_together(
                 same = as_before.get(id(plant))
                 if same is None:
                     same = _Robot(plant, _structure(plant), Channels(robot, plant.model))
-                robots[k] = one = replace(same, state=None if one is None else one.state_for(plant))
-            as_before[id(plant)] = one
+                one = replace(same, state=None if one is None else one.state_for(plant))
+                robots[k] = one
+            present[k] = as_before[id(plant)] = one
             members.setdefault(one.structure, []).append(k)
         before, groups = groups, {}
         for structure, numbers in members.items():
             chosen = [plants[k] for k in numbers]
             commands = [np.ascontiguousarray(one.command(control, lead > 0)) for one in chosen]
-            own = [robots[k] for k in numbers]
+            own = [present[k] for k in numbers]
+            starts: dict[tuple[int, int], _State] = {}  # by what stays alive in this block
             for one, command in zip(own, commands, strict=True):
                 if one.state is None:
-                    key = structure, id(command), None if lead else id(one.plant)
-                    if key not in starts:
-                        starts[key] = _start(robot, one.plant, command, lead)
-                    one.state = starts[key]
+                    start = id(command), 0 if lead else id(one.plant)
+                    if start not in starts:
+                        starts[start] = _start(robot, one.plant, command, lead)
+                    one.state = starts[start]
             key = structure, *numbers
             worlds = groups[key] = before.get(key) or _Worlds(chosen, device)
             worlds.use(chosen, commands)
-            worlds.put_states([one.state for one in own])
+            worlds.put_states([one.state for one in own if one.state is not None])
             if number == 1 and lead:
                 worlds.run(len(control) - lead, every)
             recorded = worlds.run(0, every)
