@@ -61,7 +61,14 @@ class Forecast:
         return float(ordered[min(int(quantile * len(ordered)), len(ordered) - 1)])
 
     def severity(self, quantiles: Sequence[float]) -> Floats:
-        """Return quantiles of the severity, shape (quantiles, times)."""
+        """Compute quantiles of the severity.
+
+        Args:
+            quantiles: From 0 to 1.
+
+        Returns:
+            Shape (quantiles, times).
+        """
         return np.asarray(np.quantile(self.severities, quantiles, axis=0))
 
 
