@@ -1,5 +1,6 @@
 """Analysis of condition-monitoring series. All methods get arrays and return results as arrays."""
 
+from .causes import Cause, Days, Effects, Judgement
 from .cross_correlation import (
     cross_correlation_lags,
     isolate_axis_by_lags,
@@ -7,7 +8,7 @@ from .cross_correlation import (
 )
 from .detection import CUSUMChart, EWMAChart
 from .divergence import HistogramDivergence, kl_divergence
-from .effect_posterior import Cause, Days, EffectPosterior, Effects, Judgement
+from .effect_posterior import EffectPosterior
 from .friction_features import FrictionFeatures
 from .isolation import Answer, ChangeIsolator
 from .pca import PCAMonitor, held_out_q_limit

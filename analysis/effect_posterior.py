@@ -11,13 +11,10 @@ recording, whatever the number of features.
 
     detector = EffectPosterior(effects, days, false_alarms=0.001).fit(healthy)
     state = detector.judge(detector.transform(recordings))
-    state.alarm, state.label, state.since, state.severity, state.interval
+    state.alarm, state.since, effects.causes[state.best].label, state.severities[state.best]
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,6 +26,8 @@ from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_array, check_is_fitted
 
+from .causes import Cause, Days, Effects, Judgement
+
 Floats = NDArray[np.float64]
 
 _LARGEST = 3.5  # logarithm of the largest scale, and of the inverse of the smallest
@@ -37,76 +36,6 @@ _SEQUENCES, _LENGTH = 400, 120  # simulated healthy sequences, and recordings in
 _CHUNK = 20  # sequences that are in memory at once
 _TAIL = 0.1  # share of the largest statistics, to which the exponential tail is fitted
 _EDGE = 1e-9  # of information, below which it counts as none
-
-
-@dataclass(frozen=True)
-class Cause:
-    """One effect that may be there."""
-
-    label: str
-    """Name, which answers show."""
-    family: str
-    """Causes of one family, such as one effect on all axes, share a prior probability."""
-    columns: tuple[int, ...]
-    """Numbers of its columns. The value of the first is the severity; others state how its
-    signature may be wrong, or are the form of an effect that is not known."""
-    sizes: tuple[float, ...]
-    """Prior standard deviation of the value of each."""
-    positive: bool = False
-    """Whether the severity cannot be negative."""
-
-
-@dataclass(frozen=True, eq=False)
-class Effects:
-    """Effects that may be there."""
-
-    columns: Floats
-    """Change of the features per unit of each column, shape (columns, features)."""
-    causes: tuple[Cause, ...]
-    """The effects."""
-
-
-@dataclass(frozen=True, eq=False)
-class Days:
-    """How a healthy robot differs from day to day."""
-
-    columns: Floats
-    """Change of the features per unit of each number, shape (numbers, features)."""
-    stds: Floats
-    """Usual standard deviation of each, shape (numbers,)."""
-    groups: NDArray[np.int_]
-    """Group of each, from 0, shape (numbers,). All numbers of a group have one scale."""
-    spreads: Floats
-    """Factor by which the scale of each group may differ from 1: one standard deviation of its
-    logarithm; shape (groups,)."""
-
-
-@dataclass(frozen=True, eq=False)
-class Judgement:
-    """What a sequence of recordings tells of the robot now."""
-
-    alarm: bool
-    """Whether the statistic exceeds its limit."""
-    statistic: float
-    """Largest logarithm of the odds that an effect is there, over all times since which it may
-    be."""
-    since: int
-    """Number of the recording, from 0, in which it was first there, if it is."""
-    healthy: float
-    """Probability that the robot is healthy."""
-    probabilities: Floats
-    """Probability of each cause, shape (causes,)."""
-    severities: Floats
-    """Severity of each cause if it is the one, shape (causes,)."""
-    errors: Floats
-    """Its standard error, shape (causes,)."""
-    intervals: Floats
-    """Its 95 % interval, shape (causes, 2)."""
-
-    @property
-    def best(self) -> int:
-        """Number of the most probable cause, from 0."""
-        return int(np.argmax(self.probabilities))
 
 
 class EffectPosterior(BaseEstimator):
@@ -189,6 +118,7 @@ class EffectPosterior(BaseEstimator):
         self.projection_ = (columns.T - explained) / self.noise_
         self.information_ = columns @ self.projection_
         self.information_ = (self.information_ + self.information_.T) / 2
+        self._log_prior = self._prior_odds()
         self._set_limit()
         return self
 
@@ -369,8 +299,7 @@ class EffectPosterior(BaseEstimator):
             )
         return best
 
-    @cached_property
-    def _log_prior(self) -> Floats:
+    def _prior_odds(self) -> Floats:
         """Logarithm of the prior odds of each cause against a healthy robot, shape (causes,)."""
         families = [cause.family for cause in self.effects.causes]
         members = np.array([families.count(one) for one in families], float)

@@ -36,6 +36,7 @@ from faultgen.effects import EFFECTS
 from faultgen.errors import SimulationFailed
 from faultgen.robot import robot_names
 from faultgen.simulation import worlds
+from faultgen.simulation.batch_on_device import Worlds
 from faultgen.simulation.nominal import nominal
 from faultgen.simulation.plant import Plant, assemble
 from faultgen.simulation.stepping import simulate
@@ -92,8 +93,8 @@ def speed(device: str, count: int, seconds: float) -> dict[str, float]:
     )
     next(cycles)
     first = time.perf_counter() - started
-    stepping = Clock(worlds._Worlds, "_sample", device)
-    moving = Clock(worlds._Worlds, "run", device)
+    stepping = Clock(Worlds, "_sample", device)
+    moving = Clock(Worlds, "run", device)
     started = time.perf_counter()
     next(cycles)
     whole = time.perf_counter() - started
@@ -145,7 +146,7 @@ def kernels(device: str, count: int) -> dict[str, Any]:
     control = np.ascontiguousarray(shared.control[:STEPS])
     plants = [one[0] for one in courses_of(shared.robot, count)]
     told: dict[str, Any] = {"worlds": count}
-    batch = worlds._Worlds(plants, device)
+    batch = Worlds(plants, device)
     batch.use(plants, [control] * count)
     batch.put_states(count * [worlds._start(shared.robot, plants[0], control, 1)])
     every = round(SAMPLE_PERIOD / shared.robot.model.opt.timestep)
@@ -153,8 +154,8 @@ def kernels(device: str, count: int) -> dict[str, Any]:
     started = time.perf_counter()
     batch.run(0, every)
     told["step_s"] = (time.perf_counter() - started) / STEPS
-    graph = worlds._Worlds._sample
-    worlds._Worlds._sample = lambda self, control, records, every: self._steps(  # type: ignore[method-assign]
+    graph = Worlds._sample
+    Worlds._sample = lambda self, control, records, every: self._steps(  # type: ignore[method-assign]
         control, records, every, every
     )
     started = time.perf_counter()
@@ -170,7 +171,7 @@ def kernels(device: str, count: int) -> dict[str, Any]:
             name: {"calls": len(times) / STEPS, "step_s": sum(times) / STEPS}
             for name, times in sorted(sums.items(), key=lambda pair: -sum(pair[1]))
         }
-    worlds._Worlds._sample = graph  # type: ignore[method-assign]
+    Worlds._sample = graph  # type: ignore[method-assign]
     return told
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from faultgen.analysis.effect_posterior import Cause, Days, EffectPosterior, Effects
+from faultgen.analysis import Cause, Days, EffectPosterior, Effects
 from scipy.stats import multivariate_normal
 from sklearn.base import clone
 
@@ -144,3 +144,11 @@ def test_impossible_numbers_are_named(known, given, words):
 def test_other_features_are_named(known):
     with pytest.raises(ValueError, match="3 features, but the effects have 200"):
         fitted(known, np.zeros((2, 3)))
+
+
+def test_another_prior_counts_after_another_fit(known):
+    healthy = recordings(known, 4, np.random.default_rng(10))
+    model = fitted(known, healthy)
+    before = model.predict_proba(healthy)[:, 0]
+    after = model.set_params(prior=0.01).fit(healthy).predict_proba(healthy)[:, 0]
+    np.testing.assert_allclose(after / (1 - after), 99 * before / (1 - before), rtol=1e-6)

@@ -21,8 +21,9 @@ from faultgen.discovery.decision.numbers import (
     numbers_of,
 )
 from faultgen.discovery.decision.processes import OVER, processes
+from faultgen.discovery.decision.whitening import noise_of, resolved
 from faultgen.discovery.laws.friction_forms import forms_of
-from faultgen.discovery.replay.bristles import DAMPED, EXPONENT, friction_columns
+from faultgen.discovery.replay.bristles import DAMPED, EXPONENT, FRICTION, friction_columns
 from faultgen.discovery.replay.elastic import STIFFNESS
 from faultgen.discovery.replay.formulas import GEAR_DAMPING, Formulas
 from faultgen.discovery.replay.replay import Replay
@@ -311,3 +312,31 @@ def test_exponent_is_that_of_the_stribeck_curve(replay):
         curves = [np.exp(-((speed / width) ** power)) for power in (2 * (1 + step), 2.0)]
         expected = fall * (curves[0] - curves[1]) / step
         assert columns[term][0, 0] == pytest.approx(expected, rel=1e-4)
+
+
+def test_laws_of_friction_are_judged_only_where_the_motion_is_resolved(replay, signatures):
+    """Where smoothing takes more than the noise, unless it cancels between two recordings."""
+    base = signatures[2]
+    left = 0.01 * np.random.default_rng(2).standard_normal(base.shape)
+    found = arrays_of(posed_for(replay, signatures, left))
+    rough = np.zeros(base.shape)
+    rough[: len(base) // 2, 0] = 1.0
+    found.numbers.add(rough, 1.0, "smoothing")
+    noise = noise_of(found, left)
+    takes = np.sqrt(np.sum(np.square(only(found.numbers, "smoothing")), axis=0))
+    np.testing.assert_allclose(found.smoothing, takes, rtol=1e-5)
+    unclear = takes >= noise.of_samples()
+    assert unclear[rough > 0].all() and 0.1 < unclear.mean() < 0.9
+    masked = resolved(found, noise)
+    names = {h.key[0] for h in found.effects.hypotheses}
+    assert {"stribeck_velocity", "gear_stiffness"} <= names
+    for hypothesis in found.effects.hypotheses:
+        for k in (k for form in hypothesis.forms for k in form):
+            before, after = found.effects.columns[k], masked.effects.columns[k]
+            if hypothesis.key[0] in FRICTION:
+                assert not after[unclear].any()
+                np.testing.assert_array_equal(after[~unclear], before[~unclear])
+            else:
+                assert after is before
+    both = arrays_of(posed_for(replay, signatures, left, baseline=True))
+    assert resolved(both, noise) is both

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from faultgen.discovery.decision.hypotheses import Effects
-from faultgen.discovery.decision.numbers import GENERIC, Numbers, numbers_of
+from faultgen.discovery.decision.numbers import GENERIC, SMOOTHING, Numbers, numbers_of
 from faultgen.discovery.decision.posterior import Posterior
 from faultgen.discovery.laws.friction_forms import USUAL, forms_of
 from faultgen.discovery.replay.formulas import Formulas
@@ -106,6 +106,21 @@ class Arrays:
     def acts(self) -> np.ndarray:
         """Whether each column changes the torque of each axis, shape (columns, n_axes)."""
         return np.asarray(self.columns.any(axis=1))
+
+    @cached_property
+    def smoothing(self) -> np.ndarray:
+        """Torque that smoothing of positions may take: large where an axis turns back.
+
+        Returns:
+            Root of the sum of squares of its columns, shape (samples, n_axes), in the unit of the
+            residual. What they do not describe is as large as what they do.
+        """
+        kinds = self.numbers.kinds
+        columns = [
+            c for c, kind in zip(self.numbers.columns, kinds, strict=True) if kind == SMOOTHING
+        ]
+        squares = (column.astype(float) ** 2 for column in columns)
+        return np.sqrt(sum(squares, np.zeros(self.residual.shape)))
 
     @property
     def std(self) -> np.ndarray:

@@ -63,6 +63,9 @@ KINDS = {
 GENERIC = tuple(f"process over {over}" for over in OVER)
 """Groups of torques of no known form."""
 
+SMOOTHING = "smoothing"
+"""Group of what smoothing of positions takes from accelerations."""
+
 GEARS = ("stiffness", "hardening", "damping")
 """Groups of numbers of the gearboxes."""
 
@@ -319,7 +322,7 @@ def _add_log(out: Numbers, formulas: Formulas, base: np.ndarray, forms: np.ndarr
                 early[part, axis] = turning[part, axis]
         out.add(late, _LAG, "lag of the log")
         for column in (*taken, early):
-            out.add(column, _SMOOTHED, "smoothing")
+            out.add(column, _SMOOTHED, SMOOTHING)
 
 
 def _change(x: np.ndarray, parts: Sequence[slice]) -> np.ndarray:

@@ -78,7 +78,7 @@ def resolved(arrays: Arrays, noise: Noise) -> Arrays:
     """
     if arrays.posed.baseline:
         return arrays
-    inside = _smoothing(arrays) < noise.of_samples()
+    inside = arrays.smoothing < noise.of_samples()
     effects = copy(arrays.effects)
     effects.columns = list(effects.columns)
     for hypothesis in effects.hypotheses:
@@ -134,7 +134,7 @@ def noise_of(arrays: Arrays, left: np.ndarray) -> Noise:
             np.exp(-_since_reversal(arrays.speed[part]) * period / decay) for part in arrays.parts
         ]
         drivers.append(np.concatenate(late))
-    drivers.append(_smoothing(arrays))
+    drivers.append(arrays.smoothing)
     order = int(np.clip(round(_MEMORY / period), *_ORDERS))
     # an axis without samples has some noise
     seen = np.where(arrays.inside.any(axis=0), arrays.inside, True)
@@ -143,27 +143,6 @@ def noise_of(arrays: Arrays, left: np.ndarray) -> Noise:
     if posed.own_noise is not None and posed.shared is not None:
         noise = noise.replaced(posed.own_noise.of_order(order), posed.shared)
     return noise.plain() if posed.white else noise
-
-
-def _smoothing(arrays: Arrays) -> np.ndarray:
-    """Torque that smoothing of positions may take, which is large where an axis turns back.
-
-    Args:
-        arrays: Columns of numbers and effects beside a residual.
-
-    Returns:
-        Root of the sum of squares of its columns, shape (samples, n_axes), in the unit of the
-        residual. What they do not describe is as large as what they do.
-    """
-    numbers = arrays.numbers
-    columns = [
-        column
-        for column, kind in zip(numbers.columns, numbers.kinds, strict=True)
-        if kind == "smoothing"
-    ]
-    return np.sqrt(
-        sum((column.astype(float) ** 2 for column in columns), np.zeros(arrays.residual.shape))
-    )
 
 
 def weighed(arrays: Arrays, noise: Noise, left: np.ndarray) -> Whitened:
