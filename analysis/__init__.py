@@ -1,6 +1,6 @@
 """Analysis of condition-monitoring series. All methods get arrays and return results as arrays."""
 
-from .causes import Cause, Days, Effects, Judgement
+from .causes import Cause, Days, Effects, Form, Judgement
 from .cross_correlation import (
     cross_correlation_lags,
     isolate_axis_by_lags,
@@ -41,6 +41,7 @@ __all__ = [
     "EffectPosterior",
     "Effects",
     "Forecast",
+    "Form",
     "FrictionFeatures",
     "HistogramDivergence",
     "Judgement",

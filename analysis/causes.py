@@ -11,6 +11,19 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class Form:
+    """Columns that describe a cause about one severity."""
+
+    columns: tuple[int, ...]
+    """Numbers of the columns. The value of the first is the severity; others state how its
+    signature may be wrong, or are the form of an effect that is not known."""
+    sizes: tuple[float, ...]
+    """Prior standard deviation of the value of each."""
+    mean: float = 0.0
+    """Prior mean of the severity. That of all others is 0."""
+
+
+@dataclass(frozen=True)
 class Cause:
     """One effect that may be there."""
 
@@ -18,11 +31,8 @@ class Cause:
     """Name, which answers show."""
     family: str
     """Causes of one family, such as one effect on all axes, share a prior probability."""
-    columns: tuple[int, ...]
-    """Numbers of its columns. The value of the first is the severity; others state how its
-    signature may be wrong, or are the form of an effect that is not known."""
-    sizes: tuple[float, ...]
-    """Prior standard deviation of the value of each."""
+    forms: tuple[Form, ...]
+    """Its forms, such as a small and a large severity, which are equally probable."""
     positive: bool = False
     """Whether the severity cannot be negative."""
 
@@ -50,6 +60,9 @@ class Days:
     spreads: Floats
     """Factor by which the scale of each group may differ from 1: one standard deviation of its
     logarithm; shape (groups,)."""
+    unlike: float = 1.0
+    """Factor by which the standard deviation of one number may differ from that of its group: one
+    standard deviation of its logarithm. It makes the limit of alarms higher."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +81,7 @@ class Judgement:
     probabilities: Floats
     """Probability of each cause, shape (causes,)."""
     severities: Floats
-    """Severity of each cause if it is the one, shape (causes,)."""
-    errors: Floats
-    """Its standard error, shape (causes,)."""
+    """Median of the severity of each cause if it is the one, shape (causes,)."""
     intervals: Floats
     """Its 95 % interval, shape (causes, 2)."""
 

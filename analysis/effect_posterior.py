@@ -16,17 +16,19 @@ recording, whatever the number of features.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize
-from scipy.special import log_ndtr, logsumexp
-from scipy.stats import truncnorm
+from scipy.special import expit, logsumexp
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_array, check_is_fitted
 
-from .causes import Cause, Days, Effects, Judgement
+from .causes import Days, Effects, Judgement
+from .forms import Forms
 
 Floats = NDArray[np.float64]
 
@@ -35,6 +37,7 @@ _FASTER = 1.4  # ratio of the numbers of recordings that are tried, from one to 
 _SEQUENCES, _LENGTH = 400, 120  # simulated healthy sequences, and recordings in each
 _CHUNK = 20  # sequences that are in memory at once
 _TAIL = 0.1  # share of the largest statistics, to which the exponential tail is fitted
+_LEARNED = ("mean_", "count_", "log_scales_", "scale_errors_", "noise_", "limit_")
 _EDGE = 1e-9  # of information, below which it counts as none
 
 
@@ -110,6 +113,12 @@ class EffectPosterior(BaseEstimator):
         self.n_features_in_ = x.shape[1]
         self.count_, self.mean_ = len(x), x.mean(axis=0)
         self._learn_days(x - self.mean_)
+        self._prepare()
+        self._set_limit()
+        return self
+
+    def _prepare(self) -> None:
+        """Compute what follows from the scales and the noise."""
         days, columns = self.days.columns, np.asarray(self.effects.columns, float)
         std = self._day_stds(self.log_scales_)
         inner = (days * std[:, None]) @ days.T * std + self.noise_ * np.eye(len(std))
@@ -118,8 +127,43 @@ class EffectPosterior(BaseEstimator):
         self.projection_ = (columns.T - explained) / self.noise_
         self.information_ = columns @ self.projection_
         self.information_ = (self.information_ + self.information_.T) / 2
+        values, vectors = np.linalg.eigh(self.projection_.T @ self.projection_)
+        keep = values > _EDGE * max(float(values.max(initial=0.0)), 1e-300)
+        self._noise_root = np.sqrt(self.noise_ * values[keep])[:, None] * vectors[:, keep].T
+        self._forms = Forms(self.effects.causes, self.information_)
         self._log_prior = self._prior_odds()
-        self._set_limit()
+
+    def state(self) -> dict[str, Floats]:
+        """Return what was learned, as arrays from which `restore` makes the same estimator."""
+        check_is_fitted(self)
+        return {name: np.asarray(getattr(self, name), float) for name in _LEARNED}
+
+    def restore(self, state: Mapping[str, ArrayLike]) -> EffectPosterior:
+        """Take over what another estimator with the same effects and days has learned.
+
+        Args:
+            state: From `state`.
+
+        Returns:
+            Itself.
+
+        Raises:
+            KeyError: Something is missing.
+            ValueError: The sizes do not suit the effects and days.
+        """
+        values = {name: np.asarray(state[name], float) for name in _LEARNED}
+        self.n_features_in_ = self.effects.columns.shape[1]
+        wanted = {
+            "mean_": (self.n_features_in_,),
+            "log_scales_": self.days.spreads.shape,
+            "scale_errors_": self.days.spreads.shape,
+        }
+        for name, value in values.items():
+            if value.shape != wanted.get(name, ()):
+                raise ValueError(f"{name} has the shape {value.shape}")
+            setattr(self, name, value if name in wanted else float(value))
+        self.count_ = int(self.count_)
+        self._prepare()
         return self
 
     def _day_stds(self, log_scales: Floats) -> Floats:
@@ -137,8 +181,8 @@ class EffectPosterior(BaseEstimator):
                 self.noise_ = float(np.sum(apart**2)) / (freedom * apart.shape[1])
             return
         gram, right = days.columns @ days.columns.T, days.columns @ apart.T
-        root = np.linalg.lstsq(gram, right, rcond=None)[0]
-        free = freedom * max(apart.shape[1] - len(days.stds), 1)
+        root, _, rank, _ = np.linalg.lstsq(gram, right, rcond=_EDGE)
+        free = freedom * max(apart.shape[1] - int(rank), 1)
         left = float(np.sum(apart**2) - np.sum(root * right))
         self.noise_ = max(left / free, 1e-12)
 
@@ -182,7 +226,7 @@ class EffectPosterior(BaseEstimator):
         Returns:
             Shape (recordings, 1 + causes): healthy, then each cause.
         """
-        logs = self._log_odds(self.transform(X), 1)
+        logs = self._log_odds(self._forms.turned(self.transform(X)), 1)
         logs = np.concatenate([np.zeros((len(logs), 1)), logs], axis=1)
         return np.asarray(np.exp(logs - logsumexp(logs, axis=1, keepdims=True)))
 
@@ -197,30 +241,29 @@ class EffectPosterior(BaseEstimator):
         """
         check_is_fitted(self)
         scores = np.atleast_2d(np.asarray(scores, float))
-        total = np.cumsum(scores[::-1], axis=0)
+        total = self._forms.turned(np.cumsum(scores[::-1], axis=0))
         lengths, tried = _lengths(len(scores)), []
         for length in lengths:
             logs = self._log_odds(total[length - 1 : length] / length, length)
             tried.append((float(logsumexp(logs)), length, logs[0]))
         statistic, length, logs = max(tried, key=lambda one: one[0])
-        cause = self.effects.causes[int(np.argmax(logs))]
+        cause = int(np.argmax(logs))
         place = lengths.index(length)
         beside = range([0, *lengths][place] + 1, [*lengths, length + 1][place + 1])
-        since = max(beside, key=lambda n: self._evidence(cause, total[n - 1] / n, n))
-        value, error = self._values(total[length - 1] / length, length)
-        probabilities = np.exp(logs - np.logaddexp(0.0, statistic))
-        positive = np.array([cause.positive for cause in self.effects.causes], bool)
-        low = np.where(positive, -value / error, -np.inf)
-        quantiles = truncnorm.ppf(np.array([[0.025], [0.5], [0.975]]), low, np.inf)
-        below, middle, above = value + error * quantiles
+        odds = [self._log_odds(total[n - 1] / n, n, signs=False)[cause] for n in beside]
+        since = beside[int(np.argmax(odds))]
+        # the newest recordings that are enough to show the effect: it may grow
+        newest = min((n for value, n, _ in tried if value > self.limit_), default=length)
+        below, middle, above = self._forms.severities(
+            total[newest - 1] / newest, self._variance(newest)
+        )
         return Judgement(
             statistic > self.limit_,
             statistic,
             len(scores) - since,
-            float(1 / (1 + np.exp(statistic))),
-            probabilities,
-            np.where(positive, middle, value),
-            error,
+            float(expit(-statistic)),
+            np.exp(logs - np.logaddexp(0.0, statistic)),
+            middle,
             np.stack([below, above], axis=1),
         )
 
@@ -239,7 +282,8 @@ class EffectPosterior(BaseEstimator):
             Recordings up to the alarm, shape (sequences,); infinite where there was none.
         """
         check_is_fitted(self)
-        shift = self.information_[self.effects.causes[cause].columns[0]] * severity
+        column = self.effects.causes[cause].forms[0].columns[0]
+        shift = self.information_[column] * severity
         statistics = self._simulated(sequences, longest, shift, self._generator(1))
         above = statistics > self.limit_
         return np.where(above.any(axis=1), 1.0 + np.argmax(above, axis=1), np.inf)
@@ -264,39 +308,41 @@ class EffectPosterior(BaseEstimator):
         self, sequences: int, length: int, shift: Floats | None, rng: np.random.Generator
     ) -> Floats:
         """Statistic after each recording of sequences of robots, shape (sequences, length)."""
-        square = self.projection_.T @ self.projection_
-        values, vectors = np.linalg.eigh(square)
-        keep = values > _EDGE * max(float(values.max(initial=0.0)), 1e-300)
-        root = np.sqrt(self.noise_ * values[keep])[:, None] * vectors[:, keep].T
-        of_days = self.days.columns @ self.projection_
+        root = self._noise_root.astype(np.float32)
+        of_days = (self.days.columns @ self.projection_).astype(np.float32)
         out = np.empty((sequences, length))
         for start in range(0, sequences, _CHUNK):
             count = min(_CHUNK, sequences - start)
             logs = self.log_scales_ + self.scale_errors_ * rng.standard_normal(
                 (count, len(self.scale_errors_))
             )
-            std = self.days.stds * np.exp(np.clip(logs, -_LARGEST, _LARGEST))[:, self.days.groups]
+            each = np.log(self.days.unlike) * rng.standard_normal((count, len(self.days.stds)))
+            logs = np.clip(logs, -_LARGEST, _LARGEST)[:, self.days.groups] + each
+            std = (self.days.stds * np.exp(logs)).astype(np.float32)
             # recordings, and in the last place the mean of the healthy ones
-            noise = rng.standard_normal((count, length + 1, len(root)))
-            daily = rng.standard_normal((count, length + 1, len(of_days))) * std[:, None]
-            scores = noise @ root + daily @ of_days
-            scores = scores[:, :-1] - scores[:, -1:] / np.sqrt(self.count_)
+            each = (count, length + 1)
+            noise = rng.standard_normal((*each, len(root)), dtype=np.float32)
+            daily = rng.standard_normal((*each, len(of_days)), dtype=np.float32) * std[:, None]
+            flat = noise.reshape(-1, len(root)) @ root + daily.reshape(-1, len(of_days)) @ of_days
+            scores = flat.reshape(*each, -1)
+            scores = scores[:, :-1] - scores[:, -1:] / np.float32(np.sqrt(self.count_))
             if shift is not None:
-                scores += shift
+                scores += shift.astype(np.float32)
             out[start : start + count] = self._statistics(scores)
         return out
 
     def _statistics(self, scores: Floats) -> Floats:
         """Statistic after each recording; scores of shape (sequences, length, columns)."""
-        count, length, columns = scores.shape
-        total = np.concatenate([np.zeros((count, 1, columns)), np.cumsum(scores, axis=1)], axis=1)
+        turned = self._forms.turned(scores)
+        count, length = turned.shape[:2]
+        total = np.concatenate(
+            [np.zeros((count, 1, *turned.shape[2:])), np.cumsum(turned, axis=1)], axis=1
+        )
         best = np.full((count, length), -np.inf)
         for n in _lengths(length):
             mean = (total[:, n:] - total[:, :-n]) / n
-            logs = self._log_odds(mean.reshape(-1, columns), n)
-            best[:, n - 1 :] = np.maximum(
-                best[:, n - 1 :], logsumexp(logs, axis=1).reshape(count, -1)
-            )
+            logs = self._log_odds(mean, n)
+            best[:, n - 1 :] = np.maximum(best[:, n - 1 :], logsumexp(logs, axis=-1))
         return best
 
     def _prior_odds(self) -> Floats:
@@ -306,74 +352,24 @@ class EffectPosterior(BaseEstimator):
         shares = 1 / (len(set(families)) * members)
         return np.asarray(np.log(shares * self.prior / (1 - self.prior)))
 
-    def _log_odds(self, mean: Floats, length: int) -> Floats:
+    def _variance(self, length: int) -> float:
+        """Variance of the mean of some recordings less the healthy mean, over that of one."""
+        return 1 / length + 1 / self.count_
+
+    def _log_odds(self, turned: Floats, length: int, *, signs: bool = True) -> Floats:
         """Logarithm of the posterior odds of each cause against a healthy robot.
 
         Args:
-            mean: Mean of the scores of some recordings, shape (cases, columns).
+            turned: Mean of the scores of some recordings, from `Forms.turned`, shape (..., forms,
+                columns).
             length: Number of these recordings.
+            signs: Whether it counts that some severities cannot be negative.
 
         Returns:
-            Shape (cases, causes).
+            Shape (..., causes).
         """
-        variance = 1 / length + 1 / self.count_
-        causes = self.effects.causes
-        logs = np.empty((len(mean), len(causes)))
-        sure = np.zeros_like(logs)
-        single = np.array([len(cause.columns) == 1 for cause in causes], bool)
-        if single.any():
-            own = [cause.columns[0] for cause in causes if len(cause.columns) == 1]
-            sizes = np.array([cause.sizes[0] for cause in causes if len(cause.columns) == 1])
-            precision = 1 + self.information_[own, own] * sizes**2 / variance
-            right = mean[:, own] * (sizes / variance)
-            sure[:, single] = right / np.sqrt(precision)
-            logs[:, single] = 0.5 * (sure[:, single] ** 2 - np.log(precision))
-        for k in np.flatnonzero(~single):
-            logs[:, k], sure[:, k] = self._several(causes[k], mean, variance)
-        positive = np.array([cause.positive for cause in causes], bool)
-        logs[:, positive] += np.log(2.0) + log_ndtr(sure[:, positive])
-        return np.asarray(logs + self._log_prior)
-
-    def _several(self, cause: Cause, mean: Floats, variance: float) -> tuple[Floats, Floats]:
-        """Log Bayes factor of a cause, and its severity over the standard error; (cases,) each."""
-        right, inverse, size = self._regression(cause, mean, variance)
-        value = right @ inverse
-        logs = 0.5 * np.einsum("ck,ck->c", right, value) + size
-        return logs, np.asarray(value[:, 0] / np.sqrt(inverse[0, 0]))
-
-    def _evidence(self, cause: Cause, mean: Floats, length: int) -> float:
-        """Log Bayes factor of a cause since some recordings, without its sign."""
-        return float(self._several(cause, mean[None], 1 / length + 1 / self.count_)[0][0])
-
-    def _regression(
-        self, cause: Cause, mean: Floats, variance: float
-    ) -> tuple[Floats, Floats, float]:
-        """Regression on the columns of a cause, in units of their sizes.
-
-        Returns:
-            Right-hand sides, shape (cases, columns); covariance of the values; and half the
-            logarithm of its determinant.
-        """
-        own, sizes = list(cause.columns), np.array(cause.sizes)
-        gram = self.information_[np.ix_(own, own)] * np.outer(sizes, sizes) / variance
-        factor = cho_factor(gram + np.eye(len(own)), lower=True)
-        inverse = cho_solve(factor, np.eye(len(own)))
-        return (
-            np.asarray(mean[:, own] * sizes / variance),
-            np.asarray(inverse),
-            -float(np.log(np.diag(factor[0])).sum()),
-        )
-
-    def _values(self, mean: Floats, length: int) -> tuple[Floats, Floats]:
-        """Severity of each cause if it is the one, and its standard error, shape (causes,) each."""
-        variance = 1 / length + 1 / self.count_
-        found = []
-        for cause in self.effects.causes:
-            right, inverse, _ = self._regression(cause, mean[None], variance)
-            found.append((float((right @ inverse)[0, 0]), float(np.sqrt(inverse[0, 0]))))
-        sizes = np.array([cause.sizes[0] for cause in self.effects.causes])
-        value, error = np.array(found).reshape(-1, 2).T
-        return value * sizes, error * sizes
+        factors = self._forms.log_bayes_factors(turned, self._variance(length), signs=signs)
+        return np.asarray(factors + self._log_prior)
 
 
 def _lengths(count: int) -> list[int]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from faultgen.analysis import Cause, Days, EffectPosterior, Effects
+from faultgen.analysis import Cause, Days, EffectPosterior, Effects, Form
 from scipy.stats import multivariate_normal
 from sklearn.base import clone
 
@@ -17,7 +17,7 @@ def known():
     days = 0.3 * rng.standard_normal((AXES, FEATURES))
     columns = np.repeat(days, KINDS, axis=0) + 0.3 * rng.standard_normal((AXES * KINDS, FEATURES))
     causes = [
-        Cause(f"effect {k} on axis {axis + 1}", str(k), (KINDS * axis + k,), (2.0,), True)
+        Cause(f"effect {k} on axis {axis + 1}", str(k), (Form((KINDS * axis + k,), (2.0,)),), True)
         for axis in range(AXES)
         for k in range(KINDS)
     ]

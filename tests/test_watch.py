@@ -16,7 +16,6 @@ from faultgen.cli.twin import judge
 from faultgen.discovery import Recording, write_recording
 from faultgen.errors import InputError, StorageFailed
 from faultgen.recordings.read import is_complete, read_recording
-from faultgen.twin.detector import Memory
 from faultgen.twin.judge import Judge
 from faultgen.twin.state import State, StateFailed
 from faultgen.twin.watching import PAUSE, SETTLED, Watch
@@ -204,88 +203,100 @@ def test_a_failing_read_is_a_failing_disk(whole, tmp_path, monkeypatch):
 ANSWER = {"verdict": "healthy", "sha256": "0" * 64}
 
 
-def test_a_state_that_cannot_be_written_changes_nothing(tmp_path, monkeypatch):
-    """Neither in memory nor on the disk, so that the same recording can be judged again."""
-    state = State(tmp_path / "state.json", "key", 1)
-    with state.held():
-        state.keep(ANSWER, Memory(1, (0.5,)))
-    before = state.path.read_bytes()
+def keep(state, sha256, date=0.0):
+    """Add a recording."""
+    with state.held() as stream:
+        stream.keep(sha256, date, np.array([date]), {**ANSWER, "sha256": sha256})
 
-    def full(*_):
-        raise StorageFailed("state.json: cannot be written (No space left on device)")
 
-    monkeypatch.setattr(states, "write_text", full)
-    with state.held(), pytest.raises(StorageFailed):
-        state.keep({**ANSWER, "sha256": "1" * 64}, Memory(2, (0.7,)))
-    assert (state.memory, state.answers) == (Memory(1, (0.5,)), [ANSWER])
-    assert state.path.read_bytes() == before
+def answers(state):
+    with state.held() as stream:
+        return stream.answers()
+
+
+def test_what_fails_while_a_state_is_held_changes_nothing(tmp_path):
+    """So that the same recording can be judged again."""
+    state = State(tmp_path / "state.sqlite", "key", 1)
+    keep(state, "a")
+    with pytest.raises(RuntimeError), state.held() as stream:
+        stream.keep("b", 1.0, np.zeros(1), ANSWER)
+        raise RuntimeError
+    assert [one["sha256"] for one in answers(state)] == ["a"]
+
+
+def test_a_state_that_cannot_be_written_says_so(tmp_path):
+    with pytest.raises(StorageFailed, match=r"state.sqlite: cannot be written"):
+        keep(State(tmp_path / "missing" / "state.sqlite", "key", 1), "a")
+
+
+def test_a_repair_is_known_from_its_date_on(tmp_path):
+    state = State(tmp_path / "state.sqlite", "key", 1)
+    for day in range(6):
+        keep(state, str(day), float(day))
+    with state.held() as stream:
+        stream.repaired(2.5)
+        for until, first in ((2.0, 0), (4.0, 3), (5.0, 3)):
+            dates, scores = stream.since_repair(until)
+            assert dates.tolist() == list(range(first, int(until) + 1))
+            assert scores[:, 0].tolist() == dates.tolist()
 
 
 def _keep_many(path, first):
     for number in range(20):
-        with State(path, "key", 1).held() as state:
-            state.keep({"sha256": str(first + number)}, Memory(state.memory.count + 1, (0.0,)))
+        keep(State(path, "key", 1), str(first + number))
 
 
 def test_two_processes_on_one_state_lose_no_answer(tmp_path):
-    """Each adds 20 answers at the same time; all 40 are there, and 40 were counted."""
+    """Each adds 20 answers at the same time; all 40 are there."""
     context = multiprocessing.get_context("fork")
-    path = tmp_path / "state.json"
+    path = tmp_path / "state.sqlite"
     both = [context.Process(target=_keep_many, args=(path, first)) for first in (0, 100)]
     for one in both:
         one.start()
     for one in both:
         one.join()
         assert one.exitcode == 0
-    state = State(path, "key", 1)
-    state.read()
-    told = {answer["sha256"] for answer in state.answers}
+    told = {answer["sha256"] for answer in answers(State(path, "key", 1))}
     assert told == {str(first + k) for first in (0, 100) for k in range(20)}
-    assert state.memory.count == 40
 
 
 def test_a_state_that_is_held_for_too_long_says_so(tmp_path, monkeypatch):
     """A line, and not a wait without end."""
     monkeypatch.setattr(states, "PATIENCE", 0.1)
-    path = tmp_path / "state.json"
+    path = tmp_path / "state.sqlite"
     with State(path, "key", 1).held():
         with pytest.raises(StateFailed, match="another process has held it"):
             with State(path, "key", 1).held():
                 pass
 
 
+def test_robots_share_a_file(tmp_path):
+    """Each with its own recordings, and a detector of its own."""
+    path = tmp_path / "state.sqlite"
+    first, second = State(path, "key", 1, "one"), State(path, "other", 1, "two")
+    keep(first, "a")
+    keep(second, "a")
+    assert len(answers(first)) == len(answers(second)) == 1
+    with pytest.raises(StateFailed, match="belongs to another detector"):
+        answers(State(path, "other", 1, "one"))
+
+
 def test_no_changed_bit_of_a_state_is_used(tmp_path):
-    """Every bit: refused with one line that says what to do, or the same answers."""
-    state = State(tmp_path / "state.json", "key", 1)
-    with state.held():
-        state.keep(ANSWER, Memory(1, (0.5,)))
-    content = state.path.read_bytes()
-    refused = 0
-    for at in range(len(content)):
+    """At many places: refused with one line that says what to do, or the same answers."""
+    state = State(tmp_path / "state.sqlite", "key", 1)
+    for day in range(3):
+        keep(state, str(day), float(day))
+    before, content = answers(state), state.path.read_bytes()
+    rng = np.random.default_rng(0)
+    for at in rng.integers(len(content), size=400).tolist():
         changed = bytearray(content)
-        changed[at] ^= 1 << at % 8
+        changed[at] ^= 1 << int(rng.integers(8))
         state.path.write_bytes(changed)
-        again = State(state.path, "key", 1)
-        with suppress(StateFailed):
-            again.read()
-            assert (again.memory, again.answers) == (state.memory, state.answers)
-            refused -= 1
-        refused += 1
-    assert refused > 0.8 * len(content)
-
-
-def test_a_state_without_checksum_is_known_as_older(tmp_path):
-    """It is read, and is told; one whose checksum has another name is damaged."""
-    path = tmp_path / "state.json"
-    path.write_text(
-        '{"detector_sha256": "key", "count": 1, "mean": [0.5], "answers": [{"sha256": "a"}]}'
-    )
-    state = State(path, "key", 1)
-    state.read()
-    assert state.is_older and state.memory == Memory(1, (0.5,))
-    path.write_text(path.read_text().replace("{", '{"sha356": "", ', 1))
-    with pytest.raises(StateFailed, match=r"damaged \(it has no checksum 'sha256'\); delete it"):
-        State(path, "key", 1).read()
+        with suppress(StateFailed, StorageFailed):
+            found = answers(state)
+            assert found == before or not found
+    state.path.write_bytes(content)
+    assert answers(state) == before
 
 
 def test_a_recording_that_changes_while_it_is_read_is_not_judged(whole, tmp_path, monkeypatch):

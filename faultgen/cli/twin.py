@@ -118,23 +118,31 @@ def train(
     out: Annotated[Path, out_option("Folder for the detector.")] = Path("detector"),
     false_alarms: Annotated[
         float,
-        typer.Option(
-            help="Rate of false alarms that the limits allow, per recording. With 100 recordings "
-            "a month, 0.01 is one a month."
-        ),
-    ] = 0.01,
+        typer.Option(help="Rate of false alarms that the limit allows, per robot and month."),
+    ] = 0.3,
+    recordings_per_month: Annotated[
+        float, typer.Option(help="Number of recordings that are judged of a robot in a month.")
+    ] = 30.0,
     seed: Annotated[
-        int, typer.Option(help="Seed of the random numbers from which the limits are found.")
+        int, typer.Option(help="Seed of the random numbers from which the limit is found.")
     ] = 0,
     as_json: Json = False,
 ) -> None:
     """Train a detector on generated data of one robot, task and sensors.
 
-    The dataset needs every fault with at least two repetitions. The last one is left out of the
-    fit; on these runs the command chooses among several kinds of features. The detector names the
-    faults that the dataset has, with their severity, and anything else as an unknown change. It is
-    a small folder of JSON and plain arrays.
-    """
+    The detector names the faults that the dataset has, on the axes that it has, with their
+    severity. Beside them it knows a payload that differs, friction of all axes at another
+    temperature, and an unknown change of an axis. It learns from the healthy recordings of the twin
+    how the robot differs from day to day; without a twin, from the healthy runs. The limit of its
+    alarm is found by simulation of the healthy robot.
+
+    It is a small folder of JSON and plain arrays. The command tells how many recordings it takes
+    until a fault of some severity raises an alarm.
+
+    \b
+    faultgen train data -o detector
+    faultgen judge detector new1.h5 new2.h5
+    """  # noqa: D301
     existing_dataset(folder)
     from faultgen.dataset.manifest import refuse_data
     from faultgen.twin.train import train as run_train
@@ -142,30 +150,48 @@ def train(
     if out.is_file():
         raise InputError(f"out: must be a folder, not the file {out}")
     refuse_data(out)
-    detector = run_train(dataset_to_judge(folder), false_alarms=false_alarms, seed=seed)
+    detector = run_train(
+        dataset_to_judge(folder),
+        false_alarms=false_alarms,
+        recordings_per_month=recordings_per_month,
+        seed=seed,
+    )
     detector.save(out)
     told: dict[str, Any] = {
         "detector": str(out),
         "robot": detector.robot,
         "task": detector.task,
-        "features": detector.kind,
         "faults": [
             {"effect": one.effect, "axes": list(one.axes), "largest": one.largest}
             for one in detector.faults
         ],
-        "limits": dict(detector.limits),
+        "limit": detector.posterior.limit_,
+        "false_alarms_per_recording": detector.posterior.false_alarms,
         "made": dict(detector.made),
     }
     if as_json:
         print_json(told)
         return
-    for one in detector.made["candidates"]:
-        chosen = " (chosen)" if one["features"] == detector.kind else ""
-        say(
-            f"{one['features']}: right fault in {100 * one['named']:.0f} % of the validation "
-            f"cycles, severity off by {100 * one['severity_error']:.1f} % of the largest{chosen}"
-        )
-    say(f"{len(detector.faults)} faults; detector: {out}")
+    for row in detector.made["expected"]:
+        say(_expected(row))
+    count = detector.made["measured"]
+    source = f"{count} measured" if count else "generated"
+    say(f"learned from {source} healthy recordings; {len(detector.faults)} faults; detector: {out}")
+
+
+def _expected(row: dict[str, Any]) -> str:
+    """One line about the time to detection."""
+    axes = "+".join(map(str, row["axes"]))
+    unit = "" if row["unit"] == "1" else f" {row['unit']}"
+    fault = f"{row['effect']} on axis {axes} of {row['severity']:.3g}{unit}"
+    if row["recordings"] is None:
+        return f"{fault}: no alarm within 60 recordings in half of the robots"
+    low, high = row["interval"]
+    most = "more than 60" if high is None else f"{high:.0f}"
+    return (
+        f"{fault}: alarm after {row['recordings']:.0f} recordings (in 80 % of robots "
+        f"{low:.0f} to {most})"
+    )
 
 
 @app.command()
@@ -185,8 +211,13 @@ def judge(
     state: Annotated[
         Path | None,
         typer.Option(
-            help="File of what was judged before. Default: state.json in the detector's folder. "
-            "Delete it after a repair, to begin anew."
+            help="File of what was judged before. Default: state.sqlite in the detector's folder."
+        ),
+    ] = None,
+    repaired: Annotated[
+        str | None,
+        typer.Option(
+            help="Date of a repair, such as 2026-03-12: earlier recordings do not count any more."
         ),
     ] = None,
     settled: Annotated[
@@ -201,10 +232,12 @@ def judge(
 ) -> None:
     """Judge recordings of a robot: healthy, a named fault with its severity, or an unknown change.
 
-    The recordings are judged one after another, by the newest one and by the running mean over all
-    of them, which shows smaller changes. What was judged is remembered between calls. A line is
-    printed for each recording. The probability assumes that half of the robots are healthy, and
-    that all faults are equally frequent.
+    The recordings are judged as a sequence: each answer rests on all recordings since the robot was
+    known to be healthy, and tells since when a fault is there. What was judged is remembered
+    between calls; --repaired begins anew. A line is printed for each recording. The probability
+    assumes that half of the robots are healthy, and that all kinds of faults are equally frequent.
+
+    A recording's date is that of its attribute `date` (ISO 8601), or else that of its file.
 
     The program must be that of the healthy recordings. It is found by its positions, so that it
     does not matter when a recording begins, or how many cycles it has.
@@ -217,14 +250,15 @@ def judge(
     existing_detector(detector)
     import json
 
+    from faultgen.system.dates import date_of
     from faultgen.twin.judge import Judge, line
     from faultgen.twin.judge import watch as run_watch
 
-    if watch is None and not recordings:
-        raise InputError("give recordings to judge, or a folder with --watch")
+    if watch is None and not recordings and repaired is None:
+        raise InputError("give recordings to judge, a folder with --watch, or a date --repaired")
     one = Judge(detector, state)
-    for remark in one.notes:
-        note(remark)
+    if repaired is not None:
+        one.repaired(date_of(repaired, "repaired"))
     if as_json and watch is None:
         print_json([one.judge(path) for path in recordings or []])
         return

@@ -178,7 +178,7 @@ class Manifest:
                 layout.
         """
         try:
-            content, _ = unsealed(text)
+            content = unsealed(text)
             for run_id, parameters in content["runs"].items():
                 if not _RUN_ID.fullmatch(run_id):
                     raise ValueError(f"'{run_id}' is not the id of a run")

@@ -13,6 +13,7 @@ import numpy as np
 
 from faultgen.errors import InputError
 from faultgen.recordings.resampling import FEWEST, evened
+from faultgen.system.dates import date_of
 
 FASTEST, SLOWEST = 1e-5, 1.0
 """Sample periods that a recording may have [s]."""
@@ -78,6 +79,7 @@ def fields_of(
         "sample_period": _sample_period(source, period),
         "segments": segments,
         "payload_mass": _payload(source, attributes.get("payload_mass")),
+        "date": _date(source, attributes.get("date")),
         "link": _is_link(source, attributes.get("torque_sensor", "motor"), side, current),
         "current": current,
         "notes": notes,
@@ -166,6 +168,17 @@ def _payload(source: str, value: Any) -> float | None:
             f"{source}: payload_mass must be one number in kg, 0 or more, not {_shown(value)}"
         )
     return mass
+
+
+def _date(source: str, value: Any) -> float | None:
+    if value is None:
+        return None
+    text = value.decode(errors="replace") if isinstance(value, bytes) else value
+    if not isinstance(text, str):
+        raise InputError(
+            f"{source}: date must be text such as 2026-03-12T08:30, not {_shown(value)}"
+        )
+    return date_of(text, f"{source}: date")
 
 
 def _is_link(source: str, value: Any, side: str, current: bool) -> bool:

@@ -26,7 +26,7 @@ NAMES = (
 TIME = "time"
 """Array that is read if there is no ``sample_period``."""
 
-ATTRIBUTES = ("robot", "sample_period", "segments", "payload_mass", "torque_sensor")
+ATTRIBUTES = ("robot", "sample_period", "segments", "payload_mass", "torque_sensor", "date")
 """Attributes that a recording may have."""
 
 MOST = 100_000_000

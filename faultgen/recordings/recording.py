@@ -9,10 +9,10 @@ a header of the same names and suffixes _1 to _n:
     motor_velocity or joint_velocity [rad/s], reference_position [rad, joint side]: optional
     temperature [deg C], shape (sample,) or (sample, axis): optional
 
-Attributes ``segments`` (start of each separate recording in the file), ``payload_mass`` [kg] and
-``torque_sensor`` ("link" for sensors behind the gearbox) are optional. ``time`` [s], shape
-(sample,), may stand instead of the period; a CSV file has it as a column, and may have ``segment``.
-Uneven times are resampled.
+Attributes ``segments`` (start of each separate recording in the file), ``payload_mass`` [kg],
+``torque_sensor`` ("link" for sensors behind the gearbox) and ``date`` (ISO 8601) are optional.
+``time`` [s], shape (sample,), may stand instead of the period; a CSV file has it as a column, and
+may have ``segment``. Uneven times are resampled.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from faultgen.errors import InputError
 from faultgen.importing import arranged, load_map, map_of, table_of_frame
 from faultgen.recordings.fields import fields_of
 from faultgen.system.arrays import write_arrays
+from faultgen.system.dates import in_words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -129,6 +130,8 @@ class Recording:
     """First sample of each separate recording, ascending from 0."""
     payload_mass: float | None = None
     """[kg], if known."""
+    date: float | None = None
+    """When it began [s since 1970], if it was stated."""
     link: bool = False
     """Whether the torque was measured by sensors behind the gearbox. Otherwise it is that of the
     motor, on the joint side times the gear ratio. Only on the joint side."""
@@ -432,4 +435,6 @@ def write_recording(recording: Recording, path: str | Path) -> None:
         attributes["torque_sensor"] = "link"
     if recording.payload_mass is not None:
         attributes["payload_mass"] = recording.payload_mass
+    if recording.date is not None:
+        attributes["date"] = in_words(recording.date)
     write_arrays(Path(path), arrays, attributes)

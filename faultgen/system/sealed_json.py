@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from faultgen.errors import one_line
@@ -26,17 +26,14 @@ def sealed(content: Mapping[str, Any]) -> str:
     return json.dumps({SUM: _sum(content), **content}, indent=1) + "\n"
 
 
-def unsealed(text: str | bytes, older: Collection[str] = ()) -> tuple[dict[str, Any], bool]:
+def unsealed(text: str | bytes) -> dict[str, Any]:
     """Read the text of such a file.
 
     Args:
         text: The text.
-        older: Entries of files of older versions, which had no checksum. A text without checksum is
-            accepted only if it has exactly these entries: a file whose entry ``sha256`` has got
-            another name has one entry more.
 
     Returns:
-        The content without the checksum, and whether there was one.
+        The content without the checksum.
 
     Raises:
         ValueError: The text is no such file, or differs from its checksum.
@@ -48,12 +45,10 @@ def unsealed(text: str | bytes, older: Collection[str] = ()) -> tuple[dict[str, 
     if not isinstance(content, dict):
         raise ValueError("it is not a JSON object")
     if SUM not in content:
-        if not older or set(content) != set(older):
-            raise ValueError(f"it has no checksum '{SUM}'")
-        return content, False
+        raise ValueError(f"it has no checksum '{SUM}'")
     if content.pop(SUM) != _sum(content):
         raise ValueError("it differs from its checksum")
-    return content, True
+    return content
 
 
 def damage(error: Exception) -> str:

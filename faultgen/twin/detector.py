@@ -1,7 +1,8 @@
-"""A detector: what it knows, its answer to a recording, and its files.
+"""A detector: what it knows, its answer to a sequence of recordings, and its files.
 
     detector = load_detector(Path("detector"))
-    answer, memory = detector.judge(cycles, Memory.empty())
+    scores = [detector.scores(cycles)]      # of each recording since the robot was healthy
+    detector.judge(np.array(scores))        # what they tell, after the last one
 
 A detector is a folder with ``detector.json`` and ``arrays.npz``. The arrays are plain numbers; no
 code is stored. The first file contains a checksum of its content and one of the second file.
@@ -12,113 +13,39 @@ from __future__ import annotations
 import hashlib
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from faultgen.analysis import Cause, Days, EffectPosterior, Effects, Form, Judgement
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
+from faultgen.recordings.noise import Autoregression
+from faultgen.recordings.noise_level import Noise
 from faultgen.recordings.recording import TorqueConstants
 from faultgen.system.files import write_bytes, write_text
 from faultgen.system.reading import LARGEST_TEXT, read_bytes
 from faultgen.system.sealed_json import damage, sealed, unsealed
-from faultgen.twin.alignment import KnownMotion
-from faultgen.twin.classes import Belief, Classes, believe
-from faultgen.twin.features import KINDS, features_of
+from faultgen.twin.alignment import KnownMotion, mean_cycle
+from faultgen.twin.columns import TEMPERATURE, UNKNOWN, Fault, unknown_axis
+from faultgen.twin.program import Program
 
 FORM, ARRAYS = "detector.json", "arrays.npz"
 """Names of the two files."""
 
-FORMAT = 1
+FORMAT = 2
 """Version of the files."""
 
-FORGETTING = 0.2
-"""Weight of the newest recording in the running mean."""
+SCALE = 0.3
+"""Standard deviation of the logarithm of a severity that is due to the model: a fault of some
+severity changes a real robot by more, or by less, than the same fault changes the model. Assumed;
+see docs/twin.md for how often the intervals are right."""
 
-_OLDER = (  # entries before there was a checksum
-    "format robot task features faults stretches sample_period baselines "
-    "false_alarms_per_recording limits made arrays_sha256"
-).split()
-_LARGEST = 256 * 2**20
-_UNEXPLAINED = 1.5  # size of what no fault explains over that of the best fault, of unknown changes
+_LARGEST = 512 * 2**20
 _LIKELY = 0.1  # probability from which another fault is named as well
-
-
-@dataclass(frozen=True, kw_only=True)
-class Fault:
-    """An effect on some axes, which the detector can name."""
-
-    effect: str
-    """Name in the catalogue."""
-    axes: tuple[int, ...]
-    """From 1."""
-    largest: float
-    """Largest severity in the data, in the unit of the effect."""
-    unit: str
-    """SI unit of severity, "1" for a fraction."""
-
-    @property
-    def name(self) -> str:
-        """Effect and axes as text."""
-        axes = " and ".join(map(str, self.axes))
-        return f"{self.effect} on {'axis' if len(self.axes) == 1 else 'axes'} {axes}"
-
-
-@dataclass(frozen=True)
-class Memory:
-    """Running mean over recordings."""
-
-    count: int
-    """Number of recordings so far."""
-    mean: tuple[float, ...]
-    """Mean place, weighted towards the newest recording; empty before the first one."""
-
-    @classmethod
-    def empty(cls) -> Memory:
-        """The memory before the first recording."""
-        return cls(0, ())
-
-    def after(self, place: np.ndarray) -> Memory:
-        """Return the memory with one more recording."""
-        count = self.count + 1
-        weight = newest_weight(count)
-        before = np.array(self.mean) if self.mean else np.zeros_like(place)
-        return Memory(count, tuple((before + weight * (place - before)).tolist()))
-
-
-def newest_weight(count: int) -> float:
-    """Weight of the newest recording in the running mean.
-
-    The first recordings have equal weights, until each of them has that of the long run.
-
-    Args:
-        count: Number of recordings, with the newest one.
-    """
-    return max(FORGETTING, 1 / count)
-
-
-def baseline_variance(baselines: int) -> float:
-    """Variance of the mean of healthy recordings of variance 1.
-
-    Args:
-        baselines: Number of these recordings; 0 if the mean is exact.
-    """
-    return 1 / baselines if baselines else 0.0
-
-
-def memory_variance(count: int) -> float:
-    """Variance of the running mean of independent recordings of variance 1.
-
-    Args:
-        count: Number of recordings.
-    """
-    variance = 0.0
-    for k in range(1, min(count, 200) + 1):
-        weight = newest_weight(k)
-        variance = (1 - weight) ** 2 * variance + weight**2
-    return variance
+_NORMAL = 1.96  # standard deviations to each end of a 95 % interval
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -129,111 +56,105 @@ class Detector:
     """Name of the robot."""
     task: str
     """Name of the task."""
-    motion: KnownMotion
-    """The motion that it judges."""
-    kind: str
-    """Its features, a name of `features.KINDS`."""
+    program: Program
+    """The motion that it judges, and the noise of its torque."""
     faults: tuple[Fault, ...]
     """Faults that it can name."""
-    classes: Classes
-    """Model of its features."""
-    baselines: int
-    """Number of healthy recordings from which the data's mean was learned; 0 if it was not."""
-    false_alarms: float
-    """Rate of false alarms that its limits allow, per recording."""
-    limits: Mapping[str, float]
-    """Limits of the gain of one recording ("single") and of the running mean ("running"), and of
-    what no fault explains ("rest")."""
+    posterior: EffectPosterior
+    """What it has learned from healthy recordings, with all causes. A fault's name is the label of
+    its cause."""
+    recordings_per_month: float
+    """Recordings for which the rate of false alarms was stated."""
     constants: TorqueConstants | None
     """Torque constants with which currents were converted; None if torques were recorded."""
     torque_gain: np.ndarray
     """Torque of the motors over that which the drives log, shape (n_axes,)."""
     made: Mapping[str, Any]
-    """Provenance: data, versions, and the results on validation runs."""
-    is_sealed: bool = True
-    """Whether its file has a checksum. Older versions wrote none."""
+    """Provenance, and what was measured while it was made."""
 
-    def variance(self, count: int) -> float:
-        """Variance of the running mean of healthy recordings, with that of the baseline."""
-        return memory_variance(count) + baseline_variance(self.baselines)
+    @property
+    def motion(self) -> KnownMotion:
+        """The motion that it judges."""
+        return self.program.motion
 
-    def judge(self, cycles: Sequence[np.ndarray], memory: Memory) -> tuple[dict[str, Any], Memory]:
-        """Judge a recording.
+    def scores(self, cycles: Sequence[np.ndarray]) -> np.ndarray:
+        """Reduce a recording to the numbers that are judged.
 
         Args:
             cycles: Torque of the motors in its cycles, shape (samples, n_axes) each, in [N m].
-            memory: The running mean before it.
 
         Returns:
-            The answer, ready for JSON, and the memory after it.
+            Shape (columns,).
         """
-        x = features_of(self.kind, np.stack(cycles), self.motion).mean(axis=0, keepdims=True)
-        place, outside = self.classes.place(x)
-        after = memory.after(place[0])
-        running = np.array(after.mean)
-        one = believe(self.classes, place[0], self.variance(1))
-        many = believe(self.classes, running, self.variance(after.count))
-        over = {
-            "single": one.gain / self.limits["single"],
-            "running": many.gain / self.limits["running"],
-        }
-        source = "running" if over["running"] >= over["single"] else "single"
-        belief = many if source == "running" else one
-        rest = float(outside[0])
-        over["rest"] = rest / self.limits["rest"]
-        strange = over["rest"] > 1
-        alarm = over[source] > 1
-        # beyond what healthy robots show, a fault may leave as much as it explains, and half more
-        excess = max(rest - self.limits["rest"], 0.0)
-        explained = not strange or excess < _UNEXPLAINED * max(one.explained, belief.explained)
-        answer = self._answer(belief, alarm, strange, explained, over, source, after.count)
-        return answer, after
+        return self.posterior.transform(self.program.features(mean_cycle(cycles))[None])[0]
 
-    def _answer(
-        self,
-        belief: Belief,
-        alarm: bool,
-        strange: bool,
-        explained: bool,
-        over: Mapping[str, float],
-        source: str,
-        count: int,
-    ) -> dict[str, Any]:
-        order = np.argsort(belief.faults)[::-1]
-        named = [self._named(belief, int(k)) for k in order]
-        told: dict[str, Any] = {
+    def judge(self, scores: np.ndarray) -> dict[str, Any]:
+        """Judge a robot by its recordings since it was known to be healthy.
+
+        Args:
+            scores: Of all these recordings, in the order of time, shape (recordings, columns).
+
+        Returns:
+            The answer after the last of them, ready for JSON; docs/twin.md lists its entries.
+        """
+        told = self.posterior.judge(scores)
+        named = self._named(told)
+        answer: dict[str, Any] = {
             "verdict": "healthy",
-            "probability": belief.healthy,
-            "alarm": bool(alarm or strange),
+            "alarm": False,
+            "probability": told.healthy,
             "effect": None,
             "axes": [],
             "severity": None,
             "interval": None,
             "unit": None,
             "alternatives": [],
-            "over_limit": {k: float(v) for k, v in over.items()},
-            "based_on": source,
-            "recordings": count if source == "running" else 1,
+            "log_odds": float(told.statistic),
+            "limit": float(self.posterior.limit_),
+            "recordings": len(scores),
+            "since": int(told.since),
         }
-        if alarm and explained:
-            likely = [one for one in named[1:] if one["probability"] > _LIKELY]
-            return {**told, "verdict": "fault", **named[0], "alternatives": likely}
-        if alarm or strange:
-            likely = [one for one in named if alarm and one["probability"] > _LIKELY]
-            told |= {"verdict": "unknown change", "probability": None}
-            return {**told, "alternatives": likely}
-        return told
+        if not told.alarm:
+            return answer
+        first, *others = named
+        likely = [
+            one for one in others if one["probability"] > _LIKELY and one["effect"] != UNKNOWN
+        ]
+        verdict = {UNKNOWN: "unknown change", TEMPERATURE: "other temperature"}.get(
+            str(first["effect"]), "fault"
+        )
+        answer |= {"verdict": verdict, "alarm": verdict != "other temperature"} | first
+        answer["alternatives"] = likely
+        if verdict == "unknown change":
+            answer |= {"effect": None, "severity": None, "interval": None, "unit": None}
+        return answer
 
-    def _named(self, belief: Belief, number: int) -> dict[str, Any]:
-        fault = self.faults[number]
-        return {
-            "effect": fault.effect,
-            "axes": list(fault.axes),
-            "probability": float(belief.faults[number]),
-            "severity": float(fault.largest * belief.severity[number]),
-            "interval": (fault.largest * belief.interval[number]).tolist(),
-            "unit": fault.unit,
-        }
+    def _named(self, told: Judgement) -> list[dict[str, Any]]:
+        """Effects and axes that may be there, most probable first; unknown changes by axis."""
+        found: dict[tuple, dict[str, Any]] = {}
+        by_name = {fault.name: fault for fault in self.faults}
+        for k, cause in enumerate(self.posterior.effects.causes):
+            axis, unit = unknown_axis(cause.label), ""
+            if axis is not None:
+                effect, axes = UNKNOWN, [axis]
+            elif cause.label == TEMPERATURE:
+                effect, axes, unit = TEMPERATURE, list(range(1, len(self.torque_gain) + 1)), "K"
+            else:
+                fault = by_name[cause.label]
+                effect, axes, unit = fault.effect, list(fault.axes), fault.unit
+            severity, (low, high) = float(told.severities[k]), told.intervals[k]
+            one = {
+                "effect": effect,
+                "axes": axes,
+                "probability": float(told.probabilities[k]),
+                "severity": severity,
+                "interval": list(_widened(severity, float(low), float(high))),
+                "unit": unit,
+            }
+            known = found.setdefault((effect, *axes), one)
+            if known is not one:
+                known["probability"] += one["probability"]
+        return sorted(found.values(), key=lambda one: -one["probability"])
 
     def save(self, folder: Path) -> None:
         """Write the detector into a folder, which is created if it does not exist.
@@ -241,15 +162,20 @@ class Detector:
         Raises:
             StorageFailed: A file cannot be written.
         """
+        learned, program = self.posterior, self.program
         arrays = {
             "path": self.motion.path.astype(np.float32),
             "gear_ratio": self.motion.gear_ratio,
             "torque_gain": self.torque_gain,
-            "centre": self.classes.centre,
-            "whitener": self.classes.whitener.astype(np.float32),
-            "basis": self.classes.basis.astype(np.float32),
-            "curves": self.classes.curves,
-            "rest": self.classes.rest,
+            "noise_coefficients": program.noise.colour.coefficients,
+            "noise_innovation": program.noise.colour.innovation,
+            "noise_level": program.noise.level.astype(np.float32),
+            "effects": learned.effects.columns.astype(np.float32),
+            "days": learned.days.columns.astype(np.float32),
+            "day_stds": learned.days.stds,
+            "day_groups": learned.days.groups,
+            "day_spreads": learned.days.spreads,
+            **{f"learned_{name}": value for name, value in learned.state().items()},
         }
         if self.constants is not None:
             arrays["current_constant"] = self.constants.constant
@@ -261,22 +187,33 @@ class Detector:
             "format": FORMAT,
             "robot": self.robot,
             "task": self.task,
-            "features": self.kind,
-            "faults": [
-                {"effect": f.effect, "axes": f.axes, "largest": f.largest, "unit": f.unit}
-                for f in self.faults
-            ],
+            "faults": [asdict(fault) for fault in self.faults],
+            "causes": [asdict(cause) for cause in learned.effects.causes],
             "stretches": self.motion.stretches,
             "sample_period": self.motion.sample_period,
-            "baselines": self.baselines,
-            "false_alarms_per_recording": self.false_alarms,
-            "limits": dict(self.limits),
+            "window": program.window,
+            "false_alarms_per_recording": learned.false_alarms,
+            "recordings_per_month": self.recordings_per_month,
+            "days_unlike": learned.days.unlike,
             "made": dict(self.made),
             "arrays_sha256": hashlib.sha256(content).hexdigest(),
         }
         folder.mkdir(parents=True, exist_ok=True)
         write_bytes(folder / ARRAYS, content)
         write_text(folder / FORM, sealed(told))
+
+
+def _widened(severity: float, low: float, high: float) -> tuple[float, float]:
+    """A 95 % interval that allows for `SCALE` as well."""
+    size = abs(severity)
+    if size == 0:
+        return low, high
+    more = float(np.expm1(_NORMAL * SCALE)) * size
+    less = float(-np.expm1(-_NORMAL * SCALE)) * size
+    down, up = (less, more) if severity > 0 else (more, less)
+    below = severity - float(np.hypot(severity - low, down))
+    above = severity + float(np.hypot(high - severity, up))
+    return (max(below, 0.0) if low >= 0 else below), above
 
 
 def load_detector(folder: Path) -> Detector:
@@ -297,11 +234,12 @@ def load_detector(folder: Path) -> Detector:
         )
     content = read_bytes(folder / ARRAYS, "detector file", _LARGEST)
     try:
-        told, is_sealed = unsealed(read_bytes(folder / FORM, "detector file", LARGEST_TEXT), _OLDER)
+        text = read_bytes(folder / FORM, "detector file", LARGEST_TEXT)
+        told = unsealed(text)
         if told["format"] != FORMAT:
             raise InputError(
                 f"{folder / FORM}: has format {told['format']}, but this version of faultgen reads "
-                f"format {FORMAT}"
+                f"format {FORMAT}; train again on the same dataset"
             )
         if hashlib.sha256(content).hexdigest() != told["arrays_sha256"]:
             raise InputError(
@@ -309,47 +247,74 @@ def load_detector(folder: Path) -> Detector:
                 f"{FORM}); copy both files or train again"
             )
         with np.load(io.BytesIO(content), allow_pickle=False) as stored:
-            arrays = {name: stored[name].astype(float) for name in stored.files}
-        if told["features"] not in KINDS:
-            raise InputError(f"{folder / FORM}: unknown features '{told['features']}'")
-        constants = None
-        if "current_constant" in arrays:
-            constants = TorqueConstants(
-                arrays["current_constant"], arrays["current_offset"], str(folder)
-            )
-        return Detector(
-            robot=told["robot"],
-            task=told["task"],
-            motion=KnownMotion(
-                path=arrays["path"],
-                stretches=tuple((int(a), int(b)) for a, b in told["stretches"]),
-                sample_period=float(told["sample_period"]),
-                gear_ratio=arrays["gear_ratio"],
-            ),
-            kind=told["features"],
-            faults=tuple(
-                Fault(
-                    effect=get_effect(one["effect"]).name,
-                    axes=tuple(one["axes"]),
-                    largest=float(one["largest"]),
-                    unit=str(one["unit"]),
-                )
-                for one in told["faults"]
-            ),
-            classes=Classes(
-                **{k: arrays[k] for k in ("centre", "whitener", "basis", "curves", "rest")}
-            ),
-            baselines=int(told["baselines"]),
-            false_alarms=float(told["false_alarms_per_recording"]),
-            limits={name: float(told["limits"][name]) for name in ("single", "running", "rest")},
-            constants=constants,
-            torque_gain=arrays["torque_gain"],
-            made=told["made"],
-            is_sealed=is_sealed,
-        )
+            arrays = {name: stored[name] for name in stored.files}
+        return _detector(told, arrays, str(folder))
     except InputError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
             f"detector file {folder / FORM}: damaged ({damage(error)}); copy it or train again"
         ) from None
+
+
+def _detector(told: dict[str, Any], arrays: dict[str, np.ndarray], folder: str) -> Detector:
+    """Put a detector together from the content of its files."""
+    arrays = {k: v if v.dtype.kind == "i" else v.astype(float) for k, v in arrays.items()}
+    constants = None
+    if "current_constant" in arrays:
+        constants = TorqueConstants(arrays["current_constant"], arrays["current_offset"], folder)
+    motion = KnownMotion(
+        path=arrays["path"],
+        stretches=tuple((int(a), int(b)) for a, b in told["stretches"]),
+        sample_period=float(told["sample_period"]),
+        gear_ratio=arrays["gear_ratio"],
+    )
+    colour = Autoregression(arrays["noise_coefficients"], arrays["noise_innovation"])
+    causes = tuple(
+        Cause(
+            label=str(one["label"]),
+            family=str(one["family"]),
+            forms=tuple(
+                Form(
+                    tuple(int(k) for k in form["columns"]),
+                    tuple(float(s) for s in form["sizes"]),
+                    float(form["mean"]),
+                )
+                for form in one["forms"]
+            ),
+            positive=bool(one["positive"]),
+        )
+        for one in told["causes"]
+    )
+    days = Days(
+        arrays["days"],
+        arrays["day_stds"],
+        arrays["day_groups"],
+        arrays["day_spreads"],
+        float(told["days_unlike"]),
+    )
+    learned = {k.removeprefix("learned_"): v for k, v in arrays.items() if k.startswith("learned_")}
+    posterior = EffectPosterior(
+        Effects(arrays["effects"], causes),
+        days,
+        false_alarms=float(told["false_alarms_per_recording"]),
+    ).restore(learned)
+    return Detector(
+        robot=told["robot"],
+        task=told["task"],
+        program=Program(motion, Noise(colour, arrays["noise_level"]), int(told["window"])),
+        faults=tuple(
+            Fault(
+                effect=get_effect(one["effect"]).name,
+                axes=tuple(one["axes"]),
+                largest=float(one["largest"]),
+                unit=str(one["unit"]),
+            )
+            for one in told["faults"]
+        ),
+        posterior=posterior,
+        recordings_per_month=float(told["recordings_per_month"]),
+        constants=constants,
+        torque_gain=arrays["torque_gain"],
+        made=told["made"],
+    )

@@ -14,16 +14,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from faultgen.errors import InputError, StorageFailed
 from faultgen.recordings.read import read_recording
 from faultgen.recordings.recording import Recording
+from faultgen.system.dates import in_words
 from faultgen.system.files import file_sha256
 from faultgen.twin.alignment import find_cycles
-from faultgen.twin.detector import FORM, Detector, Memory, load_detector
+from faultgen.twin.detector import FORM, Detector, load_detector
 from faultgen.twin.state import State
 from faultgen.twin.watching import PAUSE, SETTLED, Watch
 
-STATE = "state.json"
+STATE = "state.sqlite"
 """File with the memory, in the detector's folder unless another one is named."""
 
 
@@ -33,52 +36,45 @@ class Judge:
     Several processes may use one memory: each of them holds it while it judges a recording.
     """
 
-    def __init__(self, folder: Path, state: Path | None = None) -> None:
-        """Read the detector and its memory.
+    def __init__(
+        self, folder: Path, state: Path | None = None, robot: str = "", program: str = ""
+    ) -> None:
+        """Read the detector.
 
         Args:
             folder: Folder of the detector.
             state: File of the memory. Default: `STATE` in this folder.
+            robot: Name of the robot, if the memory holds several.
+            program: Name of its program.
 
         Raises:
             InputError: A file is missing or damaged, or the memory is that of another detector.
         """
         self.detector = load_detector(folder)
-        size = len(self.detector.classes.basis)
-        self._state = State(state or folder / STATE, file_sha256(folder / FORM), size)
-        self._state.read()
-        older = {
-            folder / FORM: (not self.detector.is_sealed, "train again to protect it"),
-            self._state.path: (self._state.is_older, "the next recording that is judged adds one"),
-        }
-        self.notes = tuple(
-            f"{path}: an older version of faultgen has written it without a checksum, so that "
-            f"damage would not be noticed; {what}"
-            for path, (is_older, what) in older.items()
-            if is_older
-        )
-        """One line for each file whose damage could not be noticed."""
-
-    @property
-    def state(self) -> Path:
+        self.state = state or folder / STATE
         """File of the memory."""
-        return self._state.path
-
-    @property
-    def memory(self) -> Memory:
-        """The running mean."""
-        return self._state.memory
+        size = self.detector.posterior.effects.columns.shape[0]
+        self._state = State(self.state, file_sha256(folder / FORM), size, robot, program)
+        if self.state.exists():
+            with self._state.held():
+                pass
+        self._newest = -np.inf
 
     @property
     def answers(self) -> list[dict[str, Any]]:
-        """All answers so far, oldest first."""
-        return self._state.answers
+        """All answers so far, by the dates of their recordings."""
+        if not self.state.exists():
+            return []
+        with self._state.held() as stream:
+            return stream.answers()
 
     def judge(self, path: str | Path) -> dict[str, Any]:
-        """Judge a recording, and remember it.
+        """Judge a recording with all that came before it, and remember it.
 
         Args:
-            path: The recording (HDF5 or CSV).
+            path: The recording (HDF5 or CSV). Its date is that which it states, or else that of the
+                file. Without dates of their own, recordings that are judged one after another count
+                as recorded in this order.
 
         Returns:
             The answer. A recording with the same content as an earlier one gets that answer again,
@@ -89,16 +85,48 @@ class Judge:
             StateFailed: The memory cannot be used now.
             StorageFailed: A file cannot be read or written. Nothing is remembered then.
         """
-        recording, digest = _read(Path(path))
-        with self._state.held() as state:
-            for answer in state.answers:
-                if answer["sha256"] == digest:
-                    return {**answer, "recording": str(path), "again": True}
+        path = Path(path)
+        recording, digest = _read(path)
+        date = self._date(path, recording)
+        cycles = None
+        with self._state.held() as stream:
+            known = stream.known(digest)
+            if known is not None:
+                return {**known, "recording": str(path), "again": True}
             cycles = find_cycles(self._in_torque(recording), self.detector.motion)
-            answer, memory = self.detector.judge(cycles, state.memory)
-            answer = {"recording": str(path), "cycles": len(cycles), **answer, "sha256": digest}
-            state.keep(answer, memory)
+            scores = self.detector.scores(cycles)
+            dates, before = stream.since_repair(date)
+            answer = self.detector.judge(np.concatenate([before, scores[None]]))
+            dates = np.append(dates, date)
+            answer = {
+                "recording": str(path),
+                "date": in_words(date),
+                "cycles": len(cycles),
+                **answer,
+                "since": in_words(dates[answer["since"]]) if answer["alarm"] else None,
+                "sha256": digest,
+            }
+            stream.keep(digest, date, scores, answer)
         return {**answer, "again": False}
+
+    def repaired(self, date: float) -> None:
+        """Forget what was recorded before a repair.
+
+        Args:
+            date: Of the repair [s since 1970].
+
+        Raises:
+            StateFailed: The memory cannot be used now.
+            StorageFailed: It cannot be written.
+        """
+        with self._state.held() as stream:
+            stream.repaired(date)
+
+    def _date(self, path: Path, recording: Recording) -> float:
+        if recording.date is not None:
+            return recording.date
+        self._newest = max(path.stat().st_mtime, self._newest)
+        return self._newest
 
     def _in_torque(self, recording: Recording) -> Recording:
         """The recording with the torque that the log of the model has."""
@@ -191,24 +219,26 @@ def _wait(seconds: float) -> bool:
 def line(answer: dict[str, Any]) -> str:
     """Return an answer as one line of text."""
     name = Path(answer["recording"]).name
-    count = answer.get("recordings", 1)  # answers of an older version do not tell
-    mean = f" (running mean of {count} recordings)" if count > 1 else ""
+    count = answer["recordings"]
+    after = f" ({count} recordings)" if count > 1 else ""
     again = " (judged before)" if answer.get("again") else ""
-    if answer["verdict"] == "fault":
-        axes = "+".join(map(str, answer["axes"]))
+    since = f", since {answer['since'][:10]}" if answer["alarm"] and count > 1 else ""
+    where = "+".join(map(str, answer["axes"]))
+    if answer["severity"] is not None:
         low, high = answer["interval"]
         unit = "" if answer["unit"] == "1" else f" {answer['unit']}"
-        told = (
-            f"{answer['effect']} on axis {axes}, severity {answer['severity']:.3g} "
-            f"[{low:.3g}, {high:.3g}]{unit}, probability {answer['probability']:.2f}"
-        )
-    elif answer["verdict"] == "healthy":
-        told = f"healthy, probability {answer['probability']:.2f}"
+        size = f"{answer['severity']:.3g} [{low:.3g}, {high:.3g}]{unit}"
+    if answer["verdict"] == "fault":
+        told = f"{answer['effect']} on axis {where}, severity {size}"
+    elif answer["verdict"] == "other temperature":
+        told = f"friction of all axes as at another temperature, {size} warmer"
+    elif answer["verdict"] == "unknown change":
+        told = f"unknown change of axis {where}"
     else:
-        told = f"unknown change, {max(answer['over_limit'].values()):.2g} times the limit"
+        told = "healthy"
+    told += f", probability {answer['probability']:.2f}{since}"
     others = ", ".join(
         f"{one['effect']} on axis {'+'.join(map(str, one['axes']))} ({one['probability']:.2f})"
         for one in answer["alternatives"]
     )
-    relation = "also possible" if answer["verdict"] == "fault" else "it resembles"
-    return f"{name}: {told}{f'; {relation}: {others}' if others else ''}{mean}{again}"
+    return f"{name}: {told}{f'; also possible: {others}' if others else ''}{after}{again}"

@@ -1,80 +1,77 @@
 """Training a detector on a generated dataset.
 
-detector = train(open_dataset("data"), false_alarms=0.01)
+detector = train(open_dataset("data"), false_alarms=0.3)
 detector.save(Path("detector"))
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from faultgen.analysis import EffectPosterior
 from faultgen.dataset.experiment import check_seed
 from faultgen.dataset.reader import Dataset, StoredRun
+from faultgen.discovery.terms.candidates import PAYLOAD, payload_terms
+from faultgen.effects import get_effect
 from faultgen.errors import InputError, what_it_says
 from faultgen.provenance import provenance
 from faultgen.recordings.recording import TorqueConstants
-from faultgen.robot import load_robot
+from faultgen.robot import Robot, load_robot
 from faultgen.simulation.motion import plan
 from faultgen.system.arrays import read_arrays
 from faultgen.system.files import file_sha256
 from faultgen.system.reading import read_text
 from faultgen.tasks import load_task
-from faultgen.twin.alarm_limits import find_limits
 from faultgen.twin.alignment import KnownMotion, stretches_of
-from faultgen.twin.classes import Classes, believe, fit_classes, gains
-from faultgen.twin.detector import Detector, Fault, baseline_variance
-from faultgen.twin.features import KINDS, features_of
+from faultgen.twin.columns import Columns, Fault, Generated
+from faultgen.twin.detector import Detector
 from faultgen.twin.folder import HEALTHY, RESULT
+from faultgen.twin.program import Program, as_recording, program_of
 
-FALSE_ALARMS = 0.01
-"""Default rate of false alarms, per recording."""
+FALSE_ALARMS = 0.3
+"""Default rate of false alarms, per robot and month."""
+
+RECORDINGS_PER_MONTH = 30.0
+"""Default number of recordings of a robot in a month."""
 
 _TORQUE, _POSITION = "signals/motor_torque", "signals/motor_position"
-_AS_GOOD = 0.3  # of the mean log-probability: kinds of features that are as good as the best one
-_CLEAR = 0.25  # severity, over the largest one, from which a validation cycle should be named
+_MOST = 200  # generated healthy cycles that stand for recordings, if there are no measured ones
+_EXPECTED = (0.1, 0.2)  # severities of which the time to detection is stated, over the largest one
+_SIMULATED, _LONGEST = 60, 60  # robots, and recordings of each, for these times
 
 
 @dataclass(frozen=True, eq=False)
-class Examples:
-    """Labelled cycles. The first dimension of arrays is the cycle."""
+class Learned:
+    """What was learned for one program."""
 
-    torque: np.ndarray
-    """Torque of the motors, shape (cycles, samples, n_axes), in [N m]."""
-    fault: np.ndarray
-    """Number of the fault, from 0; -1 for healthy cycles."""
-    severity: np.ndarray
-    """Severity over the largest one of the fault."""
-    held_out: np.ndarray
-    """Whether the cycle belongs to a validation run."""
-
-    def part(self, held_out: bool) -> np.ndarray:
-        """Choose the cycles of validation runs, or all others.
-
-        Args:
-            held_out: Whether those of validation runs are chosen.
-
-        Returns:
-            Their numbers, from 0, shape (chosen,).
-        """
-        return np.flatnonzero(self.held_out == held_out)
+    program: Program
+    """Its motion and noise."""
+    faults: tuple[Fault, ...]
+    """Faults that can be named."""
+    posterior: EffectPosterior
+    """The detector of them."""
 
 
-def train(dataset: Dataset, *, false_alarms: float = FALSE_ALARMS, seed: int = 0) -> Detector:
+def train(
+    dataset: Dataset,
+    *,
+    false_alarms: float = FALSE_ALARMS,
+    recordings_per_month: float = RECORDINGS_PER_MONTH,
+    seed: int = 0,
+) -> Detector:
     """Train a detector.
 
-    Of every fault, and of the healthy robot, the run of the last repetition is left out. Each
-    candidate, a kind of features, is fitted to the other runs and judged on these. Of those that
-    are about as good as the best one, the one with most features is fitted again to all runs.
-
     Args:
-        dataset: Runs of one robot, task and sensors, each fault with at least two repetitions.
-        false_alarms: Rate of false alarms that the limits allow, per recording.
-        seed: Seed of the random numbers from which the limits are found.
+        dataset: Runs of one robot, task and sensors, some of them healthy.
+        false_alarms: Rate of false alarms that the limit allows, per robot and month.
+        recordings_per_month: Number of recordings of a robot in a month.
+        seed: Seed of the random numbers from which the limit is found.
 
     Returns:
         The detector.
@@ -82,33 +79,26 @@ def train(dataset: Dataset, *, false_alarms: float = FALSE_ALARMS, seed: int = 0
     Raises:
         InputError: The dataset does not suit, or the rate is impossible.
     """
-    if not 1e-6 <= false_alarms <= 0.5:
-        raise InputError(f"false-alarms: must be from 1e-6 to 0.5, not {false_alarms:g}")
+    rate = _rate(false_alarms, recordings_per_month)
     check_seed(seed)
     runs = _checked_runs(dataset)
     robot = load_robot(dataset.input_of(runs[0], "robot"))
     motion = _motion(dataset, runs, robot)
-    faults, examples = _examples(runs)
     told = _twin_of(dataset, runs[0])
+    torque = np.concatenate([_torque(run, motion) for run in runs if not len(run["axes"])])
     measured = _measured(dataset, runs[0], motion)
-    baselines = len(measured)
-    try:
-        found = learn(examples, motion, len(faults), measured, baselines, false_alarms, seed)
-    except ValueError as error:
-        raise InputError(
-            f"{dataset.path}: {error}; generate with more --cycles or --repetitions"
-        ) from None
+    healthy = measured if len(measured) else torque[:_MOST]
+    learned = learn(
+        robot, motion, healthy, torque, _generated(runs, motion, torque.mean(axis=0)), rate, seed
+    )
     first = runs[0]
     return Detector(
         robot=robot.name,
         task=str(first["task"]),
-        motion=motion,
-        kind=found.kind,
-        faults=faults,
-        classes=found.classes,
-        baselines=baselines,
-        false_alarms=false_alarms,
-        limits=found.limits,
+        program=learned.program,
+        faults=learned.faults,
+        posterior=learned.posterior,
+        recordings_per_month=recordings_per_month,
         constants=_constants(told),
         torque_gain=robot.torque_gain,
         made={
@@ -119,82 +109,114 @@ def train(dataset: Dataset, *, false_alarms: float = FALSE_ALARMS, seed: int = 0
             "task_sha256": first["task_sha256"],
             "sensors": Path(first["sensors"]).name,
             "runs": len(runs),
-            "cycles": len(examples.fault),
+            "measured": len(measured),
             "seed": seed,
-            "candidates": found.candidates,
+            "expected": expected_delays(learned),
         },
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Learned:
-    """What was learned from examples."""
-
-    kind: str
-    """The chosen features."""
-    classes: Classes
-    """Their model, fitted to all examples."""
-    limits: dict[str, float]
-    """See `Detector.limits`."""
-    candidates: list[dict[str, Any]]
-    """Results of every kind of features on validation runs."""
-
-
 def learn(
-    examples: Examples,
+    robot: Robot,
     motion: KnownMotion,
-    count: int,
-    measured: np.ndarray,
-    baselines: int,
-    false_alarms: float,
+    healthy: np.ndarray,
+    cycles: np.ndarray,
+    generated: Sequence[Generated],
+    rate: float,
     seed: int,
 ) -> Learned:
-    """Choose features, fit their model, and find the limits.
+    """Compute signatures of faults and days, and learn from healthy recordings.
 
     Args:
-        examples: Labelled cycles, with some of every fault held out.
+        robot: The model.
         motion: The motion.
-        count: Number of faults.
-        measured: Torque of healthy recordings of the robot, shape (recordings, samples, n_axes), in
-            [N m]. They show how much it varies; there may be none.
-        baselines: Number of healthy recordings behind the healthy mean; 0 if it is exact.
-        false_alarms: Rate of false alarms that the limits allow, per recording.
-        seed: Seed of the random numbers from which the limits are found.
+        healthy: Torque of healthy recordings at the places that are compared, shape (recordings,
+            places, n_axes), in [N m].
+        cycles: The same of generated healthy cycles, which show the noise if there is only one
+            recording.
+        generated: Cycles of each fault.
+        rate: Rate of false alarms, per recording.
+        seed: Seed of the random numbers from which the limit is found.
 
     Returns:
         What was learned.
 
     Raises:
-        ValueError: There are too few cycles.
+        InputError: There are too few healthy cycles to learn the noise.
     """
-    results: list[dict[str, Any]] = []
-    fitted = {}
-    inside, outside = examples.part(False), examples.part(True)
-    for kind in KINDS:
-        x = features_of(kind, examples.torque, motion)
-        real = features_of(kind, measured, motion)
-        own = fit_classes(x[inside], examples.fault[inside], examples.severity[inside], count)
-        own = own.fitted_to(real)
-        score = _score(own, x[outside], examples.fault[outside], examples.severity[outside])
-        results.append({"features": kind, **score})
-        fitted[kind] = own, x, real
-    best = max(one["log_probability"] for one in results)
-    # more features also show what no example has, and tell inexact faults apart
-    kind = next(str(r["features"]) for r in results if r["log_probability"] > best - _AS_GOOD)
-    trial, x, real = fitted[kind]
-    healthy = outside[examples.fault[outside] < 0]
-    places, rest = trial.place(x[healthy])
-    variance = 1 + baseline_variance(baselines)
-    classes = fit_classes(x, examples.fault, examples.severity, count).fitted_to(real)
-    limits = find_limits(
-        classes,
-        baselines,
-        false_alarms,
-        gains(trial, places, variance),
-        rest,
-        np.random.default_rng(seed),
+    columns = Columns(as_recording(motion, healthy.mean(axis=0), robot.name), robot)
+    noisy = healthy if len(healthy) > 1 else cycles
+    if len(noisy) < 2:
+        raise InputError("the noise needs at least two healthy cycles; generate with more --cycles")
+    program = program_of(motion, noisy, columns.numbers, columns.drivers)
+    faults = [one.fault for one in generated]
+    last = (PAYLOAD, (robot.n_axes,))
+    if last not in [(fault.effect, fault.axes) for fault in faults]:
+        usual = payload_terms(robot, robot.n_axes)[0].step
+        faults.append(
+            Fault(effect=last[0], axes=last[1], largest=usual, unit=get_effect(PAYLOAD).unit)
+        )
+    posterior = EffectPosterior(
+        columns.effects(program, generated),
+        columns.days(program),
+        false_alarms=rate,
+        random_state=seed,
     )
-    return Learned(kind, classes, limits, results)
+    posterior.fit(program.whiten(healthy))
+    return Learned(program, tuple(faults), posterior)
+
+
+def expected_delays(learned: Learned) -> list[dict[str, Any]]:
+    """Simulate how long it takes until faults raise an alarm.
+
+    Args:
+        learned: What was learned.
+
+    Returns:
+        For each fault and some severities, the number of recordings until the alarm: the median,
+        and the interval of 80 % of robots; None where it is longer than the simulation.
+    """
+    labels = [cause.label for cause in learned.posterior.effects.causes]
+    rows = []
+    for fault in learned.faults:
+        if fault.name not in labels:
+            continue
+        for share in _EXPECTED:
+            severity = share * fault.largest
+            found = np.sort(
+                learned.posterior.delays(
+                    labels.index(fault.name), severity, longest=_LONGEST, sequences=_SIMULATED
+                )
+            )
+            low, middle, high = (found[int(q * len(found))] for q in (0.1, 0.5, 0.9))
+            told = [float(x) if np.isfinite(x) else None for x in (low, middle, high)]
+            rows.append(
+                {
+                    "effect": fault.effect,
+                    "axes": list(fault.axes),
+                    "severity": severity,
+                    "unit": fault.unit,
+                    "recordings": told[1],
+                    "interval": [told[0], told[2]],
+                }
+            )
+    return rows
+
+
+def _rate(false_alarms: float, recordings_per_month: float) -> float:
+    """Rate of false alarms per recording."""
+    if not 1 <= recordings_per_month <= 1e6:
+        raise InputError(
+            f"recordings-per-month: must be from 1 to 1e6, not {recordings_per_month:g}"
+        )
+    rate = false_alarms / recordings_per_month
+    if not 1e-6 <= rate <= 0.5:
+        raise InputError(
+            f"false-alarms: must be from {1e-6 * recordings_per_month:g} to "
+            f"{0.5 * recordings_per_month:g} a month with {recordings_per_month:g} recordings, not "
+            f"{false_alarms:g}"
+        )
+    return rate
 
 
 def _checked_runs(dataset: Dataset) -> list[StoredRun]:
@@ -245,90 +267,50 @@ def _motion(dataset: Dataset, runs: list[StoredRun], robot: Any) -> KnownMotion:
     )
 
 
-def _examples(runs: list[StoredRun]) -> tuple[tuple[Fault, ...], Examples]:
-    """Labelled cycles of all runs. Of each fault and severity, the last run is held out."""
-    groups: dict[tuple[str, tuple[int, ...], float], list[StoredRun]] = {}
+def _torque(run: StoredRun, motion: KnownMotion) -> np.ndarray:
+    """Torque of the cycles of a run at the places that are compared, (cycles, places, n_axes)."""
+    return np.asarray(run.read(_TORQUE)[:, motion.compared], float)
+
+
+def _generated(runs: list[StoredRun], motion: KnownMotion, healthy: np.ndarray) -> list[Generated]:
+    """Cycles of each fault."""
+    groups: dict[tuple[str, tuple[int, ...]], list[StoredRun]] = {}
     for run in runs:
         axes = tuple(int(axis) for axis in run["axes"])
-        groups.setdefault((str(run["effect"]), axes, float(run["severity"])), []).append(run)
-    keys = list(dict.fromkeys((effect, axes) for effect, axes, _ in groups if axes))
-    if not keys:
+        if axes:
+            groups.setdefault((str(run["effect"]), axes), []).append(run)
+    if not groups:
         raise InputError("the dataset has no fault; a detector needs some to learn")
-    largest = {
-        key: max(severity for effect, axes, severity in groups if (effect, axes) == key)
-        for key in keys
-    }
-    faults = []
-    parts: dict[str, list[np.ndarray]] = {k: [] for k in ("torque", "fault", "severity", "held")}
-    for (effect, axes, _), own in groups.items():
-        if len(own) < 2:
-            raise InputError(
-                "every fault needs at least two runs, one of which is left out to choose the "
-                "method and to check it; generate with --repetitions 2 or more"
-            )
-        for number, run in enumerate(own):
-            torque = run.read(_TORQUE).astype(float)
-            severity = run.read("cycle/severity") / largest.get((effect, axes), 1.0)
-            fault = keys.index((effect, axes)) if axes else -1
-            parts["torque"].append(torque)
-            parts["fault"].append(np.full(len(torque), fault))
-            parts["severity"].append(severity)
-            parts["held"].append(np.full(len(torque), number == len(own) - 1))
-    for effect, axes in keys:
-        run = next(
-            r for r in runs if r["effect"] == effect and tuple(int(a) for a in r["axes"]) == axes
-        )
-        faults.append(
-            Fault(
-                effect=effect,
-                axes=axes,
-                largest=largest[effect, axes],
-                unit=str(run["severity_units"]),
+    found = []
+    for (effect, axes), own in groups.items():
+        largest = max(float(run["severity"]) for run in own)
+        first = own[0]
+        found.append(
+            Generated(
+                fault=Fault(
+                    effect=effect, axes=axes, largest=largest, unit=str(first["severity_units"])
+                ),
+                parameters=json.loads(first["parameters"]),
+                change=np.concatenate([_torque(run, motion) for run in own]) - healthy,
+                severity=np.concatenate([run.read("cycle/severity") for run in own]) / largest,
             )
         )
-    return tuple(faults), Examples(
-        torque=np.concatenate(parts["torque"]),
-        fault=np.concatenate(parts["fault"]),
-        severity=np.concatenate(parts["severity"]),
-        held_out=np.concatenate(parts["held"]),
-    )
-
-
-def _score(
-    classes: Classes, x: np.ndarray, fault: np.ndarray, severity: np.ndarray
-) -> dict[str, float]:
-    """How probable the truth is in validation cycles, and how often it is named."""
-    places, _ = classes.place(x)
-    logs, right, error = [], [], []
-    for place, truth, size in zip(places, fault.tolist(), severity.tolist(), strict=True):
-        told = believe(classes, place, 1.0)
-        probability = told.healthy if truth < 0 else float(told.faults[truth])
-        if truth < 0 or size >= _CLEAR:
-            logs.append(np.log(max(probability, 1e-12)))
-        if truth >= 0 and size >= _CLEAR:
-            named = int(np.argmax(told.faults))
-            right.append(named == truth)
-            if named == truth:
-                error.append(abs(float(told.severity[truth]) - size))
-    return {
-        "log_probability": float(np.mean(logs)),
-        "named": float(np.mean(right)) if right else float("nan"),
-        "severity_error": float(np.median(error)) if error else float("nan"),
-    }
+    return found
 
 
 def _measured(dataset: Dataset, run: StoredRun, motion: KnownMotion) -> np.ndarray:
-    """Cycles of the healthy recordings from which the twin was made; none of another robot."""
+    """Healthy recordings of the twin at the places that are compared; none of another robot."""
     shape = motion.path.shape
+    none = np.zeros((0, len(motion.compared), shape[1]))
     own = Path(dataset.input_of(run, "sensors")).parent / HEALTHY
     if not own.is_file():
-        return np.zeros((0, *shape))
+        return none
     arrays, _ = read_arrays(own)
     torque = arrays.get("torque", np.zeros((0, 0, 0)))
     # another task than the recorded one says nothing here
     if torque.shape[1:] != shape or not np.isfinite(torque[:, motion.compared]).all():
-        return np.zeros((0, *shape))
-    return torque
+        return none
+    return np.asarray(torque[:, motion.compared], float)
 
 
 def _twin_of(dataset: Dataset, run: StoredRun) -> dict[str, Any] | None:
