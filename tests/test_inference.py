@@ -90,6 +90,15 @@ def test_a_fit_from_another_one_is_the_same(columns, rng):
         np.testing.assert_allclose(near.log_scales, far.log_scales, atol=0.1)
 
 
+def test_scales_come_back_beside_a_large_effect(columns, rng):
+    """Numbers were widened for what an effect explains far better, so that no curvature holds."""
+    difference = 1e3 * columns[13] + 0.3 * columns[0] + rng.normal(size=(SAMPLES, AXES))
+    model = model_of(columns, difference)
+    near, far = model.fit([1], model.healthy), model.fit([1])
+    assert np.exp(model.healthy.log_scales).max() > 20
+    assert near.log_evidence == pytest.approx(far.log_evidence, abs=0.01)
+
+
 def test_the_largest_effect_comes_first(columns, rng):
     """However sure the others are."""
     difference = 0.5 * columns[12] + 2.0 * columns[13] + rng.normal(size=(SAMPLES, AXES))

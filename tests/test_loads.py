@@ -261,6 +261,11 @@ def test_the_list_of_effects_says_where_masses_can_be():
 
 
 @pytest.mark.slow
+@pytest.mark.xfail(
+    strict=True,
+    reason="errors of numbers of a healthy robot take up the torque of the mass, even of a larger "
+    "one, so that nothing is named",
+)
 def test_a_mass_on_the_first_link_is_found(measured, tiny_robot, tiny_robot_path, tmp_path):
     """In kg, first of what the data cannot tell apart; its inertia about the joint is right.
 

@@ -77,19 +77,14 @@ class Model:
             start: A fit of nearly the same set, from which the search starts.
         """
         cost = self.cost_of(effects)
-        best = _near(cost, start) if start else self._from_afar(cost)
+        afar = np.log([one.centre for one in self.groups])  # most probable before data are seen
+        if start is None:
+            best = _bounded(cost, afar)
+        else:
+            best = _near(cost, start)
+            if not best.success:  # a scale stands at its bound, or is far from where it was
+                best = min((_bounded(cost, x) for x in (best.x, afar)), key=lambda one: one.fun)
         return Fitted(self, tuple(effects), -float(best.fun), best.x)
-
-    def _from_afar(self, cost: Callable[[np.ndarray], tuple[float, np.ndarray]]) -> OptimizeResult:
-        """Search from what is most probable before the data are seen."""
-        return minimize(
-            cost,
-            np.log([one.centre for one in self.groups]),
-            jac=True,
-            method="L-BFGS-B",
-            bounds=[(-LARGEST, LARGEST)] * len(self.groups),
-            options={"maxiter": _STEPS},
-        )
 
     def cost_of(self, effects: Sequence[int]) -> Callable[[np.ndarray], tuple[float, np.ndarray]]:
         """Return minus the log evidence and its slope, as a function of the logarithms of scales.
@@ -286,8 +281,22 @@ class Fitted:
         return np.asarray((vectors * np.maximum(values, of_prior.min())) @ vectors.T)
 
 
+def _bounded(
+    cost: Callable[[np.ndarray], tuple[float, np.ndarray]], start: np.ndarray
+) -> OptimizeResult:
+    """Search within the bounds of the scales, from anywhere."""
+    return minimize(
+        cost,
+        start,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=[(-LARGEST, LARGEST)] * len(start),
+        options={"maxiter": _STEPS},
+    )
+
+
 def _near(cost: Callable[[np.ndarray], tuple[float, np.ndarray]], start: Fitted) -> OptimizeResult:
-    """Search from a fit whose curvature holds: a few steps are enough."""
+    """Search from a fit whose curvature holds: a few steps are enough. It tells if they are not."""
 
     def bounded(log_scales: np.ndarray) -> tuple[float, np.ndarray]:
         inside = np.clip(log_scales, -LARGEST, LARGEST)
@@ -303,7 +312,8 @@ def _near(cost: Callable[[np.ndarray], tuple[float, np.ndarray]], start: Fitted)
         hess=lambda _: start.curvature,
         options={"gtol": _FLAT, "maxiter": _STEPS, "max_trust_radius": _FARTHEST},
     )
-    return OptimizeResult(x=np.clip(best.x, -LARGEST, LARGEST), fun=best.fun)
+    inside = np.clip(best.x, -LARGEST, LARGEST)
+    return OptimizeResult(x=inside, fun=best.fun, success=best.success)
 
 
 def log_bayes_factors(

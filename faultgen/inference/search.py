@@ -175,7 +175,10 @@ def _law_errors(
     own = np.array(form)
     value = fitted.values[-len(own) :] / model.std[model.count + own]
     explained = 0.5 * float(value @ raw[np.ix_(own, own)] @ value)
-    parts = [left[list(one)].sum() / np.diag(raw)[list(one)].sum() for one in others]
+    whole = np.diag(raw)
+    sizes = [(left[list(one)].sum(), whole[list(one)].sum()) for one in others]
+    # what changes no sample that is used, as on an axis that rests, explains nothing
+    parts = [of_left / of_whole if of_whole > 0 else 0.0 for of_left, of_whole in sizes]
     return LAW_ERROR * explained * np.array(parts)
 
 

@@ -206,12 +206,16 @@ def numbers_of(
     """
     recording = formulas.replay.recording
     out = Numbers(baseline)
+    steps: dict[tuple, float] = {}  # the smallest with which each is simulated
+    for term in terms:
+        which = (*term.key, term.parameters)
+        steps[which] = min(abs(term.step), steps.get(which, np.inf))
     seen = set()
     shared: dict[str, np.ndarray] = {}
     for term, column in zip(terms, raw, strict=True):
         which = (*term.key, term.parameters)
         kind = kind_of(term)
-        if kind is None or which in seen:
+        if kind is None or which in seen or abs(term.step) > steps[which]:
             continue
         seen.add(which)
         out.add(column, term.prior_std, kind, which)
