@@ -5,9 +5,9 @@ A recording is a row of features, such as the whitened torque of a program:
     x_i = mean + D b_i + A a + n_i
 
 D b_i are differences from day to day of known form, such as the friction of one axis, A a are the
-effects that a robot may have, and n_i is white noise. All are normal, so that everything follows
-from the inner products A C^-1 (x_i - mean), with C = D D' + I, which are a few hundred numbers a
-recording, whatever the number of features.
+effects that a robot may have, and n_i is white noise of a variance of about 1. All are normal, so
+that everything follows from the inner products A C^-1 (x_i - mean), with C = D D' + I, which are a
+few hundred numbers a recording, whatever the number of features.
 
     detector = EffectPosterior(effects, days, false_alarms=0.001).fit(healthy)
     state = detector.judge(detector.transform(recordings))
@@ -38,6 +38,7 @@ _SEQUENCES, _LENGTH = 400, 120  # simulated healthy sequences, and recordings in
 _CHUNK = 20  # sequences that are in memory at once
 _TAIL = 0.1  # share of the largest statistics, to which the exponential tail is fitted
 _LEARNED = ("mean_", "count_", "log_scales_", "scale_errors_", "noise_", "limit_")
+_WORTH = 30.0  # number of features that it is worth that their noise should have a variance of 1
 _EDGE = 1e-9  # of information, below which it counts as none
 
 
@@ -176,15 +177,18 @@ class EffectPosterior(BaseEstimator):
         freedom = len(apart) - 1
         self.log_scales_, self.scale_errors_ = np.zeros(len(spreads)), spreads.copy()
         self.noise_ = 1.0
-        if not freedom or not len(days.stds):
-            if freedom:
-                self.noise_ = float(np.sum(apart**2)) / (freedom * apart.shape[1])
+        if not freedom:
             return
         gram, right = days.columns @ days.columns.T, days.columns @ apart.T
-        root, _, rank, _ = np.linalg.lstsq(gram, right, rcond=_EDGE)
-        free = freedom * max(apart.shape[1] - int(rank), 1)
-        left = float(np.sum(apart**2) - np.sum(root * right))
-        self.noise_ = max(left / free, 1e-12)
+        if len(days.stds):
+            root, _, rank, _ = np.linalg.lstsq(gram, right, rcond=_EDGE)
+            left = float(np.sum(apart**2) - np.sum(root * right))
+        else:
+            left, rank = float(np.sum(apart**2)), 0
+        free = freedom * max(apart.shape[1] - int(rank), 0)
+        self.noise_ = (max(left, 0.0) + _WORTH) / (free + _WORTH)
+        if not len(days.stds):
+            return
 
         def cost(log_scales: Floats) -> float:
             std = self._day_stds(log_scales)

@@ -36,7 +36,7 @@ def bits(
     with tempfile.TemporaryDirectory() as place:
         inputs = prepare(Path(place) / "inputs")
         folder, robot = inputs["judge"], Path(place) / "inputs" / "twin"
-        state, new = folder / "state.json", folder / "new.h5"
+        state, new = folder / "state.sqlite", folder / "new.h5"
 
         def judged() -> str:
             answer = Judge(folder / "detector", state).judge(new)
@@ -56,7 +56,7 @@ def bits(
             ("a recording (`judge`)", new, fresh),
             ("`detector.json` (`judge`)", folder / "detector" / "detector.json", fresh),
             ("`arrays.npz` (`judge`)", folder / "detector" / "arrays.npz", fresh),
-            ("`state.json` (`judge`)", state, judged),
+            ("`state.sqlite` (`judge`)", state, judged),
             ("`model.xml` of a twin (`load_robot`)", robot / "model.xml", loaded),
             ("`sensors.toml` of a twin", robot / "sensors.toml", loaded),
         ):

@@ -74,7 +74,7 @@ def test_scales_of_days_are_found_and_count_as_uncertain_when_recordings_are_few
 def test_false_alarms_occur_at_the_stated_rate(known, count):
     """Robots whose healthy spread differs from the usual one as much as was stated."""
     rng = np.random.default_rng(4 + count)
-    robots, length, alarmed = 40, 60, 0
+    robots, length, alarmed = 24, 60, 0
     for robot in range(robots):
         scale = float(np.exp(np.log(2.0) * rng.standard_normal()))
         model = fitted(known, recordings(known, count, rng, scale=scale), random_state=robot)

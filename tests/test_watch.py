@@ -282,7 +282,7 @@ def test_robots_share_a_file(tmp_path):
 
 
 def test_no_changed_bit_of_a_state_is_used(tmp_path):
-    """At many places: refused with one line that says what to do, or the same answers."""
+    """At many places: refused with one line that says what to do, or no answer is another one."""
     state = State(tmp_path / "state.sqlite", "key", 1)
     for day in range(3):
         keep(state, str(day), float(day))
@@ -294,7 +294,7 @@ def test_no_changed_bit_of_a_state_is_used(tmp_path):
         state.path.write_bytes(changed)
         with suppress(StateFailed, StorageFailed):
             found = answers(state)
-            assert found == before or not found
+            assert all(one in before for one in found)
     state.path.write_bytes(content)
     assert answers(state) == before
 

@@ -88,6 +88,8 @@ class Generated:
     n_axes), in [N m]."""
     severity: np.ndarray
     """Severity over the largest one, shape (cycles,)."""
+    measured: bool = False
+    """Whether these are cycles of the robot itself, and not of its model."""
 
     def signature(self, at: float) -> np.ndarray:
         """Change of the torque per unit of severity about one severity, shape (places, n_axes).
@@ -207,7 +209,7 @@ class Columns:
             ]
             for k, one in enumerate(generated)
             for f in [one.fault]
-            if get_effect(f.effect).prior.at_motor or f.effect == PAYLOAD
+            if not one.measured and (get_effect(f.effect).prior.at_motor or f.effect == PAYLOAD)
         }
         known = self._formulas.columns([term for own in terms.values() for term in own])
         return {

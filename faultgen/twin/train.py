@@ -18,7 +18,6 @@ from faultgen.analysis import EffectPosterior
 from faultgen.dataset.experiment import check_seed
 from faultgen.dataset.reader import Dataset, StoredRun
 from faultgen.discovery.terms.candidates import PAYLOAD, payload_terms
-from faultgen.effects import get_effect
 from faultgen.errors import InputError, what_it_says
 from faultgen.provenance import provenance
 from faultgen.recordings.recording import TorqueConstants
@@ -153,9 +152,8 @@ def learn(
     last = (PAYLOAD, (robot.n_axes,))
     if last not in [(fault.effect, fault.axes) for fault in faults]:
         usual = payload_terms(robot, robot.n_axes)[0].step
-        faults.append(
-            Fault(effect=last[0], axes=last[1], largest=usual, unit=get_effect(PAYLOAD).unit)
-        )
+        # in kg also where severities of the catalogue are a share of the model's payload
+        faults.append(Fault(effect=last[0], axes=last[1], largest=usual, unit="kg"))
     posterior = EffectPosterior(
         columns.effects(program, generated),
         columns.days(program),
