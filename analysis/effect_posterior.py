@@ -184,7 +184,7 @@ class EffectPosterior(BaseEstimator):
             root, _, rank, _ = np.linalg.lstsq(gram, right, rcond=_EDGE)
             left = float(np.sum(apart**2) - np.sum(root * right))
         else:
-            left, rank = float(np.sum(apart**2)), 0
+            left, rank = float(np.sum(apart**2)), np.int32(0)
         free = freedom * max(apart.shape[1] - int(rank), 0)
         self.noise_ = (max(left, 0.0) + _WORTH) / (free + _WORTH)
         if not len(days.stds):
@@ -270,6 +270,24 @@ class EffectPosterior(BaseEstimator):
             middle,
             np.stack([below, above], axis=1),
         )
+
+    def severity_path(self, scores: ArrayLike, cause: int) -> Floats:
+        """Estimate a severity in each recording alone.
+
+        Args:
+            scores: Of `transform`, shape (recordings, columns).
+            cause: Number of the cause, from 0.
+
+        Returns:
+            Quantiles 0.025, 0.5 and 0.975 of the severity if this is the cause, shape (recordings,
+            3).
+        """
+        check_is_fitted(self)
+        rows = self._forms.turned(np.atleast_2d(np.asarray(scores, float)))
+        variance = self._variance(1)
+        return np.array(
+            [[q[cause] for q in self._forms.severities(row, variance)] for row in rows]
+        ).reshape(-1, 3)
 
     def delays(
         self, cause: int, severity: float, *, longest: int = _LENGTH, sequences: int = _SEQUENCES

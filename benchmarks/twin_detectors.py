@@ -196,7 +196,12 @@ def own_faults(setup: Setup, like: Detector, robot: Robot, rng: np.random.Genera
             )
     found = learn(robot, like.motion, healthy, healthy, generated, RATE, 0)
     return replace(
-        like, program=found.program, faults=found.faults, posterior=found.posterior, made={}
+        like,
+        program=found.program,
+        faults=found.faults,
+        posterior=found.posterior,
+        healthy=found.healthy,
+        made={},
     )
 
 

@@ -24,6 +24,7 @@ from faultgen.cli.checks import (
     existing_detector,
     existing_robot,
     readable_recordings,
+    readable_text,
 )
 from faultgen.errors import InputError
 from faultgen.system.terminal import note, say
@@ -214,6 +215,12 @@ def judge(
             help="File of what was judged before. Default: state.sqlite in the detector's folder."
         ),
     ] = None,
+    robot: Annotated[
+        str, typer.Option(help="Name of the robot, in a --state of 'faultgen monitor'.")
+    ] = "",
+    program: Annotated[
+        str, typer.Option(help="Name of its program, in a --state of 'faultgen monitor'.")
+    ] = "",
     repaired: Annotated[
         str | None,
         typer.Option(
@@ -256,7 +263,7 @@ def judge(
 
     if watch is None and not recordings and repaired is None:
         raise InputError("give recordings to judge, a folder with --watch, or a date --repaired")
-    one = Judge(detector, state)
+    one = Judge(detector, state, robot, program)
     if repaired is not None:
         one.repaired(date_of(repaired, "repaired"))
     if as_json and watch is None:
@@ -278,3 +285,72 @@ def judge(
         tell(one.judge(path))
     if watch is not None:
         run_watch(one, watch, tell, note, settled=settled)
+
+
+@app.command()
+def monitor(
+    config: Annotated[
+        Path, typer.Argument(help="What is monitored (TOML): robots, and their programs.")
+    ],
+    out: Annotated[Path, out_option("Folder for the page and the memory.")] = Path("monitor"),
+    once: Annotated[
+        bool, typer.Option("--once", help="Judge the recordings that are there, and end.")
+    ] = False,
+    settled: Annotated[
+        float,
+        typer.Option(
+            help="How many seconds a file must not change before it is judged, as for 'judge'."
+        ),
+    ] = 6.0,
+    as_json: Json = False,
+) -> None:
+    """Judge the recordings of several robots and programs over time, and write a page about them.
+
+    The configuration lists robots, and below each its programs, with the detector that 'faultgen
+    train' made and the folder in which recordings appear. Paths are relative to its own folder:
+
+    \b
+    [[robot]]
+    name = "welder 7"
+    limits = {friction_wear = 0.3}   # optional: severity until which it may go on
+    [[robot.program]]
+    detector = "detectors/welder7"
+    folder = "recordings/welder7"
+
+    The page OUT/index.html shows robots and axes as a map, the newest alarms as sentences, and for
+    each of them the severity over time, the forecast until its limit, and the torque of the newest
+    recording over the healthy band. OUT/robots.json has the same as a table. Without --once, the
+    command goes on until Ctrl-C. It can be stopped and started again at any time: what was judged
+    is kept in OUT/monitor.sqlite. A repair is told by 'faultgen judge DETECTOR --repaired DATE
+    --state OUT/monitor.sqlite --robot NAME --program NAME'.
+
+    \b
+    faultgen monitor monitor.toml --once -o monitor
+    """  # noqa: D301
+    readable_text(config, "monitor file")
+    if out.is_file():
+        raise InputError(f"out: must be a folder, not the file {out}")
+    from faultgen.twin.judge import line
+    from faultgen.twin.monitor import PAGE, Monitor, load_monitor
+    from faultgen.twin.watching import check_settled, paused
+
+    check_settled(settled)
+
+    def tell(robot: str, program: str, answer: dict[str, Any]) -> None:
+        if not as_json and answer["alarm"]:
+            say(f"{robot}, {program}: {line(answer)}", flush=True)
+
+    one = Monitor(
+        load_monitor(config), out, tell=tell, complain=note, settled=0.0 if once else settled
+    )
+    one.look()
+    one.write()
+    while not once and paused():
+        if one.look():
+            one.write()
+    states = one.states()
+    if as_json:
+        print_json([state.table() for state in states])
+        return
+    alarms = [state for state in states if state.alarm]
+    say(f"{len(states)} programs, {len(alarms)} with an alarm; page: {out / PAGE}")

@@ -69,6 +69,9 @@ class Detector:
     """Torque constants with which currents were converted; None if torques were recorded."""
     torque_gain: np.ndarray
     """Torque of the motors over that which the drives log, shape (n_axes,)."""
+    healthy: np.ndarray
+    """Mean torque of a healthy robot and its standard deviation, with noise and differences from
+    day to day, at the places that are compared, shape (2, places, n_axes), in [N m]."""
     made: Mapping[str, Any]
     """Provenance, and what was measured while it was made."""
 
@@ -87,6 +90,21 @@ class Detector:
             Shape (columns,).
         """
         return self.posterior.transform(self.program.features(mean_cycle(cycles))[None])[0]
+
+    def severities(self, scores: np.ndarray, effect: str, axes: Sequence[int]) -> np.ndarray:
+        """Estimate the severity of a fault in each recording alone.
+
+        Args:
+            scores: Shape (recordings, columns).
+            effect: Name of its effect.
+            axes: Its axes, from 1.
+
+        Returns:
+            Quantiles 0.025, 0.5 and 0.975, shape (recordings, 3), in the unit of the effect.
+        """
+        name = next(f.name for f in self.faults if (f.effect, f.axes) == (effect, tuple(axes)))
+        labels = [cause.label for cause in self.posterior.effects.causes]
+        return self.posterior.severity_path(scores, labels.index(name))
 
     def judge(self, scores: np.ndarray) -> dict[str, Any]:
         """Judge a robot by its recordings since it was known to be healthy.
@@ -170,6 +188,7 @@ class Detector:
             "noise_coefficients": program.noise.colour.coefficients,
             "noise_innovation": program.noise.colour.innovation,
             "noise_level": program.noise.level.astype(np.float32),
+            "healthy": self.healthy.astype(np.float32),
             "effects": learned.effects.columns.astype(np.float32),
             "days": learned.days.columns.astype(np.float32),
             "day_stds": learned.days.stds,
@@ -316,5 +335,6 @@ def _detector(told: dict[str, Any], arrays: dict[str, np.ndarray], folder: str) 
         recordings_per_month=float(told["recordings_per_month"]),
         constants=constants,
         torque_gain=arrays["torque_gain"],
+        healthy=arrays["healthy"],
         made=told["made"],
     )

@@ -7,8 +7,6 @@ answer["verdict"], answer["probability"]
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +22,7 @@ from faultgen.system.files import file_sha256
 from faultgen.twin.alignment import find_cycles
 from faultgen.twin.detector import FORM, Detector, load_detector
 from faultgen.twin.state import State
-from faultgen.twin.watching import PAUSE, SETTLED, Watch
+from faultgen.twin.watching import PAUSE, SETTLED, Watch, check_settled, paused
 
 STATE = "state.sqlite"
 """File with the memory, in the detector's folder unless another one is named."""
@@ -37,7 +35,12 @@ class Judge:
     """
 
     def __init__(
-        self, folder: Path, state: Path | None = None, robot: str = "", program: str = ""
+        self,
+        folder: Path,
+        state: Path | None = None,
+        robot: str = "",
+        program: str = "",
+        detector: Detector | None = None,
     ) -> None:
         """Read the detector.
 
@@ -46,11 +49,12 @@ class Judge:
             state: File of the memory. Default: `STATE` in this folder.
             robot: Name of the robot, if the memory holds several.
             program: Name of its program.
+            detector: The detector, if it was read before.
 
         Raises:
             InputError: A file is missing or damaged, or the memory is that of another detector.
         """
-        self.detector = load_detector(folder)
+        self.detector = detector or load_detector(folder)
         self.state = state or folder / STATE
         """File of the memory."""
         size = self.detector.posterior.effects.columns.shape[0]
@@ -67,6 +71,22 @@ class Judge:
             return []
         with self._state.held() as stream:
             return stream.answers()
+
+    def latest(self) -> dict[str, Any] | None:
+        """Return the answer to the recording with the latest date; None if there is none."""
+        if not self.state.exists():
+            return None
+        with self._state.held() as stream:
+            return stream.latest()
+
+    def history(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return what was recorded since the last repair.
+
+        Returns:
+            Dates, shape (recordings,), in [s since 1970], and scores, shape (recordings, scores).
+        """
+        with self._state.held() as stream:
+            return stream.since_repair(1e300)
 
     def judge(self, path: str | Path) -> dict[str, Any]:
         """Judge a recording with all that came before it, and remember it.
@@ -93,7 +113,7 @@ class Judge:
             known = stream.known(digest)
             if known is not None:
                 return {**known, "recording": str(path), "again": True}
-            cycles = find_cycles(self._in_torque(recording), self.detector.motion)
+            cycles = find_cycles(self.in_torque(recording), self.detector.motion)
             scores = self.detector.scores(cycles)
             dates, before = stream.since_repair(date)
             answer = self.detector.judge(np.concatenate([before, scores[None]]))
@@ -128,8 +148,15 @@ class Judge:
         self._newest = max(path.stat().st_mtime, self._newest)
         return self._newest
 
-    def _in_torque(self, recording: Recording) -> Recording:
-        """The recording with the torque that the log of the model has."""
+    def in_torque(self, recording: Recording) -> Recording:
+        """Return a recording with the torque that the log of the model has.
+
+        Args:
+            recording: The recording, with torques or currents.
+
+        Raises:
+            InputError: It has another quantity than the detector was made from.
+        """
         detector = self.detector
         if recording.link:
             raise InputError(
@@ -201,19 +228,13 @@ def watch(
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder to watch")
-    if not 0 <= settled < math.inf:
-        raise InputError(f"settled: must be a number of seconds from 0 on, not {settled:g}")
-    pause = pause or _wait
+    check_settled(settled)
+    pause = pause or paused
     watched = Watch(one.judge, folder, tell, complain, settled)
     while True:
         watched.look()
         if not pause(PAUSE):
             return
-
-
-def _wait(seconds: float) -> bool:
-    time.sleep(seconds)
-    return True
 
 
 def line(answer: dict[str, Any]) -> str:

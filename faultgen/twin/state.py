@@ -70,6 +70,15 @@ class Stream:
         """Return all answers, in the order of the dates of their recordings."""
         return [row[3] for row in self._rows("1")]
 
+    def latest(self) -> dict[str, Any] | None:
+        """Return the answer to the recording with the latest date; None if there is none."""
+        rows = self._rows(
+            "number = (SELECT number FROM recording WHERE stream = ? "
+            "ORDER BY date DESC, number DESC LIMIT 1)",
+            (self._number,),
+        )
+        return rows[0][3] if rows else None
+
     def since_repair(self, until: float) -> tuple[np.ndarray, np.ndarray]:
         """Return what was recorded since the last repair.
 
@@ -83,7 +92,7 @@ class Stream:
             "SELECT MAX(date) FROM repair WHERE stream = ? AND date <= ?", (self._number, until)
         ).fetchone()[0]
         first = -np.inf if repaired is None else repaired
-        rows = self._rows("date >= ? AND date <= ?", (max(first, -1e300), until))
+        rows = self._rows("date >= ? AND date <= ?", (max(first, -1e300), until), parsed=False)
         dates = np.array([row[1] for row in rows])
         scores = np.array([row[2] for row in rows]).reshape(len(rows), self._size)
         return dates, scores
@@ -112,7 +121,7 @@ class Stream:
         """
         self._connection.execute("INSERT INTO repair VALUES (?, ?)", (self._number, date))
 
-    def _rows(self, condition: str, values: tuple = ()) -> list[tuple]:
+    def _rows(self, condition: str, values: tuple = (), *, parsed: bool = True) -> list[tuple]:
         """Checksum, date, scores and answer of recordings, by date."""
         found = []
         for sha256, date, blob, text, total in self._connection.execute(
@@ -122,7 +131,9 @@ class Stream:
         ):
             if total != _sum(sha256, date, blob, text) or len(blob) != 8 * self._size:
                 raise sqlite3.DatabaseError("a recording differs from its checksum")
-            found.append((sha256, date, np.frombuffer(blob, "<f8"), json.loads(text)))
+            found.append(
+                (sha256, date, np.frombuffer(blob, "<f8"), json.loads(text) if parsed else None)
+            )
         return found
 
 

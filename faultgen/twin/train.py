@@ -17,6 +17,7 @@ import numpy as np
 from faultgen.analysis import EffectPosterior
 from faultgen.dataset.experiment import check_seed
 from faultgen.dataset.reader import Dataset, StoredRun
+from faultgen.discovery.decision.numbers import KINDS
 from faultgen.discovery.terms.candidates import PAYLOAD, payload_terms
 from faultgen.errors import InputError, what_it_says
 from faultgen.provenance import provenance
@@ -55,6 +56,8 @@ class Learned:
     """Faults that can be named."""
     posterior: EffectPosterior
     """The detector of them."""
+    healthy: np.ndarray
+    """Mean and deviation of the healthy torque, as `Detector.healthy`."""
 
 
 def train(
@@ -97,6 +100,7 @@ def train(
         program=learned.program,
         faults=learned.faults,
         posterior=learned.posterior,
+        healthy=learned.healthy,
         recordings_per_month=recordings_per_month,
         constants=_constants(told),
         torque_gain=robot.torque_gain,
@@ -161,7 +165,13 @@ def learn(
         random_state=seed,
     )
     posterior.fit(program.whiten(healthy))
-    return Learned(program, tuple(faults), posterior)
+    days = columns.numbers
+    names = list(dict.fromkeys(name for name in KINDS if name in days.kinds))
+    scales = dict(zip(names, np.exp(posterior.log_scales_), strict=True))
+    std = np.array([scales[k] * s for k, s in zip(days.kinds, days.std, strict=True)])
+    variance = np.tensordot(std**2, np.array(days.columns, float) ** 2, axes=1)
+    deviation = np.sqrt(variance + program.noise.of_samples() ** 2)
+    return Learned(program, tuple(faults), posterior, np.stack([healthy.mean(axis=0), deviation]))
 
 
 def expected_delays(learned: Learned) -> list[dict[str, Any]]:

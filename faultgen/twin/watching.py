@@ -10,6 +10,8 @@ tried again when it changes; if a disk failed, it is tried again at every look.
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -127,6 +129,29 @@ class Watch:
         if message not in self._failing | self._failed_before:
             self._complain(f"{message}; trying again")
         self._failing.add(message)
+
+
+def check_settled(seconds: float) -> None:
+    """Refuse a time that is none.
+
+    Args:
+        seconds: How long a file must not change [s].
+
+    Raises:
+        InputError: It is negative, or not a number.
+    """
+    if not 0 <= seconds < math.inf:
+        raise InputError(f"settled: must be a number of seconds from 0 on, not {seconds:g}")
+
+
+def paused(seconds: float = PAUSE) -> bool:
+    """Wait, and return that it goes on.
+
+    Args:
+        seconds: How long [s].
+    """
+    time.sleep(seconds)
+    return True
 
 
 def _by_age(path: Path) -> tuple[float, str]:
