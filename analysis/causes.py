@@ -78,6 +78,8 @@ class Judgement:
     """Number of the recording, from 0, in which it was first there, if it is."""
     healthy: float
     """Probability that the robot is healthy."""
+    log_odds: Floats
+    """Logarithm of the odds of each cause against a healthy robot, shape (causes,)."""
     probabilities: Floats
     """Probability of each cause, shape (causes,)."""
     severities: Floats

@@ -252,10 +252,6 @@ class EffectPosterior(BaseEstimator):
             tried.append((float(logsumexp(logs)), length, logs[0]))
         statistic, length, logs = max(tried, key=lambda one: one[0])
         cause = int(np.argmax(logs))
-        place = lengths.index(length)
-        beside = range([0, *lengths][place] + 1, [*lengths, length + 1][place + 1])
-        odds = [self._log_odds(total[n - 1] / n, n, signs=False)[cause] for n in beside]
-        since = beside[int(np.argmax(odds))]
         # the newest recordings that are enough to show the effect: it may grow
         newest = min((n for value, n, _ in tried if value > self.limit_), default=length)
         below, middle, above = self._forms.severities(
@@ -264,12 +260,28 @@ class EffectPosterior(BaseEstimator):
         return Judgement(
             statistic > self.limit_,
             statistic,
-            len(scores) - since,
+            self._since(self._forms.turned(scores), cause),
             float(expit(-statistic)),
+            logs,
             np.exp(logs - np.logaddexp(0.0, statistic)),
             middle,
             np.stack([below, above], axis=1),
         )
+
+    def _since(self, turned: Floats, cause: int) -> int:
+        """Number of the recording from which a cause is there, all at once or growing evenly."""
+        best, found = -np.inf, len(turned) - 1
+        every = len(turned) if len(turned) < _LENGTH else 0
+        for length in sorted({*range(1, every + 1), *_lengths(len(turned))}):
+            newest = turned[len(turned) - length :]
+            for growth in (np.ones(length), np.arange(1, length + 1) / length):
+                size = float(growth @ growth)
+                mean = np.tensordot(growth, newest, axes=1) / size
+                variance = 1 / size + (growth.sum() / size) ** 2 / self.count_
+                odds = self._forms.log_bayes_factors(mean, variance, signs=False)[cause]
+                if odds > best:
+                    best, found = odds, len(turned) - length
+        return found
 
     def severity_path(self, scores: ArrayLike, cause: int) -> Floats:
         """Estimate a severity in each recording alone.

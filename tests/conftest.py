@@ -1,5 +1,6 @@
 import contextlib
 import io
+import json
 import os
 import signal
 import subprocess
@@ -222,3 +223,42 @@ def legends_have_a_place(monkeypatch):
         place(self, loc)
 
     monkeypatch.setattr(matplotlib.legend.Legend, "set_loc", checked)
+
+
+@pytest.fixture(scope="session")
+def twin(tiny_robot, tiny_task_path, tmp_path_factory):
+    """A furnished robot, a dataset of it and a detector."""
+    from recorded import record
+
+    from faultgen.dataset.experiment import make_experiment
+    from faultgen.dataset.reader import open_dataset
+    from faultgen.dataset.sweep import generate
+    from faultgen.recordings.recording import write_recording
+    from faultgen.twin.folder import RESULT, TASK
+    from faultgen.twin.make import furnish
+    from faultgen.twin.train import train
+
+    folder = tmp_path_factory.mktemp("twin")
+    healthy = [record(tiny_robot, tiny_task_path, seed) for seed in (1, 2, 3)]
+    furnish(tiny_robot, healthy, folder / "robot", compare=False)
+    told = {"recordings": ["a", "b", "c"], "torque_constants": None}
+    (folder / "robot" / RESULT).write_text(json.dumps(told))
+    experiment = make_experiment(
+        {
+            "robot": str(folder / "robot"),
+            "task": TASK,
+            "severity": [0.3],
+            "schedule": "linear",
+            "cycles": 12,
+            "repetitions": 2,
+        }
+    )
+    generate(experiment, folder / "data", progress=False)
+    train(open_dataset(folder / "data")).save(folder / "detector")
+    files = {}
+    cases = {"healthy": (), "worn": [("friction_wear", 2, 0.15)], "heavy": [("payload_mass", 2, 2)]}
+    for name, effects in cases.items():
+        recording = record(tiny_robot, tiny_task_path, 50 + len(files), effects)
+        files[name] = folder / f"{name}.h5"
+        write_recording(recording, files[name])
+    return folder, files

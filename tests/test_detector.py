@@ -1,6 +1,5 @@
 """From generated data to a detector, and its answers to recordings."""
 
-import json
 import os
 import re
 import shutil
@@ -20,39 +19,9 @@ from faultgen.recordings.recording import write_recording
 from faultgen.system.dates import date_of
 from faultgen.system.sealed_json import sealed, unsealed
 from faultgen.twin.detector import load_detector
-from faultgen.twin.folder import RESULT, TASK
+from faultgen.twin.folder import TASK
 from faultgen.twin.judge import Judge, line, watch
-from faultgen.twin.make import furnish
 from faultgen.twin.train import train
-
-
-@pytest.fixture(scope="module")
-def twin(tiny_robot, tiny_task_path, tmp_path_factory):
-    """A furnished robot, a dataset of it and a detector."""
-    folder = tmp_path_factory.mktemp("twin")
-    healthy = [record(tiny_robot, tiny_task_path, seed) for seed in (1, 2, 3)]
-    furnish(tiny_robot, healthy, folder / "robot", compare=False)
-    told = {"recordings": ["a", "b", "c"], "torque_constants": None}
-    (folder / "robot" / RESULT).write_text(json.dumps(told))
-    experiment = make_experiment(
-        {
-            "robot": str(folder / "robot"),
-            "task": TASK,
-            "severity": [0.3],
-            "schedule": "linear",
-            "cycles": 12,
-            "repetitions": 2,
-        }
-    )
-    generate(experiment, folder / "data", progress=False)
-    train(open_dataset(folder / "data")).save(folder / "detector")
-    files = {}
-    cases = {"healthy": (), "worn": [("friction_wear", 2, 0.15)], "heavy": [("payload_mass", 2, 2)]}
-    for name, effects in cases.items():
-        recording = record(tiny_robot, tiny_task_path, 50 + len(files), effects)
-        files[name] = folder / f"{name}.h5"
-        write_recording(recording, files[name])
-    return folder, files
 
 
 def test_recordings_are_judged(twin, tmp_path, tiny_robot):
@@ -70,7 +39,7 @@ def test_recordings_are_judged(twin, tmp_path, tiny_robot):
     assert (heavy["verdict"], heavy["effect"], heavy["axes"]) == ("fault", "payload_mass", [2])
     more = 2 * float(tiny_robot.model.body("payload").mass[0])  # three times the payload
     # its place is not known, so that a heavier one that is nearer to the joint looks alike
-    assert more / 2 < heavy["severity"] < 2 * more and heavy["unit"] == "kg"
+    assert more / 2.5 < heavy["severity"] < 2.5 * more and heavy["unit"] == "kg"
 
 
 def test_a_change_that_no_fault_explains_is_unknown(twin, tmp_path, tiny_robot, tiny_task_path):

@@ -17,9 +17,11 @@ from functools import cached_property
 import numpy as np
 
 from faultgen.analysis import Cause, Days, Effects, Form
+from faultgen.discovery.decision.arrays import REST
 from faultgen.discovery.decision.numbers import KINDS, Numbers, is_number, numbers_of
 from faultgen.discovery.decision.processes import OVER, Process, processes
 from faultgen.discovery.laws.friction_forms import forms_of
+from faultgen.discovery.replay.bristles import FRICTION
 from faultgen.discovery.replay.formulas import Formulas
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import FOLLOWS, sensitivities
@@ -227,7 +229,8 @@ class Columns:
         severities: Sequence[float],
     ) -> list[Form]:
         """Forms of a fault, whose signature is inexact."""
-        own = program.whiten(signature)
+        stuck = self._stuck(signature) if fault.effect in FRICTION else 0.0 * signature
+        own = program.whiten(signature - stuck)
         size = float(own @ own)
         if size == 0:
             return [Form(out.add([own]), (s * fault.largest,)) for s in severities]
@@ -238,8 +241,9 @@ class Columns:
         _, lengths, shapes = np.linalg.svd(wrong, full_matrices=False)
         count = min(_SHAPES, int(np.count_nonzero(lengths)))
         moments = self._moments(fault.axes[0]) if fault.effect == PAYLOAD else []
-        moved = [_OFF_CENTRE * program.whiten(one) for one in moments]
-        numbers = out.add([own, *(lengths[:count, None] * shapes[:count]), *moved])
+        other = [_OFF_CENTRE * program.whiten(one) for one in moments]
+        other += [program.whiten(stuck)] if stuck.any() else []
+        numbers = out.add([own, *(lengths[:count, None] * shapes[:count]), *other])
         others = (1.0,) * (len(numbers) - 1)
         return [
             Form(
@@ -249,6 +253,14 @@ class Columns:
             )
             for s in severities
         ]
+
+    def _stuck(self, signature: np.ndarray) -> np.ndarray:
+        """Half of a change of friction on axes at rest: there it may be anything up to the whole.
+
+        How far the bristles of an axis at rest are bent depends on how its servo came to rest.
+        """
+        speed = np.abs(self._formulas.motion.speed)
+        return signature * (speed < REST * speed.max(axis=0)) / 2
 
     def _smooth(self, axes: Sequence[int]) -> Iterator[np.ndarray]:
         """Smooth functions of the motion of some axes, shape (places, 1) each."""

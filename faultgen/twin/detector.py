@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from faultgen.analysis import Cause, Days, EffectPosterior, Effects, Form, Judgement
+from faultgen.discovery.terms.candidates import PAYLOAD
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
 from faultgen.recordings.noise import Autoregression
@@ -38,12 +39,17 @@ FORM, ARRAYS = "detector.json", "arrays.npz"
 FORMAT = 2
 """Version of the files."""
 
-SCALE = 0.3
+SCALE, SCALE_OF_GEARS = 0.3, 0.6
 """Standard deviation of the logarithm of a severity that is due to the model: a fault of some
-severity changes a real robot by more, or by less, than the same fault changes the model. Assumed;
-see docs/twin.md for how often the intervals are right."""
+severity changes a real robot by more, or by less, than the same fault changes the model. The second
+one is for effects behind the gearbox, such as play, whose change of the torque depends on the form
+of the play and on the servo. Assumed; docs/twin.md says how often the intervals are right."""
 
 _LARGEST = 512 * 2**20
+_EXPLAINS = 0.8
+"""Share of the log odds of an unknown change that a fault on the same axis must reach to be named
+in its place: assumed. A simulated signature is never exact, and the mean of many recordings shows
+every error of it, which an unknown change has not."""
 _LIKELY = 0.1  # probability from which another fault is named as well
 _NORMAL = 1.96  # standard deviations to each end of a 95 % interval
 
@@ -134,13 +140,14 @@ class Detector:
         }
         if not told.alarm:
             return answer
-        first, *others = named
+        first, *others = _without_needless(named)
         likely = [
             one for one in others if one["probability"] > _LIKELY and one["effect"] != UNKNOWN
         ]
         verdict = {UNKNOWN: "unknown change", TEMPERATURE: "other temperature"}.get(
             str(first["effect"]), "fault"
         )
+        first = {name: value for name, value in first.items() if name != "log_odds"}
         answer |= {"verdict": verdict, "alarm": verdict != "other temperature"} | first
         answer["alternatives"] = likely
         if verdict == "unknown change":
@@ -165,13 +172,15 @@ class Detector:
                 "effect": effect,
                 "axes": axes,
                 "probability": float(told.probabilities[k]),
+                "log_odds": float(told.log_odds[k]),
                 "severity": severity,
-                "interval": list(_widened(severity, float(low), float(high))),
+                "interval": list(_widened(severity, float(low), float(high), _scale_of(effect))),
                 "unit": unit,
             }
             known = found.setdefault((effect, *axes), one)
             if known is not one:
                 known["probability"] += one["probability"]
+                known["log_odds"] = max(known["log_odds"], one["log_odds"])
         return sorted(found.values(), key=lambda one: -one["probability"])
 
     def save(self, folder: Path) -> None:
@@ -222,13 +231,37 @@ class Detector:
         write_text(folder / FORM, sealed(told))
 
 
-def _widened(severity: float, low: float, high: float) -> tuple[float, float]:
-    """A 95 % interval that allows for `SCALE` as well."""
+def _without_needless(named: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """What may be there, without unknown changes if a fault on their axis explains nearly as much.
+
+    The probabilities are then those if the change is one of the others.
+    """
+    first = named[0]
+    if first["effect"] != UNKNOWN:
+        return named
+    known = [one for one in named if one["effect"] != UNKNOWN]
+    best = max(known, key=lambda one: float(one["log_odds"]))
+    enough = best["log_odds"] >= _EXPLAINS * first["log_odds"]
+    if not (enough and set(first["axes"]) <= set(best["axes"])):
+        return named
+    odds = np.array([one["log_odds"] for one in known])
+    shares = np.exp(odds - np.logaddexp.reduce([0.0, *odds]))
+    told = [{**one, "probability": float(p)} for one, p in zip(known, shares, strict=True)]
+    return sorted(told, key=lambda one: -float(one["probability"]))
+
+
+def _scale_of(effect: str) -> float:
+    at_rotor = effect in (UNKNOWN, TEMPERATURE, PAYLOAD) or get_effect(effect).prior.at_motor
+    return SCALE if at_rotor else SCALE_OF_GEARS
+
+
+def _widened(severity: float, low: float, high: float, scale: float) -> tuple[float, float]:
+    """A 95 % interval that allows for an error of the scale as well."""
     size = abs(severity)
     if size == 0:
         return low, high
-    more = float(np.expm1(_NORMAL * SCALE)) * size
-    less = float(-np.expm1(-_NORMAL * SCALE)) * size
+    more = float(np.expm1(_NORMAL * scale)) * size
+    less = float(-np.expm1(-_NORMAL * scale)) * size
     down, up = (less, more) if severity > 0 else (more, less)
     below = severity - float(np.hypot(severity - low, down))
     above = severity + float(np.hypot(high - severity, up))
