@@ -135,7 +135,11 @@ class EffectPosterior(BaseEstimator):
         self._log_prior = self._prior_odds()
 
     def state(self) -> dict[str, Floats]:
-        """Return what was learned, as arrays from which `restore` makes the same estimator."""
+        """Return what was learned, as arrays from which `restore` makes the same estimator.
+
+        Returns:
+            Each attribute by its name: numbers, and arrays of shape (features,) and (groups,).
+        """
         check_is_fitted(self)
         return {name: np.asarray(getattr(self, name), float) for name in _LEARNED}
 

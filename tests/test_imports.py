@@ -10,8 +10,20 @@ from pathlib import Path
 
 import pytest
 
+import faultgen
+
 ROOT = Path(__file__).parents[1]
 SOURCES = {"faultgen": ROOT / "faultgen", "faultgen.analysis": ROOT / "analysis"}
+
+PUBLIC = set(
+    """
+    Discovery InputError Judge Monitor Recording SimulationFailed __version__ calibrate
+    detect discover generate generate_fleet import_log isolate load_detector load_fleet
+    load_monitor load_robot make_twin open_dataset open_fleet open_parts read_recording
+    run_benchmark run_study train write_recording write_report
+    """.split()
+)
+"""Public names. A change here is a change of the interface."""
 
 
 def modules():
@@ -135,12 +147,21 @@ def test_analysis_depends_on_no_simulation():
                 ), (name, other)
 
 
-def test_faultgen_meets_analysis_in_evaluation_studies_and_reports_only():
+def test_faultgen_meets_analysis_in_evaluation_studies_reports_and_twins_only():
     """Simulation and data do not depend on the methods that are measured on them."""
-    meeting = {"faultgen.analysis", "faultgen.evaluation", "faultgen.studies", "faultgen.report"}
+    meeting = {"analysis", "evaluation", "studies", "report", "twin"}
+    meeting = {f"faultgen.{name}" for name in meeting}
     for name, others in GRAPH.items():
         if folder_of(name) not in meeting:
             assert not any(folder_of(other) == "faultgen.analysis" for other in others), name
+
+
+def test_the_public_names_are_those_that_are_listed():
+    """`dir(faultgen)` shows every command's function or class, and nothing else; all exist."""
+    own = {name for name in dir(faultgen) if name not in ("__all__", "__doc__", "__name__")}
+    assert own == set(faultgen.__all__) == PUBLIC
+    for name in PUBLIC:
+        assert getattr(faultgen, name) is not None
 
 
 def test_every_package_is_installed():

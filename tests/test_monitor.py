@@ -12,7 +12,8 @@ from recorded import record
 from faultgen.errors import InputError
 from faultgen.recordings.recording import write_recording
 from faultgen.system.dates import date_of
-from faultgen.twin.monitor import PAGE, TABLE, Monitor, in_units, load_monitor
+from faultgen.twin.followed import in_units
+from faultgen.twin.monitor import PAGE, TABLE, Monitor, load_monitor
 
 WEAR = (0.0, 0.0, 0.05, 0.1, 0.15, 0.2)
 """Wear of the robot that wears, on each day."""
@@ -138,7 +139,8 @@ def test_a_robot_is_repaired_in_the_memory_of_a_monitor(place, out, twin):
 
 
 @pytest.mark.parametrize(
-    ("severity", "unit", "words"), [(0.0625, "1", "6.25 %"), (2e-4, "rad", "0.0002 rad")]
+    ("severity", "unit", "words"),
+    [(0.0625, "1", "6.2 %"), (2e-4, "rad", "0.2 mrad"), (3.14, "kg", "3.1 kg")],
 )
 def test_severities_are_written_with_their_units(severity, unit, words):
     assert in_units(severity, unit) == words

@@ -24,6 +24,9 @@ class _Lazy(ModuleType):
             raise AttributeError(f"module '{self.__name__}' has no attribute '{name}'")
         return getattr(import_module(homes[name]), name)
 
+    def __dir__(self) -> list[str]:
+        return sorted({*self.__dict__.get("__all__", ()), "__all__", "__doc__", "__name__"})
+
     def __setattr__(self, name: str, value: Any) -> None:
         # a module of the package, once imported, must not hide the function of the same name
         if not (isinstance(value, ModuleType) and name in self.__dict__["_homes"]):

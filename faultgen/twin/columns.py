@@ -94,10 +94,13 @@ class Generated:
     """Whether these are cycles of the robot itself, and not of its model."""
 
     def signature(self, at: float) -> np.ndarray:
-        """Change of the torque per unit of severity about one severity, shape (places, n_axes).
+        """Compute the change of the torque per unit of severity about one severity.
 
         Args:
             at: Severity over the largest one.
+
+        Returns:
+            Shape (places, n_axes), in [N m] per unit of the effect.
         """
         linear, quadratic = self._curve
         return np.asarray((linear + quadratic * at) / self.fault.largest)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +13,7 @@ from faultgen.recordings.read import read_recording
 from faultgen.report.chart import Chart, axes, library, line
 from faultgen.report.page import page
 from faultgen.twin.alignment import find_cycles, mean_cycle
-
-if TYPE_CHECKING:
-    from faultgen.twin.monitor import Course, State
+from faultgen.twin.followed import Course, State
 
 _SHADES = (  # from none to the limit; on a light and on a dark background
     [[0, "#f4f4f4"], [0.5, "#f6b26b"], [1, "#b3261e"]],
@@ -50,7 +48,9 @@ def monitor_page(states: Sequence[State]) -> str:
         ],
         silent=silent,
         map=_map(states),
-        newest=max((one.answer["date"] for one in states if one.answer), default="never"),
+        newest=max((one.answer["date"] for one in states if one.answer), default="never")
+        .replace("T", " ")
+        .replace("+00:00", " UTC"),
         library=library(),
     )
 

@@ -1,0 +1,6 @@
+"""The version of the installed package."""
+
+from importlib.metadata import version
+
+__version__ = version("faultgen")
+"""Version, as in `pip show faultgen`."""
