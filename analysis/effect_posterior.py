@@ -34,6 +34,7 @@ Floats = NDArray[np.float64]
 
 _LARGEST = 3.5  # logarithm of the largest scale, and of the inverse of the smallest
 _FASTER = 1.4  # ratio of the numbers of recordings that are tried, from one to the next
+_FINELY = 1.03  # the same, for the begin of an effect
 _SEQUENCES, _LENGTH = 400, 120  # simulated healthy sequences, and recordings in each
 _CHUNK = 20  # sequences that are in memory at once
 _TAIL = 0.1  # share of the largest statistics, to which the exponential tail is fitted
@@ -264,7 +265,9 @@ class EffectPosterior(BaseEstimator):
         return Judgement(
             statistic > self.limit_,
             statistic,
-            self._since(self._forms.turned(scores), cause),
+            self._since(self._forms.turned(scores), cause)
+            if statistic > self.limit_
+            else len(scores) - length,
             float(expit(-statistic)),
             logs,
             np.exp(logs - np.logaddexp(0.0, statistic)),
@@ -274,17 +277,18 @@ class EffectPosterior(BaseEstimator):
 
     def _since(self, turned: Floats, cause: int) -> int:
         """Number of the recording from which a cause is there, all at once or growing evenly."""
-        best, found = -np.inf, len(turned) - 1
-        every = len(turned) if len(turned) < _LENGTH else 0
-        for length in sorted({*range(1, every + 1), *_lengths(len(turned))}):
-            newest = turned[len(turned) - length :]
+        best, found, count = -np.inf, len(turned) - 1, len(turned)
+        before = np.concatenate([np.zeros((1, *turned.shape[1:])), np.cumsum(turned, axis=0)])
+        for length in _lengths(count, _FINELY):
+            healthy = self.count_ + count - length  # what came before is healthy as well
+            usual = before[count - length] / healthy
             for growth in (np.ones(length), np.arange(1, length + 1) / length):
-                size = float(growth @ growth)
-                mean = np.tensordot(growth, newest, axes=1) / size
-                variance = 1 / size + (growth.sum() / size) ** 2 / self.count_
-                odds = self._forms.log_bayes_factors(mean, variance, signs=False)[cause]
-                if odds > best:
-                    best, found = odds, len(turned) - length
+                size, share = float(growth @ growth), float(growth.sum() / (growth @ growth))
+                mean = np.tensordot(growth, turned[count - length :], axes=1) / size
+                variance = 1 / size + share**2 / healthy
+                odds = self._forms.log_bayes_factors(mean - share * usual, variance, signs=False)
+                if odds[cause] > best:
+                    best, found = odds[cause], count - length
         return found
 
     def severity_path(self, scores: ArrayLike, cause: int) -> Floats:
@@ -410,10 +414,10 @@ class EffectPosterior(BaseEstimator):
         return np.asarray(factors + self._log_prior)
 
 
-def _lengths(count: int) -> list[int]:
+def _lengths(count: int, faster: float = _FASTER) -> list[int]:
     """Numbers of newest recordings since which an effect may be there."""
     found, next_one = [], 1.0
     while round(next_one) < count:
         found.append(round(next_one))
-        next_one = max(next_one * _FASTER, next_one + 1)
+        next_one = max(next_one * faster, next_one + 1)
     return [*found, count]
