@@ -254,7 +254,7 @@ class EffectPosterior(BaseEstimator):
         lengths, tried = _lengths(len(scores)), []
         for length in lengths:
             logs = self._log_odds(total[length - 1 : length] / length, length)
-            tried.append((float(logsumexp(logs)), length, logs[0]))
+            tried.append((float(np.logaddexp.reduce(logs[0])), length, logs[0]))
         statistic, length, logs = max(tried, key=lambda one: one[0])
         cause = int(np.argmax(logs))
         # the newest recordings that are enough to show the effect: it may grow

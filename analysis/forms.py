@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr, logsumexp, ndtr
+from scipy.special import log_ndtr, ndtr
 
 from .causes import Cause
 
@@ -126,7 +126,7 @@ class Forms:
         out = np.empty((3, len(self._first)))
         for k in range(len(self._first)):
             own = self.cause == k
-            weight = np.exp(logs[own] - logsumexp(logs[own]))
+            weight = np.exp(logs[own] - np.logaddexp.reduce(logs[own]))
             at = np.sort((mean[own, None] + spread[own, None] * _GRID).ravel())
             low = np.where(self._positive[own], ndtr(-mean[own] / spread[own]), 0.0)
             share = (ndtr((at[:, None] - mean[own]) / spread[own]) - low) / np.maximum(
