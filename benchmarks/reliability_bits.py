@@ -40,7 +40,7 @@ def bits(
 
         def judged() -> str:
             answer = Judge(folder / "detector", state).judge(new)
-            names = ("recording", "sha256", "again")
+            names = ("recording", "sha256", "again", "date", "since")  # a date is that of the file
             return json.dumps({k: v for k, v in answer.items() if k not in names})
 
         def fresh() -> str:
