@@ -194,7 +194,7 @@ def own_faults(setup: Setup, like: Detector, robot: Robot, rng: np.random.Genera
                     measured=True,
                 )
             )
-    found = learn(robot, like.motion, healthy, healthy, generated, RATE, 0)
+    found = learn(robot, like.motion, healthy, generated, RATE, 0)
     return replace(
         like,
         program=found.program,

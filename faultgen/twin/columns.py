@@ -155,6 +155,19 @@ class Columns:
             if term.name in FOLLOWS
         }
 
+    def apart(self, healthy: np.ndarray) -> np.ndarray:
+        """Compare one recording with the model: two that differ by as much as noise would.
+
+        What the model lacks counts as noise, so that less is detected.
+
+        Args:
+            healthy: Torque of the recording, shape (places, n_axes), in [N m].
+
+        Returns:
+            Shape (2, places, n_axes).
+        """
+        return np.stack([self._base + np.sqrt(2.0) * (healthy - self._base), self._base])
+
     @property
     def drivers(self) -> list[np.ndarray]:
         """Quantities with which noise may grow: speed and torque, shape (places, n_axes) each."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultgen.discovery.decision.numbers import Numbers
+from faultgen.discovery.decision.numbers import KINDS, Numbers
 from faultgen.recordings.noise import ORDER
 from faultgen.recordings.noise_level import Noise, levelled
 from faultgen.recordings.recording import Recording
@@ -101,7 +101,12 @@ def as_recording(motion: KnownMotion, torque: np.ndarray, robot: str) -> Recordi
 
 
 def program_of(
-    motion: KnownMotion, torque: np.ndarray, numbers: Numbers, drivers: Sequence[np.ndarray]
+    motion: KnownMotion,
+    torque: np.ndarray,
+    numbers: Numbers,
+    drivers: Sequence[np.ndarray],
+    *,
+    of_model: bool = False,
 ) -> Program:
     """Learn the noise of a program.
 
@@ -111,13 +116,17 @@ def program_of(
             n_axes), in [N m], at least two.
         numbers: What may differ from day to day.
         drivers: Quantities with which the noise may grow, shape (places, n_axes) each.
+        of_model: Whether a recording is compared with its model, and not with other recordings.
 
     Returns:
         The program.
     """
     count = len(torque)
     apart = (torque - torque.mean(axis=0)) * np.sqrt(count / (count - 1))
-    left = _without_days(apart, numbers)
+    std = np.array(numbers.std)
+    if of_model:
+        std = std / np.array([KINDS[kind].days for kind in numbers.kinds])
+    left = _without_days(apart, numbers, std)
     places, n_axes = torque.shape[1:]
     parts = [
         slice(k * places + part.start, k * places + part.stop)
@@ -133,10 +142,10 @@ def program_of(
     return Program(motion, Noise(noise.colour, level), min(window, max(1, shortest // 2)))
 
 
-def _without_days(apart: np.ndarray, numbers: Numbers) -> np.ndarray:
+def _without_days(apart: np.ndarray, numbers: Numbers, std: np.ndarray) -> np.ndarray:
     """What differences from day to day leave: noise, shape (recordings, places, n_axes)."""
     left = np.zeros_like(apart)
-    columns, std = np.array(numbers.columns, float), np.array(numbers.std)
+    columns = np.array(numbers.columns, float)
     for axis in range(apart.shape[2]):
         own = columns[:, :, axis].any(axis=1)
         design = columns[own, :, axis].T * std[own]

@@ -91,7 +91,7 @@ def train(
     measured = _measured(dataset, runs[0], motion)
     healthy = measured if len(measured) else torque[:_MOST]
     learned = learn(
-        robot, motion, healthy, torque, _generated(runs, motion, torque.mean(axis=0)), rate, seed
+        robot, motion, healthy, _generated(runs, motion, torque.mean(axis=0)), rate, seed
     )
     first = runs[0]
     return Detector(
@@ -123,7 +123,6 @@ def learn(
     robot: Robot,
     motion: KnownMotion,
     healthy: np.ndarray,
-    cycles: np.ndarray,
     generated: Sequence[Generated],
     rate: float,
     seed: int,
@@ -135,23 +134,17 @@ def learn(
         motion: The motion.
         healthy: Torque of healthy recordings at the places that are compared, shape (recordings,
             places, n_axes), in [N m].
-        cycles: The same of generated healthy cycles, which show the noise if there is only one
-            recording.
         generated: Cycles of each fault.
         rate: Rate of false alarms, per recording.
         seed: Seed of the random numbers from which the limit is found.
 
     Returns:
         What was learned.
-
-    Raises:
-        InputError: There are too few healthy cycles to learn the noise.
     """
     columns = Columns(as_recording(motion, healthy.mean(axis=0), robot.name), robot)
-    noisy = healthy if len(healthy) > 1 else cycles
-    if len(noisy) < 2:
-        raise InputError("the noise needs at least two healthy cycles; generate with more --cycles")
-    program = program_of(motion, noisy, columns.numbers, columns.drivers)
+    alone = len(healthy) == 1
+    noisy = columns.apart(healthy[0]) if alone else healthy
+    program = program_of(motion, noisy, columns.numbers, columns.drivers, of_model=alone)
     faults = [one.fault for one in generated]
     last = (PAYLOAD, (robot.n_axes,))
     if last not in [(fault.effect, fault.axes) for fault in faults]:
