@@ -21,25 +21,23 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import minimize
 from scipy.special import expit, logsumexp
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_array, check_is_fitted
 
 from .causes import Days, Effects, Judgement
+from .day_scales import LARGEST, day_stds, learn_days
 from .forms import Forms
 
 Floats = NDArray[np.float64]
 
-_LARGEST = 3.5  # logarithm of the largest scale, and of the inverse of the smallest
 _FASTER = 1.4  # ratio of the numbers of recordings that are tried, from one to the next
 _FINELY = 1.03  # the same, for the begin of an effect
 _SEQUENCES, _LENGTH = 400, 120  # simulated healthy sequences, and recordings in each
 _CHUNK = 20  # sequences that are in memory at once
 _TAIL = 0.1  # share of the largest statistics, to which the exponential tail is fitted
 _LEARNED = ("mean_", "count_", "log_scales_", "scale_errors_", "noise_", "limit_")
-_WORTH = 30.0  # number of features that it is worth that their noise should have a variance of 1
 _EDGE = 1e-9  # of information, below which it counts as none
 
 
@@ -67,6 +65,7 @@ class EffectPosterior(BaseEstimator):
         count_: Number of healthy recordings.
         log_scales_: Logarithm of the scale of each group of days, shape (groups,).
         scale_errors_: Its standard deviation, shape (groups,).
+        day_stds_: Standard deviation of each number from day to day, shape (numbers,).
         noise_: Variance of the noise; about 1 if the features are whitened.
         projection_: C^-1 A', shape (features, columns).
         information_: A C^-1 A', shape (columns, columns).
@@ -114,7 +113,8 @@ class EffectPosterior(BaseEstimator):
             )
         self.n_features_in_ = x.shape[1]
         self.count_, self.mean_ = len(x), x.mean(axis=0)
-        self._learn_days(x - self.mean_)
+        found = learn_days(self.days, x - self.mean_)
+        self.log_scales_, self.scale_errors_, self.noise_ = found
         self._prepare()
         self._set_limit()
         return self
@@ -122,7 +122,7 @@ class EffectPosterior(BaseEstimator):
     def _prepare(self) -> None:
         """Compute what follows from the scales and the noise."""
         days, columns = self.days.columns, np.asarray(self.effects.columns, float)
-        std = self._day_stds(self.log_scales_)
+        std = self.day_stds_ = day_stds(self.days, self.log_scales_)
         inner = (days * std[:, None]) @ days.T * std + self.noise_ * np.eye(len(std))
         across = (days * std[:, None]) @ columns.T
         explained = days.T @ (std[:, None] * cho_solve(cho_factor(inner), across))
@@ -172,48 +172,6 @@ class EffectPosterior(BaseEstimator):
         self._prepare()
         return self
 
-    def _day_stds(self, log_scales: Floats) -> Floats:
-        """Standard deviation of each number, shape (numbers,)."""
-        return np.asarray(self.days.stds * np.exp(log_scales)[self.days.groups])
-
-    def _learn_days(self, apart: Floats) -> None:
-        """Find the scales from the deviations of recordings from their mean."""
-        days, spreads = self.days, np.log(self.days.spreads)
-        freedom = len(apart) - 1
-        self.log_scales_, self.scale_errors_ = np.zeros(len(spreads)), spreads.copy()
-        self.noise_ = 1.0
-        if not freedom:
-            return
-        gram, right = days.columns @ days.columns.T, days.columns @ apart.T
-        if len(days.stds):
-            root, _, rank, _ = np.linalg.lstsq(gram, right, rcond=_EDGE)
-            left = float(np.sum(apart**2) - np.sum(root * right))
-        else:
-            left, rank = float(np.sum(apart**2)), np.int32(0)
-        free = freedom * max(apart.shape[1] - int(rank), 0)
-        self.noise_ = (max(left, 0.0) + _WORTH) / (free + _WORTH)
-        if not len(days.stds):
-            return
-
-        def cost(log_scales: Floats) -> float:
-            std = self._day_stds(log_scales)
-            scaled = right * std[:, None]
-            inner = gram * np.outer(std, std) / self.noise_ + np.eye(len(std))
-            factor = cho_factor(inner, lower=True)
-            half = freedom * np.log(np.diag(factor[0])).sum()
-            explained = float(np.sum(scaled * cho_solve(factor, scaled))) / self.noise_**2
-            return float(half - 0.5 * explained + 0.5 * np.sum((log_scales / spreads) ** 2))
-
-        bounds = [(-_LARGEST, _LARGEST)] * len(spreads)
-        best = minimize(cost, self.log_scales_, method="L-BFGS-B", bounds=bounds)
-        self.log_scales_ = np.asarray(best.x)
-        step = 0.05
-        for k in range(len(spreads)):  # curvature, one scale at a time
-            shift = step * np.eye(len(spreads))[k]
-            more, less = cost(self.log_scales_ + shift), cost(self.log_scales_ - shift)
-            curved = max((more + less - 2 * float(best.fun)) / step**2, 1 / spreads[k] ** 2)
-            self.scale_errors_[k] = curved**-0.5
-
     def transform(self, X: ArrayLike) -> Floats:
         """Reduce recordings to the numbers that are judged.
 
@@ -250,7 +208,8 @@ class EffectPosterior(BaseEstimator):
         """
         check_is_fitted(self)
         scores = np.atleast_2d(np.asarray(scores, float))
-        total = self._forms.turned(np.cumsum(scores[::-1], axis=0))
+        turned = self._forms.turned(scores)
+        total = np.cumsum(turned[::-1], axis=0)
         lengths, tried = _lengths(len(scores)), []
         for length in lengths:
             logs = self._log_odds(total[length - 1 : length] / length, length)
@@ -262,12 +221,11 @@ class EffectPosterior(BaseEstimator):
         below, middle, above = self._forms.severities(
             total[newest - 1] / newest, self._variance(newest)
         )
+        alarm = statistic > self.limit_
         return Judgement(
-            statistic > self.limit_,
+            alarm,
             statistic,
-            self._since(self._forms.turned(scores), cause)
-            if statistic > self.limit_
-            else len(scores) - length,
+            self._since(turned, cause) if alarm else len(scores) - length,
             float(expit(-statistic)),
             logs,
             np.exp(logs - np.logaddexp(0.0, statistic)),
@@ -358,8 +316,8 @@ class EffectPosterior(BaseEstimator):
             logs = self.log_scales_ + self.scale_errors_ * rng.standard_normal(
                 (count, len(self.scale_errors_))
             )
-            each = np.log(self.days.unlike) * rng.standard_normal((count, len(self.days.stds)))
-            logs = np.clip(logs, -_LARGEST, _LARGEST)[:, self.days.groups] + each
+            own = np.log(self.days.unlike) * rng.standard_normal((count, len(self.days.stds)))
+            logs = np.clip(logs, -LARGEST, LARGEST)[:, self.days.groups] + own
             std = (self.days.stds * np.exp(logs)).astype(np.float32)
             # recordings, and in the last place the mean of the healthy ones
             each = (count, length + 1)

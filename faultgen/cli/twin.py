@@ -146,6 +146,7 @@ def train(
     """  # noqa: D301
     existing_dataset(folder)
     from faultgen.dataset.manifest import refuse_data
+    from faultgen.twin.train import LONGEST
     from faultgen.twin.train import train as run_train
 
     if out.is_file():
@@ -174,21 +175,21 @@ def train(
         print_json(told)
         return
     for row in detector.made["expected"]:
-        say(_expected(row))
+        say(_expected(row, LONGEST))
     count = detector.made["measured"]
     source = f"{count} measured" if count else "generated"
     say(f"learned from {source} healthy recordings; {len(detector.faults)} faults; detector: {out}")
 
 
-def _expected(row: dict[str, Any]) -> str:
+def _expected(row: dict[str, Any], longest: int) -> str:
     """One line about the time to detection."""
     axes = "+".join(map(str, row["axes"]))
     unit = "" if row["unit"] == "1" else f" {row['unit']}"
     fault = f"{row['effect']} on axis {axes} of {row['severity']:.3g}{unit}"
     if row["recordings"] is None:
-        return f"{fault}: no alarm within 60 recordings in half of the robots"
+        return f"{fault}: no alarm within {longest} recordings in half of the robots"
     low, high = row["interval"]
-    most = "more than 60" if high is None else f"{high:.0f}"
+    most = f"more than {longest}" if high is None else f"{high:.0f}"
     return (
         f"{fault}: alarm after {row['recordings']:.0f} recordings (in 80 % of robots "
         f"{low:.0f} to {most})"

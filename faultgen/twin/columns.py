@@ -19,13 +19,13 @@ import numpy as np
 from faultgen.analysis import Cause, Days, Effects, Form
 from faultgen.discovery.decision.arrays import REST
 from faultgen.discovery.decision.numbers import KINDS, Numbers, is_number, numbers_of
-from faultgen.discovery.decision.processes import OVER, Process, processes
+from faultgen.discovery.decision.processes import Process, processes
 from faultgen.discovery.laws.friction_forms import forms_of
 from faultgen.discovery.replay.bristles import FRICTION
 from faultgen.discovery.replay.formulas import Formulas
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import FOLLOWS, sensitivities
-from faultgen.discovery.terms.candidates import PAYLOAD, Term, effect_terms, payload_terms
+from faultgen.discovery.terms.candidates import ARM, PAYLOAD, Term, effect_terms, payload_terms
 from faultgen.discovery.terms.inertia import inertia_terms
 from faultgen.effects import get_effect
 from faultgen.effects.temperature import friction_ratios
@@ -48,10 +48,10 @@ SEVERITIES = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
 2 lies between neighbours, and each covers half of its own severity (one standard deviation)."""
 
 _COVERS = 0.5
+_UNKNOWN_ON = f"{UNKNOWN} change of axis"
 _SHAPES = 6  # independent errors of a signature: those beyond change less than the noise
 _UNLIKE = 1.5  # by how much axes differ in their days; with it, 1 % was stated and 1 to 2 % found
 _UNKNOWN_SIZES = (0.01, 0.1)  # of torques of no known form, over the RMS torque of an axis
-_ARM = 0.1  # distance of the points of `payload_terms` [m]
 _OFF_CENTRE = 0.2  # of an unknown payload [m]: assumed
 _KELVIN = (3.0, 10.0)  # differences of the temperature between days [K]: assumed
 _UNEVEN = 0.3  # share by which an axis may be warmer than others: assumed
@@ -118,16 +118,13 @@ class _Causes:
 
     columns: list[np.ndarray] = field(default_factory=list)
     causes: list[Cause] = field(default_factory=list)
+    faults: list[Fault] = field(default_factory=list)
 
     def add(self, columns: Sequence[np.ndarray]) -> tuple[int, ...]:
         """Add columns, and return their numbers."""
         first = len(self.columns)
         self.columns += columns
         return tuple(range(first, len(self.columns)))
-
-    def effects(self) -> Effects:
-        """Put them together."""
-        return Effects(np.array(self.columns), tuple(self.causes))
 
 
 class Columns:
@@ -193,12 +190,17 @@ class Columns:
             _UNLIKE,
         )
 
-    def effects(self, program: Program, generated: Sequence[Generated]) -> Effects:
+    def effects(
+        self, program: Program, generated: Sequence[Generated]
+    ) -> tuple[Effects, tuple[Fault, ...]]:
         """Return all causes: the faults, a payload, the temperature, and unknown torques.
 
         Args:
             program: The program.
-            generated: Cycles of each fault. Its name is the label of its cause.
+            generated: Cycles of each fault.
+
+        Returns:
+            The causes, and all faults among them. A fault's name is the label of its cause.
         """
         out = _Causes()
         by_formula = self._by_formula(generated)
@@ -210,13 +212,13 @@ class Columns:
                 for at in SEVERITIES:
                     forms += self._forms(out, program, one.fault, one.signature(at), (at,))
             fault = one.fault
+            out.faults.append(fault)
             out.causes.append(Cause(fault.name, fault.effect, tuple(forms), positive=True))
-        last = (PAYLOAD, (self.robot.n_axes,))
-        if last not in [(one.fault.effect, one.fault.axes) for one in generated]:
+        if (PAYLOAD, (self.robot.n_axes,)) not in [(f.effect, f.axes) for f in out.faults]:
             self._add_payload(out, program)
         self._add_temperature(out, program)
         self._add_unknown(out, program)
-        return out.effects()
+        return Effects(np.array(out.columns), tuple(out.causes)), tuple(out.faults)
 
     def _by_formula(self, generated: Sequence[Generated]) -> dict[int, np.ndarray]:
         """Change of the torque per unit of each fault that has a formula on the measured motion."""
@@ -256,19 +258,13 @@ class Columns:
         wrong -= np.outer(wrong @ own / size, own)  # the rest is an error of the severity
         _, lengths, shapes = np.linalg.svd(wrong, full_matrices=False)
         count = min(_SHAPES, int(np.count_nonzero(lengths)))
-        moments = self._moments(fault.axes[0]) if fault.effect == PAYLOAD else []
+        moments = self._payload(fault.axes[0])[1:] if fault.effect == PAYLOAD else []
         other = [_OFF_CENTRE * program.whiten(one) for one in moments]
         other += [program.whiten(stuck)] if stuck.any() else []
         numbers = out.add([own, *(lengths[:count, None] * shapes[:count]), *other])
-        others = (1.0,) * (len(numbers) - 1)
-        return [
-            Form(
-                numbers,
-                (_COVERS * s * fault.largest, *(s * fault.largest * x for x in others)),
-                s * fault.largest,
-            )
-            for s in severities
-        ]
+        sizes = [s * fault.largest for s in severities]
+        others = len(numbers) - 1
+        return [Form(numbers, (_COVERS * size, *(size,) * others), size) for size in sizes]
 
     def _stuck(self, signature: np.ndarray) -> np.ndarray:
         """Half of a change of friction on axes at rest: there it may be anything up to the whole.
@@ -285,26 +281,34 @@ class Columns:
                 for bump in one.bumps:
                     yield bump[:, None]
 
-    def _moments(self, axis: int) -> list[np.ndarray]:
-        """Change of the torque per unit of mass and of distance from the flange, each direction."""
+    def _payload(self, axis: int) -> list[np.ndarray]:
+        """Change of the torque per unit of a mass at the flange, and of its distance from there.
+
+        Returns:
+            The mass, and its moment in each direction, shape (places, n_axes) each; none if masses
+            have no formula.
+        """
         terms = payload_terms(self.robot, axis)
         known = self._formulas.columns(terms)
         if any(term not in known for term in terms):
             return []
-        return [(known[term] - known[terms[0]]) / _ARM for term in terms[1:]]
+        first = known[terms[0]]
+        return [first, *((known[term] - first) / ARM for term in terms[1:])]
 
     def _add_payload(self, out: _Causes, program: Program) -> None:
         """Add a payload that the healthy robot has not, or that it has lost."""
         axis = self.robot.n_axes
-        terms = payload_terms(self.robot, axis)
-        known = self._formulas.columns(terms)
-        if any(term not in known for term in terms) or not known[terms[0]].any():
+        columns = self._payload(axis)
+        if not columns or not columns[0].any():
             return
-        usual = terms[0].step
-        columns = [known[terms[0]], *(_OFF_CENTRE * one for one in self._moments(axis))]
-        numbers = out.add([program.whiten(one) for one in columns])
+        usual = payload_terms(self.robot, axis)[0].step
+        # in kg also where severities of the catalogue are a share of the model's payload
+        fault = Fault(effect=PAYLOAD, axes=(axis,), largest=usual, unit="kg")
+        mass, *moments = (program.whiten(one) for one in columns)
+        numbers = out.add([mass, *(_OFF_CENTRE * one for one in moments)])
         forms = [Form(numbers, (s * usual,) * len(numbers)) for s in SEVERITIES]
-        out.causes.append(Cause(f"{PAYLOAD} on axis {axis}", PAYLOAD, tuple(forms)))
+        out.faults.append(fault)
+        out.causes.append(Cause(fault.name, fault.effect, tuple(forms)))
 
     def _add_temperature(self, out: _Causes, program: Program) -> None:
         """Add friction of all axes that follows another temperature, by Bittencourt's law."""
@@ -334,7 +338,7 @@ class Columns:
                 columns.append(program.whiten(column))
             numbers = out.add(columns)
             forms = [Form(numbers, (size,) * len(numbers)) for size in _UNKNOWN_SIZES]
-            label = f"{UNKNOWN} change of axis {one.axis} over {one.over}"
+            label = f"{_UNKNOWN_ON} {one.axis} over {one.over}"
             out.causes.append(Cause(label, UNKNOWN, tuple(forms)))
 
 
@@ -344,7 +348,4 @@ def unknown_axis(label: str) -> int | None:
     Args:
         label: Label of a cause.
     """
-    for over in OVER:
-        if label.startswith(f"{UNKNOWN} change of axis ") and label.endswith(f" over {over}"):
-            return int(label.split()[4])
-    return None
+    return int(label.split()[4]) if label.startswith(_UNKNOWN_ON) else None

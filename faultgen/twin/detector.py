@@ -97,6 +97,15 @@ class Detector:
         """
         return self.posterior.transform(self.program.features(mean_cycle(cycles))[None])[0]
 
+    def fault(self, effect: str, axes: Sequence[int]) -> Fault:
+        """Find a fault that it can name.
+
+        Args:
+            effect: Name of its effect.
+            axes: Its axes, from 1.
+        """
+        return next(f for f in self.faults if (f.effect, f.axes) == (effect, tuple(axes)))
+
     def severities(self, scores: np.ndarray, effect: str, axes: Sequence[int]) -> np.ndarray:
         """Estimate the severity of a fault in each recording alone.
 
@@ -108,9 +117,8 @@ class Detector:
         Returns:
             Quantiles 0.025, 0.5 and 0.975, shape (recordings, 3), in the unit of the effect.
         """
-        name = next(f.name for f in self.faults if (f.effect, f.axes) == (effect, tuple(axes)))
         labels = [cause.label for cause in self.posterior.effects.causes]
-        return self.posterior.severity_path(scores, labels.index(name))
+        return self.posterior.severity_path(scores, labels.index(self.fault(effect, axes).name))
 
     def judge(self, scores: np.ndarray) -> dict[str, Any]:
         """Judge a robot by its recordings since it was known to be healthy.

@@ -117,7 +117,8 @@ class Followed:
         dates, scores = self.judge.history()
         found = self.detector.severities(scores, answer["effect"], answer["axes"])
         days = (dates - dates[-1]) / DAY
-        limit = self.limit(answer["effect"], answer["axes"])
+        largest = self.detector.fault(answer["effect"], answer["axes"]).largest
+        limit = self.robot.limits.get(answer["effect"], largest)
         none = Course(days, found, np.zeros(0), np.zeros((3, 0)), limit, (None, None, None))
         if len(days) < _FEWEST or days[0] == days[-1]:
             return none
@@ -128,18 +129,6 @@ class Followed:
             float(x) if np.isfinite(x) else None for x in map(told.remaining, _QUANTILES)
         )
         return Course(days, found, told.times, told.severity(_QUANTILES), limit, remaining)
-
-    def limit(self, effect: str, axes: list[int]) -> float:
-        """Return the severity of a fault until which the robot may go on.
-
-        Args:
-            effect: Name of the effect.
-            axes: Its axes, from 1.
-        """
-        largest = next(
-            f.largest for f in self.detector.faults if (f.effect, list(f.axes)) == (effect, axes)
-        )
-        return self.robot.limits.get(effect, largest)
 
 
 @dataclass(frozen=True, eq=False)

@@ -108,7 +108,6 @@ class Judge:
         path = Path(path)
         recording, digest = _read(path)
         date = self._date(path, recording)
-        cycles = None
         with self._state.held() as stream:
             known = stream.known(digest)
             if known is not None:

@@ -26,7 +26,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from faultgen.effects import get_effect
+from faultgen.effects import EFFECTS
 from faultgen.errors import InputError, one_line
 from faultgen.system.files import write_text
 from faultgen.system.reading import read_text
@@ -67,7 +67,10 @@ def load_monitor(path: Path) -> MonitorPlan:
                 f"{path}: robot '{robot.name}' is listed twice; give each its own name"
             )
         for effect in robot.limits:
-            get_effect(effect)
+            if effect not in EFFECTS:
+                raise InputError(
+                    f"{path}: limits of robot '{robot.name}': unknown effect '{effect}'"
+                )
         for one in robot.program:
             one.detector, one.folder = path.parent / one.detector, path.parent / one.folder
             one.name = one.name or one.folder.name
@@ -105,7 +108,6 @@ class Monitor:
         self.out = out
         self._new = 0
         self._complain = complain or (lambda line: None)
-        out.mkdir(parents=True, exist_ok=True)
         detectors: dict[Path, Detector] = {}
         self.followed: list[Followed] = []
         """All programs of all robots."""
@@ -128,6 +130,7 @@ class Monitor:
                     settled,
                 )
                 self.followed.append(Followed(robot, one, judge, watch))
+        out.mkdir(parents=True, exist_ok=True)
 
     def _teller(
         self, tell: Callable[[str, str, dict[str, Any]], None] | None, robot: str, program: str

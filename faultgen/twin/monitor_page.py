@@ -68,17 +68,12 @@ def _map(states: Sequence[State]) -> Chart:
     text = [["" for _ in range(n_axes)] for _ in names]
     for one in states:
         row = names.index(one.of.robot.name)
-        count = len(one.of.detector.torque_gain)
         answer = one.answer
         if answer is None or not one.alarm:
             continue
+        course = one.course
+        share = min(abs(answer["severity"]) / course.limit, 1.0) if course else 1.0
         for axis in answer["axes"]:
-            if axis > count:
-                continue
-            course = one.course
-            share = 1.0
-            if course is not None and answer["severity"] is not None:
-                share = min(abs(answer["severity"]) / course.limit, 1.0)
             if share >= shares[row, axis - 1]:
                 shares[row, axis - 1] = share
                 text[row][axis - 1] = str(answer["effect"] or "unknown change")
@@ -158,7 +153,7 @@ def _course(one: State, course: Course) -> Chart:
                 early[seen],
                 1,
                 x=course.ahead[seen],
-                line={"width": 0.8, "dash": "dot"},
+                line=_DOTTED,
             ),
             line(
                 "forecast, 80 %",

@@ -1,7 +1,7 @@
 """What has been judged so far: an SQLite file that several processes may share.
 
 with State(Path("detector/state.sqlite"), detector).held() as stream:
-    stream.known(sha256), stream.scores_until(date)
+    stream.known(sha256), stream.since_repair(date)
     stream.keep(sha256, date, scores, answer)
 
 A file holds streams: the recordings of one program of one robot. SQLite writes a change as a whole

@@ -17,8 +17,6 @@ import numpy as np
 from faultgen.analysis import EffectPosterior
 from faultgen.dataset.experiment import check_seed
 from faultgen.dataset.reader import Dataset, StoredRun
-from faultgen.discovery.decision.numbers import KINDS
-from faultgen.discovery.terms.candidates import PAYLOAD, payload_terms
 from faultgen.errors import InputError, what_it_says
 from faultgen.provenance import provenance
 from faultgen.recordings.recording import TorqueConstants
@@ -43,7 +41,9 @@ RECORDINGS_PER_MONTH = 30.0
 _TORQUE, _POSITION = "signals/motor_torque", "signals/motor_position"
 _MOST = 200  # generated healthy cycles that stand for recordings, if there are no measured ones
 _EXPECTED = (0.1, 0.2)  # severities of which the time to detection is stated, over the largest one
-_SIMULATED, _LONGEST = 60, 60  # robots, and recordings of each, for these times
+_SIMULATED = 60  # robots, for these times
+LONGEST = 60
+"""Recordings of each of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,26 +145,13 @@ def learn(
     alone = len(healthy) == 1
     noisy = columns.apart(healthy[0]) if alone else healthy
     program = program_of(motion, noisy, columns.numbers, columns.drivers, of_model=alone)
-    faults = [one.fault for one in generated]
-    last = (PAYLOAD, (robot.n_axes,))
-    if last not in [(fault.effect, fault.axes) for fault in faults]:
-        usual = payload_terms(robot, robot.n_axes)[0].step
-        # in kg also where severities of the catalogue are a share of the model's payload
-        faults.append(Fault(effect=last[0], axes=last[1], largest=usual, unit="kg"))
+    effects, faults = columns.effects(program, generated)
     posterior = EffectPosterior(
-        columns.effects(program, generated),
-        columns.days(program),
-        false_alarms=rate,
-        random_state=seed,
-    )
-    posterior.fit(program.whiten(healthy))
-    days = columns.numbers
-    names = list(dict.fromkeys(name for name in KINDS if name in days.kinds))
-    scales = dict(zip(names, np.exp(posterior.log_scales_), strict=True))
-    std = np.array([scales[k] * s for k, s in zip(days.kinds, days.std, strict=True)])
-    variance = np.tensordot(std**2, np.array(days.columns, float) ** 2, axes=1)
-    deviation = np.sqrt(variance + program.noise.of_samples() ** 2)
-    return Learned(program, tuple(faults), posterior, np.stack([healthy.mean(axis=0), deviation]))
+        effects, columns.days(program), false_alarms=rate, random_state=seed
+    ).fit(program.whiten(healthy))
+    by_days = np.tensordot(posterior.day_stds_**2, np.array(columns.numbers.columns) ** 2, axes=1)
+    deviation = np.sqrt(by_days + program.noise.of_samples() ** 2)
+    return Learned(program, faults, posterior, np.stack([healthy.mean(axis=0), deviation]))
 
 
 def expected_delays(learned: Learned) -> list[dict[str, Any]]:
@@ -180,13 +167,11 @@ def expected_delays(learned: Learned) -> list[dict[str, Any]]:
     labels = [cause.label for cause in learned.posterior.effects.causes]
     rows = []
     for fault in learned.faults:
-        if fault.name not in labels:
-            continue
         for share in _EXPECTED:
             severity = share * fault.largest
             found = np.sort(
                 learned.posterior.delays(
-                    labels.index(fault.name), severity, longest=_LONGEST, sequences=_SIMULATED
+                    labels.index(fault.name), severity, longest=LONGEST, sequences=_SIMULATED
                 )
             )
             low, middle, high = (found[int(q * len(found))] for q in (0.1, 0.5, 0.9))

@@ -45,6 +45,9 @@ before their own as well."""
 HIDDEN_BEHIND_GEARS = tuple(one.name for one in EFFECTS.values() if one.prior.at_motor)
 """Effects that a torque sensor behind the gearbox does not see."""
 
+ARM = 0.1
+"""Distance of the points of `payload_terms` from the first one [m]."""
+
 FREE_GAINS = {"torque_constant": 150.0, "torque_offset": 500.0}
 """Effects that an unknown torque constant and offset imitate, and the factor of their prior
 standard deviations then: 30 % of the constant, and 10 % of the torque limit (assumed)."""
@@ -82,7 +85,6 @@ class Term:
 
 
 _POINTS = 0.02  # mass of a payload that the model says is none [kg]: assumed
-_ARM = 0.1  # distance of the points [m]
 _NEGLIGIBLE = 0.1  # standard deviation of a term that is allowed for elsewhere, over that term's
 
 
@@ -168,7 +170,7 @@ def payload_terms(robot: Robot, axis: int) -> list[Term]:
         axis: Number of the joint that carries the link on which the load is.
     """
     usual = PAYLOAD_SHARE * moving_mass(robot.model)
-    places = np.vstack([np.zeros(3), _ARM * np.eye(3)])
+    places = np.vstack([np.zeros(3), ARM * np.eye(3)])
     return [
         Term(PAYLOAD, axis, usual, _POINTS, tuple(zip("xyz", place.tolist(), strict=True)))
         for place in places
