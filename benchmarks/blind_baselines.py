@@ -26,8 +26,9 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, WhiteKernel
 
-from faultgen.discovery.replay.replay import relative_error, relative_errors, settled
+from faultgen.discovery.replay.replay import settled
 from faultgen.discovery.replay.samples import cut, samples_of
+from faultgen.discovery.replay.torque_error import relative_error, relative_errors
 from faultgen.discovery.result import NAMED, NONE, UNKNOWN
 from faultgen.recordings.read import read_recording
 from faultgen.recordings.recording import Recording

@@ -8,7 +8,8 @@ from recorded import record_cycle
 
 from faultgen.applied import Applied
 from faultgen.discovery.calibration.own_numbers import with_own_numbers
-from faultgen.discovery.replay.replay import Replay, relative_error, settled
+from faultgen.discovery.replay.replay import Replay, settled
+from faultgen.discovery.replay.torque_error import relative_error
 
 
 @pytest.fixture(scope="module")

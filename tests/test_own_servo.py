@@ -9,8 +9,9 @@ from recorded import PERIOD, record_cycle
 from faultgen.applied import Applied
 from faultgen.discovery import Recording
 from faultgen.discovery.replay.own_servo import with_own_servo
-from faultgen.discovery.replay.replay import Replay, relative_error, settled
+from faultgen.discovery.replay.replay import Replay, settled
 from faultgen.discovery.replay.servo_faults import find_servo_faults
+from faultgen.discovery.replay.torque_error import relative_error
 from faultgen.errors import InputError
 from faultgen.mjcf.dcmotor import INTEGRAL_GAIN, OFFSET, POSITION_GAIN, VELOCITY_GAIN, set_servo
 from faultgen.simulation.arm import Arm, motor_torque, nominal_friction

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from faultgen.discovery import Recording, Replay, replay, settled
 from faultgen.discovery.replay import followed
 from faultgen.discovery.replay.prescribed import prescribed
-from faultgen.discovery.replay.replay import relative_error
+from faultgen.discovery.replay.torque_error import relative_error
 from faultgen.effects import get_effect
 from faultgen.effects.coupling import add_coupling_friction
 from faultgen.errors import InputError

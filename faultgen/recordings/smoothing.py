@@ -86,6 +86,20 @@ def smoothings(position: np.ndarray, stronger: Sequence[float]) -> list[np.ndarr
     return [smoothed_with(position, min(own + more, _RANGE[1])) for more in stronger]
 
 
+def strength_of(position: np.ndarray, more: float) -> float | None:
+    """Find the penalty with which `smoothings` smooths a position.
+
+    Args:
+        position: Shape (samples,), equally spaced in time, in any unit.
+        more: Common logarithm of the factor of the penalty.
+
+    Returns:
+        Common logarithm of the penalty of third differences; None for a position without noise.
+    """
+    own = required(position)
+    return None if own is None else min(own + more, _RANGE[1])
+
+
 def required(position: np.ndarray) -> float | None:
     """Find how much smoothing the noise of a position requires.
 

@@ -25,7 +25,7 @@ from faultgen.discovery.fit.gap import gap
 from faultgen.discovery.fit.problem import Problem
 from faultgen.discovery.inputs import check_positive, read_together, usable
 from faultgen.discovery.replay.own_servo import nearest_servo, with_own_servo
-from faultgen.discovery.replay.replay import Replay, relative_error
+from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.samples import counted
 from faultgen.discovery.replay.servo_errors import DELAY, SHOWN
 from faultgen.discovery.replay.servo_faults import (
@@ -34,6 +34,7 @@ from faultgen.discovery.replay.servo_faults import (
     no_servo_faults,
 )
 from faultgen.discovery.replay.suited import suited_replay
+from faultgen.discovery.replay.torque_error import relative_error
 from faultgen.discovery.result import NAMED, NONE, PARTLY, UNKNOWN
 from faultgen.discovery.rigid.drives import GAIN
 from faultgen.discovery.terms.candidates import FREE_GAINS, Term, check_names, names_by_use

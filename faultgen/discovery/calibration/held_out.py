@@ -12,8 +12,9 @@ from functools import cached_property
 import numpy as np
 
 from faultgen.discovery.calibration.compared import Compared, compared
-from faultgen.discovery.replay.replay import Replay, relative_error
+from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.samples import samples_of
+from faultgen.discovery.replay.torque_error import relative_error
 from faultgen.discovery.rigid.classical import Regression, identify
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.recordings.recording import Recording

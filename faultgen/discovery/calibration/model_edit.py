@@ -13,7 +13,8 @@ import numpy as np
 
 from faultgen.discovery.fit.fit import Fit, changes_of
 from faultgen.discovery.fit.problem import Problem
-from faultgen.discovery.replay.replay import Replay, relative_error
+from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.replay.torque_error import relative_error
 from faultgen.discovery.rigid.drives import GAIN, edited
 from faultgen.discovery.terms.candidates import INERTIA, Term, applied
 from faultgen.discovery.terms.inertia import apply_inertia

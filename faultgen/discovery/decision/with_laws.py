@@ -15,7 +15,8 @@ from faultgen.discovery.fit.problem import Problem
 from faultgen.discovery.laws.law_curves import Courses, Curve
 from faultgen.discovery.laws.law_words import NAMES
 from faultgen.discovery.laws.learned_law import Learned, learn
-from faultgen.discovery.replay.replay import Replay, relative_error, relative_errors
+from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.replay.torque_error import relative_error, relative_errors
 from faultgen.discovery.result import MODEL, NAMED, NONE, PARTLY, UNKNOWN, Answer
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.inference.limits import LAW_ALIKE, LAW_ALONE, LAW_CERTAIN

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from faultgen.discovery.fit.problem import Problem
-from faultgen.discovery.replay.replay import relative_error, relative_errors
+from faultgen.discovery.replay.torque_error import relative_error, relative_errors
 
 
 def scored(problem: Problem) -> np.ndarray:

@@ -22,7 +22,8 @@ from faultgen.discovery.fit.problem import Problem
 from faultgen.discovery.laws.law_curves import Courses
 from faultgen.discovery.laws.law_fit import Choice, Regression, choose_curves
 from faultgen.discovery.laws.law_words import Formula, Part, formulas
-from faultgen.discovery.replay.replay import Changes, relative_error
+from faultgen.discovery.replay.replay import Changes
+from faultgen.discovery.replay.torque_error import relative_error
 from faultgen.effects import Applied
 from faultgen.effects.law_course import UNITS
 from faultgen.effects.learned import NAME

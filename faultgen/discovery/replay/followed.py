@@ -18,7 +18,7 @@ from scipy.interpolate import make_interp_spline
 from faultgen.discovery.replay.prescribed import prescribed
 from faultgen.errors import SimulationFailed
 from faultgen.recordings.recording import Recording
-from faultgen.recordings.smoothing import smoothings
+from faultgen.recordings.smoothing import smoothings, strength_of
 from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm, motor_torque
 from faultgen.simulation.cycle import Cycle
@@ -44,6 +44,9 @@ class Followed:
     cycles: list[Cycle] | None
     """What the model logs on this motion at every step of a simulation, in each separate recording;
     None if it was not simulated."""
+    strengths: list[list[float | None]]
+    """Common logarithm of the penalty with which each axis of each separate recording was smoothed;
+    None where it was not."""
 
 
 def followed(recording: Recording, robot: Robot, inside: np.ndarray) -> Followed:
@@ -57,11 +60,16 @@ def followed(recording: Recording, robot: Robot, inside: np.ndarray) -> Followed
     Returns:
         The motion.
     """
-    trials, first = _for_rigid_arm(recording, robot, inside, recording.joint_position(robot))
-    if recording.link:
-        return Followed(np.asarray(trials[first]), None)
-    best, cycles = _with_gearboxes(recording, robot, trials, first, inside)
-    return Followed(np.asarray(trials[best]), cycles)
+    measured = recording.joint_position(robot)
+    trials, best = _for_rigid_arm(recording, robot, inside, measured)
+    cycles = None
+    if not recording.link:
+        best, cycles = _with_gearboxes(recording, robot, trials, best, inside)
+    strengths = [
+        [strength_of(measured[part, axis], STRONGER[best]) for axis in range(robot.n_axes)]
+        for part in recording.parts
+    ]
+    return Followed(np.asarray(trials[best]), cycles, strengths)
 
 
 def rotor_steps(robot: Robot, position: np.ndarray, period: float) -> np.ndarray:

@@ -124,6 +124,11 @@ class Formulas:
             out |= self._friction(rubs)
         if in_gear or links:
             out |= self._behind_gears(in_gear, links)
+        load = self.replay.load
+        if load is not None:
+            for term in out:
+                if term.name not in _OF_LOG:
+                    out[term] = load.seen(out[term])
         scale = 1.0 if recording.side == "motor" or recording.link else self.robot.gear_ratio
         return {term: (column * scale).astype(np.float32) for term, column in out.items()}
 

@@ -12,6 +12,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from faultgen.discovery.replay.followed import followed, rotor_steps
 from faultgen.discovery.replay.prescribed import TURN, prescribed, stiffen
+from faultgen.discovery.replay.smoothed_load import SmoothedLoad
 from faultgen.discovery.terms.candidates import INERTIA, Term, applied
 from faultgen.discovery.terms.inertia import Moved, apply_inertia
 from faultgen.effects import Applied, get_effect
@@ -69,10 +70,14 @@ class Replay:
         n_axes)."""
         self.moved: Moved | None = None
         """How the robot's links came from those to which terms refer; None if they are the same."""
+        self.load: SmoothedLoad | None = None
+        """What loads on the rotors change; None where they change the torque by themselves."""
         self._cycles: list[Cycle] | None = None
         if measured:
             found = followed(recording, robot, settled(recording, robot))
             self.wanted = found.position
+            if not recording.link:
+                self.load = SmoothedLoad(recording, robot, found.strengths)
             # simulated there without a temperature
             self._cycles = None if self.by_temperature(()) else found.cycles
         else:
@@ -163,9 +168,13 @@ class Replay:
         """
         if self.recording.link:
             return self._logged("gear_torque", changes, disturbance)
-        torque = self._logged("motor_torque", changes, disturbance)
-        if disturbance is not None:  # the drives of a robot that follows commands log their part
-            torque -= disturbance / self.robot.torque_gain
+        if self.measured:
+            torque = self._compared(changes)
+        else:
+            torque = self._logged("motor_torque", changes, disturbance)
+        if disturbance is not None:  # the drives log their part of what is needed
+            pushed = disturbance if self.load is None else self.load.seen(disturbance)
+            torque -= pushed / self.robot.torque_gain
         return torque if self.recording.side == "motor" else torque * self.robot.gear_ratio
 
     @property
@@ -202,14 +211,23 @@ class Replay:
         self, channel: str, changes: Changes, disturbance: np.ndarray | None = None
     ) -> np.ndarray:
         """A channel of the simulation at the samples of the recording."""
-        recording, timestep = self.recording, self.robot.model.opt.timestep
-        logged = np.empty_like(recording.torque)
-        every = _whole(recording.sample_period / timestep)
-        runs: Iterable[Cycle]
+        return self._sampled(channel, self._runs(changes, disturbance))
+
+    def _runs(self, changes: Changes, disturbance: np.ndarray | None = None) -> Iterable[Cycle]:
+        """Simulate each separate recording."""
         if self.measured:
-            runs = self._prescribed(changes) if changes else self.cycles
-        else:
-            runs = self._commanded(changes, disturbance, every)
+            return self._prescribed(changes) if changes else self.cycles
+        return self._commanded(changes, disturbance)
+
+    @property
+    def _every(self) -> int:
+        """Steps of the simulation in a sample of the recording, see `_whole`."""
+        return _whole(self.recording.sample_period / self.robot.model.opt.timestep)
+
+    def _sampled(self, channel: str, runs: Iterable[Cycle]) -> np.ndarray:
+        """A channel of simulations at the samples of the recording."""
+        recording, timestep = self.recording, self.robot.model.opt.timestep
+        logged, every = np.empty_like(recording.torque), self._every
         for part, run in zip(recording.parts, runs, strict=True):
             values = getattr(run, channel)[:: every if self.measured else 1]
             if every > 1 or np.isclose(recording.sample_period, timestep):
@@ -221,17 +239,28 @@ class Replay:
                 logged[part, axis] = np.interp(times, simulated, values[:, axis])
         return logged
 
+    def _compared(self, changes: Changes) -> np.ndarray:
+        """Torque of the motors that smoothed positions let expect; see `smoothed_load`."""
+        if self.load is None:
+            return self._logged("motor_torque", changes)
+        runs = list(self._runs(changes))
+        torque, speed = (self._sampled(name, runs) for name in ("motor_torque", "motor_velocity"))
+        inertia = self.robot.model.dof_M0[list(self.robot.motors)] / self.robot.torque_gain
+        of_motion = np.empty_like(torque)
+        for part in self.recording.parts:
+            rate = np.gradient(speed[part], self.recording.sample_period, axis=0)
+            of_motion[part] = inertia * rate
+        return of_motion + self.load.seen(torque - of_motion)
+
     def _prescribed(self, changes: Changes) -> Iterator[Cycle]:
         """Simulate each separate recording on its measured positions, at every step."""
         for plant, rotors in zip(self._plants(changes), self.rotors, strict=True):
             yield prescribed(self.robot, plant, rotors)
 
-    def _commanded(
-        self, changes: Changes, disturbance: np.ndarray | None, every: int
-    ) -> Iterator[Cycle]:
+    def _commanded(self, changes: Changes, disturbance: np.ndarray | None) -> Iterator[Cycle]:
         """Simulate each separate recording with a servo that follows commands."""
         robot, recording = self.robot, self.recording
-        period = every * robot.model.opt.timestep
+        period = self._every * robot.model.opt.timestep
         of_parts = zip(self._plants(changes), self.controls, recording.parts, strict=True)
         for plant, control, part in of_parts:
             if disturbance is not None:
@@ -336,48 +365,6 @@ def replay(
         if isinstance(error.__cause__, InputError):  # the caller asked for what cannot be
             raise error.__cause__ from None
         raise
-
-
-def relative_errors(square: np.ndarray, recording: Recording, inside: np.ndarray) -> np.ndarray:
-    """Compute the RMS error of each axis divided by its RMS torque in the whole recording.
-
-    An axis may rest without torque at the samples that are used. Its noise there must not look like
-    a large error.
-
-    Args:
-        square: Squared error of each sample, or of each axis; shape (samples, n_axes) or (n_axes,).
-        recording: The recording with the torque.
-        inside: Samples that are used, shape (samples, n_axes).
-
-    Returns:
-        Shape (n_axes,), without unit; 0 for axes without torque, or of which no sample is used.
-    """
-    torque = np.mean(recording.torque**2, axis=0)
-    wrong = np.where(inside, square, 0.0).sum(axis=0) / np.maximum(inside.sum(axis=0), 1)
-    return np.sqrt(np.where(torque > 0, wrong / np.where(torque > 0, torque, 1.0), 0.0))
-
-
-def relative_error(square: np.ndarray, recording: Recording, inside: np.ndarray) -> float:
-    """Compute the root mean square of `relative_errors` over the axes that have torque.
-
-    Args:
-        square: As for `relative_errors`.
-        recording: The recording with the torque.
-        inside: Samples that are used, shape (samples, n_axes).
-
-    Returns:
-        The relative error, without unit.
-
-    Raises:
-        InputError: No sample can be used.
-    """
-    by_axis = relative_errors(square, recording, inside)
-    seen = np.any(inside & (recording.torque != 0), axis=0)
-    if not seen.any():
-        raise InputError(
-            f"{recording.source}: no sample can be used; give a recording with more motion"
-        )
-    return float(np.sqrt(np.mean(by_axis[seen] ** 2)))
 
 
 def settled(recording: Recording, robot: Robot) -> np.ndarray:
