@@ -10,10 +10,12 @@ from conftest import faultgen_here
 from recorded import record
 
 from faultgen.errors import InputError
+from faultgen.recordings.read import read_recording
 from faultgen.recordings.recording import write_recording
 from faultgen.system.dates import date_of
 from faultgen.twin.followed import in_units
 from faultgen.twin.monitor import PAGE, TABLE, Monitor, load_monitor
+from faultgen.twin.together import together
 
 WEAR = (0.0, 0.0, 0.05, 0.1, 0.15, 0.2)
 """Wear of the robot that wears, on each day."""
@@ -46,7 +48,7 @@ def out(place):
     """What the command wrote."""
     done = faultgen_here("monitor", place / "monitor.toml", "--once", "-o", place / "out")
     assert done.returncode == 0, done.stderr
-    assert "2 programs, 1 with an alarm" in done.stdout
+    assert "2 robots, 1 with an alarm" in done.stdout
     return place / "out"
 
 
@@ -144,3 +146,69 @@ def test_a_robot_is_repaired_in_the_memory_of_a_monitor(place, out, twin):
 )
 def test_severities_are_written_with_their_units(severity, unit, words):
     assert in_units(severity, unit) == words
+
+
+def test_programs_of_one_robot_are_put_together(place, out, tmp_path):
+    """Wear in one program only: the healthy recordings of the other speak against it."""
+    detector = re.search(r'detector = "(.*)"', (place / "monitor.toml").read_text())[1]
+    config = tmp_path / "two.toml"
+    config.write_text(
+        '[[robot]]\nname = "worn"\n'
+        + "".join(
+            f'[[robot.program]]\ndetector = "{detector}"\nfolder = "{place / name}"\n'
+            for name in ("worn", "fine")
+        )
+    )
+    monitor = Monitor(load_monitor(config), tmp_path / "out", settled=0.0)
+    monitor.look()
+    monitor.write()
+    (robot,) = json.loads((tmp_path / "out" / TABLE).read_text())
+    of_worn, of_fine = robot["programs"]
+    assert of_worn["answer"]["verdict"] == "fault" and not of_fine["answer"]["alarm"]
+    answer = robot["answer"]
+    assert set(answer["programs"]) == {"worn", "fine"}
+    assert answer["recordings"] > of_fine["answer"]["recordings"] - 2
+    assert answer["severity"] < of_worn["answer"]["severity"]
+    assert "worn, fine: healthy" in (tmp_path / "out" / PAGE).read_text()
+
+
+def test_the_same_fault_in_two_programs_is_as_severe_and_surer(place, out, tmp_path):
+    text = (place / "monitor.toml").read_text()
+    detector = re.search(r'detector = "(.*)"', text)[1]
+    (tmp_path / "again").mkdir()
+    for path in sorted((place / "worn").glob("day*.h5")):
+        one = read_recording(path)
+        late = replace(one, date=one.date + 60.0, torque=one.torque * (1 + 1e-9))
+        write_recording(late, tmp_path / "again" / path.name)
+    config = tmp_path / "two.toml"
+    config.write_text(
+        '[[robot]]\nname = "worn"\n'
+        + "".join(
+            f'[[robot.program]]\ndetector = "{detector}"\nfolder = "{folder}"\n'
+            for folder in (place / "worn", tmp_path / "again")
+        )
+    )
+    monitor = Monitor(load_monitor(config), tmp_path / "out", settled=0.0)
+    monitor.look()
+    (robot,) = monitor.robots()
+    one = robot.programs[0].answer
+    assert (robot.answer["effect"], robot.answer["axes"]) == ("friction_wear", [2])
+    assert robot.answer["probability"] >= one["probability"] - 1e-9
+    single = together([robot.programs[0], robot.programs[0]])
+    assert single["recordings"] == robot.answer["recordings"]
+    assert robot.answer["severity"] == pytest.approx(single["severity"], rel=1e-3)
+    assert robot.sentence().startswith("worn, axis 2: friction_wear")
+    assert robot.course is not None
+
+
+def test_judge_writes_a_page(place, out, twin, tmp_path):
+    state, page = tmp_path / "state.sqlite", tmp_path / "page.html"
+    files = sorted((place / "worn").glob("day*.h5"))
+    done = faultgen_here("judge", twin[0] / "detector", *files, "--state", state, "--page", page)
+    assert done.returncode == 0, done.stderr
+    assert "1 alarm" in page.read_text() and "friction_wear" in page.read_text()
+    page.unlink()
+    again = faultgen_here("judge", twin[0] / "detector", "--state", state, "--page", page)
+    assert again.returncode == 0 and "1 alarm" in page.read_text()
+    wrong = faultgen_here("judge", twin[0] / "detector", "--page", tmp_path)
+    assert wrong.returncode == 2 and "must be a file" in wrong.stderr

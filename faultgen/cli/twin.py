@@ -228,6 +228,13 @@ def judge(
             help="Date of a repair, such as 2026-03-12: earlier recordings do not count any more."
         ),
     ] = None,
+    page: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write an HTML page about the robot to this file: what was found, the severity "
+            "over time with its forecast, and the torque over the healthy band."
+        ),
+    ] = None,
     settled: Annotated[
         float,
         typer.Option(
@@ -253,6 +260,8 @@ def judge(
     With --watch, a file that cannot be judged is reported, and tried again when it changes; if a
     disk fails, it is tried again until the disk works. Several processes may use one --state.
 
+    --page shows the robot as 'faultgen monitor' does; without recordings, as it was judged before.
+
     With --json, the answers are a JSON list, or one JSON object in each line with --watch.
     """
     existing_detector(detector)
@@ -262,13 +271,26 @@ def judge(
     from faultgen.twin.judge import Judge, line
     from faultgen.twin.judge import watch as run_watch
 
-    if watch is None and not recordings and repaired is None:
-        raise InputError("give recordings to judge, a folder with --watch, or a date --repaired")
+    if watch is None and not recordings and repaired is None and page is None:
+        raise InputError(
+            "give recordings to judge, a folder with --watch, a date --repaired, or a --page"
+        )
+    if page is not None and page.is_dir():
+        raise InputError(f"page: must be a file such as {page / 'page.html'}, not a folder")
     one = Judge(detector, state, robot, program)
     if repaired is not None:
         one.repaired(date_of(repaired, "repaired"))
+
+    def write_page() -> None:
+        if page is not None:
+            from faultgen.system.files import write_text
+            from faultgen.twin.monitor_page import judge_page
+
+            write_text(page, judge_page(one))
+
     if as_json and watch is None:
         print_json([one.judge(path) for path in recordings or []])
+        write_page()
         return
 
     def tell(answer: dict[str, Any]) -> None:
@@ -284,8 +306,9 @@ def judge(
 
     for path in recordings or []:
         tell(one.judge(path))
+    write_page()
     if watch is not None:
-        run_watch(one, watch, tell, note, settled=settled)
+        run_watch(one, watch, tell, note, settled=settled, seen=write_page)
 
 
 @app.command()
@@ -349,9 +372,9 @@ def monitor(
     while not once and paused():
         if one.look():
             one.write()
-    states = one.states()
+    robots = one.robots()
     if as_json:
-        print_json([state.table() for state in states])
+        print_json([robot.table() for robot in robots])
         return
-    alarms = [state for state in states if state.alarm]
-    say(f"{len(states)} programs, {len(alarms)} with an alarm; page: {out / PAGE}")
+    alarms = [robot for robot in robots if robot.alarm]
+    say(f"{len(robots)} robots, {len(alarms)} with an alarm; page: {out / PAGE}")

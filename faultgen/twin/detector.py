@@ -148,33 +148,27 @@ class Detector:
         }
         if not told.alarm:
             return answer
-        first, *others = _without_needless(named)
-        likely = [
-            one for one in others if one["probability"] > _LIKELY and one["effect"] != UNKNOWN
-        ]
-        verdict = {UNKNOWN: "unknown change", TEMPERATURE: "other temperature"}.get(
-            str(first["effect"]), "fault"
-        )
-        first = {name: value for name, value in first.items() if name != "log_odds"}
-        answer |= {"verdict": verdict, "alarm": verdict != "other temperature"} | first
-        answer["alternatives"] = likely
-        if verdict == "unknown change":
-            answer |= {"effect": None, "severity": None, "interval": None, "unit": None}
-        return answer
+        return answer | verdict_of(named)
+
+    def causes(self) -> list[tuple[str, list[int], str]]:
+        """Return effect, axes and unit of the severity of each cause of `posterior`."""
+        by_name = {fault.name: fault for fault in self.faults}
+        found = []
+        for cause in self.posterior.effects.causes:
+            axis = unknown_axis(cause.label)
+            if axis is not None:
+                found.append((UNKNOWN, [axis], ""))
+            elif cause.label == TEMPERATURE:
+                found.append((TEMPERATURE, list(range(1, len(self.torque_gain) + 1)), "K"))
+            else:
+                fault = by_name[cause.label]
+                found.append((fault.effect, list(fault.axes), fault.unit))
+        return found
 
     def _named(self, told: Judgement) -> list[dict[str, Any]]:
         """Effects and axes that may be there, most probable first; unknown changes by axis."""
         found: dict[tuple, dict[str, Any]] = {}
-        by_name = {fault.name: fault for fault in self.faults}
-        for k, cause in enumerate(self.posterior.effects.causes):
-            axis, unit = unknown_axis(cause.label), ""
-            if axis is not None:
-                effect, axes = UNKNOWN, [axis]
-            elif cause.label == TEMPERATURE:
-                effect, axes, unit = TEMPERATURE, list(range(1, len(self.torque_gain) + 1)), "K"
-            else:
-                fault = by_name[cause.label]
-                effect, axes, unit = fault.effect, list(fault.axes), fault.unit
+        for k, (effect, axes, unit) in enumerate(self.causes()):
             severity, (low, high) = float(told.severities[k]), told.intervals[k]
             one = {
                 "effect": effect,
@@ -182,7 +176,7 @@ class Detector:
                 "probability": float(told.probabilities[k]),
                 "log_odds": float(told.log_odds[k]),
                 "severity": severity,
-                "interval": list(_widened(severity, float(low), float(high), _scale_of(effect))),
+                "interval": list(widened(effect, severity, float(low), float(high))),
                 "unit": unit,
             }
             known = found.setdefault((effect, *axes), one)
@@ -239,6 +233,30 @@ class Detector:
         write_text(folder / FORM, sealed(told))
 
 
+def verdict_of(named: list[dict[str, Any]]) -> dict[str, Any]:
+    """Say what an alarm means.
+
+    Args:
+        named: Effects and axes that may be there, the most probable first, with `effect`, `axes`,
+            `probability`, `log_odds`, `severity`, `interval` and `unit`.
+
+    Returns:
+        Entries of an answer: verdict, alarm, those of the first effect, and `alternatives`.
+    """
+    first, *others = _without_needless(named)
+    verdict = {UNKNOWN: "unknown change", TEMPERATURE: "other temperature"}.get(
+        str(first["effect"]), "fault"
+    )
+    first = {name: value for name, value in first.items() if name != "log_odds"}
+    told = {"verdict": verdict, "alarm": verdict != "other temperature"} | first
+    told["alternatives"] = [
+        one for one in others if one["probability"] > _LIKELY and one["effect"] != UNKNOWN
+    ]
+    if verdict == "unknown change":
+        told |= {"effect": None, "severity": None, "interval": None, "unit": None}
+    return told
+
+
 def _without_needless(named: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """What may be there, without unknown changes if a fault on their axis explains nearly as much.
 
@@ -263,9 +281,19 @@ def _scale_of(effect: str) -> float:
     return SCALE if at_rotor else SCALE_OF_GEARS
 
 
-def _widened(severity: float, low: float, high: float, scale: float) -> tuple[float, float]:
-    """A 95 % interval that allows for an error of the scale as well."""
-    size = abs(severity)
+def widened(effect: str, severity: float, low: float, high: float) -> tuple[float, float]:
+    """Widen a 95 % interval of a severity by the error of the model's scale.
+
+    Args:
+        effect: Name of the effect.
+        severity: Estimate, in the unit of the effect.
+        low: Lower end.
+        high: Upper end.
+
+    Returns:
+        The ends of the wider interval.
+    """
+    size, scale = abs(severity), _scale_of(effect)
     if size == 0:
         return low, high
     more = float(np.expm1(_NORMAL * scale)) * size

@@ -18,7 +18,6 @@ from pydantic import BaseModel, ConfigDict, Field
 from faultgen.analysis import forecast_severity
 from faultgen.twin.detector import Detector
 from faultgen.twin.judge import Judge
-from faultgen.twin.watching import Watch
 
 DAY = 86400.0
 """Seconds in a day."""
@@ -87,16 +86,15 @@ class Course:
 class Followed:
     """One program of one robot."""
 
-    def __init__(self, robot: RobotPlan, plan: ProgramPlan, judge: Judge, watch: Watch) -> None:
+    def __init__(self, robot: RobotPlan, plan: ProgramPlan, judge: Judge) -> None:
         """Put it together.
 
         Args:
             robot: The robot.
             plan: The program.
             judge: Its detector with its memory.
-            watch: Its folder.
         """
-        self.robot, self.plan, self.judge, self.watch = robot, plan, judge, watch
+        self.robot, self.plan, self.judge = robot, plan, judge
 
     @property
     def detector(self) -> Detector:
@@ -164,33 +162,41 @@ class State:
 
     def sentence(self) -> str:
         """Say what is known in one sentence."""
-        name = f"{self.of.robot.name}, {self.of.plan.name}"
-        answer = self.answer
-        if answer is None:
-            return f"{name}: no recording yet"
-        if not answer["alarm"]:
-            warm = answer["verdict"] == "other temperature"
-            more = ", friction of all axes as at another temperature" if warm else ""
-            return f"{name}: healthy{more} ({answer['recordings']} recordings)"
-        axes = " and ".join(map(str, answer["axes"]))
-        where = f"{name}, axis {axes}"
-        since = f"since {answer['since'][:10]}"
-        if answer["verdict"] != "fault":
-            return f"{where}: a change that no known fault explains, {since}"
-        size = in_units(answer["severity"], answer["unit"])
-        low, high = (in_units(x, answer["unit"]) for x in answer["interval"])
-        told = f"{where}: {answer['effect']} of {size} [{low}, {high}], {since}"
-        course = self.course
-        if course is None:
-            return told
-        limit = in_units(course.limit, answer["unit"])
-        early, _, late = course.remaining
-        if early is None:
-            return f"{told}; the limit of {limit} is not near"
-        if early == 0:
-            return f"{told}; the limit of {limit} may be reached"
-        until = "later" if late is None else f"{late:.0f}"
-        return f"{told}; limit of {limit} in {early:.0f} to {until} days"
+        return sentence(f"{self.of.robot.name}, {self.of.plan.name}", self.answer, self.course)
+
+
+def sentence(name: str, answer: Mapping[str, Any] | None, course: Course | None) -> str:
+    """Say in one sentence what is known of a robot or of one of its programs.
+
+    Args:
+        name: How the sentence begins.
+        answer: To the newest recording; None if there is none.
+        course: How its fault goes on; None if no fault is named.
+    """
+    if answer is None:
+        return f"{name}: no recording yet"
+    if not answer["alarm"]:
+        warm = answer["verdict"] == "other temperature"
+        more = ", friction of all axes as at another temperature" if warm else ""
+        return f"{name}: healthy{more} ({answer['recordings']} recordings)"
+    axes = " and ".join(map(str, answer["axes"]))
+    where = f"{name}, axis {axes}"
+    since = f"since {answer['since'][:10]}"
+    if answer["verdict"] != "fault":
+        return f"{where}: a change that no known fault explains, {since}"
+    size = in_units(answer["severity"], answer["unit"])
+    low, high = (in_units(x, answer["unit"]) for x in answer["interval"])
+    told = f"{where}: {answer['effect']} of {size} [{low}, {high}], {since}"
+    if course is None:
+        return told
+    limit = in_units(course.limit, answer["unit"])
+    early, _, late = course.remaining
+    if early is None:
+        return f"{told}; the limit of {limit} is not near"
+    if early == 0:
+        return f"{told}; the limit of {limit} may be reached"
+    until = "later" if late is None else f"{late:.0f}"
+    return f"{told}; limit of {limit} in {early:.0f} to {until} days"
 
 
 def in_units(severity: float, unit: str) -> str:

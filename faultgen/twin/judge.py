@@ -211,6 +211,7 @@ def watch(
     complain: Callable[[str], None],
     pause: Callable[[float], bool] | None = None,
     settled: float = SETTLED,
+    seen: Callable[[], None] | None = None,
 ) -> None:
     """Judge recordings as they appear in a folder; `faultgen.twin.watching` says which and when.
 
@@ -221,6 +222,7 @@ def watch(
         complain: Called with a line for each file that cannot be judged, and for a disk that fails.
         pause: Waits for some seconds, and returns whether to go on. Default: it waits, and goes on.
         settled: How long a file without a checksum must not change before it is judged [s].
+        seen: Called after each look in which a recording was judged.
 
     Raises:
         InputError: There is no such folder, or the time is none.
@@ -229,9 +231,19 @@ def watch(
         raise InputError(f"{folder}: no such folder to watch")
     check_settled(settled)
     pause = pause or paused
-    watched = Watch(one.judge, folder, tell, complain, settled)
+    judged = 0
+
+    def count(answer: dict[str, Any]) -> None:
+        nonlocal judged
+        judged += 1
+        tell(answer)
+
+    watched = Watch(one.judge, folder, count, complain, settled)
     while True:
+        before = judged
         watched.look()
+        if seen is not None and judged > before:
+            seen()
         if not pause(PAUSE):
             return
 

@@ -34,6 +34,7 @@ from faultgen.twin.detector import Detector, load_detector
 from faultgen.twin.followed import Followed, MonitorPlan, State
 from faultgen.twin.judge import Judge
 from faultgen.twin.monitor_page import monitor_page
+from faultgen.twin.together import RobotState, robot_states
 from faultgen.twin.watching import SETTLED, Watch
 
 STATE, PAGE, TABLE = "monitor.sqlite", "index.html", "robots.json"
@@ -111,6 +112,7 @@ class Monitor:
         detectors: dict[Path, Detector] = {}
         self.followed: list[Followed] = []
         """All programs of all robots."""
+        self._watches: list[Watch] = []
         for robot in plan.robot:
             for one in robot.program:
                 if not one.folder.is_dir():
@@ -129,7 +131,8 @@ class Monitor:
                     self._complain,
                     settled,
                 )
-                self.followed.append(Followed(robot, one, judge, watch))
+                self._watches.append(watch)
+                self.followed.append(Followed(robot, one, judge))
         out.mkdir(parents=True, exist_ok=True)
 
     def _teller(
@@ -149,13 +152,13 @@ class Monitor:
             Number of recordings that were judged.
         """
         self._new = 0
-        for one in self.followed:
-            one.watch.look()
+        for watch in self._watches:
+            watch.look()
         return self._new
 
-    def states(self) -> list[State]:
-        """Return what is known of all programs, in the order of the configuration."""
-        return [State(one, one.judge.latest()) for one in self.followed]
+    def robots(self) -> list[RobotState]:
+        """Return what is known of all robots, in the order of the configuration."""
+        return robot_states([State(one, one.judge.latest()) for one in self.followed])
 
     def write(self) -> None:
         """Write page and table.
@@ -163,7 +166,7 @@ class Monitor:
         Raises:
             StorageFailed: They cannot be written. Then the earlier ones are still there.
         """
-        states = self.states()
-        table = [one.table() for one in states]
+        robots = self.robots()
+        table = [one.table() for one in robots]
         write_text(self.out / TABLE, json.dumps(table, indent=1) + "\n")
-        write_text(self.out / PAGE, monitor_page(states))
+        write_text(self.out / PAGE, monitor_page(robots))

@@ -13,7 +13,9 @@ from faultgen.recordings.read import read_recording
 from faultgen.report.chart import Chart, axes, library, line
 from faultgen.report.page import page
 from faultgen.twin.alignment import find_cycles, mean_cycle
-from faultgen.twin.followed import Course, State
+from faultgen.twin.followed import Course, Followed, ProgramPlan, RobotPlan, State
+from faultgen.twin.judge import Judge
+from faultgen.twin.together import RobotState, robot_states
 
 _SHADES = (  # from none to the limit; on a light and on a dark background
     [[0, "#f4f4f4"], [0.5, "#f6b26b"], [1, "#b3261e"]],
@@ -25,49 +27,71 @@ _DETAILS = 20
 _ROW, _LEAST = 22, 120  # height of a row of the map, and of the map without them [px]
 
 
-def monitor_page(states: Sequence[State]) -> str:
+def monitor_page(robots: Sequence[RobotState]) -> str:
     """Make the page.
 
     Args:
-        states: Of all programs of all robots.
+        robots: What is known of each robot.
 
     Returns:
         The HTML of the page.
     """
-    alarms = sorted((one for one in states if one.alarm), key=_since, reverse=True)
-    silent = [one.sentence() for one in states if one.answer is None]
+    alarms = sorted((one for one in robots if one.alarm), key=_since, reverse=True)
+    programs = [one for robot in robots for one in robot.programs]
+    silent = [one.sentence() for one in programs if one.answer is None]
     return page(
         "monitor.html",
-        robots=len({one.of.robot.name for one in states}),
+        robots=len(robots),
         alarms=[
             {
                 "sentence": one.sentence(),
+                "programs": _programs(one),
                 "charts": list(_charts(one)) if k < _DETAILS else [],
             }
             for k, one in enumerate(alarms)
         ],
         silent=silent,
-        map=_map(states),
-        newest=max((one.answer["date"] for one in states if one.answer), default="never")
+        map=_map(robots),
+        newest=max((one.answer["date"] for one in programs if one.answer), default="never")
         .replace("T", " ")
         .replace("+00:00", " UTC"),
         library=library(),
     )
 
 
-def _since(one: State) -> str:
+def judge_page(judge: Judge) -> str:
+    """Make the page of one program of one robot.
+
+    Args:
+        judge: Its detector with its memory.
+
+    Returns:
+        The HTML of the page.
+    """
+    detector = judge.detector
+    name, task = detector.robot, detector.task
+    program = ProgramPlan(name=task, detector=Path(), folder=Path())
+    of = Followed(RobotPlan(name=name, program=[program]), program, judge)
+    return monitor_page(robot_states([State(of, judge.latest())]))
+
+
+def _since(one: RobotState) -> str:
     assert one.answer is not None
     return str(one.answer["since"])
 
 
-def _map(states: Sequence[State]) -> Chart:
+def _programs(one: RobotState) -> list[str]:
+    """A sentence for each program of a robot with several."""
+    return [each.sentence() for each in one.programs] if len(one.programs) > 1 else []
+
+
+def _map(robots: Sequence[RobotState]) -> Chart:
     """Severity over its limit, by robot and axis."""
-    names = list(dict.fromkeys(one.of.robot.name for one in states))
-    n_axes = max(len(one.of.detector.torque_gain) for one in states)
+    names = [one.robot.name for one in robots]
+    n_axes = max(len(each.of.detector.torque_gain) for one in robots for each in one.programs)
     shares = np.zeros((len(names), n_axes))
     text = [["" for _ in range(n_axes)] for _ in names]
-    for one in states:
-        row = names.index(one.of.robot.name)
+    for row, one in enumerate(robots):
         answer = one.answer
         if answer is None or not one.alarm:
             continue
@@ -92,7 +116,7 @@ def _map(states: Sequence[State]) -> Chart:
         "colorbar": {"title": {"text": "of the limit"}, "tickformat": ".0%", "thickness": 12},
         "meta": {"scale": _SHADES, "axis": 0},
     }
-    worst = [one.sentence() for one in states if one.alarm]
+    worst = [one.sentence() for one in robots if one.alarm]
     return Chart(
         title="Robots and axes",
         traces=[trace],
@@ -108,12 +132,12 @@ def _map(states: Sequence[State]) -> Chart:
     )
 
 
-def _charts(one: State) -> Iterator[Chart]:
+def _charts(one: RobotState) -> Iterator[Chart]:
     """Charts of an alarm: the course of the fault, and the torque of the newest recording."""
-    course = one.course
-    if course is not None:
-        yield _course(one, course)
-    torque = _torque(one)
+    leading = one.leading or next(each for each in one.programs if each.alarm)
+    if leading.course is not None:
+        yield _course(leading, leading.course)
+    torque = _torque(leading)
     if torque is not None:
         yield torque
 
