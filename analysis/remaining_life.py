@@ -81,6 +81,7 @@ def forecast_severity(
     rng: np.random.Generator,
     horizon: float | None = None,
     samples: int = 1000,
+    scale_error: float = 0.0,
 ) -> Forecast:
     """Forecast a severity.
 
@@ -93,9 +94,11 @@ def forecast_severity(
         rng: Source of randomness.
         horizon: Time over which the severity is forecast. Default: five times the time seen.
         samples: Number of simulated courses.
+        scale_error: Standard deviation of the logarithm of a factor by which all severities may be
+            wrong together, because the model by which they are estimated is.
 
     Returns:
-        The forecast.
+        The forecast, which allows for this factor.
 
     Raises:
         ValueError: Shapes differ, there are fewer than three times, or a number is impossible.
@@ -111,6 +114,8 @@ def forecast_severity(
         raise ValueError("times and severities must be finite, and errors above 0")
     if not limit > 0:
         raise ValueError(f"limit must be above 0, got {limit}")
+    if not (scale_error >= 0 and np.isfinite(scale_error)):
+        raise ValueError(f"scale_error must not be negative, got {scale_error}")
     t, y, e = _averaged(t, y, e)
     span = float(t[-1] - t[0])
     horizon = _FAR * span if horizon is None else horizon
@@ -131,6 +136,7 @@ def forecast_severity(
     counts = rng.multinomial(samples, weight / weight.sum())
     drawn = [fits[k].draw(ahead, int(counts[k]), rng) for k in np.flatnonzero(counts)]
     courses = np.concatenate(drawn)
+    courses *= np.exp(scale_error * rng.standard_normal(len(courses)))[:, None]
     above = courses >= limit
     first = np.argmax(above, axis=1)
     reached = np.where(above.any(axis=1), ahead[first] * span, np.inf)

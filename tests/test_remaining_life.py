@@ -50,6 +50,22 @@ def test_a_limit_that_is_reached_or_far_away_is_told():
     assert never.remaining(0.1) == np.inf
 
 
+def test_an_error_of_the_scale_makes_the_forecast_wider_and_not_later():
+    """Constant wear of a severity that may be wrong by a factor: the time follows the factor."""
+    time = np.arange(50.0)
+    told = forecast_severity(
+        time,
+        0.002 * time,
+        np.full(50, 1e-5),
+        limit=LIMIT,
+        rng=np.random.default_rng(4),
+        scale_error=0.2,
+    )
+    for quantile, normal in ((0.1, -1.2816), (0.5, 0.0), (0.9, 1.2816)):
+        expected = LIMIT / (0.002 * np.exp(-0.2 * normal)) - 49
+        assert told.remaining(quantile) == pytest.approx(expected, abs=4.0)
+
+
 def test_many_estimates_are_averaged_without_loss():
     rng = np.random.default_rng(3)
     time = np.arange(2000.0) / 10

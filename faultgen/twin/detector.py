@@ -276,7 +276,12 @@ def _without_needless(named: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return sorted(told, key=lambda one: -float(one["probability"]))
 
 
-def _scale_of(effect: str) -> float:
+def scale_of(effect: str) -> float:
+    """Return the standard deviation of the logarithm of a severity that is due to the model.
+
+    Args:
+        effect: Name of the effect.
+    """
     at_rotor = effect in (UNKNOWN, TEMPERATURE, PAYLOAD) or get_effect(effect).prior.at_motor
     return SCALE if at_rotor else SCALE_OF_GEARS
 
@@ -293,7 +298,7 @@ def widened(effect: str, severity: float, low: float, high: float) -> tuple[floa
     Returns:
         The ends of the wider interval.
     """
-    size, scale = abs(severity), _scale_of(effect)
+    size, scale = abs(severity), scale_of(effect)
     if size == 0:
         return low, high
     more = float(np.expm1(_NORMAL * scale)) * size

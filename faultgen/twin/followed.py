@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from faultgen.analysis import forecast_severity
-from faultgen.twin.detector import Detector
+from faultgen.twin.detector import Detector, scale_of
 from faultgen.twin.judge import Judge
 
 DAY = 86400.0
@@ -122,7 +122,14 @@ class Followed:
             return none
         errors = np.maximum((found[:, 2] - found[:, 0]) / 3.92, 1e-9)
         rng = np.random.default_rng(_SEED)
-        told = forecast_severity(days, found[:, 1], errors, limit=limit, rng=rng)
+        told = forecast_severity(
+            days,
+            found[:, 1],
+            errors,
+            limit=limit,
+            rng=rng,
+            scale_error=scale_of(answer["effect"]),
+        )
         remaining = tuple(
             float(x) if np.isfinite(x) else None for x in map(told.remaining, _QUANTILES)
         )

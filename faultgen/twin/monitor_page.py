@@ -195,7 +195,8 @@ def _course(one: State, course: Course) -> Chart:
         title=f"{answer['effect']} of axis {' and '.join(map(str, answer['axes']))}",
         traces=traces,
         caption="Severity by the time from the newest recording. The scale of all severities of a "
-        "robot may be wrong by 30 % (one standard deviation), which the points do not show.",
+        "robot may be wrong by the error of its model. The points do not show it; the forecast "
+        "allows for.",
         description=one.sentence(),
         layout=axes("time [days]", f"severity [{unit}]"),
     )
