@@ -8,7 +8,7 @@ catalogue has.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,11 +16,23 @@ import numpy as np
 from faultgen.discovery.replay.formulas import Motion
 from faultgen.recordings.recording import Recording
 
-OVER = ("joint angle", "joint angle, by direction", "speed", "acceleration", "load", "time")
-"""Variables."""
+_IN_TURN = ("motor angle", "motor angle, by direction")
+OVER = (
+    "joint angle",
+    "joint angle, by direction",
+    *_IN_TURN,
+    "speed",
+    "acceleration",
+    "load",
+    "time since reversal",
+    "time",
+)
+"""Variables. The motor angle counts in a turn of the motor; time since reversal by its logarithm."""
 
 _BUMPS = 6  # along the usual range of a variable: a fifth of it is a length over which laws change
 _USUAL = (0.01, 0.99)  # quantiles of the usual range
+_BUMPS_OF_TURN = 8  # around a turn: up to four waves
+_TURNS = 3.0  # of a motor in a recording, from which a turn repeats
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,19 +61,50 @@ def processes(recording: Recording, motion: Motion) -> Iterator[Process]:
     """
     time = np.arange(len(motion.speed)) * recording.sample_period
     for axis in range(motion.speed.shape[1]):
-        joint, speed = motion.joint[:, axis], motion.speed[:, axis]
+        joint, speed, angle = (x[:, axis] for x in (motion.joint, motion.speed, motion.angle))
         turns, always = np.sign(speed), np.ones_like(speed)
         variables = (
             (joint, always),
             (joint, turns),
+            (angle, always),
+            (angle, turns),
             (speed, always),
             (motion.acceleration[:, axis] * turns, turns),  # a change of the speed
             (motion.gear[:, axis], turns),
+            (np.log1p(since_reversal(speed, recording.parts)), turns),
             (time, turns),
         )
         for over, (x, times) in zip(OVER, variables, strict=True):
+            if over in _IN_TURN:
+                if np.ptp(angle) > _TURNS * 2 * np.pi:
+                    yield Process(axis + 1, over, _around(angle) * times)
+                continue
             low, high = np.quantile(x, _USUAL)
             if high > low:
                 place = np.clip((x - low) / (high - low), 0, 1) * (_BUMPS - 1)
                 bumps = np.maximum(1 - np.abs(place - np.arange(_BUMPS)[:, None]), 0)
                 yield Process(axis + 1, over, bumps * times)
+
+
+def _around(angle: np.ndarray) -> np.ndarray:
+    """Bumps around a turn, shape (bumps, samples)."""
+    place = angle / (2 * np.pi) * _BUMPS_OF_TURN
+    apart = (place - np.arange(_BUMPS_OF_TURN)[:, None]) % _BUMPS_OF_TURN
+    return np.maximum(1 - np.minimum(apart, _BUMPS_OF_TURN - apart), 0)
+
+
+def since_reversal(speed: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+    """Count the samples since an axis last turned back, or began to be recorded.
+
+    Args:
+        speed: Shape (samples,).
+        parts: Samples of each separate recording.
+
+    Returns:
+        Shape (samples,).
+    """
+    number = np.arange(len(speed))
+    turned = np.zeros(len(speed), bool)
+    turned[1:] = speed[1:] * speed[:-1] <= 0
+    turned[[part.start for part in parts]] = True
+    return number - np.maximum.accumulate(np.where(turned, number, 0))
