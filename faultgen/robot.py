@@ -20,6 +20,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from html import escape
 from importlib import resources
 from pathlib import Path
 
@@ -52,7 +53,7 @@ COUPLING = "wrist_coupling"
 _ROUNDING = 1e-9  # by which a joint may be outside its range [rad or m]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Robot:
     """A robot model and the numbers that were read from it.
 
@@ -106,6 +107,31 @@ class Robot:
     found another value."""
     friction_temperature: float = field(init=False)
     """Temperature at which the friction parameters hold, in [deg C]."""
+
+    def __repr__(self) -> str:
+        effects = ", ".join(f"{one.effect} of axis {one.axis}" for one in self.effects)
+        with_effects = f", with {effects}" if effects else ""
+        return f"Robot('{self.name}', {self.n_axes} axes{with_effects})"
+
+    def _repr_html_(self) -> str:
+        """A table of the axes, which notebooks show."""
+        rows = "".join(
+            f"<tr><td>{axis + 1}</td><td>{'slide' if self.slides[axis] else 'hinge'}</td>"
+            + "".join(f"<td>{value:.4g}</td>" for value in values)
+            + "</tr>"
+            for axis, values in enumerate(
+                zip(
+                    self.gear_ratio,
+                    *self.joint_range.T,
+                    self.motor_velocity_limit,
+                    self.motor_torque_limit,
+                    strict=True,
+                )
+            )
+        )
+        heads = ("axis", "joint", "gear ratio", "from [rad, m]", "to", "speed [rad/s]", "[N m]")
+        head = "".join(f"<th>{one}</th>" for one in heads)
+        return f"<p>{escape(repr(self))}</p><table><tr>{head}</tr>{rows}</table>"
 
     def __post_init__(self) -> None:
         model = self.model

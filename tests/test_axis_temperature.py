@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from faultgen.discovery import read_recording, replay, write_recording
+from faultgen.discovery import read_recording, write_recording
 from faultgen.discovery.fit.diagnostics import regimes
 from faultgen.discovery.fit.problem import Kinematics
-from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.replay.replay import Replay, replay
 from faultgen.discovery.replay.sensitivities import kept_in, sensitivities
 from faultgen.discovery.terms.candidates import Term
 from faultgen.effects import Applied

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from faultgen import discover
-from faultgen.discovery import check_recording, replay, settled
+from faultgen.discovery import check_recording, settled
 from faultgen.discovery.accept import accepted
 from faultgen.discovery.laws.friction_law import with_friction_law
+from faultgen.discovery.replay.replay import replay
 from faultgen.discovery.rigid.classical import DRIVE, Coupling, Regression, identify
 from faultgen.recordings.recording import write_recording
 from faultgen.robot import load_robot

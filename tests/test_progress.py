@@ -13,6 +13,7 @@ from joblib import delayed
 from faultgen.system import progress
 from faultgen.system.parallel import in_parallel
 from faultgen.system.progress import Progress, clock, follow, line
+from faultgen.system.terminal import LOGGER, print_messages
 
 
 @pytest.fixture
@@ -20,6 +21,17 @@ def at_once(monkeypatch):
     """Lines begin at once, not after five seconds."""
     monkeypatch.delenv("TQDM_DISABLE", raising=False)
     monkeypatch.setattr(progress, "FIRST_LINE", 0.0)
+
+
+@pytest.fixture(autouse=True)
+def printed(monkeypatch):
+    """Messages are printed, as by a command."""
+    monkeypatch.setattr(LOGGER, "handlers", [])
+    monkeypatch.setattr(LOGGER, "propagate", True)
+    level = LOGGER.level
+    print_messages()
+    yield
+    LOGGER.setLevel(level)
 
 
 def count(counter, steps):

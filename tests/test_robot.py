@@ -3,6 +3,7 @@ import re
 import numpy as np
 import pytest
 
+from faultgen.applied import Applied
 from faultgen.errors import InputError
 from faultgen.robot import load_robot
 from faultgen.simulation.nominal import nominal
@@ -84,3 +85,11 @@ def test_what_a_task_needs_does_not_depend_on_the_controller(tiny_robot, tiny_ta
     assert (only.mean_torque > 0).all() and not only.control.any(axis=0).all()
     for name in ("angle", "speed", "torque"):
         np.testing.assert_array_equal(getattr(only.limits, name), getattr(full.limits, name))
+
+
+def test_a_robot_is_shown_in_one_line_and_in_notebooks_as_a_table():
+    robot = load_robot("puma560")
+    assert repr(robot) == "Robot('puma560', 6 axes)"
+    worn = robot.with_effects([Applied("delay", 2, 0.004)])
+    assert repr(worn) == "Robot('puma560', 6 axes, with delay of axis 2)"
+    assert robot._repr_html_().count("<tr>") == 7

@@ -92,10 +92,11 @@ def test_help_is_quick(tmp_path):
 
 
 def test_a_function_is_not_hidden_by_the_module_of_its_name():
-    """`faultgen.discovery.replay` is the function, whichever of the two is imported first."""
+    """`faultgen.discover` is the function, whichever of the two is imported first."""
     code = (
-        "import faultgen.discovery.replay\n"
-        "from faultgen.discovery import replay, read_recording\n"
-        "assert replay.__name__ == 'replay' and callable(replay), replay\n"
+        "import faultgen.discovery.replay as module, types\n"
+        "import faultgen.report.discover\n"
+        "from faultgen import discover\n"
+        "assert isinstance(module, types.ModuleType) and callable(discover), (module, discover)\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

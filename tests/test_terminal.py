@@ -13,7 +13,7 @@ from faultgen.evaluation.markdown import table
 from faultgen.system.arrays import read_arrays, write_arrays
 from faultgen.system.files import temporary_name, write_text
 from faultgen.system.progress import Progress
-from faultgen.system.terminal import note, say, visible
+from faultgen.system.terminal import LOGGER, note, say, tell, tell_progress, visible
 
 NAME = "a\nfaultgen: b.h5: healthy, probability 1.00\x1b[2K\r\x9b31m\u202e\u2028\udcff"
 """Line breaks, an escape sequence in two forms, a mark of direction, and a byte that is no text."""
@@ -130,3 +130,14 @@ def test_a_folder_under_a_temporary_name_is_one_line(tmp_path):
     with pytest.raises((InputError, OSError), match="new.txt"):
         write_text(path, "new")
     assert not path.exists()
+
+
+def test_messages_of_the_library_go_to_its_logger(caplog, capsys, monkeypatch):
+    """A program decides what becomes of them; nothing is printed beside."""
+    monkeypatch.setattr(LOGGER, "handlers", [])
+    monkeypatch.setattr(LOGGER, "propagate", True)
+    tell("one file is\ndamaged")
+    with caplog.at_level("INFO", logger="faultgen"):
+        tell_progress("done")
+    assert [r.getMessage() for r in caplog.records] == ["one file is\\ndamaged", "done"]
+    assert capsys.readouterr() == ("", "")

@@ -26,7 +26,7 @@ from faultgen.cli import (
 from faultgen.cli.app import app
 from faultgen.errors import InputError, MethodFailed, SimulationFailed, StorageFailed, one_line
 from faultgen.system.interrupts import close, listen
-from faultgen.system.terminal import note
+from faultgen.system.terminal import note, print_messages
 
 __all__ = [
     "data",
@@ -61,6 +61,7 @@ def main() -> None:
     # when interrupted, two processes of joblib may clear up the same folder, and one complains
     os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker:UserWarning")
     listen()
+    print_messages()
     try:
         status = app(standalone_mode=False)
         if status == _INTERRUPTED:  # the command-line library has caught Ctrl-C

@@ -121,7 +121,7 @@ def generate(
         start_workers(delayed(get_ready)(own[0]), min(workers, len(own)))
     for line in check_runs(runs):  # what cannot be is refused before anything is written
         if progress:
-            terminal.note(line)
+            terminal.tell(line)
     if is_own:
         keep_whole(whole, folder)
     with _locked(folder, part):

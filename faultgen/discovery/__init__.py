@@ -5,7 +5,7 @@ Each stage can be used alone:
 recording = read_recording("measured.h5")
 for finding in check_recording(recording, load_robot("puma560")):
     print(finding)
-residual = recording.torque - replay(recording, robot)
+residual = recording.torque - Replay(recording, robot).torque()
 """
 
 from typing import TYPE_CHECKING
@@ -15,7 +15,7 @@ from faultgen.system.lazy import lazily
 if TYPE_CHECKING:
     from faultgen.discovery.accept import check_recording
     from faultgen.discovery.discover import Discovery
-    from faultgen.discovery.replay.replay import Replay, replay, settled
+    from faultgen.discovery.replay.replay import Replay, settled
     from faultgen.recordings.finding import Finding
     from faultgen.recordings.read import read_recording
     from faultgen.recordings.recording import Recording, write_recording
@@ -27,7 +27,6 @@ __all__ = [
     "Replay",
     "check_recording",
     "read_recording",
-    "replay",
     "settled",
     "write_recording",
 ]
@@ -42,7 +41,6 @@ lazily(
         "Replay": "faultgen.discovery.replay.replay",
         "check_recording": "faultgen.discovery.accept",
         "read_recording": "faultgen.recordings.read",
-        "replay": "faultgen.discovery.replay.replay",
         "settled": "faultgen.discovery.replay.replay",
         "write_recording": "faultgen.recordings.recording",
     },

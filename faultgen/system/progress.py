@@ -28,7 +28,7 @@ from tqdm import tqdm
 
 from faultgen.system.files import BINARY
 from faultgen.system.interrupts import raise_if_interrupted
-from faultgen.system.terminal import note, visible
+from faultgen.system.terminal import tell_progress, visible
 
 FIRST_LINE = 5.0
 """Time after which the first line is printed [s]."""
@@ -193,7 +193,7 @@ def line(what: str, done: int, total: int | None, unit: str, elapsed: float) -> 
 
 def _print(text: str) -> None:
     with suppress(OSError, ValueError):  # stderr may be closed
-        note(text)
+        tell_progress(text)
 
 
 def plural(unit: str, count: int) -> str:

@@ -41,7 +41,7 @@ from faultgen.simulation.stepping import decimation, simulate
 from faultgen.system.arrays import write_arrays
 from faultgen.system.files import write_text
 from faultgen.system.sums import write_listed
-from faultgen.system.terminal import note
+from faultgen.system.terminal import tell
 from faultgen.tasks import load_task
 from faultgen.twin.alignment import KnownMotion, find_cycles, mean_cycle, stretches_of
 from faultgen.twin.disturbances import moving_average, run_differences, torque_noise_of
@@ -96,7 +96,7 @@ def make_twin(
     model, more = with_limits_of(recordings, model)
     warnings += more
     for warning in warnings:
-        note(warning)
+        tell(warning)
     if len(recordings) == 1:
         say("one recording cannot show how runs differ; usual differences are assumed")
     mean = mean_of(recordings)

@@ -27,7 +27,7 @@ OVER = (
     "time since reversal",
     "time",
 )
-"""Variables. The motor angle counts in a turn of the motor; time since reversal by its logarithm."""
+"""Variables. The motor angle counts within a turn; of the time since reversal, its logarithm."""
 
 _BUMPS = 6  # along the usual range of a variable: a fifth of it is a length over which laws change
 _USUAL = (0.01, 0.99)  # quantiles of the usual range
