@@ -1,0 +1,186 @@
+"""The signals of a choice beside the healthy ones, in the form in which the page draws them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from faultgen.applied import Applied
+from faultgen.dataset.planning import Run
+from faultgen.dataset.run import prepare
+from faultgen.effects import get_effect
+from faultgen.exploring.choice import Choice
+from faultgen.exploring.cycles import Arrays, Cycles, Found
+from faultgen.monitoring.reductions import REDUCTIONS
+from faultgen.monitoring.sensors import Measured, Sensors, measure
+from faultgen.report.chart import packed
+from faultgen.simulation.nominal import Nominal
+from faultgen.simulation.plant import Plant, assemble
+from faultgen.viewing.playback import SAMPLE_PERIOD
+
+_POINTS = 900  # most samples of a curve that are drawn
+
+
+def answer(cycles: Cycles, choice: Choice, *, exact: bool) -> dict[str, Any]:
+    """Answer a move of a slider.
+
+    Args:
+        cycles: The cycles of the robot and task.
+        choice: What is chosen.
+        exact: Whether to simulate what is not known, and wait for it.
+
+    Returns:
+        The signals of the healthy robot and of that with the fault, and the command that makes
+        them. If they are not known yet, `ready` is False.
+
+    Raises:
+        InputError: The robot cannot have the fault, or cannot be operated so.
+        SimulationFailed: The simulation diverged.
+    """
+    healthy = replace(choice, severity=0.0)
+    find = cycles.exact if exact else cycles.near
+    usual, found = find(healthy), find(choice)
+    told: dict[str, Any] = {"command": cycles.subject.command(choice), "ready": False}
+    if usual is None or found is None:
+        return told
+    shared = cycles.shared(choice.operation)
+    runs = cycles.subject.runs(replace(choice, cycles=1))
+    return {
+        **told,
+        "ready": True,
+        "exact": usual.is_exact and found.is_exact,
+        "how": _how(usual, found, choice),
+        "period": SAMPLE_PERIOD,
+        "step": _step(shared),
+        "bins": _bins(shared),
+        "healthy": _curves(seen_in(runs[0], shared, usual.arrays), usual.arrays, shared),
+        "now": _curves(seen_in(runs[-1], shared, found.arrays), found.arrays, shared),
+    }
+
+
+def seen_in(run: Run, shared: Nominal, arrays: Arrays) -> Measured:
+    """Measure the only cycle of a run, with the noise that `faultgen generate` draws for it.
+
+    Args:
+        run: The run.
+        shared: What it shares with other runs of its robot and task.
+        arrays: Its cycle without noise.
+
+    Returns:
+        What the controller logs.
+    """
+    ready = prepare(run)
+    plant = sensing(shared, run.faults)
+    clean = measured(ready.sensors, shared, arrays, ready.rng_sensors)
+    return plant.sense(clean, SAMPLE_PERIOD, ready.rng_faults)
+
+
+def measured(
+    sensors: Sensors, shared: Nominal, arrays: Arrays, rng: np.random.Generator
+) -> Measured:
+    """Measure a cycle with the noise of sensors.
+
+    Args:
+        sensors: The sensors.
+        shared: What all runs of the robot and task share.
+        arrays: The cycle without noise.
+        rng: Random number generator.
+
+    Returns:
+        What the controller logs.
+    """
+    return measure(
+        sensors,
+        arrays["motor_position"],
+        arrays["motor_velocity"],
+        arrays["motor_torque"],
+        gear_ratio=shared.robot.gear_ratio,
+        encoder_counts=shared.robot.encoder_counts,
+        mean_torque=shared.mean_torque,
+        sample_period=SAMPLE_PERIOD,
+        rng=rng,
+    )
+
+
+def sensing(shared: Nominal, faults: list[Applied]) -> Plant:
+    """Make a plant whose sensors have the faults of a run.
+
+    Args:
+        shared: What all runs of the robot and task share.
+        faults: The faults.
+
+    Returns:
+        The plant; the healthy one if no fault is one of sensors, which is made faster.
+    """
+    effects = (*faults, *shared.robot.effects)
+    if any(get_effect(one.effect).sense is not None for one in effects):
+        return assemble(shared.robot, faults)
+    return Plant(shared.robot.model)
+
+
+def _step(shared: Nominal) -> int:
+    """How many samples there are from one point of a curve to the next."""
+    return -(-shared.samples // _POINTS)
+
+
+def _bins(shared: Nominal) -> dict[str, Any]:
+    """Range and title of the histograms of each axis."""
+    limits, slides = shared.limits, shared.robot.slides
+    return {
+        "torque_histogram": [[-one, one, "torque [N m]"] for one in limits.torque.tolist()],
+        "speed_histogram": [[-one, one, "motor speed [rad/s]"] for one in limits.speed.tolist()],
+        "angle_histogram": [
+            [low, high, "position of the joint [m]" if slide else "angle of the joint [rad]"]
+            for (low, high), slide in zip(limits.angle.tolist(), slides, strict=True)
+        ],
+    }
+
+
+def _curves(seen: Measured, arrays: Arrays, shared: Nominal) -> dict[str, Any]:
+    """What the page draws of one cycle; one entry for each axis."""
+    every = _step(shared)
+    reduced = {
+        name: REDUCTIONS[name](
+            seen.motor_position, seen.motor_velocity, seen.motor_torque, shared.limits, None
+        )
+        for name in ("torque_histogram", "speed_histogram", "angle_histogram")
+    }
+    return {
+        "torque": [packed(column[::every]) for column in seen.motor_torque.T],
+        "velocity": [packed(column[::every]) for column in arrays["motor_velocity"].T],
+        "friction": [packed(column[::every]) for column in arrays["friction_torque"].T],
+        "rms": np.sqrt(np.mean(seen.motor_torque**2, axis=0)).tolist(),
+        "histograms": {name: values.tolist() for name, values in reduced.items()},
+    }
+
+
+def _how(usual: Found, found: Found, choice: Choice) -> str:
+    """Say how the signals came about, in one sentence."""
+    if usual.is_exact and found.is_exact:
+        return "Simulated."
+    parts = []
+    if found.between is not None:
+        low, high = found.between
+        parts.append(f"Interpolated between simulated severities of {low:g} and {high:g}.")
+        if found.error is not None:
+            error, change = found.error[choice.axis - 1], _change(usual, found, choice.axis)
+            share = f", {error / change:.1%} of the change" if change > 0 else ""
+            parts.append(
+                f"In the middle between severities at least as far apart, the RMS error of the "
+                f"torque of axis {choice.axis} was {error:.2g} N m{share}."
+            )
+        else:
+            parts.append("The error is not known yet.")
+    if usual.moved or found.moved:
+        parts.append(
+            "The change by temperature and payload is interpolated too, as that of a healthy robot."
+        )
+    return " ".join(parts)
+
+
+def _change(usual: Found, found: Found, axis: int) -> float:
+    """RMS change of the torque of an axis by the fault [N m]."""
+    change = found.arrays["motor_torque"] - usual.arrays["motor_torque"]
+    return float(np.sqrt(np.mean(change[:, axis - 1] ** 2)))
