@@ -20,6 +20,9 @@ from faultgen.simulation.nominal import Nominal
 from faultgen.simulation.plant import Plant, assemble
 from faultgen.viewing.playback import SAMPLE_PERIOD
 
+HISTOGRAMS = ("torque_histogram", "speed_histogram", "angle_histogram")
+"""Names of the reductions that the page shows."""
+
 _POINTS = 900  # most samples of a curve that are drawn
 
 
@@ -54,9 +57,9 @@ def answer(cycles: Cycles, choice: Choice, *, exact: bool) -> dict[str, Any]:
         "how": _how(usual, found, choice),
         "period": SAMPLE_PERIOD,
         "step": _step(shared),
-        "bins": _bins(shared),
-        "healthy": _curves(seen_in(runs[0], shared, usual.arrays), usual.arrays, shared),
-        "now": _curves(seen_in(runs[-1], shared, found.arrays), found.arrays, shared),
+        "bins": _bins(shared, choice.axis),
+        "healthy": _curves(runs[0], shared, usual.arrays, choice.axis),
+        "now": _curves(runs[-1], shared, found.arrays, choice.axis),
     }
 
 
@@ -125,34 +128,37 @@ def _step(shared: Nominal) -> int:
     return -(-shared.samples // _POINTS)
 
 
-def _bins(shared: Nominal) -> dict[str, Any]:
-    """Range and title of the histograms of each axis."""
-    limits, slides = shared.limits, shared.robot.slides
+def _bins(shared: Nominal, axis: int) -> dict[str, Any]:
+    """Range and title of the histograms of an axis."""
+    limits, slides = shared.limits, shared.robot.slides[axis - 1]
+    torque, speed = float(limits.torque[axis - 1]), float(limits.speed[axis - 1])
+    low, high = limits.angle[axis - 1].tolist()
     return {
-        "torque_histogram": [[-one, one, "torque [N m]"] for one in limits.torque.tolist()],
-        "speed_histogram": [[-one, one, "motor speed [rad/s]"] for one in limits.speed.tolist()],
+        "torque_histogram": [-torque, torque, "torque [N m]"],
+        "speed_histogram": [-speed, speed, "motor speed [rad/s]"],
         "angle_histogram": [
-            [low, high, "position of the joint [m]" if slide else "angle of the joint [rad]"]
-            for (low, high), slide in zip(limits.angle.tolist(), slides, strict=True)
+            low,
+            high,
+            "position of the joint [m]" if slides else "angle of the joint [rad]",
         ],
     }
 
 
-def _curves(seen: Measured, arrays: Arrays, shared: Nominal) -> dict[str, Any]:
-    """What the page draws of one cycle; one entry for each axis."""
-    every = _step(shared)
-    reduced = {
-        name: REDUCTIONS[name](
-            seen.motor_position, seen.motor_velocity, seen.motor_torque, shared.limits, None
-        )
-        for name in ("torque_histogram", "speed_histogram", "angle_histogram")
+def _curves(run: Run, shared: Nominal, arrays: Arrays, axis: int) -> dict[str, Any]:
+    """What the page draws of one axis in one cycle, and the RMS torque of every axis."""
+    seen = seen_in(run, shared, arrays)
+    every, own = _step(shared), slice(axis - 1, axis)
+    cycle = seen.motor_position, seen.motor_velocity, seen.motor_torque
+    reduced = {name: REDUCTIONS[name](*cycle, shared.limits, None) for name in HISTOGRAMS}
+    curves = {
+        "torque": seen.motor_torque,
+        "velocity": arrays["motor_velocity"],
+        "friction": arrays["friction_torque"],
     }
     return {
-        "torque": [packed(column[::every]) for column in seen.motor_torque.T],
-        "velocity": [packed(column[::every]) for column in arrays["motor_velocity"].T],
-        "friction": [packed(column[::every]) for column in arrays["friction_torque"].T],
+        **{name: packed(values[::every, own].ravel()) for name, values in curves.items()},
         "rms": np.sqrt(np.mean(seen.motor_torque**2, axis=0)).tolist(),
-        "histograms": {name: values.tolist() for name, values in reduced.items()},
+        "histograms": {name: values[axis - 1].tolist() for name, values in reduced.items()},
     }
 
 

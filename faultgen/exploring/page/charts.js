@@ -27,9 +27,9 @@ function titled(text) { return {title: {text, standoff: 6}}; }
 
 function minus(a, b) { return a.map((value, k) => value - b[k]); }
 
-function drawTorque(box, answer, axis) {
+function drawTorque(box, answer) {
   const step = answer.step * answer.period;
-  const [usual, now] = [answer.healthy, answer.now].map(one => unpacked(one.torque[axis - 1]));
+  const [usual, now] = [answer.healthy, answer.now].map(one => unpacked(one.torque));
   const line = (name, y, more) => ({type: "scatter", mode: "lines", name, y, x0: 0, dx: step,
     line: {width: 1.5, color: hue(name === "healthy" ? "healthy" : "now")}, ...more});
   Plotly.react(box, [
@@ -43,20 +43,21 @@ function drawTorque(box, answer, axis) {
   }), CONFIG);
 }
 
-function drawFriction(box, answer, axis) {
-  const points = (name, one) => ({type: "scatter", mode: "markers", name,
-    x: unpacked(one.velocity[axis - 1]), y: unpacked(one.friction[axis - 1]),
-    marker: {size: 3.5, color: hue(name === "healthy" ? "healthy" : "now")}});
-  Plotly.react(box, [points("healthy", answer.healthy), points("with the fault", answer.now)],
+function drawFriction(box, answer) {
+  /* lines are drawn five times as fast as that many points */
+  const path = (name, one) => ({type: "scatter", mode: "lines", name,
+    x: unpacked(one.velocity), y: unpacked(one.friction),
+    line: {width: 1.5, color: hue(name === "healthy" ? "healthy" : "now")}});
+  Plotly.react(box, [path("healthy", answer.healthy), path("with the fault", answer.now)],
     layoutOf(box, 270, {xaxis: titled("motor speed [rad/s]"), yaxis: titled("friction [N m]")}),
     CONFIG);
 }
 
-function drawBars(box, answer, axis, kind) {
-  const [low, high, unit] = answer.bins[kind][axis - 1];
-  const width = (high - low) / answer.now.histograms[kind][axis - 1].length;
+function drawBars(box, answer, kind) {
+  const [low, high, unit] = answer.bins[kind];
+  const width = (high - low) / answer.now.histograms[kind].length;
   const bars = (name, one) => {
-    const y = one.histograms[kind][axis - 1];
+    const y = one.histograms[kind];
     return {type: "bar", name, y, x: y.map((_, k) => low + (k + 0.5) * width),
             marker: {color: hue(name === "healthy" ? "healthy" : "now")}};
   };
@@ -79,6 +80,6 @@ function moveCursor(box, time) {
   const inside = x >= layout.xaxis._offset && x <= layout.xaxis._offset + layout.xaxis._length;
   line.style.display = inside ? "block" : "none";
   line.style.left = x + "px";
-  line.style.top = layout.margin.t + "px";
-  line.style.height = layout.height - layout.margin.t - layout.margin.b + "px";
+  line.style.top = layout._size.t + "px";
+  line.style.height = layout._size.h + "px";
 }

@@ -46,7 +46,10 @@ function fillControls() {
     option(by("effect"), one.name, one.name, possible ? "" : one.axes[0].why_not);
   }
   for (const one of offer.schedules) option(by("schedule"), one.name, one.name);
-  for (const one of offer.sensors) option(by("sensors"), one.name, one.name, one.why_not);
+  for (const one of offer.sensors) {
+    option(by("sensors"), one.name, one.name);
+    by("sensors").lastChild.disabled = Boolean(one.why_not);
+  }
   by("cycles").max = offer.most_cycles;
   for (const name of ["speed", "payload", "temperature"]) {
     const slider = by(name), {low, high, usual, why_not: whyNot} = offer[name];
@@ -78,7 +81,7 @@ function showOperation(name) {
 function chooseEffect(name) {
   pick.effect = by("effect").value = name;
   const effect = effectNow(), box = by("axes");
-  by("about").textContent = effect.description + ". " + effect.signature + ".";
+  by("about").textContent = `${sentence(effect.description)} ${sentence(effect.signature)}`;
   const free = axis => axis && !axis.why_not;
   if (!free(effect.axes[pick.axis - 1]))
     pick.axis = effect.usual_axis || effect.axes.find(free).axis;
@@ -96,6 +99,8 @@ function chooseEffect(name) {
   pick.severity = axisNow().usual;
   showSeverity();
 }
+
+function sentence(text) { return text[0].toUpperCase() + text.slice(1) + "."; }
 
 function showSeverity() {
   const {top, largest} = axisNow(), [scale, unit] = severityScale();
@@ -118,17 +123,24 @@ function say(text, isError = false) {
 
 function draw() {
   if (!answer) return;
-  const axis = pick.axis, name = offer.axes[axis - 1];
+  const name = offer.axes[answer.axis - 1];
   by("torque-title").textContent = `Motor torque of ${name}`;
   by("friction-title").textContent = `Friction of ${name}`;
-  drawTorque(by("torque"), answer, axis);
-  drawFriction(by("friction"), answer, axis);
-  drawBars(by("bars"), answer, axis, by("histogram").value);
+  drawTorque(by("torque"), answer);
+  cancelAnimationFrame(draw.later);
+  draw.later = requestAnimationFrame(drawRest);
+}
+
+/* What may come one picture later, so that the torque follows the slider at once. */
+function drawRest() {
+  drawFriction(by("friction"), answer);
+  drawBars(by("bars"), answer, by("histogram").value);
   by("rms").replaceChildren(...offer.axes.map((text, k) => {
     const usual = answer.healthy.rms[k], now = answer.now.rms[k];
     const change = usual ? 100 * (now / usual - 1) : 0;
     return row([text, usual.toPrecision(3), now.toPrecision(3),
-                `${change > 0 ? "+" : change < 0 ? "−" : ""}${Math.abs(change).toPrecision(2)} %`],
+                `${change >= 0.005 ? "+" : change <= -0.005 ? "−" : ""}${
+                  Math.abs(change).toFixed(2)} %`],
                "number");
   }));
 }
@@ -174,13 +186,13 @@ async function quick() {
   asking = true;
   do {
     again = false;
-    const started = moved, number = version;
+    const started = moved, number = version, {axis} = pick;
     try {
       const told = await ask("signals", query());
       by("command").textContent = told.command;
       if (number !== version && !told.ready) continue;
       if (told.ready) {
-        answer = told;
+        answer = {...told, axis};
         draw();
         const took = Math.round(performance.now() - started);
         document.body.dataset.took = took;
@@ -198,7 +210,7 @@ async function rest() {
     if (!answer || !answer.exact) say((answer ? answer.how + " " : "") + "Simulating this cycle …");
     const told = await ask("signals", {...query(), exact: 1});
     if (number !== version) return;
-    answer = told;
+    answer = {...told, axis: pick.axis};
     by("command").textContent = told.command;
     draw();
     say(told.how);
@@ -297,8 +309,9 @@ async function begin() {
     playing = !playing;
     by("play").textContent = playing ? "Pause" : "Play";
   });
-  by("dataset-hint").textContent = "One healthy run and one with the fault. The severity is reached "
-    + "in the last cycle, which is shown.";
+  by("dataset-hint").textContent = ["One healthy run and one with the fault. The severity is "
+    + "reached in the last cycle, which is shown.", ...offer.sensors.filter(one => one.why_not)
+    .map(one => `Noise ${one.name} cannot be shown: ${one.why_not}.`)].join(" ");
   listen();
   requestAnimationFrame(animate);
   change();
