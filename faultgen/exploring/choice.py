@@ -1,7 +1,7 @@
 """What a visitor of the page has chosen, as the dataset that `faultgen generate` makes of it.
 
-    choice = read_choice({"effect": "friction_wear", "axis": "2", "severity": "0.2"})
-    subject.command(choice)  # faultgen generate --robot puma560 ...
+choice = read_choice({"effect": "friction_wear", "axis": "2", "severity": "0.2"})
+subject.command(choice)  # faultgen generate --robot puma560 ...
 """
 
 from __future__ import annotations
@@ -144,14 +144,14 @@ class Subject:
         return f"it acts on axis {', '.join(map(str, allowed))} only"
 
     def check(self, choice: Choice) -> None:
-        """Refuse a fault that the robot cannot have.
+        """Refuse a choice that `faultgen generate` would refuse before it plans a motion.
 
         Args:
             choice: The choice.
 
         Raises:
-            InputError: There is no such effect or axis, the effect cannot act on it, or the
-                severity is too large or too small.
+            InputError: There is no such effect or axis, the effect cannot act on it, or a value is
+                too large or too small.
         """
         effect = get_effect(choice.effect)
         if not 1 <= choice.axis <= self.robot.n_axes:
@@ -164,6 +164,7 @@ class Subject:
         if not choice.severity >= 0:
             raise InputError(f"severity: must be at least 0, not {choice.severity:g}")
         effect.check_severity(choice.severity, self.robot, choice.axis)
+        self.experiment(choice)
 
     def experiment(self, choice: Choice) -> Experiment:
         """Describe the dataset of a choice: a healthy run, and one with the fault.

@@ -48,7 +48,7 @@ CHANNELS = (
 )
 """Names of the channels of a cycle that are kept."""
 
-Arrays = dict[str, np.ndarray]
+CycleArrays = dict[str, np.ndarray]
 """Channels by name, each of shape (samples, n_axes), in [rad], [rad/s], [N m], [rad] or [m]."""
 
 _MOST_BYTES = 600e6  # of the simulated cycles that are kept
@@ -82,7 +82,7 @@ class Place:
 class Found:
     """A cycle, simulated or interpolated."""
 
-    arrays: Arrays
+    arrays: CycleArrays
     """The channels."""
     between: tuple[float, float] | None = None
     """Simulated severities between which it was interpolated; None if it was simulated."""
@@ -109,7 +109,7 @@ class Cycles:
         """
         self.subject = subject
         self._lock = threading.RLock()
-        self._kept: OrderedDict[Place, Arrays] = OrderedDict()
+        self._kept: OrderedDict[Place, CycleArrays] = OrderedDict()
         self._failed: dict[Place, str] = {}
         self._checks: dict[Place, list[tuple[float, float, np.ndarray]]] = {}
         self._wanted: Choice | None = None
@@ -130,7 +130,7 @@ class Cycles:
         """Simulate the last cycle of a choice, unless it is known, and wait for it.
 
         Args:
-            choice: The choice.
+            choice: The choice, after `Subject.check`.
 
         Returns:
             The cycle.
@@ -139,7 +139,6 @@ class Cycles:
             InputError: The robot cannot have the fault, or cannot be operated so.
             SimulationFailed: The simulation diverged.
         """
-        self.subject.check(choice)
         self._wanted = choice
         place = place_of(choice)
         known = self._known(place)
@@ -151,16 +150,12 @@ class Cycles:
         """Return the last cycle of a choice at once.
 
         Args:
-            choice: The choice.
+            choice: The choice, after `Subject.check`.
 
         Returns:
             The cycle; None if too little has been simulated. More will then be simulated while
             nobody waits.
-
-        Raises:
-            InputError: The robot cannot have the fault.
         """
-        self.subject.check(choice)
         self._wanted = choice
         self.work.look()
         place = place_of(choice)
@@ -179,11 +174,20 @@ class Cycles:
             arrays = {name: there.arrays[name] + change[name] for name in CHANNELS}
             return Found(arrays, there.between, there.error, moved=True)
 
+    def places(self) -> set[Place]:
+        """Return what has been simulated and is kept."""
+        with self._lock:
+            return set(self._kept)
+
+    def is_settled(self) -> bool:
+        """Whether everything has been simulated that helps to answer the next moves."""
+        return self._spare() is None
+
     def close(self) -> None:
         """End the thread that simulates, after the cycle that it simulates now."""
         self.work.close()
 
-    def _known(self, place: Place) -> Arrays | None:
+    def _known(self, place: Place) -> CycleArrays | None:
         with self._lock:
             if place in self._kept:
                 self._kept.move_to_end(place)
@@ -219,12 +223,12 @@ class Cycles:
     def _node(self, place: Place, severity: float) -> Place:
         return replace(place, severity=severity) if severity else Place(place.operation)
 
-    def _mixed(self, low: Place, high: Place, severity: float) -> Arrays:
+    def _mixed(self, low: Place, high: Place, severity: float) -> CycleArrays:
         share = (severity - low.severity) / (high.severity - low.severity)
         first, second = self._kept[low], self._kept[high]
         return {name: first[name] + share * (second[name] - first[name]) for name in CHANNELS}
 
-    def _change(self, operation: Operation) -> Arrays | None:
+    def _change(self, operation: Operation) -> CycleArrays | None:
         """How the healthy robot changes from what task and model say to an operation."""
         base = Operation(speed=operation.speed)
         start, end = self._known(Place(base)), self._known(Place(operation))
@@ -243,7 +247,7 @@ class Cycles:
             total = {one: total[one] + part[one] - start[one] for one in CHANNELS}
         return total
 
-    def _between_operations(self, base: Operation, name: str, value: float) -> Arrays | None:
+    def _between_operations(self, base: Operation, name: str, value: float) -> CycleArrays | None:
         """The healthy cycle at a temperature or payload, between simulated ones."""
         at = {self._usual(name): self._kept[Place(base)]}
         for one, arrays in self._kept.items():
@@ -264,12 +268,12 @@ class Cycles:
         robot = self.subject.robot
         return robot.friction_temperature if name == "temperature" else robot.payload_mass
 
-    def _checked(self, choice: Choice) -> Arrays:
+    def _checked(self, choice: Choice) -> CycleArrays:
         """Simulate a choice after the checks that `faultgen generate` makes."""
         check_runs(self.subject.runs(choice))
         return self._simulate(place_of(choice))
 
-    def _simulate(self, place: Place) -> Arrays:
+    def _simulate(self, place: Place) -> CycleArrays:
         """Simulate a cycle as the only one of a run; its lead-in has the same fault."""
         known = self._known(place)
         if known is not None:
@@ -292,7 +296,7 @@ class Cycles:
                 self._kept.popitem(last=False)
         return arrays
 
-    def _compare(self, place: Place, arrays: Arrays) -> None:
+    def _compare(self, place: Place, arrays: CycleArrays) -> None:
         """Measure the error of what would have been interpolated instead of a simulated cycle."""
         guess = self._on_line(place) if place.effect else None
         if guess is None or guess.between is None:

@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from faultgen.report.chart import packed
+from faultgen.report.packing import packed
 from faultgen.robot import Robot
 from faultgen.viewing.painter import triangles
 from faultgen.viewing.playback import SAMPLE_PERIOD

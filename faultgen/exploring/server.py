@@ -97,7 +97,12 @@ class ExploreServer(ThreadingHTTPServer):
         self.cycles.close()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Print nothing if a browser has hung up; else as usual."""
+        """Print nothing if a browser has hung up; else as usual.
+
+        Args:
+            request: The connection.
+            client_address: Its other end.
+        """
         if not isinstance(sys.exception(), (ConnectionError, TimeoutError)):
             super().handle_error(request, client_address)
 
@@ -126,7 +131,12 @@ class _Handler(BaseHTTPRequestHandler):
         self.connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Print nothing."""
+        """Print nothing.
+
+        Args:
+            format: A text with places for values.
+            args: The values.
+        """
 
     def do_GET(self) -> None:
         """Answer a request."""
@@ -191,19 +201,25 @@ def _state(server: ExploreServer, told: dict[str, str]) -> dict[str, Any]:
     return {**offer(server.subject), "scene": scene.told(), "poses": scene.poses(position)}
 
 
+def _choice(server: ExploreServer, told: dict[str, str]) -> Choice:
+    """What is chosen, checked."""
+    choice = read_choice(told)
+    server.subject.check(choice)
+    return choice
+
+
 def _signals(server: ExploreServer, told: dict[str, str]) -> dict[str, Any]:
-    return answer(server.cycles, read_choice(told), exact=told.get("exact") == "1")
+    return answer(server.cycles, _choice(server, told), exact=told.get("exact") == "1")
 
 
 def _poses(server: ExploreServer, told: dict[str, str]) -> dict[str, Any]:
-    found = server.cycles.exact(read_choice(told))
+    found = server.cycles.exact(_choice(server, told))
     return server.scene.poses(found.arrays["joint_position"])
 
 
 def _verdict(server: ExploreServer, told: dict[str, str]) -> dict[str, Any]:
-    choice: Choice = read_choice(told)
-    told_by: dict[str, Any] = server.verdicts.verdict(choice)
-    return told_by
+    found: dict[str, Any] = server.verdicts.verdict(_choice(server, told))
+    return found
 
 
 _ANSWERS: dict[str, Callable[[ExploreServer, dict[str, str]], dict[str, Any]]] = {

@@ -12,10 +12,10 @@ from faultgen.dataset.planning import Run
 from faultgen.dataset.run import prepare
 from faultgen.effects import get_effect
 from faultgen.exploring.choice import Choice
-from faultgen.exploring.cycles import Arrays, Cycles, Found
+from faultgen.exploring.cycles import CycleArrays, Cycles, Found
 from faultgen.monitoring.reductions import REDUCTIONS
 from faultgen.monitoring.sensors import Measured, Sensors, measure
-from faultgen.report.chart import packed
+from faultgen.report.packing import packed
 from faultgen.simulation.nominal import Nominal
 from faultgen.simulation.plant import Plant, assemble
 from faultgen.viewing.playback import SAMPLE_PERIOD
@@ -63,7 +63,7 @@ def answer(cycles: Cycles, choice: Choice, *, exact: bool) -> dict[str, Any]:
     }
 
 
-def seen_in(run: Run, shared: Nominal, arrays: Arrays) -> Measured:
+def seen_in(run: Run, shared: Nominal, arrays: CycleArrays) -> Measured:
     """Measure the only cycle of a run, with the noise that `faultgen generate` draws for it.
 
     Args:
@@ -81,7 +81,7 @@ def seen_in(run: Run, shared: Nominal, arrays: Arrays) -> Measured:
 
 
 def measured(
-    sensors: Sensors, shared: Nominal, arrays: Arrays, rng: np.random.Generator
+    sensors: Sensors, shared: Nominal, arrays: CycleArrays, rng: np.random.Generator
 ) -> Measured:
     """Measure a cycle with the noise of sensors.
 
@@ -144,7 +144,7 @@ def _bins(shared: Nominal, axis: int) -> dict[str, Any]:
     }
 
 
-def _curves(run: Run, shared: Nominal, arrays: Arrays, axis: int) -> dict[str, Any]:
+def _curves(run: Run, shared: Nominal, arrays: CycleArrays, axis: int) -> dict[str, Any]:
     """What the page draws of one axis in one cycle, and the RMS torque of every axis."""
     seen = seen_in(run, shared, arrays)
     every, own = _step(shared), slice(axis - 1, axis)

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from faultgen.analysis.isolation import Answer
 from faultgen.dataset.wear import severities
 from faultgen.errors import InputError, MethodFailed
 from faultgen.evaluation.calls import axis_of, create, fit, isolate
@@ -22,7 +21,7 @@ from faultgen.evaluation.isolators import ISOLATORS
 from faultgen.evaluation.methods import Isolator, Setting, needed
 from faultgen.evaluation.wear_model import WearModel, wear_model, wear_points
 from faultgen.exploring.choice import Choice
-from faultgen.exploring.cycles import Arrays, Cycles
+from faultgen.exploring.cycles import CycleArrays, Cycles
 from faultgen.exploring.signals import measured, sensing
 from faultgen.monitoring.sensors import SENSORS
 from faultgen.simulation.nominal import Nominal
@@ -93,9 +92,7 @@ class Verdicts:
         ]
         return {"noise": "thesis", "series": _SERIES, "cycles": choice.cycles, "rows": rows}
 
-    def _row(
-        self, choice: Choice, name: str, learned: _Learned, seen: Features
-    ) -> dict[str, Any]:
+    def _row(self, choice: Choice, name: str, learned: _Learned, seen: Features) -> dict[str, Any]:
         row: dict[str, Any] = {"name": name, "idea": ISOLATORS[name].idea}
         if name in learned.left_out:
             return row | {"why_not": learned.left_out[name]}
@@ -105,7 +102,7 @@ class Verdicts:
             return row | {"why_not": str(error)}
         axis = axis_of(answer) + 1
         row |= {"axis": axis, "right": axis == (choice.axis if choice.severity else 0)}
-        if isinstance(answer, Answer) and axis:
+        if axis and not isinstance(answer, int):  # it estimates the severity too
             low, high = answer.interval[axis - 1].tolist()
             row["severity"] = [float(answer.severity[axis - 1]), low, high]
         return row
@@ -194,6 +191,6 @@ class Verdicts:
             window=learned.window,
         )
 
-    def _cycle(self, choice: Choice) -> Arrays:
+    def _cycle(self, choice: Choice) -> CycleArrays:
         found = self.cycles.near(choice)
         return (self.cycles.exact(choice) if found is None else found).arrays
