@@ -149,15 +149,10 @@ def test_the_command_makes_what_is_shown(server, tmp_path, more):
 def settled(cycles, choice):
     """Let the cycles around a choice be simulated, as while nobody moves a slider."""
     deadline = time.monotonic() + HANG
-    while True:
-        cycles.near(choice)
-        count = len(cycles.places())
-        done = threading.Event()
-        cycles.work.do(done.set)
-        if len(cycles.places()) == count and cycles.is_settled():
-            return
+    cycles.near(choice)
+    while not cycles.is_settled():
         assert time.monotonic() < deadline, "it hangs"
-        time.sleep(0.01)
+        time.sleep(0.02)
 
 
 @pytest.fixture(scope="module")

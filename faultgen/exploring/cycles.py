@@ -19,9 +19,11 @@ over severity is measured: each simulated cycle is compared with what had been i
 from __future__ import annotations
 
 import threading
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -56,6 +58,7 @@ _FIRST = (1.0, 0.5, 0.25, 0.75)  # severities that are simulated first, over the
 _LAST = (0.125, 0.375, 0.625, 0.875)
 _TEMPERATURES = (0.0, 1.0, 0.5, 0.25, 0.75)  # places in the range of temperatures
 _PAYLOADS = (0.0, 1.0)
+_PAUSE = 0.25  # without work in advance after a slider has moved, which needs the processor [s]
 _COARSER = 2.0  # steps between severities over those at the usual temperature and payload
 
 
@@ -113,6 +116,7 @@ class Cycles:
         self._failed: dict[Place, str] = {}
         self._checks: dict[Place, list[tuple[float, float, np.ndarray]]] = {}
         self._wanted: Choice | None = None
+        self._moved = -_PAUSE  # when a slider was last answered [s]
         self.work = Work(self._spare)
 
     def shared(self, operation: Operation) -> Nominal:
@@ -160,28 +164,27 @@ class Cycles:
         self.work.look()
         place = place_of(choice)
         with self._lock:
-            known = self._known(place)
-            if known is not None:
-                return Found(known)
-            here = self._on_line(place)
-            base = Operation(speed=choice.operation.speed)
-            there = self._on_line(replace(place, operation=base))
-            if here is not None and (there is None or _width(here) <= _COARSER * _width(there)):
-                return here
-            change = self._change(choice.operation)
-            if there is None or change is None:
-                return here
-            arrays = {name: there.arrays[name] + change[name] for name in CHANNELS}
-            return Found(arrays, there.between, there.error, moved=True)
+            found = self._near(place, choice.operation)
+        if found is not None:
+            self._moved = time.monotonic()
+        return found
 
-    def places(self) -> set[Place]:
-        """Return what has been simulated and is kept."""
-        with self._lock:
-            return set(self._kept)
+    def _near(self, place: Place, operation: Operation) -> Found | None:
+        here = self._on_line(place)
+        base = Operation(speed=operation.speed)
+        there = self._on_line(replace(place, operation=base))
+        if here is not None and (there is None or _width(here) <= _COARSER * _width(there)):
+            return here
+        change = self._change(operation)
+        if there is None or change is None:
+            return here
+        arrays = {name: there.arrays[name] + change[name] for name in CHANNELS}
+        return Found(arrays, there.between, there.error, moved=True)
 
     def is_settled(self) -> bool:
         """Whether everything has been simulated that helps to answer the next moves."""
-        return self._spare() is None
+        with self._lock:
+            return self._wanted is None or self._lacking(self._wanted) is None
 
     def close(self) -> None:
         """End the thread that simulates, after the cycle that it simulates now."""
@@ -308,13 +311,20 @@ class Cycles:
     def _spare(self) -> Callable[[], object] | None:
         """What to simulate while nobody waits: around the choice that was looked at last."""
         choice = self._wanted
-        if choice is None:
+        if choice is None or time.monotonic() < self._moved + _PAUSE:
             return None
         with self._lock:
-            for place in self._useful(choice):
-                if place not in self._kept and place not in self._failed:
-                    return lambda place=place: self._try(place)  # type: ignore[misc]
-        return None
+            place = self._lacking(choice)
+        return None if place is None else partial(self._try, place)
+
+    def _lacking(self, choice: Choice) -> Place | None:
+        """The most useful place that has not been simulated."""
+        untried = (
+            place
+            for place in self._useful(choice)
+            if place not in self._kept and place not in self._failed
+        )
+        return next(untried, None)
 
     def _try(self, place: Place) -> None:
         try:

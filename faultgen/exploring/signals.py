@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -49,7 +50,13 @@ def answer(cycles: Cycles, choice: Choice, *, exact: bool) -> dict[str, Any]:
     if usual is None or found is None:
         return told
     shared = cycles.shared(choice.operation)
-    runs = cycles.subject.runs(replace(choice, cycles=1))
+    if _is_plain(choice, shared):
+        logged = [_plain(usual.arrays), _plain(found.arrays)]
+    else:
+        runs = cycles.subject.runs(replace(choice, cycles=1))
+        logged = [
+            seen_in(run, shared, one.arrays) for run, one in ((runs[0], usual), (runs[-1], found))
+        ]
     return {
         **told,
         "ready": True,
@@ -58,8 +65,8 @@ def answer(cycles: Cycles, choice: Choice, *, exact: bool) -> dict[str, Any]:
         "period": SAMPLE_PERIOD,
         "step": _step(shared),
         "bins": _bins(shared, choice.axis),
-        "healthy": _curves(runs[0], shared, usual.arrays, choice.axis),
-        "now": _curves(runs[-1], shared, found.arrays, choice.axis),
+        "healthy": _curves(logged[0], shared, usual.arrays, choice.axis),
+        "now": _curves(logged[1], shared, found.arrays, choice.axis),
     }
 
 
@@ -107,6 +114,20 @@ def measured(
     )
 
 
+def _is_plain(choice: Choice, shared: Nominal) -> bool:
+    """Whether the log shows what the simulation holds; then no run has to be planned."""
+    return choice.sensors == "none" and not _senses((*choice.faults, *shared.robot.effects))
+
+
+def _plain(arrays: CycleArrays) -> Measured:
+    return Measured(arrays["motor_position"], arrays["motor_velocity"], arrays["motor_torque"])
+
+
+def _senses(effects: Sequence[Applied]) -> bool:
+    """Whether one of some effects is a fault of sensors."""
+    return any(get_effect(one.effect).sense is not None for one in effects)
+
+
 def sensing(shared: Nominal, faults: list[Applied]) -> Plant:
     """Make a plant whose sensors have the faults of a run.
 
@@ -117,8 +138,7 @@ def sensing(shared: Nominal, faults: list[Applied]) -> Plant:
     Returns:
         The plant; the healthy one if no fault is one of sensors, which is made faster.
     """
-    effects = (*faults, *shared.robot.effects)
-    if any(get_effect(one.effect).sense is not None for one in effects):
+    if _senses((*faults, *shared.robot.effects)):
         return assemble(shared.robot, faults)
     return Plant(shared.robot.model)
 
@@ -144,9 +164,8 @@ def _bins(shared: Nominal, axis: int) -> dict[str, Any]:
     }
 
 
-def _curves(run: Run, shared: Nominal, arrays: CycleArrays, axis: int) -> dict[str, Any]:
+def _curves(seen: Measured, shared: Nominal, arrays: CycleArrays, axis: int) -> dict[str, Any]:
     """What the page draws of one axis in one cycle, and the RMS torque of every axis."""
-    seen = seen_in(run, shared, arrays)
     every, own = _step(shared), slice(axis - 1, axis)
     cycle = seen.motor_position, seen.motor_velocity, seen.motor_torque
     reduced = {name: REDUCTIONS[name](*cycle, shared.limits, None) for name in HISTOGRAMS}
@@ -165,7 +184,7 @@ def _curves(run: Run, shared: Nominal, arrays: CycleArrays, axis: int) -> dict[s
 def _how(usual: Found, found: Found, choice: Choice) -> str:
     """Say how the signals came about, in one sentence."""
     if usual.is_exact and found.is_exact:
-        return "Simulated."
+        return "This cycle is simulated, not interpolated."
     parts = []
     if found.between is not None:
         low, high = found.between

@@ -9,6 +9,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -161,7 +162,7 @@ class Verdicts:
         points = wear_points(robot, WEAR, operation.temperature)
         told = subject.name, subject.task, SAMPLE_PERIOD
         simulated = [
-            self.cycles.work.do(lambda at=at: simulate_at(*told, at, operation=operation))  # type: ignore[misc]
+            self.cycles.work.do(partial(simulate_at, *told, at, operation=operation), patient=True)
             for at in points
         ]
         return wear_model(robot, np.stack(simulated), shared.speed_window(None))
