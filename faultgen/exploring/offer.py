@@ -13,7 +13,7 @@ from faultgen.exploring.choice import MOST_CYCLES, SENSORS, Subject
 from faultgen.exploring.ranges import SPEEDS, payload_range, severity_limit, severity_top
 from faultgen.monitoring.sensors import SENSORS as PRESETS
 
-_NOT_STEADY = "temperature and payload change from cycle to cycle; the command can have it"
+_NOT_STEADY = "temperature and payload change from cycle to cycle; write --sensors {} into the command"
 
 
 def offer(subject: Subject) -> dict[str, Any]:
@@ -51,7 +51,7 @@ def offer(subject: Subject) -> dict[str, Any]:
             {
                 "name": name,
                 "description": one.description,
-                "why_not": "" if name in SENSORS else _NOT_STEADY,
+                "why_not": "" if name in SENSORS else _NOT_STEADY.format(name),
             }
             for name, one in PRESETS.items()
         ],

@@ -36,10 +36,10 @@ function drawTorque(box, answer) {
     line("healthy", usual), line("with the fault", now),
     line("change", minus(now, usual), {yaxis: "y2", showlegend: false, line: {width: 1.1,
       color: hue("now")}}),
-  ], layoutOf(box, 340, {
+  ], layoutOf(box, 380, {
     xaxis: {...titled("time [s]"), anchor: "y2"},
-    yaxis: {...titled("torque [N m]"), domain: [0.38, 1]},
-    yaxis2: {...titled("change [N m]"), domain: [0, 0.3]},
+    yaxis: {...titled("torque [N m]"), domain: [0.39, 1]},
+    yaxis2: {...titled("change [N m]"), domain: [0, 0.31]},
   }), CONFIG);
 }
 

@@ -127,12 +127,13 @@ function draw() {
   by("torque-title").textContent = `Motor torque of ${name}`;
   by("friction-title").textContent = `Friction of ${name}`;
   drawTorque(by("torque"), answer);
-  cancelAnimationFrame(draw.later);
-  draw.later = requestAnimationFrame(drawRest);
+  if (!draw.later) draw.later = setTimeout(drawRest, 2 * (draw.took || 10));
 }
 
-/* What may come one picture later, so that the torque follows the slider at once. */
+/* What may come later, so that the torque follows the slider at once: the slower the browser, the
+   more seldom. */
 function drawRest() {
+  const started = performance.now();
   drawFriction(by("friction"), answer);
   drawBars(by("bars"), answer, by("histogram").value);
   by("rms").replaceChildren(...offer.axes.map((text, k) => {
@@ -143,6 +144,8 @@ function drawRest() {
                   Math.abs(change).toFixed(2)} %`],
                "number");
   }));
+  draw.later = 0;
+  draw.took = Math.min(performance.now() - started, 200);
 }
 
 function row(cells, kind) {
