@@ -13,7 +13,9 @@ from faultgen.exploring.choice import MOST_CYCLES, SENSORS, Subject
 from faultgen.exploring.ranges import SPEEDS, payload_range, severity_limit, severity_top
 from faultgen.monitoring.sensors import SENSORS as PRESETS
 
-_NOT_STEADY = "temperature and payload change from cycle to cycle; write --sensors {} into the command"
+_NOT_STEADY = (
+    "temperature and payload change from cycle to cycle; write --sensors {} into the command"
+)
 
 
 def offer(subject: Subject) -> dict[str, Any]:
