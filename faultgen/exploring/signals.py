@@ -13,7 +13,8 @@ from faultgen.dataset.planning import Run
 from faultgen.dataset.run import prepare
 from faultgen.effects import get_effect
 from faultgen.exploring.choice import Choice
-from faultgen.exploring.cycles import CycleArrays, Cycles, Found
+from faultgen.exploring.cycles import Cycles
+from faultgen.exploring.store import CycleArrays, Found
 from faultgen.monitoring.reductions import REDUCTIONS
 from faultgen.monitoring.sensors import Measured, Sensors, measure
 from faultgen.report.packing import packed

@@ -22,8 +22,9 @@ from faultgen.evaluation.isolators import ISOLATORS
 from faultgen.evaluation.methods import Isolator, Setting, needed
 from faultgen.evaluation.wear_model import WearModel, wear_model, wear_points
 from faultgen.exploring.choice import Choice
-from faultgen.exploring.cycles import CycleArrays, Cycles
+from faultgen.exploring.cycles import Cycles
 from faultgen.exploring.signals import measured, sensing
+from faultgen.exploring.store import CycleArrays
 from faultgen.monitoring.sensors import SENSORS
 from faultgen.simulation.nominal import Nominal
 from faultgen.simulation.operation import Operation
