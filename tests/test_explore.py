@@ -25,6 +25,7 @@ from faultgen.effects import EFFECTS
 from faultgen.errors import InputError
 from faultgen.exploring.choice import Subject, read_choice
 from faultgen.exploring.cycles import Cycles, place_of
+from faultgen.exploring.offer import offer
 from faultgen.exploring.server import ExploreServer
 
 WORN = {"effect": "friction_wear", "axis": 2, "severity": 0.2}
@@ -99,8 +100,6 @@ def test_a_robot_without_payload_cannot_have_another_one(tmp_path):
     (tmp_path / "bare.xml").write_text(TWO_AXES.replace('mass="0.5"', 'mass="1e-6"'))
     (tmp_path / "swing.toml").write_text(SWING)
     with ExploreServer(str(tmp_path / "bare.xml"), str(tmp_path / "swing.toml")) as server:
-        from faultgen.exploring.offer import offer
-
         told = offer(server.subject)
     assert told["payload"]["why_not"] == "the robot's model has no payload with a mass"
     (loose,) = (one for one in told["effects"] if one["name"] == "loose_tool")
@@ -208,6 +207,15 @@ def test_faults_of_sensors_move_nothing():
     assert place_of(late) != place_of(healthy)
 
 
+def test_a_fault_that_does_not_show_is_told(server):
+    """A spring that is far too weak changes next to nothing; more friction shows."""
+    told = {**WORN, "exact": 1}
+    assert ask(server, "signals", told)["note"] == ""
+    assert ask(server, "signals", {**told, "severity": 0})["note"] == ""
+    weak = {**told, "effect": "gravity_spring", "severity": 1e-9}
+    assert "hardly changes" in ask(server, "signals", weak)["note"]
+
+
 def test_isolators_name_the_worn_axis(server):
     """The one that knows friction names it and its severity; without a fault, it names none."""
     for told, axis in ((WORN, 2), ({**WORN, "severity": 0}, 0)):
@@ -290,6 +298,9 @@ def test_a_robot_with_a_slide(tmp_path):
     (tmp_path / "swing.toml").write_text(SWING.replace("40,", "0.4,"))
     subject = Subject(str(tmp_path / "gantry.xml"), str(tmp_path / "swing.toml"))
     assert subject.robot.slides.tolist() == [True, False]
+    (backlash,) = (one for one in offer(subject)["effects"] if one["name"] == "backlash")
+    units = [(one["units"], one["unit"]) for one in backlash["axes"]]
+    assert units == [("m", "m, joint side, whole play"), ("rad", "rad, joint side, whole play")]
     with ExploreServer(subject.name, subject.task) as server:
         scene, position = server.scene, server.planned.position
         poses = scene.poses(position)

@@ -70,8 +70,10 @@ def _effect(subject: Subject, effect: Effect) -> dict[str, Any]:
         one: dict[str, Any] = {"axis": axis, "why_not": why_not}
         if not why_not:
             top = severity_top(robot, effect, axis)
+            units = effect.units_on(robot, axis)
             one |= {
-                "units": effect.units_on(robot, axis),
+                "units": units,
+                "unit": _unit(effect, units),
                 "top": top,
                 "largest": severity_limit(robot, effect, axis),
                 "usual": min(effect.default, top),
@@ -82,7 +84,16 @@ def _effect(subject: Subject, effect: Effect) -> dict[str, Any]:
         "name": effect.name,
         "description": effect.description,
         "signature": effect.signature,
-        "unit": effect.unit,
         "usual_axis": usual[0] if usual else 0,
         "axes": axes,
     }
+
+
+def _unit(effect: Effect, units: str) -> str:
+    """What severity 1 means on an axis, in words; empty where "percent more" says it all."""
+    if effect.in_fractions and units == "1":
+        return ""
+    if units == effect.units:
+        return effect.unit
+    own = effect.unit.removeprefix(effect.units)  # such as ", joint side" on a joint that slides
+    return units + own if own != effect.unit else units

@@ -26,6 +26,7 @@ HISTOGRAMS = ("torque_histogram", "speed_histogram", "angle_histogram")
 """Names of the reductions that the page shows."""
 
 _POINTS = 900  # most samples of a curve that are drawn
+_UNSEEN = 1e-5  # a change below this share of the largest torque is not told as one
 
 
 def answer(cycles: Cycles, choice: Choice, *, exact: bool) -> dict[str, Any]:
@@ -63,6 +64,7 @@ def answer(cycles: Cycles, choice: Choice, *, exact: bool) -> dict[str, Any]:
         "ready": True,
         "exact": usual.is_exact and found.is_exact,
         "how": _how(usual, found, choice),
+        "note": _note(logged, choice),
         "period": SAMPLE_PERIOD,
         "step": _step(shared),
         "bins": _bins(shared, choice.axis),
@@ -180,6 +182,15 @@ def _curves(seen: Measured, shared: Nominal, arrays: CycleArrays, axis: int) -> 
         "rms": np.sqrt(np.mean(seen.motor_torque**2, axis=0)).tolist(),
         "histograms": {name: values[axis - 1].tolist() for name, values in reduced.items()},
     }
+
+
+def _note(logged: Sequence[Measured], choice: Choice) -> str:
+    """Say if a fault does not show in this motion."""
+    usual, now = (one.motor_torque for one in logged)
+    small = np.abs(now - usual).max(axis=0) <= _UNSEEN * np.abs(usual).max(axis=0)
+    if choice.severity and small.all():
+        return "The fault hardly changes the torque of any axis in this cycle."
+    return ""
 
 
 def _how(usual: Found, found: Found, choice: Choice) -> str:

@@ -103,14 +103,13 @@ function chooseEffect(name) {
 function sentence(text) { return text[0].toUpperCase() + text.slice(1) + "."; }
 
 function showSeverity() {
-  const {top, largest} = axisNow(), [scale, unit] = severityScale();
+  const {top, largest, unit: words} = axisNow(), [scale, unit] = severityScale();
   by("severity").value = Math.round(100 * pick.severity / top);
   by("severity-number").value = neat(scale * pick.severity);
   by("severity-unit").textContent = unit;
   const more = largest > top ? ` The slider ends at ${neat(scale * top)} ${unit}; up to
     ${neat(scale * largest)} ${unit} can be typed.` : "";
-  by("severity-hint").textContent = (unit === "%" && effectNow().unit.startsWith("fraction of nominal (")
-    ? "" : `Unit: ${effectNow().unit}.`) + more;
+  by("severity-hint").textContent = (words ? `Unit: ${words}.` : "") + more;
 }
 
 /* ---- what is shown ---- */
@@ -199,7 +198,7 @@ async function quick() {
         draw();
         const took = Math.round(performance.now() - started);
         document.body.dataset.took = took;
-        say(`${told.how} Answered in ${took} ms.`);
+        say(`${told.how} ${told.note} Answered in ${took} ms.`);
       } else say("Simulating …");
     } catch (error) { say(error.message, true); }
   } while (again);
@@ -216,7 +215,7 @@ async function rest() {
     answer = {...told, axis: pick.axis};
     by("command").textContent = told.command;
     draw();
-    say(told.how);
+    say(`${told.how} ${told.note}`);
     const poses = await ask("poses", query());
     if (number !== version) return;
     picture.show(poses);
