@@ -329,15 +329,20 @@ def test_the_command_refuses_in_one_line(arguments, message):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX systems")
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("how", "flags"), [(signal.SIGINT, ["--no-browser"]), (signal.SIGTERM, [])]
+)
 def test_it_says_when_it_is_ready_and_ends_when_told(
-    tiny_robot_path, tiny_task_path, tmp_path, how
+    tiny_robot_path, tiny_task_path, tmp_path, how, flags
 ):
-    """It writes nothing, neither while it works nor when it ends."""
+    """It writes nothing, neither while it works nor when it ends; nor does it need a display."""
+    if not flags and not sys.platform.startswith("linux"):
+        pytest.skip("a browser would open")
     command = [sys.executable, "-m", "faultgen.cli", "explore", tiny_robot_path]
     process = subprocess.Popen(
-        [*command, "--task", tiny_task_path, "--no-browser", "--json"],
+        [*command, "--task", tiny_task_path, "--json", *flags],
         cwd=tmp_path,
+        env={k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")},
         preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -348,9 +353,11 @@ def test_it_says_when_it_is_ready_and_ends_when_told(
         with urlopen(f"{url}signals?{urlencode(WORN)}", timeout=HANG) as reply:
             assert json.load(reply)["ready"] in (True, False)
         process.send_signal(how)
-        _, complained = process.communicate(timeout=HANG)
+        said, complained = process.communicate(timeout=HANG)
     finally:
         process.kill()
     assert process.returncode == {signal.SIGINT: 0, signal.SIGTERM: 143}[how]
+    assert said == ""
     assert "Traceback" not in complained
+    assert ("no browser can be opened here" in complained) == (not flags)
     assert not list(tmp_path.iterdir())
