@@ -2,14 +2,18 @@
 
     python benchmarks/effect_signatures.py [EFFECT ...]
 
+Without names of effects, it also writes the curves that `faultgen effects --gallery` draws.
+
 Left the motor torque over time, right what the effect changes over the quantity that shows it. The
 text needs no simulation; a test holds it against the catalogue.
 """
 
 from __future__ import annotations
 
+import json
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import matplotlib
 
@@ -33,6 +37,9 @@ from faultgen.tasks import Move, Pose, Task
 ROBOT, PERIOD, TEMPERATURE, SEED = "irb6700", 0.004, 65.0, 1
 PAGE = Path(__file__).parents[1] / "docs" / "effects.md"
 FOLDER = PAGE.parent / "figures" / "effects"
+GALLERY = PAGE.parents[1] / "faultgen" / "report" / "gallery.json"
+POINTS = 240  # most points of a curve in the gallery
+DIGITS = 400  # steps of a curve in the gallery, from its lowest to its highest point
 HEALTHY = {"color": "0.7", "lw": 3.0}
 FAULTY = {"color": "#c1121f", "lw": 1.0}
 QUANTITIES = {
@@ -78,7 +85,8 @@ Each picture compares an IRB 6700 that has the effect with a healthy one in the 
 The severity is large enough to be seen. \
 The left half shows the logged motor torque of both robots. The right half \
 shows what distinguishes the effect from others; the text above the picture \
-says what to look for. The page is written by `benchmarks/effect_signatures.py`."""
+says what to look for. The page is written by `benchmarks/effect_signatures.py`. \
+`faultgen effects --gallery` writes a page with small pictures of all effects."""
 
 
 def motion_of(robot: Robot, name: str) -> Motion:
@@ -151,15 +159,31 @@ def quantity(name: str, healthy: Cycle, robot: Robot, axis: int) -> np.ndarray:
     return torque if name == "torque" else np.gradient(torque, PERIOD)
 
 
-def draw(effect: Effect, case: Case, robot: Robot, motion: Motion, path: Path) -> None:
-    """Simulate an effect and draw its picture, 700 points wide.
+@dataclass(frozen=True, eq=False)
+class Signature:
+    """What a picture shows."""
+
+    time: np.ndarray
+    """Times of the left half [s]."""
+    torque: tuple[np.ndarray, np.ndarray]
+    """Motor torque of the healthy robot and of the faulty one then, in [N m]."""
+    over: np.ndarray
+    """Quantity of the right half, in the unit of its label."""
+    shown: tuple[np.ndarray, ...]
+    """What is drawn over it: a gap, or the channel of the healthy and of the faulty robot."""
+
+
+def signature(effect: Effect, case: Case, robot: Robot, motion: Motion) -> Signature:
+    """Simulate an effect beside the healthy robot.
 
     Args:
         effect: The effect.
-        case: Axis, severity and quantity that are drawn.
+        case: Axis, severity and quantity that are shown.
         robot: The robot.
         motion: The motion.
-        path: Picture to write.
+
+    Returns:
+        The curves of both halves.
     """
     applied = Applied(effect.name, case.axis, case.severity, case.parameters)
     healthy, exact = run(robot, motion, [])
@@ -168,13 +192,7 @@ def draw(effect: Effect, case: Case, robot: Robot, motion: Motion, path: Path) -
     i = axis - 1
     time = quantity("time", healthy, robot, axis)
     inside = (time >= case.window[0]) & (time <= case.window[1])
-    figure, (left, right) = plt.subplots(1, 2, figsize=(7, 2.5), dpi=100, layout="constrained")
-    pairs = ((exact, HEALTHY, "healthy"), (seen, FAULTY, "faulty"))
-    for measured, line, label in pairs:
-        left.plot(time[inside], measured.motor_torque[inside, i], label=label, **line)
-    left.set_xlabel(QUANTITIES["time"], size=8)
-    left.set_ylabel(f"motor torque, axis {axis} [N m]", size=8)
-    left.legend(frameon=False, fontsize=8, loc="best")
+    pair = exact.motor_torque[inside, i], seen.motor_torque[inside, i]
 
     speed = healthy.motor_velocity[:, i]
     over = quantity(case.over, healthy, robot, axis)
@@ -188,16 +206,39 @@ def draw(effect: Effect, case: Case, robot: Robot, motion: Motion, path: Path) -
         chosen &= inside & (np.abs(speed - steady) < 0.2 * steady)
     if case.gap == "against":
         chosen &= np.abs(speed) > 10
-    style = {} if case.over == "time" else {"ls": "", "marker": ".", "ms": 2.5}
+    shown: tuple[np.ndarray, ...]
     if case.gap in ("gap", "against"):
         gap = seen.motor_torque[:, i] - exact.motor_torque[:, i]
-        gap = gap * np.sign(speed) if case.gap == "against" else gap
-        right.axhline(0.0, color="0.5", lw=0.8)
-        right.plot(over[chosen], gap[chosen], **(FAULTY | style))
+        shown = (gap * np.sign(speed) if case.gap == "against" else gap,)
     else:
-        for measured, line, _ in pairs:
-            values = getattr(measured, f"motor_{case.gap}")[chosen, i]
-            right.plot(over[chosen], values, drawstyle="steps-post", **line)
+        shown = tuple(getattr(one, f"motor_{case.gap}")[:, i] for one in (exact, seen))
+    return Signature(time[inside], pair, over[chosen], tuple(one[chosen] for one in shown))
+
+
+def draw(effect: Effect, case: Case, told: Signature, path: Path) -> None:
+    """Draw the picture of an effect, 700 points wide.
+
+    Args:
+        effect: The effect.
+        case: Axis, severity and quantity that are drawn.
+        told: The curves.
+        path: Picture to write.
+    """
+    axis = case.seen or case.axis
+    figure, (left, right) = plt.subplots(1, 2, figsize=(7, 2.5), dpi=100, layout="constrained")
+    lines = ((HEALTHY, "healthy"), (FAULTY, "faulty"))
+    for torque, (line, label) in zip(told.torque, lines, strict=True):
+        left.plot(told.time, torque, label=label, **line)
+    left.set_xlabel(QUANTITIES["time"], size=8)
+    left.set_ylabel(f"motor torque, axis {axis} [N m]", size=8)
+    left.legend(frameon=False, fontsize=8, loc="best")
+    style = {} if case.over == "time" else {"ls": "", "marker": ".", "ms": 2.5}
+    if len(told.shown) == 1:
+        right.axhline(0.0, color="0.5", lw=0.8)
+        right.plot(told.over, told.shown[0], **(FAULTY | style))
+    else:
+        for values, (line, _) in zip(told.shown, lines, strict=True):
+            right.plot(told.over, values, drawstyle="steps-post", **line)
     right.set_xlabel(QUANTITIES[case.over], size=8)
     right.set_ylabel(SHOWN[case.gap], size=8)
     for panel in (left, right):
@@ -207,6 +248,45 @@ def draw(effect: Effect, case: Case, robot: Robot, motion: Motion, path: Path) -
     figure.suptitle(f"{effect.name}, {shown}, axis {case.axis} of the IRB 6700", fontsize=10)
     figure.savefig(path, metadata={"Software": ""})
     plt.close(figure)
+
+
+def stored(case: Case, told: Signature) -> dict[str, Any]:
+    """Thin the curves of an effect for the gallery.
+
+    Args:
+        case: Axis, severity and quantity that are drawn.
+        told: The curves.
+
+    Returns:
+        Two charts, each with the titles of its axes, whether it has lines or points, its places and
+        the values of each curve.
+    """
+    axis = case.seen or case.axis
+    signal = f"motor torque, axis {axis} [N m]"
+    halves = (
+        (QUANTITIES["time"], signal, True, told.time, told.torque),
+        (QUANTITIES[case.over], SHOWN[case.gap], case.over == "time", told.over, told.shown),
+    )
+    charts = []
+    for x_title, y_title, lines, x, curves in halves:
+        every = -(-len(x) // POINTS)
+        charts.append(
+            {
+                "x_title": x_title,
+                "y_title": y_title,
+                "lines": lines,
+                "x": _digits(x[::every]),
+                "y": [_digits(one[::every]) for one in curves],
+            }
+        )
+    return {"severity": case.severity, "axis": case.axis, "charts": charts}
+
+
+def _digits(values: np.ndarray) -> list[float]:
+    """Numbers with as many digits as a small picture can show."""
+    step = max(float(np.ptp(values)), 1e-9) / DIGITS
+    places = max(0, -int(np.floor(np.log10(step))))
+    return [round(float(one), places) + 0.0 for one in values]
 
 
 def page() -> str:
@@ -244,10 +324,16 @@ def main(
     robot = load_robot(ROBOT)
     motions = {name: motion_of(robot, name) for name in MOTIONS}
     FOLDER.mkdir(parents=True, exist_ok=True)
+    gallery = {}
     for name in names or list(EFFECTS):
         case = CASES[name]
-        draw(EFFECTS[name], case, robot, motions[case.motion], FOLDER / f"{name}.png")
+        told = signature(EFFECTS[name], case, robot, motions[case.motion])
+        draw(EFFECTS[name], case, told, FOLDER / f"{name}.png")
+        gallery[name] = stored(case, told)
         print(name, flush=True)
+    if not names:
+        lines = [f'"{name}": {json.dumps(one)}' for name, one in gallery.items()]
+        GALLERY.write_text("{" + ",\n".join(lines) + "}\n")
     PAGE.write_text(page())
 
 

@@ -17,7 +17,18 @@ from faultgen.effects import EFFECTS
 from faultgen.robot import load_robot, robot_names
 from faultgen.tasks import task_names
 
-COMMANDS = ["demo", "robots", "tasks", "effects", "generate", "info", "isolate", "report", "view"]
+COMMANDS = [
+    "demo",
+    "robots",
+    "tasks",
+    "effects",
+    "generate",
+    "info",
+    "isolate",
+    "report",
+    "view",
+    "explore",
+]
 
 
 def flags(tiny_robot_path, tiny_task_path, out, **changes):

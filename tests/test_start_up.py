@@ -55,6 +55,7 @@ def loaded(*arguments, cwd):
         ("export nothing.h5", "no such file"),
         ("fleet nothing.toml", "cannot be read"),
         ("view nobody", "unknown robot 'nobody'"),
+        ("explore nobody", "unknown robot 'nobody'"),
     ],
 )
 def test_refusals_are_quick(tmp_path, arguments, message):

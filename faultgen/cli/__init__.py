@@ -12,6 +12,7 @@ import sys
 from faultgen.cli import (
     data,
     discovery,
+    explore,
     export,
     fleet,
     info,
@@ -31,6 +32,7 @@ from faultgen.system.terminal import note, print_messages
 __all__ = [
     "data",
     "discovery",
+    "explore",
     "export",
     "fleet",
     "info",

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from faultgen.cli.app import Json, app, names, print_json, print_table
+from faultgen.cli.app import Json, app, names, out_option, print_json, print_table
 from faultgen.system.terminal import say
 
 
@@ -73,8 +74,30 @@ def tasks(
 
 
 @app.command()
-def effects(as_json: Json = False) -> None:
-    """List the effects with their units, ranges and parameters."""
+def effects(
+    gallery: Annotated[
+        bool,
+        typer.Option(
+            "--gallery", help="Write effects.html, a page with a picture of every effect, instead."
+        ),
+    ] = False,
+    out: Annotated[Path, out_option("Folder for the page of --gallery.")] = Path("."),
+    as_json: Json = False,
+) -> None:
+    """List the effects with their units, ranges and parameters.
+
+    With --gallery, the command writes a page with a small picture and a sentence for each effect.
+    The page needs no network and no other file.
+    """
+    if gallery:
+        from faultgen.report.gallery import gallery_page
+        from faultgen.system.files import write_text
+
+        out.mkdir(parents=True, exist_ok=True)
+        path = out / "effects.html"
+        write_text(path, gallery_page())
+        print_json({"gallery": str(path)}) if as_json else say(path)
+        return
     from faultgen.effects import EFFECTS
 
     rows: list[dict[str, Any]] = [

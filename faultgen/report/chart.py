@@ -23,6 +23,7 @@ from markupsafe import Markup
 from numpy.typing import ArrayLike
 
 from faultgen.analysis.plots import MARKERS, colour
+from faultgen.report.packing import packed
 
 SYMBOLS = dict(
     zip(
@@ -164,16 +165,6 @@ def square_map(values: ArrayLike, unit: str) -> dict[str, Any]:
         "colorbar": {"title": {"text": unit}, "thickness": 12},
         "meta": {"scale": _DIVERGING, "axis": 0},
     }
-
-
-def packed(values: ArrayLike) -> dict[str, str]:
-    """Numbers in the form in which plotly.js reads them fastest: 4 bytes each, as base64.
-
-    Args:
-        values: Shape (n,). What is not finite becomes a gap.
-    """
-    numbers = np.asarray(values, dtype="<f4")
-    return {"dtype": "f4", "bdata": base64.b64encode(numbers.tobytes()).decode()}
 
 
 def _colours(number: int) -> dict[str, Any]:

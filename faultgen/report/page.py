@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import base64
 import io
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import matplotlib.pyplot as plt
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markdown_it import MarkdownIt
 from markupsafe import Markup
-from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _TEMPLATES = Environment(
     loader=PackageLoader("faultgen.report"),
@@ -44,6 +45,8 @@ def image(figure: Figure) -> str:
     Returns:
         A data URI with the image as PNG.
     """
+    import matplotlib.pyplot as plt  # takes a second, and most pages have no such image
+
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
     plt.close(figure)

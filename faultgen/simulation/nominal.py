@@ -56,7 +56,6 @@ class Nominal:
         return np.array(chosen) if chosen else default_window(self.speed)
 
 
-@lru_cache(maxsize=4)
 def nominal(
     robot_name: str, task_name: str, sample_period: float, operation: Operation = AS_PROGRAMMED
 ) -> Nominal:
@@ -68,7 +67,8 @@ def nominal(
         robot_name: Name of the robot, or path of an MJCF file.
         task_name: Name of the task, or path of a task file.
         sample_period: Time between samples [s].
-        operation: Speed and payload. Default: those of the task and the model.
+        operation: Speed and payload. Default: those of the task and the model. The temperature
+            changes nothing here.
 
     Returns:
         What the runs of this robot and task share.
@@ -77,6 +77,15 @@ def nominal(
         InputError: The robot cannot do the task, or a cycle has too many steps or fewer than two
             samples.
     """
+    return _nominal(
+        robot_name, task_name, sample_period, Operation(operation.speed, operation.payload)
+    )
+
+
+@lru_cache(maxsize=4)
+def _nominal(
+    robot_name: str, task_name: str, sample_period: float, operation: Operation
+) -> Nominal:
     robot = operation.loaded(load_robot(robot_name))
     motion = plan(load_task(robot.name, task_name, robot.tasks), robot)
     if operation.speed is not None:

@@ -73,7 +73,7 @@ def play(
     """
     machine = load_robot(robot)
     fault = _fault(machine, effect, axis, severity)
-    shared = nominal(robot, task or _first_task(machine), SAMPLE_PERIOD)
+    shared = nominal(robot, task or first_task(machine), SAMPLE_PERIOD)
     cycles = [
         _cycle(machine, shared.control, fault_of) for fault_of in ([], fault)[: 1 + len(fault)]
     ]
@@ -81,7 +81,7 @@ def play(
     return [
         Playback(
             robot=machine,
-            task=task or _first_task(machine),
+            task=task or first_task(machine),
             name=name,
             axis=fault[0].axis if number else 0,
             times=np.arange(len(torque)) * SAMPLE_PERIOD,
@@ -92,7 +92,18 @@ def play(
     ]
 
 
-def _first_task(robot: Robot) -> str:
+def first_task(robot: Robot) -> str:
+    """Choose the task of a robot if none is given.
+
+    Args:
+        robot: The robot.
+
+    Returns:
+        pick_and_place, or the first of its tasks if it does not have that one.
+
+    Raises:
+        InputError: The robot has no tasks.
+    """
     names = task_names(robot.name, robot.tasks)
     if not names:
         raise InputError(f"robot {robot.name}: has no tasks of its own; give --task FILE.toml")

@@ -1,0 +1,108 @@
+"""The robot as triangles, and its poses in a cycle, for the picture on the page."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from faultgen.report.packing import packed
+from faultgen.robot import Robot
+from faultgen.viewing.painter import triangles
+from faultgen.viewing.playback import SAMPLE_PERIOD
+from faultgen.viewing.stage import Stage
+
+_RATE = 20.0  # poses in a second
+_MOST_POSES = 500  # in a cycle
+
+
+class Scene:
+    """A robot that the page draws."""
+
+    def __init__(self, robot: Robot, position: np.ndarray) -> None:
+        """Make the triangles of all shapes, and place the camera.
+
+        Args:
+            robot: The robot.
+            position: Joint positions of its motion, shape (samples, n_axes), in [rad], or [m].
+
+        Raises:
+            InputError: The robot cannot be drawn.
+        """
+        self.stage = Stage(robot, position)
+        self._lock = threading.Lock()
+        model = self.stage.model
+        plane = int(mujoco.mjtGeom.mjGEOM_PLANE)
+        shown = [int(k) for k in self.stage.shown() if model.geom_type[k] != plane]
+        self._bodies = sorted({int(model.geom_bodyid[k]) for k in shown})
+        self._shapes = [(k, triangles(model, k)) for k in shown]
+
+    def told(self) -> dict[str, Any]:
+        """Describe the shapes and the camera.
+
+        Returns:
+            For each shape the number of its body, its colour, and the corners of its triangles in
+            the frame of the body, in [m]; the camera; and for each body the axis that moves it.
+        """
+        model, camera = self.stage.model, self.stage.camera
+        shapes = []
+        for geom, corners in self._shapes:
+            turn = np.empty(9)
+            mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
+            placed = corners @ turn.reshape(3, 3).T + model.geom_pos[geom]
+            rgba, material = model.geom_rgba[geom], model.geom_matid[geom]
+            if material >= 0 and np.allclose(rgba, [0.5, 0.5, 0.5, 1]):
+                rgba = model.mat_rgba[material]  # MuJoCo's rule for geoms with a material
+            shapes.append(
+                {
+                    "body": self._bodies.index(int(model.geom_bodyid[geom])),
+                    "colour": [round(float(one), 3) for one in rgba[:3]],
+                    "corners": packed(placed.ravel()),
+                }
+            )
+        axes = {int(model.joint(f"joint{k}").bodyid[0]): k for k in range(1, self._n_axes() + 1)}
+        floor = float(model.geom_pos[model.geom("faultgen_floor").id, 2])
+        return {
+            "shapes": shapes,
+            "axes": [axes.get(body, 0) for body in self._bodies],
+            "floor": floor,
+            "camera": {
+                "lookat": camera.lookat.tolist(),
+                "distance": float(camera.distance),
+                "azimuth": float(camera.azimuth),
+                "elevation": float(camera.elevation),
+                "angle": float(model.vis.global_.fovy),
+            },
+        }
+
+    def poses(self, position: np.ndarray) -> dict[str, Any]:
+        """Compute where the bodies are in the course of a cycle.
+
+        Args:
+            position: Joint positions, shape (samples, n_axes), in [rad], or [m] where the joint
+                slides.
+
+        Returns:
+            The number of poses, the time between them [s], and for each pose and body its place
+            [m] and the rows of its rotation matrix: 12 numbers.
+        """
+        samples = len(position)
+        every = max(1, round(1 / (_RATE * SAMPLE_PERIOD)), -(-samples // _MOST_POSES))
+        told = []
+        with self._lock:
+            for row in position[::every]:
+                self.stage.pose(row)
+                data = self.stage.data
+                told.append(np.hstack([data.xpos[self._bodies], data.xmat[self._bodies]]))
+        return {
+            "count": len(told),
+            "period": every * SAMPLE_PERIOD,
+            "duration": samples * SAMPLE_PERIOD,
+            "bodies": packed(np.ravel(told)),
+        }
+
+    def _n_axes(self) -> int:
+        names = [self.stage.model.joint(k).name for k in range(self.stage.model.njnt)]
+        return sum(name.startswith("joint") and name[5:].isdigit() for name in names)
