@@ -47,7 +47,7 @@ def overlay(case: Path, axis: int, cache: Path, file: Path) -> None:
             1, 1 + bool(laws), figsize=(9, 3), squeeze=False, width_ratios=[2, 1][: 1 + bool(laws)]
         )
         axes = columns[0, 0]
-        axes.plot(time, gap, color="0.7", lw=0.6, label="recording minus twin")
+        axes.plot(time, gap, color="0.7", lw=0.6, label="recording minus baseline")
         explained = gap - told.left_torque[rows, k]
         axes.plot(time, explained, color=COLOURS[1], lw=1.2, label="explained")
         axes.set(xlabel="time [s]", ylabel=f"torque of motor {axis} [N m]")
