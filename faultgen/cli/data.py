@@ -21,7 +21,15 @@ from faultgen.cli.app import (
     worker_count,
 )
 from faultgen.cli.checks import existing_dataset, existing_robot, readable_text
-from faultgen.cli.values import TRAINING, axes_of, numbers_of, part_of, severities_of, task_of
+from faultgen.cli.values import (
+    TRAINING,
+    axes_of,
+    numbers_of,
+    part_of,
+    severities_of,
+    spreads_of,
+    task_of,
+)
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.system.terminal import say
 
@@ -112,6 +120,16 @@ def generate(
         typer.Option(
             help="Mean temperature of the gearboxes in °C, from 30 to 80. For several, write "
             "30,50. Default: that at which the friction of the model holds, usually 40."
+        ),
+    ] = None,
+    randomize: Annotated[
+        str | None,
+        typer.Option(
+            help="Give each run a robot of its own, which differs from the model that the "
+            "controller knows: parameters=0.03,masses=0.02,servo=0.1,noise=0.3,payload=0.05,"
+            "temperature=3. The numbers are spreads (of the logarithm; in K for the temperature): "
+            "friction, rotors and stiffness; links; servo gains; noise; payload; mean temperature. "
+            "The robot of each run is stored in its file."
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the first repetition.")] = None,
@@ -230,6 +248,7 @@ def generate(
         "speed": numbers_of("speed", speed),
         "payload": numbers_of("payload", payload),
         "temperature": numbers_of("temperature", temperature),
+        "randomize": spreads_of(randomize),
         "seed": seed,
         "repetitions": repetitions,
         "paired": paired,

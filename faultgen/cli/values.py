@@ -48,6 +48,22 @@ def task_of(recording: Path, robot: str, out: Path) -> str:
     return str(path)
 
 
+def spreads_of(text: str | None) -> dict[str, float] | None:
+    """Parse "parameters=0.03,servo=0.1" to the spreads of robots."""
+    if text is None:
+        return None
+    found = {}
+    for part in text.split(","):
+        name, _, value = part.partition("=")
+        try:
+            found[name.strip()] = float(value)
+        except ValueError:
+            raise InputError(
+                f"randomize '{part}': give names and spreads such as parameters=0.03,servo=0.1"
+            ) from None
+    return found
+
+
 def axes_of(text: str | None) -> list[list[int]] | None:
     """Parse "1,2+3" to the axes of each run; None stands for every axis."""
     if text is None or text == "all":

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from faultgen.applied import Applied
+from faultgen.dataset.instance import Instance
 from faultgen.dataset.planning import Run
 from faultgen.dataset.run_file import growth_of
 from faultgen.monitoring.environment import Surroundings
@@ -24,6 +25,8 @@ class Course:
     """Temperature and payload in each cycle."""
     healthy: Sequence[tuple[Applied, ...]]
     """How the healthy robot differs in each cycle."""
+    instance: Instance | None = None
+    """How the robot of this run differs from its model."""
 
     def __iter__(self) -> Iterator[Condition]:
         """Yield the condition of each cycle."""
@@ -45,9 +48,9 @@ class Course:
         Yields:
             The plant of each cycle.
         """
-        spec = robot.spec()
+        spec = robot.spec() if self.instance is None else self.instance.edit(robot.spec())
         before: Condition | None = None
-        plant = Plant(robot.model)
+        plant = Plant(robot.model)  # replaced in the first cycle
         for now in self:
             if now != before:
                 plant = plant_at(robot, spec, now)

@@ -25,11 +25,26 @@ from pydantic import (
     model_validator,
 )
 
+from faultgen.dataset.entries import (
+    Axes,
+    Mass,
+    Names,
+    Places,
+    Severities,
+    Severity,
+    Speed,
+    Temperature,
+    Windows,
+    absolute,
+    kind_of,
+    several,
+    to_axes,
+    to_severities,
+)
 from faultgen.dataset.severity import check_largest, check_severity, default_severity
 from faultgen.dataset.wear import severities
 from faultgen.effects import HEALTHY, get_effect
 from faultgen.effects.base import DEFAULT_FRACTION
-from faultgen.effects.temperature import TEMPERATURE_RANGE
 from faultgen.errors import InputError
 from faultgen.monitoring.sensors import get_sensors, sensors_of
 from faultgen.simulation.operation import Operation
@@ -50,68 +65,15 @@ SIGNALS = (
 those in `truth` are free of it."""
 
 
-def _listed(value: Any) -> Any:
-    return value if isinstance(value, list) else [value]
-
-
-def _places(value: Any) -> Any:
-    """Leave names as they are, and make paths absolute, so that they are valid in every folder."""
-    return [
-        str(Path(item).resolve()) if isinstance(item, str) and _is_place(Path(item)) else item
-        for item in _listed(value)
-    ]
-
-
-def _absolute(value: Any) -> Any:
-    """Make the path of a file absolute, and leave a name as it is."""
-    is_file = isinstance(value, str) and Path(value).is_file()
-    return str(Path(value).resolve()) if is_file else value
-
-
-def _is_place(path: Path) -> bool:
-    """Whether a path is that of a file or of a robot's folder."""
-    return path.is_file() or (path / "robot.json").is_file()
-
-
-def _axes(value: Any) -> Any:
-    """Turn [1, [2, 3]] into [[1], [2, 3]]."""
-    return [_listed(item) for item in _listed(value)]
-
-
-def _several(value: Any) -> Any:
-    """Make a list of one number; None stays None."""
-    return None if value is None else _listed(value)
-
-
-def _severities(value: Any) -> Any:
-    """Turn 0.1 into [0.1], also within a table of severities by effect."""
-    if isinstance(value, dict):
-        return {name: _listed(one) for name, one in value.items()}
-    return _listed(value)
-
-
-def _windows(value: Any) -> Any:
-    """Turn [low, high] into [[low, high]]."""
-    single = isinstance(value, list) and not any(isinstance(one, list) for one in value)
-    return [value] if single else value
-
-
-def _kind(value: Any) -> str:
-    return "table" if isinstance(value, dict) else "list"
-
-
-Axes = Annotated[list[int], Field(min_length=1)]
-Names = Annotated[list[str], BeforeValidator(_listed), Field(min_length=1)]
-Places = Annotated[list[str], BeforeValidator(_places), Field(min_length=1)]
-Severity = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Severities = Annotated[list[Severity], Field(min_length=1)]
-Window = Annotated[
-    list[Annotated[float, Field(ge=0, allow_inf_nan=False)]], Field(min_length=2, max_length=2)
-]
-
-Speed = Annotated[float, Field(gt=0, le=1, allow_inf_nan=False)]
-Mass = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Temperature = Annotated[float, Field(ge=TEMPERATURE_RANGE[0], le=TEMPERATURE_RANGE[1])]
+SPREADS = {
+    "parameters": 0.5,
+    "masses": 0.3,
+    "servo": 0.5,
+    "noise": 2.0,
+    "payload": 0.5,
+    "temperature": 20.0,
+}
+"""What `randomize` can vary, and the largest spread of each."""
 
 MOST_RUNS = 100_000
 """Largest number of runs that a dataset may have; a larger one is made in parts."""
@@ -182,14 +144,14 @@ class Experiment(BaseModel):
     """Names of tasks, or paths of task files. Each task must exist for each robot."""
     effect: Names = ["friction_wear"]
     """Names of effects in the catalogue. 'healthy' stands for the robot without a fault."""
-    axis: Annotated[list[Axes], BeforeValidator(_axes), Field(min_length=1)] | None = None
+    axis: Annotated[list[Axes], BeforeValidator(to_axes), Field(min_length=1)] | None = None
     """Axes that wear, from 1. There is one run for each entry; an entry that is itself a list names
     axes that wear at the same time. Default: every axis of the robot on which the effect can
     act."""
     severity: Annotated[
         Annotated[Severities, Tag("list")] | Annotated[dict[str, Severities], Tag("table")],
-        Discriminator(_kind),
-        BeforeValidator(_severities),
+        Discriminator(kind_of),
+        BeforeValidator(to_severities),
     ] = [DEFAULT_FRACTION]
     """Final severities, in the unit of the effect: one list for all effects, or a table with a list
     for each effect. Default: 0.2 for an effect whose severity is a fraction of the nominal value,
@@ -203,18 +165,18 @@ class Experiment(BaseModel):
     such as [parameters.torque_ripple]."""
     beside: list[Beside] = []
     """Further effects that every faulty run has; in TOML one table [[beside]] for each."""
-    speed: Annotated[list[Speed] | None, BeforeValidator(_several)] = None
+    speed: Annotated[list[Speed] | None, BeforeValidator(several)] = None
     """Speed overrides, above 0 and up to 1. All runs are made at each of them. Default: 1."""
-    payload: Annotated[list[Mass] | None, BeforeValidator(_several)] = None
+    payload: Annotated[list[Mass] | None, BeforeValidator(several)] = None
     """Masses of the payload [kg], which the controller knows. All runs are made with each of them.
     Default: that of the model."""
-    temperature: Annotated[list[Temperature] | None, BeforeValidator(_several)] = None
+    temperature: Annotated[list[Temperature] | None, BeforeValidator(several)] = None
     """Mean temperatures of the gearboxes [deg C]. All runs are made at each of them. Default: that
     at which the friction of the model holds."""
     healthy: bool = True
     """Whether there is also a run of the healthy robot for each robot, task, speed, payload,
     temperature and seed."""
-    sensors: Annotated[str, BeforeValidator(_absolute)] = "none"
+    sensors: Annotated[str, BeforeValidator(absolute)] = "none"
     """Preset of sensor noise and disturbances, or the path of a sensors file. Default: the sensors
     in the robot's folder, if it has any, otherwise "none"."""
     seed: int = 0
@@ -228,6 +190,10 @@ class Experiment(BaseModel):
     """Give every run of a repetition the same seed. A faulty run and its healthy twin then share
     noise, temperature and payload, and differ only by the fault. Default: every run has a seed of
     its own, so that a method that learns from the data cannot recognise runs by their noise."""
+    randomize: dict[str, Annotated[float, Field(ge=0, allow_inf_nan=False)]] = {}
+    """Spreads with which each run gets a robot of its own, such as {parameters = 0.03}; see
+    `faultgen.dataset.instance`. The nominal robot is that of the controller. Default: all runs have
+    the nominal robot."""
     sample_period: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 0.004
     """Time between samples [s]."""
     fidelity: Literal["stepped", "interpolated"] = "stepped"
@@ -239,9 +205,9 @@ class Experiment(BaseModel):
     thin: Annotated[int, Field(ge=1)] = 1
     """Keep only every n-th sample in the files, n being this number. The reductions always use all
     samples."""
-    speed_window: Annotated[list[Window], BeforeValidator(_windows), Field(min_length=1)] | None = (
-        None
-    )
+    speed_window: (
+        Annotated[list[Window], BeforeValidator(to_windows), Field(min_length=1)] | None
+    ) = None
     """Range of motor speeds [rad/s]; `mean_abs_torque` uses the samples within it. Give [low, high]
     for all axes, or one pair for each axis. Default: 50 to 120. For an axis that never turns so
     fast in the task, the default is 0.5 to 1.2 times the highest speed that it reaches."""
@@ -289,6 +255,7 @@ class Experiment(BaseModel):
                 raise InputError(f"speed_window: must be [low, high], not [{low:g}, {high:g}]")
         check_seed(self.seed, self.repetitions)
         self._check_part()
+        self._check_randomize()
         for name in ("speed", "payload", "temperature"):
             values = getattr(self, name)
             if values is not None and len(set(values)) < max(len(values), 1):
@@ -304,6 +271,20 @@ class Experiment(BaseModel):
             raise InputError(
                 f"part: {count} parts need at least {count} repetitions, because each part has "
                 f"repetitions of its own, and the experiment has {self.repetitions}"
+            )
+
+    def _check_randomize(self) -> None:
+        for name, spread in self.randomize.items():
+            if name not in SPREADS:
+                raise InputError(f"randomize: unknown '{name}': choose {', '.join(SPREADS)}")
+            if spread > SPREADS[name]:
+                raise InputError(
+                    f"randomize: {name} must be at most {SPREADS[name]:g}, not {spread:g}"
+                )
+        if self.randomize and self.fidelity == "interpolated":
+            raise InputError(
+                "randomize: each run has a robot of its own, so that no cycles can be "
+                "interpolated; use fidelity 'stepped'"
             )
 
     def _check_parameters(self) -> None:

@@ -39,6 +39,7 @@ _OPTIONAL = (
     "payload",
     "temperature",
     "interpolated",
+    "randomize",
 )  # not in the id of a run without them
 
 
@@ -87,6 +88,8 @@ class Run:
     """Mean temperature of the gearboxes [deg C]; None: that at which the model's friction holds."""
     interpolated: bool = False
     """Whether cycles are interpolated between simulated ones."""
+    randomize: tuple[tuple[str, float], ...] = ()
+    """Spreads with which the robot of the run is drawn; empty for the nominal robot."""
     model_sha256: str
     """Hash of the robot's model."""
     task_sha256: str
@@ -208,6 +211,7 @@ def plan_runs(experiment: Experiment) -> list[Run]:
                     payload=operation.payload,
                     temperature=operation.temperature,
                     interpolated=experiment.fidelity == "interpolated",
+                    randomize=tuple(sorted(experiment.randomize.items())),
                     model_sha256=robot.sha256,
                     task_sha256=digest,
                     sensors_sha256=noise,

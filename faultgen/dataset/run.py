@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import tee
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from faultgen.dataset.conditions import Course
+from faultgen.dataset.instance import draw_instance
 from faultgen.dataset.interpolated import channels_of, cycle_of, interpolated, sensing_plants
 from faultgen.dataset.interpolation_error import BOUNDS
 from faultgen.dataset.planning import Run
@@ -69,12 +71,19 @@ def prepare(run: Run) -> Prepared:
     """
     shared = nominal(run.robot, run.task, run.sample_period, run.operation)
     sensors = get_sensors(run.sensors)
-    rngs = np.random.default_rng(run.seed).spawn(4)
-    rng_surroundings, rng_sensors, rng_faults, rng_runs = rngs
+    rngs = np.random.default_rng(run.seed).spawn(5)
+    rng_surroundings, rng_sensors, rng_faults, rng_runs, rng_instance = rngs
     healthy = differences(sensors, run.cycles, rng_runs)
     mean = shared.robot.friction_temperature if run.temperature is None else run.temperature
+    instance = None
+    if run.randomize:
+        instance = draw_instance(shared.robot, dict(run.randomize), rng_instance)
+        sensors, mean = instance.sensors(sensors), instance.mean_temperature(mean)
     around = surroundings(sensors, run.cycles, mean, rng_surroundings)
-    return Prepared(shared, sensors, Course(run, around, healthy), rng_sensors, rng_faults)
+    if instance is not None:
+        around = replace(around, payload_factor=around.payload_factor * instance.payload)
+    course = Course(run, around, healthy, instance)
+    return Prepared(shared, sensors, course, rng_sensors, rng_faults)
 
 
 def get_ready(run: Run) -> None:
@@ -143,6 +152,9 @@ def _simulate_and_write(
         lacks = sensors.missing_torque(run.task_sha256, shared.samples, run.sample_period)
     window = shared.speed_window(run.speed_window)
     attributes = run_attributes(run, shared, stepped.made_by if stepped else made_by)
+    if course.instance is not None:
+        attributes["randomize"] = json.dumps(dict(run.randomize))
+        attributes["instance"] = json.dumps(asdict(course.instance))
     cycles: Iterable[Cycle]
     plants: Iterable[Plant]
     if stepped is not None:
