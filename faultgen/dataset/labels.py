@@ -52,6 +52,45 @@ def features_and_labels(
     Raises:
         InputError: There is no such label, or a severity makes no sense.
     """
+    y = cycle_labels(frame, label, smallest_severity, failure_severity)
+    rows = np.ones(len(frame), bool)
+    if part is not None:
+        parts = frame[f"split_{part[0]}"].to_numpy()
+        rows = parts == part[1]
+        if part[0] == "run" and label in ("axis", "effect"):
+            unseen = sorted(set(y[parts == TEST].tolist()) - set(y[parts == TRAIN].tolist()))
+            if unseen:
+                warnings.warn(
+                    f"{label} {', '.join(map(str, unseen))}: only in the test part, because there "
+                    "is one run of each fault; generate the dataset with --repetitions 3",
+                    stacklevel=3,
+                )
+    features = [name for name in frame.attrs["features"] if frame[name].notna().any()]
+    x = frame.loc[rows, features].reset_index(drop=True)
+    x.attrs = {"units": {name: frame.attrs["units"][name] for name in features}}
+    return x, y[rows], frame["seed"].to_numpy()[rows]
+
+
+def cycle_labels(
+    frame: pd.DataFrame,
+    label: str,
+    smallest_severity: SeverityLimit = None,
+    failure_severity: SeverityLimit = None,
+) -> np.ndarray:
+    """Return the label of each row of a table of cycles.
+
+    Args:
+        frame: Table from `faultgen.dataset.tables.cycles_table`.
+        label: What is to be predicted; see `Dataset.to_xy`.
+        smallest_severity: See `Dataset.to_xy`.
+        failure_severity: See `Dataset.to_xy`.
+
+    Returns:
+        The labels, shape (cycles,).
+
+    Raises:
+        InputError: There is no such label, or a severity makes no sense.
+    """
     for name, given in (
         ("smallest_severity", smallest_severity),
         ("failure_severity", failure_severity),
@@ -70,23 +109,7 @@ def features_and_labels(
     if label not in computed and label not in frame:
         columns = (name for name in frame if name not in (*computed, *frame.attrs["features"]))
         raise InputError(f"label: there is no '{label}': choose {', '.join([*computed, *columns])}")
-    y = computed[label]() if label in computed else frame[label].to_numpy()
-    rows = np.ones(len(frame), bool)
-    if part is not None:
-        parts = frame[f"split_{part[0]}"].to_numpy()
-        rows = parts == part[1]
-        if part[0] == "run" and label in ("axis", "effect"):
-            unseen = sorted(set(y[parts == TEST].tolist()) - set(y[parts == TRAIN].tolist()))
-            if unseen:
-                warnings.warn(
-                    f"{label} {', '.join(map(str, unseen))}: only in the test part, because there "
-                    "is one run of each fault; generate the dataset with --repetitions 3",
-                    stacklevel=3,
-                )
-    features = [name for name in frame.attrs["features"] if frame[name].notna().any()]
-    x = frame.loc[rows, features].reset_index(drop=True)
-    x.attrs = {"units": {name: frame.attrs["units"][name] for name in features}}
-    return x, y[rows], frame["seed"].to_numpy()[rows]
+    return computed[label]() if label in computed else frame[label].to_numpy()
 
 
 def _worn(frame: pd.DataFrame, smallest: SeverityLimit) -> np.ndarray:

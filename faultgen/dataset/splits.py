@@ -93,8 +93,21 @@ def make_splits(runs: _Runs, seed: int) -> RunParts:
     return found
 
 
-def _robot(run: Mapping[str, Any]) -> list[Hashable]:
+def _robot(run: Mapping[str, Any]) -> list[tuple[str, str | None]]:
     return [(Path(run["robot"]).stem, run.get("model_sha256"))]
+
+
+def robot_instance(run: Mapping[str, Any]) -> str:
+    """Name a robot so that instances of one model that differ in their parameters differ in name.
+
+    Args:
+        run: Parameters of a run as in ``runs.json``, or the attributes of its file.
+
+    Returns:
+        The name of the model, and the first eight digits of the hash of the model.
+    """
+    name, model = _robot(run)[0]
+    return f"{name}-{model[:8]}" if model else name
 
 
 _KEYS: dict[str, Callable[[Mapping[str, Any]], Sequence[Hashable]]] = {
