@@ -19,8 +19,9 @@ import numpy as np
 
 from faultgen.dataset.labels import cycle_labels
 from faultgen.dataset.manifest import check_exists
-from faultgen.dataset.reader import StoredRun, open_dataset
+from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.splits import TRAIN, RunParts, robot_instance
+from faultgen.dataset.stored_run import StoredRun
 from faultgen.errors import InputError
 from faultgen.export.gearing import Gearing
 from faultgen.system.progress import follow
