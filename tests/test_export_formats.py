@@ -4,6 +4,7 @@ A library that is not installed skips its test: pip install '.[export]' installs
 """
 
 import json
+import shutil
 
 import h5py
 import numpy as np
@@ -13,7 +14,7 @@ from typer.testing import CliRunner
 import faultgen
 from faultgen.cli.app import app
 from faultgen.dataset.experiment import Experiment
-from faultgen.errors import InputError
+from faultgen.errors import InputError, StorageFailed
 from faultgen.export.gearing import Gearing
 from faultgen.export.statistics import Statistics
 
@@ -332,6 +333,36 @@ def test_bad_input_is_told_in_one_line(data, tmp_path, monkeypatch, arguments, m
         export(data, *given)
     assert "\n" not in str(error.value)
     assert [one.name for one in tmp_path.iterdir()] == ["full"]
+
+
+@pytest.mark.parametrize("name", ["lerobot", "mcap"])
+def test_a_damaged_run_leaves_nothing_behind(data, tmp_path, name):
+    """An export that fails halfway removes what it has written."""
+    library("pyarrow"), library("mcap")
+    shutil.copytree(data, tmp_path / "data")
+    path = faultgen.open_dataset(tmp_path / "data").runs[-1].path
+    labels = export(tmp_path / "data", "--format", name, "-o", tmp_path / "whole")
+    assert labels and (tmp_path / "whole").is_dir()
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=f"{path.name}: damaged"):
+        export(tmp_path / "data", "--format", name, "-o", tmp_path / "broken")
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["data", "whole"]
+
+
+@pytest.mark.parametrize("name", ["huggingface", "rerun"])
+def test_a_full_disk_leaves_nothing_behind(data, tmp_path, monkeypatch, name):
+    """So does one whose last step cannot be done."""
+    library("pyarrow"), library("rerun")
+
+    def refuse(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.rename", refuse)
+    with pytest.raises(StorageFailed, match="out: cannot be written .No space left on device"):
+        export(data, "--format", name, "-o", tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_robots_that_differ_need_formats_that_allow_it(tmp_path):
