@@ -13,7 +13,8 @@ import argparse
 import numpy as np
 from faultgen.analysis import net_transfer_entropy, quantile_symbols
 
-from faultgen.dataset.reader import StoredRun, open_dataset
+from faultgen.dataset.reader import open_dataset
+from faultgen.dataset.stored_run import StoredRun
 from faultgen.dataset.wear import severities
 from faultgen.evaluation.calls import axis_of, isolate
 from faultgen.evaluation.isolators import ISOLATORS

@@ -5,7 +5,8 @@ import shutil
 import pytest
 
 from faultgen.dataset.experiment import make_experiment
-from faultgen.dataset.reader import StoredRun, open_dataset
+from faultgen.dataset.reader import open_dataset
+from faultgen.dataset.stored_run import StoredRun
 from faultgen.dataset.sweep import generate
 from faultgen.errors import InputError
 from faultgen.evaluation.observed_runs import places

@@ -30,6 +30,10 @@ assert callable(net_transfer_entropy)
 assert "<html" in page("base.html")
 assert [load_map(None, name) for name in preset_names()]
 assert (Path(faultgen.__file__).parent / "py.typed").is_file()
+names = ("wear", "faults", "run_to_failure", "fleet")
+data = [Path(faultgen.__file__).parent / "datasets" / "data" / name for name in names]
+assert all((one / "README.md").is_file() for one in data)
+assert all((one / "dataset.h5").is_file() or (one / "robots").is_dir() for one in data)
 print(Path(faultgen.__file__).parent)
 print(*(f"{robot}/{task}" for robot in robot_names() for task in task_names(robot)))
 """

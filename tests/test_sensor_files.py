@@ -8,8 +8,8 @@ import pytest
 
 from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.planning import plan_runs
-from faultgen.dataset.reader import StoredRun
 from faultgen.dataset.run import make_run
+from faultgen.dataset.stored_run import StoredRun
 from faultgen.errors import InputError
 from faultgen.monitoring.environment import differences
 from faultgen.monitoring.sensors import (

@@ -10,73 +10,143 @@ import typer
 from faultgen.cli.app import Folder, Json, Methods, app, dataset_to_judge, out_option, print_json
 from faultgen.cli.checks import existing_dataset
 from faultgen.errors import InputError
+from faultgen.export.formats import DATASET_FORMATS, OPTIONS, export_dataset
 from faultgen.system.terminal import say
 
+_FORMATS = {
+    "recording": ("measured.h5", "one cycle of each run file, as if a controller had logged it"),
+    "parquet": ("cycles.parquet", "table of the features of a dataset or a fleet"),
+    "ncmapss": ("fleet_ncmapss.h5", "robots of a fleet that fail, in the layout of N-CMAPSS"),
+    **{name: (name, text) for name, text in DATASET_FORMATS.items()},
+}
+"""Where each format is written by default, and what it is."""
 
-@app.command()
+_NAMES = "\n".join(f"    {name:<12} {text}" for name, (_, text) in _FORMATS.items())
+
+
+@app.command(
+    help=f"""Turn data into another form: a recording, a table, or the format of another program.
+
+    \b
+    faultgen export dataset --format huggingface -o for_the_hub
+    faultgen export dataset --format lerobot --episode run -o lerobot
+    faultgen export dataset/runs/0123456789abcdef.h5 --format mcap -o run.mcap
+    faultgen export dataset/runs/0123456789abcdef.h5 -o measured.h5
+
+    \b
+    Formats:
+{_NAMES}
+
+    Give a folder or a dataset.h5 for all runs of a dataset, or single run files; 'faultgen info'
+    lists the runs. A recording holds positions, torques, commanded positions and the temperature,
+    but no label, so that it can be given to 'faultgen discover' as measured data.
+    docs/formats.md describes the other formats, and which packages they need."""  # noqa: D301
+)
 def export(
     sources: Annotated[
         list[Path],
         typer.Argument(
-            help="Run files of a dataset, such as dataset/runs/0123456789abcdef.h5; with "
-            "--parquet, a dataset or a fleet; with --layout, a fleet."
+            help="A dataset or a fleet, or run files such as dataset/runs/0123456789abcdef.h5."
         ),
     ],
-    out: Annotated[Path, out_option("Recording to write (HDF5).")] = Path("measured.h5"),
-    cycle: Annotated[
-        int | None, typer.Option(help="Number of the cycle, from 1. Default: the last one.")
-    ] = None,
-    parquet: Annotated[
+    out: Annotated[
         Path | None,
-        typer.Option(
-            help="Write labels and features of all cycles as a table to this Parquet file."
+        out_option(
+            "What to write: a folder for huggingface, lerobot and factorynet; a folder or a file "
+            "(.mcap, .rrd) for mcap and rerun; otherwise a file. Default: the name of the format, "
+            "or measured.h5, cycles.parquet or fleet_ncmapss.h5."
         ),
     ] = None,
-    layout: Annotated[
+    format_: Annotated[
         str | None,
         typer.Option(
-            help="ncmapss: write the robots of a fleet that fail, with their remaining life, in "
-            "the layout of the data set N-CMAPSS to the file of --out."
+            "--format",
+            help=f"One of {', '.join(_FORMATS)}. Default: recording, if run files are given.",
         ),
     ] = None,
+    cycle: Annotated[
+        int | None,
+        typer.Option(help="For recordings: number of the cycle, from 1. Default: the last one."),
+    ] = None,
+    episode: Annotated[
+        str | None, typer.Option(help="For lerobot: what an episode is, cycle (default) or run.")
+    ] = None,
+    side: Annotated[
+        str | None,
+        typer.Option(
+            help="For lerobot: motor (default) for signals as logged, or joint to convert them to "
+            "the joint side of the gearboxes, which are taken for rigid."
+        ),
+    ] = None,
+    split: Annotated[
+        str | None,
+        typer.Option(
+            help="For huggingface: division into training, validation and test part: run "
+            "(default), axis, robot or task."
+        ),
+    ] = None,
+    parquet: Annotated[
+        Path | None, typer.Option(help="Short for --format parquet with this file.")
+    ] = None,
+    layout: Annotated[str | None, typer.Option(help="ncmapss: short for --format ncmapss.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Turn data into another form: a recording, a table, or the layout of another data set.
-
-    \b
-    faultgen export dataset/runs/0123456789abcdef.h5 -o measured.h5
-    faultgen export dataset --parquet cycles.parquet
-    faultgen export fleet --layout ncmapss -o fleet_ncmapss.h5
-
-    The first form makes a recording, as if a controller had logged it. One cycle of each run
-    becomes a segment of the recording. It holds positions, torques, commanded positions and the
-    temperature, but no label, so that it can be given to 'faultgen discover' as measured data.
-    'faultgen info' lists the runs of a dataset.
-
-    The second form writes one row for each cycle of a dataset, or for each sample of a fleet. The
-    third form writes run-to-failure data; docs/fleet.md lists its columns.
-    """  # noqa: D301
-    if layout is not None:
-        _export_layout(sources, layout, out, as_json)
+    """Turn data into another form."""
+    if layout is not None and layout != "ncmapss":
+        raise InputError(f"layout: must be ncmapss, not '{layout}'")
+    name = "ncmapss" if layout else "parquet" if parquet else format_ or _default(sources)
+    if name not in _FORMATS:
+        raise InputError(f"format: unknown '{name}': choose {', '.join(_FORMATS)}")
+    if cycle is not None and name != "recording":
+        reason = "the table has all cycles" if name == "parquet" else "all cycles are written"
+        raise InputError(f"cycle: leave it out, because {reason}")
+    place = parquet or out or Path(_FORMATS[name][0])
+    options = {"episode": episode, "side": side, "split": split}
+    if name in DATASET_FORMATS:
+        told = export_dataset(sources, name, place, **options)
+    else:
+        for option, value in options.items():
+            if value is not None:
+                raise InputError(
+                    f"--{option}: belongs to --format {OPTIONS[option]}, not to {name}"
+                )
+        told = _FILES[name](sources, place, cycle)
+    if as_json:
+        print_json(told)
         return
-    if parquet is not None:
-        if cycle is not None:
-            raise InputError("cycle: leave it out, because the table has all cycles")
-        _export_table(sources, parquet, as_json)
-        return
+    where, *counts = told.items()
+    say(f"{where[1]}: {', '.join(f'{key}: {_shown(value)}' for key, value in counts)}")
+
+
+def _default(sources: list[Path]) -> str:
+    """The format of run files; a dataset has none."""
+    for source in sources:
+        if source.is_dir():
+            choices = ", ".join(name for name in _FORMATS if name != "recording")
+            raise InputError(
+                f"{source}: is a folder; give the file of a run, or choose a format with --format: "
+                f"{choices}"
+            )
+    return "recording"
+
+
+def _shown(value: Any) -> str:
+    if not isinstance(value, dict):
+        return str(value)
+    return ", ".join(f"{key} {_shown(part)}" for key, part in value.items())
+
+
+def _export_recording(sources: list[Path], path: Path, cycle: int | None) -> dict[str, Any]:
+    """Write one cycle of each run as a recording."""
     from faultgen.recordings.from_runs import recording_of
     from faultgen.recordings.recording import write_recording
 
     recording = recording_of(sources, cycle)
-    write_recording(recording, out)
-    told = {"recording": str(out), "samples": len(recording.position), "segments": len(sources)}
-    if as_json:
-        print_json(told)
-        return
-    say(f"{out}: samples: {told['samples']}, segments: {told['segments']}")
+    write_recording(recording, path)
+    return {"recording": str(path), "samples": len(recording.position), "segments": len(sources)}
 
 
-def _export_table(sources: list[Path], path: Path, as_json: bool) -> None:
+def _export_table(sources: list[Path], path: Path, _: int | None) -> dict[str, Any]:
     """Write the table of one dataset or fleet."""
     if len(sources) != 1:
         raise InputError(f"give one dataset with --parquet, not {len(sources)}")
@@ -89,31 +159,23 @@ def _export_table(sources: list[Path], path: Path, as_json: bool) -> None:
     source = open_fleet(sources[0]) if is_fleet(sources[0]) else open_dataset(sources[0])
     frame = source.to_dataframe()
     write_parquet(frame, path)
-    told = {"table": str(path), "rows": len(frame), "columns": len(frame.columns)}
-    print_json(told) if as_json else say(
-        f"{path}: rows: {len(frame)}, columns: {len(frame.columns)}"
-    )
+    return {"table": str(path), "rows": len(frame), "columns": len(frame.columns)}
 
 
-def _export_layout(sources: list[Path], layout: str, out: Path, as_json: bool) -> None:
+def _export_layout(sources: list[Path], path: Path, _: int | None) -> dict[str, Any]:
     """Write a fleet in the layout of another data set."""
     from faultgen.fleet.data import open_fleet
     from faultgen.fleet.tables import write_ncmapss
 
-    if layout != "ncmapss":
-        raise InputError(f"layout: must be ncmapss, not '{layout}'")
     if len(sources) != 1:
         raise InputError(f"give one fleet with --layout, not {len(sources)}")
-    arrays = write_ncmapss(open_fleet(sources[0]).robots, out)
+    arrays = write_ncmapss(open_fleet(sources[0]).robots, path)
     units = {part: len(set(arrays[f"A_{part}"][:, 0].tolist())) for part in ("dev", "test")}
-    told = {"file": str(out), "units": units, "samples": sum(len(arrays[f"Y_{p}"]) for p in units)}
-    if as_json:
-        print_json(told)
-        return
-    say(
-        f"{out}: training units: {units['dev']}, test units: {units['test']}, "
-        f"samples: {told['samples']}"
-    )
+    samples = sum(len(arrays[f"Y_{part}"]) for part in units)
+    return {"file": str(path), "units": units, "samples": samples}
+
+
+_FILES = {"recording": _export_recording, "parquet": _export_table, "ncmapss": _export_layout}
 
 
 @app.command()

@@ -23,7 +23,7 @@ from faultgen.system.terminal import visible
 
 LICENCE = "https://creativecommons.org/licenses/by/4.0/"
 
-_LIMITATIONS = (
+LIMITATIONS = (
     "Everything is simulated. Real robots differ from their models, in friction above all, so "
     "methods usually do worse on them than on these data.",
     "The parameters of the robots are partly measured, partly derived and partly assumed. The "
@@ -74,7 +74,7 @@ def data_card(runs: Sequence[OpenRun], table: pd.DataFrame, manifest: Manifest) 
         "## Divisions",
         *_divisions(manifest, bool(paired)),
         "## Limitations",
-        "\n".join(f"- {line}" for line in [*_interpolation(table), *_LIMITATIONS]),
+        "\n".join(f"- {line}" for line in [*_interpolation(table), *LIMITATIONS]),
         "## Licence",
         f"The data are under the licence Creative Commons Attribution 4.0 International "
         f"(CC BY 4.0, {LICENCE}). The software faultgen is under the MIT licence.",

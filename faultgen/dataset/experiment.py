@@ -205,9 +205,7 @@ class Experiment(BaseModel):
     thin: Annotated[int, Field(ge=1)] = 1
     """Keep only every n-th sample in the files, n being this number. The reductions always use all
     samples."""
-    speed_window: (
-        Annotated[list[Window], BeforeValidator(to_windows), Field(min_length=1)] | None
-    ) = None
+    speed_window: Windows | None = None
     """Range of motor speeds [rad/s]; `mean_abs_torque` uses the samples within it. Give [low, high]
     for all axes, or one pair for each axis. Default: 50 to 120. For an axis that never turns so
     fast in the task, the default is 0.5 to 1.2 times the highest speed that it reaches."""

@@ -23,6 +23,9 @@ SMALLEST_SHARE = 0.05
 """The same for severities with a unit, as a share of the largest severity of the run. Assumed: 1 %
 is the same share of 20 %, the default severity of effects that are fractions."""
 
+GROUPS = {"seed": "seed", "robot": "robot_instance"}
+"""Column of the table of cycles by name of the groups."""
+
 _FRACTION = "1"
 
 _REMAINING_LIFE, _REMAINING_CYCLES = "remaining_life", "remaining_cycles"
@@ -36,6 +39,7 @@ def features_and_labels(
     label: str,
     smallest_severity: SeverityLimit = None,
     failure_severity: SeverityLimit = None,
+    groups: str = "seed",
 ) -> tuple[pd.DataFrame, np.ndarray, np.ndarray]:
     """Take features, labels and groups out of a table of cycles.
 
@@ -45,9 +49,68 @@ def features_and_labels(
         label: What is to be predicted; see `Dataset.to_xy`.
         smallest_severity: See `Dataset.to_xy`.
         failure_severity: See `Dataset.to_xy`.
+        groups: A name of `GROUPS`.
 
     Returns:
-        Features, shape (cycles, columns); labels, shape (cycles,); and seeds, shape (cycles,).
+        Features, shape (cycles, columns); labels, shape (cycles,); and groups, shape (cycles,).
+
+    Raises:
+        InputError: There is no such label, or a severity makes no sense.
+    """
+    y = cycle_labels(frame, label, smallest_severity, failure_severity)
+    rows = np.ones(len(frame), bool)
+    if part is not None:
+        parts = frame[f"split_{part[0]}"].to_numpy()
+        rows = parts == part[1]
+        if part[0] == "run" and label in ("axis", "effect"):
+            unseen = sorted(set(y[parts == TEST].tolist()) - set(y[parts == TRAIN].tolist()))
+            if unseen:
+                warnings.warn(
+                    f"{label} {', '.join(map(str, unseen))}: only in the test part, because there "
+                    "is one run of each fault; generate the dataset with --repetitions 3",
+                    stacklevel=3,
+                )
+    features = [name for name in frame.attrs["features"] if frame[name].notna().any()]
+    x = frame.loc[rows, features].reset_index(drop=True)
+    x.attrs = {"units": {name: frame.attrs["units"][name] for name in features}}
+    return x, y[rows], row_groups(frame, groups)[rows]
+
+
+def row_groups(frame: pd.DataFrame, groups: str) -> np.ndarray:
+    """Return the group of each row of a table of cycles, which cross-validation must not divide.
+
+    Args:
+        frame: Table from `faultgen.dataset.tables.cycles_table`.
+        groups: A name of `GROUPS`.
+
+    Returns:
+        The groups, shape (cycles,).
+
+    Raises:
+        InputError: There are no such groups.
+    """
+    if groups not in GROUPS:
+        raise InputError(f"groups: must be {' or '.join(GROUPS)}, not '{groups}'")
+    found: np.ndarray = frame[GROUPS[groups]].to_numpy()
+    return found
+
+
+def cycle_labels(
+    frame: pd.DataFrame,
+    label: str,
+    smallest_severity: SeverityLimit = None,
+    failure_severity: SeverityLimit = None,
+) -> np.ndarray:
+    """Return the label of each row of a table of cycles.
+
+    Args:
+        frame: Table from `faultgen.dataset.tables.cycles_table`.
+        label: What is to be predicted; see `Dataset.to_xy`.
+        smallest_severity: See `Dataset.to_xy`.
+        failure_severity: See `Dataset.to_xy`.
+
+    Returns:
+        The labels, shape (cycles,).
 
     Raises:
         InputError: There is no such label, or a severity makes no sense.
@@ -70,23 +133,7 @@ def features_and_labels(
     if label not in computed and label not in frame:
         columns = (name for name in frame if name not in (*computed, *frame.attrs["features"]))
         raise InputError(f"label: there is no '{label}': choose {', '.join([*computed, *columns])}")
-    y = computed[label]() if label in computed else frame[label].to_numpy()
-    rows = np.ones(len(frame), bool)
-    if part is not None:
-        parts = frame[f"split_{part[0]}"].to_numpy()
-        rows = parts == part[1]
-        if part[0] == "run" and label in ("axis", "effect"):
-            unseen = sorted(set(y[parts == TEST].tolist()) - set(y[parts == TRAIN].tolist()))
-            if unseen:
-                warnings.warn(
-                    f"{label} {', '.join(map(str, unseen))}: only in the test part, because there "
-                    "is one run of each fault; generate the dataset with --repetitions 3",
-                    stacklevel=3,
-                )
-    features = [name for name in frame.attrs["features"] if frame[name].notna().any()]
-    x = frame.loc[rows, features].reset_index(drop=True)
-    x.attrs = {"units": {name: frame.attrs["units"][name] for name in features}}
-    return x, y[rows], frame["seed"].to_numpy()[rows]
+    return computed[label]() if label in computed else frame[label].to_numpy()
 
 
 def _worn(frame: pd.DataFrame, smallest: SeverityLimit) -> np.ndarray:

@@ -23,7 +23,8 @@ import numpy as np
 
 from faultgen.dataset.manifest import check_layout, part_names
 from faultgen.dataset.merged_file import MERGED, values_of
-from faultgen.dataset.reader import Dataset, StoredRun, open_dataset
+from faultgen.dataset.reader import Dataset, open_dataset
+from faultgen.dataset.stored_run import StoredRun
 from faultgen.errors import InputError
 from faultgen.system.arrays import plain_value
 from faultgen.system.files import checksum_path

@@ -9,153 +9,43 @@ not need the simulator.
     dataset = open_dataset("out")               # or "out/dataset.h5"
     cycles = dataset.to_dataframe()
     x, y, groups = dataset.to_xy(split="train", label="axis")
-    for run in dataset.runs:
+    for run in dataset:                         # a dataset is a sequence of its runs
         run["axis"], run["severity"], run.read("monitoring/mean_abs_torque").shape
 """
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack, overload
 
-import h5py
 import numpy as np
 
 from faultgen.dataset.manifest import (
-    DATA_CARD,
-    EXPERIMENT,
     FILE,
     Manifest,
     check_exists,
-    check_layout,
     is_in_parts,
     part_names,
 )
-from faultgen.dataset.merged_file import MERGED, made_by_of, only_in
-from faultgen.dataset.splits import PARTS, SCHEMES, TEST, TRAIN, VALIDATION
+from faultgen.dataset.merged_file import MERGED, only_in
+from faultgen.dataset.splits import PARTS, TRAIN, check_division
+from faultgen.dataset.stored_run import StoredRun
 from faultgen.errors import InputError
 from faultgen.provenance import Provenance
-from faultgen.system.arrays import plain_value
-from faultgen.system.files import damages, file_sha256, verify
 from faultgen.system.hdf5 import open_verified
 
 if TYPE_CHECKING:
     import pandas as pd
-    import xarray as xr
 
+    from faultgen.dataset.batches import Batches
     from faultgen.dataset.labels import SeverityLimit
-
-
-@dataclass(frozen=True)
-class StoredRun:
-    """One run of a dataset."""
-
-    id: str
-    """Id of the run, 16 hexadecimal digits."""
-    path: Path
-    """Path of the run file, or of the file of all runs."""
-    group: str = "/"
-    """Group of the file that holds the run."""
-
-    @classmethod
-    def at(cls, path: Path) -> StoredRun:
-        """Return the run of a run file, also if only the file of all runs still holds it.
-
-        Args:
-            path: Path that the run file has, or had before only the file of all runs was kept.
-        """
-        folder, merged = path.parent.parent, path.parent.parent / MERGED
-        if not path.is_file() and path.parent.name == "runs":
-            is_alone = not (folder / FILE).exists()  # dataset.h5 was copied without its folder
-            if path.stem in only_in(merged, whatever_it_says=is_alone):
-                return cls(path.stem, merged, f"runs/{path.stem}")
-        return cls(path.stem, path)
-
-    @property
-    def own_file(self) -> bool:
-        """Whether the run has a file of its own."""
-        return self.group == "/"
-
-    @contextmanager
-    def open(self, *, every_read: bool = False) -> Iterator[h5py.Group]:
-        """Open the run for reading.
-
-        Args:
-            every_read: As in `faultgen.system.hdf5.open_verified`.
-
-        Yields:
-            The group that has the arrays and attributes of the run.
-
-        Raises:
-            InputError: The file is damaged, does not hold the run, or has another layout.
-        """
-        with open_verified(self.path, every_read=every_read) as file:
-            if self.group not in file:
-                raise InputError(f"{self.path}: does not hold the run {self.id}")
-            version = file[self.group].attrs.get("schema_version")
-            if version is not None:  # every run has it; other files are refused by what they lack
-                check_layout(plain_value(version), self.path)
-            yield file[self.group]
-
-    @cached_property
-    def attributes(self) -> dict[str, Any]:
-        """Root attributes of the run."""
-        with self.open() as run:
-            return {name: plain_value(value) for name, value in run.attrs.items()}
-
-    @cached_property
-    def made_by(self) -> Provenance:
-        """The versions and the code that made the run."""
-        with self.open() as run:  # `attributes` would read all of them
-            return Provenance.of(run.attrs)
-
-    def __getitem__(self, name: str) -> Any:
-        return self.attributes[name]
-
-    def read(self, name: str, select: Any = ()) -> np.ndarray:
-        """Read an array of the run, or a part of it.
-
-        Args:
-            name: Path of the array in the file, such as 'monitoring/mean_abs_torque'.
-            select: Index of the part to read, as for an h5py dataset; by default all of it is read.
-
-        Returns:
-            The array or its part. The shape is that in the file, most often (cycles, n_axes) or
-            (cycles, samples, n_axes), and the unit is in the attribute ``units`` of the array in
-            the file.
-
-        Raises:
-            InputError: There is no such array in this run.
-        """
-        with self.open() as run:
-            if name not in run:
-                raise InputError(f"{self.path}: holds no '{name}'")
-            return run[name][select]
-
-    def __contains__(self, name: str) -> bool:
-        with self.open() as run:
-            return name in run
-
-    def to_xarray(self) -> xr.Dataset:
-        """Return all arrays of the run as an xarray dataset.
-
-        Returns:
-            The arrays, named as in the file, with their units. Their coordinates are the cycle, the
-            time in the cycle [s], the axis and the bin, all of them as in the file.
-
-        Raises:
-            InputError: xarray is not installed.
-        """
-        from faultgen.dataset.tables import run_to_xarray
-
-        with self.open() as run:
-            return run_to_xarray(run)
+    from faultgen.dataset.torch_windows import TorchWindows
+    from faultgen.dataset.window_choice import WindowChoice
+    from faultgen.dataset.windows import Windows
 
 
 @dataclass(frozen=True)
@@ -166,6 +56,39 @@ class Dataset:
     """Path of the folder."""
     file: Path | None = None
     """The file of all runs, if nothing else of the folder is to be read."""
+    only: tuple[str, ...] | None = None
+    """Ids of the runs, if it is a part of the dataset; see `__getitem__`."""
+
+    def __len__(self) -> int:
+        """Number of runs that exist."""
+        return len(self.runs)
+
+    def __iter__(self) -> Iterator[StoredRun]:
+        """Go through the runs that exist."""
+        return iter(self.runs)
+
+    @overload
+    def __getitem__(self, index: int) -> StoredRun: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> Dataset: ...
+
+    def __getitem__(self, index: int | slice) -> StoredRun | Dataset:
+        """Return a run, or a part of the dataset with the runs of a slice.
+
+        Args:
+            index: Number of the run in `runs`, from 0; or a slice of such numbers.
+
+        Returns:
+            The run; or the dataset with no others than these. A part keeps the divisions of the
+            whole dataset, and has all methods of a dataset.
+
+        Raises:
+            IndexError: There is no run of this number.
+        """
+        if isinstance(index, slice):
+            return replace(self, only=tuple(run.id for run in self.runs[index]))
+        return self.runs[index]
 
     def __repr__(self) -> str:
         """One line: where it is, and how many of its runs exist."""
@@ -195,7 +118,8 @@ class Dataset:
     @property
     def planned(self) -> dict[str, dict[str, Any]]:
         """Parameters of every run that belongs to the dataset, by id."""
-        return self.manifest.runs
+        every = self.manifest.runs
+        return every if self.only is None else {i: every[i] for i in self.only}
 
     def input_of(self, run: StoredRun, what: str) -> str:
         """Find a file from which a run was made.
@@ -240,24 +164,15 @@ class Dataset:
     @property
     def failed(self) -> dict[str, str]:
         """The reasons why runs failed, by id."""
-        reasons = {}
-        for i in self.missing:
-            note = self.path / "runs" / f"{i}.failed.json"
-            if note.is_file():
-                reasons[i] = _reason(note)
-        return reasons
+        from faultgen.dataset.integrity import failures
+
+        return failures(self.path / "runs", self.missing)
 
     def versions(self) -> dict[Provenance, list[str]]:
         """Ids of the intact runs, grouped by the versions and code that made them."""
-        found: dict[Provenance, list[str]] = {}
-        told = made_by_of(self.file or self.path / MERGED)
-        for run in self.runs:
-            with suppress(InputError):  # a damaged file is reported by `damaged`
-                made_by, checksum = told.get(run.id, (None, ""))
-                if made_by is None or (run.own_file and verify(run.path) != checksum):
-                    made_by = run.made_by
-                found.setdefault(made_by, []).append(run.id)
-        return found
+        from faultgen.dataset.integrity import versions_of
+
+        return versions_of(self.runs, self.file or self.path / MERGED)
 
     def damaged(self) -> dict[str, str]:
         """Find damaged files. All files of the dataset are read completely.
@@ -265,45 +180,9 @@ class Dataset:
         Returns:
             Reasons by file name, relative to the folder; empty if no file is damaged.
         """
-        merged = self.path / MERGED if self.file is None else self.file
-        files = [merged] if merged.is_file() else []  # the largest one first
-        files += [run.path for run in self.runs if run.own_file]
-        reasons: dict[str, str | None] = {
-            str(path.relative_to(self.path)): reason for path, reason in damages(files).items()
-        }
-        if self.file is None:
-            reasons[EXPERIMENT] = self._experiment_damage()
-            reasons |= self._input_damage()
-            if merged.is_file() and MERGED not in reasons:
-                reasons[DATA_CARD] = self._card_damage()
-        return {name: reason for name, reason in reasons.items() if reason is not None}
+        from faultgen.dataset.integrity import damaged_files
 
-    def _input_damage(self) -> dict[str, str]:
-        """Damaged copies of the user's own files."""
-        from faultgen.dataset.inputs import damaged_inputs
-
-        return damaged_inputs(self.path)
-
-    def _card_damage(self) -> str | None:
-        """Compare the data card with its copy in the file of all runs."""
-        with open_verified(self.path / MERGED) as merged:
-            wanted = merged[DATA_CARD][()] if DATA_CARD in merged else None
-        try:
-            found = (self.path / DATA_CARD).read_bytes()
-        except OSError as error:
-            found, reason = b"", f"cannot be read ({error.strerror})"
-        else:
-            reason = f"differs from its copy in {MERGED}"
-        return reason if wanted is not None and found != wanted else None
-
-    def _experiment_damage(self) -> str | None:
-        try:
-            found = file_sha256(self.path / EXPERIMENT)
-        except OSError as error:
-            return f"cannot be read ({error.strerror})"
-        if found != self.manifest.experiment_sha256:
-            return "is not the experiment that made this dataset"
-        return None
+        return damaged_files(self.path, self.file, self.runs, self.manifest.experiment_sha256)
 
     @property
     def index(self) -> pd.DataFrame:
@@ -346,6 +225,7 @@ class Dataset:
         label: str = "axis",
         smallest_severity: SeverityLimit = None,
         failure_severity: SeverityLimit = None,
+        groups: str = "seed",
     ) -> tuple[pd.DataFrame, np.ndarray, np.ndarray]:
         """Return features and labels as scikit-learn wants them.
 
@@ -373,43 +253,89 @@ class Dataset:
                 severity above 0 is worn.
             failure_severity: Severity at which a robot counts as failed, in the same form.
                 Default: faulty runs fail in their last cycle.
+            groups: "seed" for the seed of the run, or "robot" for the instance of the robot.
 
         Returns:
             The features, shape (cycles, columns), without columns that have no value in the whole
-            dataset; the labels, shape (cycles,); and the groups, shape (cycles,): the seed of the
-            run, which cross-validation must not divide. Units are those of `to_dataframe`.
+            dataset; the labels, shape (cycles,); and the groups, shape (cycles,), which
+            cross-validation must not divide. Units are those of `to_dataframe`.
 
         Raises:
             InputError: There is no such feature, label or division, or a severity makes no sense.
         """
         from faultgen.dataset.labels import features_and_labels
 
-        self._check_division(split, by)
+        check_division(self.manifest.splits, split, by, self.path)
         return features_and_labels(
             self.to_dataframe(features),
             None if split is None else (by, split),
             label,
             smallest_severity,
             failure_severity,
+            groups,
         )
 
-    def _check_division(self, split: str | None, by: str) -> None:
-        if split not in (None, TRAIN, VALIDATION, TEST):
-            raise InputError(f"split: must be '{TRAIN}', '{VALIDATION}' or '{TEST}', not '{split}'")
-        if by not in SCHEMES:
-            raise InputError(f"there is no division by '{by}': choose {', '.join(SCHEMES)}")
-        if split is not None and by not in self.manifest.splits:
-            known = ", ".join(self.manifest.splits) or "none"
-            raise InputError(
-                f"{self.path}: has no division by {by}, because all of its runs would be on one "
-                f"side, or because it is of an older version; it has: {known}"
-            )
-        if split == VALIDATION and not self.manifest.splits[by].get(VALIDATION):
-            raise InputError(
-                f"{self.path}: its division by {by} has no validation runs, because it has fewer "
-                "than three runs of each fault or is of an older version; hold out some of the "
-                f"groups of its '{TRAIN}' part, or generate a dataset with --repetitions 3"
-            )
+    def to_torch(self, **choice: Unpack[WindowChoice]) -> TorchWindows:
+        """Return windows of the logged signals as a map-style dataset of PyTorch.
+
+        Items are read from the files when they are asked for, by the process that asks for them,
+        so that a DataLoader with several workers works, and nothing is kept in memory.
+
+        Args:
+            **choice: Fields of `WindowChoice`: which windows of which signals, and which label.
+
+        Returns:
+            The dataset. An item is a tensor of shape (window, channels), float32, in SI units, and
+            the label. Its attribute ``channels`` names the channels, and ``classes`` what the
+            labels stand for if they are texts. ``y`` and ``groups`` have the label and the group of
+            every item.
+
+        Raises:
+            InputError: torch is not installed, or something is not there or does not fit together.
+        """
+        from faultgen.system.tables import optional
+
+        optional("torch")
+        from faultgen.dataset.torch_windows import TorchWindows
+
+        return TorchWindows(self._windows(choice))
+
+    def batches(
+        self,
+        size: int,
+        *,
+        rng: np.random.Generator | None = None,
+        drop_last: bool = False,
+        **choice: Unpack[WindowChoice],
+    ) -> Batches:
+        """Return batches of windows of the logged signals as NumPy arrays, for JAX and others.
+
+        Args:
+            size: Number of windows of a batch.
+            rng: Draws the order anew for every pass; None for the order of time.
+            drop_last: Whether to leave out the last batch if it has fewer windows.
+            **choice: Fields of `WindowChoice`: which windows of which signals, and which label.
+
+        Returns:
+            The batches, which can be passed through any number of times: windows, shape
+            (size, window, channels), float32, in SI units; and labels, shape (size,).
+
+        Raises:
+            InputError: Something is not there, or does not fit together.
+        """
+        from faultgen.dataset.batches import Batches
+
+        return Batches(self._windows(choice), size, rng, drop_last)
+
+    def _windows(self, choice: WindowChoice) -> Windows:
+        from faultgen.dataset.windows import Windows
+
+        rest: dict[str, Any] = dict(choice)
+        split, by = rest.pop("split", None), rest.pop("by", "run")
+        check_division(self.manifest.splits, split, by, self.path)
+        part = None if split is None else (by, split)
+        where = str(self.file or self.path)
+        return Windows.of(self.runs, self.manifest.splits, where=where, part=part, **rest)
 
     def part_of(self, by: str) -> dict[str, str]:
         """Return the part of every run in a division.
@@ -423,7 +349,7 @@ class Dataset:
         Raises:
             InputError: The dataset has no such division.
         """
-        self._check_division(TRAIN, by)
+        check_division(self.manifest.splits, TRAIN, by, self.path)
         parts = self.manifest.splits[by]
         return {i: part for part in PARTS for i in parts.get(part, [])}
 
@@ -440,14 +366,6 @@ class Dataset:
         from faultgen.system.tables import write_parquet
 
         write_parquet(self.to_dataframe(), Path(path))
-
-
-def _reason(note: Path) -> str:
-    """Why a run failed, from the note beside it."""
-    try:
-        return str(json.loads(note.read_bytes())["reason"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return "unknown: the note about it cannot be read"
 
 
 def open_dataset(folder: str | Path) -> Dataset:

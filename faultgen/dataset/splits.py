@@ -19,6 +19,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from faultgen.errors import InputError
+
 SCHEMES = {
     "run": "whole runs, and all runs that share a seed together",
     "axis": "axes: no axis that wears in the test part wears in the training part",
@@ -93,8 +95,51 @@ def make_splits(runs: _Runs, seed: int) -> RunParts:
     return found
 
 
-def _robot(run: Mapping[str, Any]) -> list[Hashable]:
+def _robot(run: Mapping[str, Any]) -> list[tuple[str, str | None]]:
     return [(Path(run["robot"]).stem, run.get("model_sha256"))]
+
+
+def check_division(splits: RunParts, part: str | None, by: str, where: Path) -> None:
+    """Refuse a division or a part that a dataset does not have.
+
+    Args:
+        splits: Ids of the runs of each part, by division.
+        part: "train", "validation" or "test"; None for all runs.
+        by: Name of the division.
+        where: Place of the dataset, for messages.
+
+    Raises:
+        InputError: There is no such division or part.
+    """
+    if part not in (None, TRAIN, VALIDATION, TEST):
+        raise InputError(f"split: must be '{TRAIN}', '{VALIDATION}' or '{TEST}', not '{part}'")
+    if by not in SCHEMES:
+        raise InputError(f"there is no division by '{by}': choose {', '.join(SCHEMES)}")
+    if part is not None and by not in splits:
+        known = ", ".join(splits) or "none"
+        raise InputError(
+            f"{where}: has no division by {by}, because all of its runs would be on one "
+            f"side, or because it is of an older version; it has: {known}"
+        )
+    if part == VALIDATION and not splits[by].get(VALIDATION):
+        raise InputError(
+            f"{where}: its division by {by} has no validation runs, because it has fewer "
+            "than three runs of each fault or is of an older version; hold out some of the "
+            f"groups of its '{TRAIN}' part, or generate a dataset with --repetitions 3"
+        )
+
+
+def robot_instance(run: Mapping[str, Any]) -> str:
+    """Name a robot so that instances of one model that differ in their parameters differ in name.
+
+    Args:
+        run: Parameters of a run as in ``runs.json``, or the attributes of its file.
+
+    Returns:
+        The name of the model, and the first eight digits of the hash of the model.
+    """
+    name, model = _robot(run)[0]
+    return f"{name}-{model[:8]}" if model else name
 
 
 _KEYS: dict[str, Callable[[Mapping[str, Any]], Sequence[Hashable]]] = {

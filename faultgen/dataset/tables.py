@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from faultgen.dataset.interpolation_error import BOUNDS, interpolation_error
-from faultgen.dataset.splits import UNUSED, RunParts
+from faultgen.dataset.splits import UNUSED, RunParts, robot_instance
 from faultgen.errors import InputError
 from faultgen.provenance import Provenance
 from faultgen.system.tables import optional
@@ -165,6 +165,7 @@ def cycles_table(
             severity_units.add(row["severity_units"])
             columns: dict[str, Any] = {name: np.repeat(row[name], count) for name in _KEPT}
             columns |= {k: np.repeat(v, count) for k, v in row.items() if k.startswith("split_")}
+            columns["robot_instance"] = np.repeat(robot_instance(run.attributes), count)
             columns["cycle"] = group["cycle/index"][()]
             columns["severity"] = group["cycle/severity"][()]
             columns[TEMPERATURE] = group["cycle/temperature"][()]

@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from faultgen import plugins
-from faultgen.dataset.reader import Dataset, StoredRun
+from faultgen.dataset.reader import Dataset
+from faultgen.dataset.stored_run import StoredRun
 from faultgen.errors import InputError
 from faultgen.evaluation.calls import alarms
 from faultgen.evaluation.detectors import DETECTORS, RUN_LENGTH

@@ -13,7 +13,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from faultgen import plugins
-from faultgen.dataset.reader import Dataset, StoredRun
+from faultgen.dataset.reader import Dataset
+from faultgen.dataset.stored_run import StoredRun
 from faultgen.effects import HEALTHY, get_effect
 from faultgen.errors import InputError
 from faultgen.evaluation.calls import axis_of

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from faultgen.dataset.inputs import INPUTS
-from faultgen.dataset.reader import Dataset, StoredRun
+from faultgen.dataset.reader import Dataset
 from faultgen.dataset.splits import LEARNED_FROM, TEST
+from faultgen.dataset.stored_run import StoredRun
 from faultgen.errors import InputError
 from faultgen.evaluation.calls import create, fit, learn
 from faultgen.evaluation.features import HOURLY_FEATURES, SIGNALS, Features, features

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from faultgen.dataset.reader import StoredRun
+from faultgen.dataset.stored_run import StoredRun
 from faultgen.errors import InputError
 from faultgen.recordings.recording import Recording
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from faultgen.analysis.plots import marker
 from faultgen.analysis.transfer_entropy import net_transfer_entropy
-from faultgen.dataset.reader import Dataset, StoredRun, open_dataset
+from faultgen.dataset.reader import Dataset, open_dataset
+from faultgen.dataset.stored_run import StoredRun
 from faultgen.evaluation.isolate import TooFewCycles, isolate
 from faultgen.evaluation.methods import Isolator
 from faultgen.evaluation.observed_runs import one_series

@@ -13,7 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from faultgen.dataset.reader import StoredRun
+from faultgen.dataset.stored_run import StoredRun
 from faultgen.effects import Applied, get_effect
 from faultgen.errors import InputError
 from faultgen.report.chart import Chart, axes, line, path

@@ -13,20 +13,22 @@ from faultgen.errors import InputError
 from faultgen.system.files import named_failures, write_checked
 
 
-def optional(package: str) -> Any:
-    """Import a package that only the exchange of data needs.
+def optional(module: str, package: str | None = None) -> Any:
+    """Import a package that only the exchange of data needs, or one of its modules.
 
     Args:
-        package: Name of the package.
+        module: Name of the package or module.
+        package: Name under which pip installs it. Default: the first part of `module`.
 
     Returns:
-        The package.
+        The package or module.
 
     Raises:
         InputError: It is not installed. The message says how to install it.
     """
+    package = package or module.partition(".")[0]
     try:
-        return import_module(package)
+        return import_module(module)
     except ImportError:
         raise InputError(
             f"{package} is not installed; install it with: pip install {package}"

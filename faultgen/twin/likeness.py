@@ -17,8 +17,8 @@ from sklearn.metrics import roc_auc_score
 
 from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.planning import plan_runs
-from faultgen.dataset.reader import StoredRun
 from faultgen.dataset.run import make_run
+from faultgen.dataset.stored_run import StoredRun
 from faultgen.errors import SimulationFailed
 from faultgen.twin.alignment import KnownMotion, mean_cycle
 from faultgen.twin.disturbances import moving_average

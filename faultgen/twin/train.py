@@ -16,7 +16,8 @@ import numpy as np
 
 from faultgen.analysis import EffectPosterior
 from faultgen.dataset.experiment import check_seed
-from faultgen.dataset.reader import Dataset, StoredRun
+from faultgen.dataset.reader import Dataset
+from faultgen.dataset.stored_run import StoredRun
 from faultgen.errors import InputError, what_it_says
 from faultgen.provenance import provenance
 from faultgen.recordings.recording import TorqueConstants
