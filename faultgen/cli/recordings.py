@@ -40,13 +40,21 @@ def import_(
         typer.Option(help="Print the map of a preset, to copy and edit it. No log is read."),
     ] = None,
     out: Annotated[Path, out_option("Recording to write (HDF5).")] = Path("measured.h5"),
+    figure: Annotated[
+        bool,
+        typer.Option(
+            "--figure",
+            help="Also draw position and torque of every axis over time, in a PNG file beside the "
+            "recording. This takes two seconds.",
+        ),
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Make a recording for 'faultgen discover' from the log of a robot controller.
 
     The command tells how it understood each column: the quantity and the axis, the unit and the
-    factor to the SI unit, and the range of the values. Check them, and the picture beside the
-    recording. Uneven times are resampled, and a gap of more than three sample periods begins a new
+    factor to the SI unit, and the range of the values. Check them, and draw the recording with
+    --figure. Uneven times are resampled, and a gap of more than three sample periods begins a new
     segment. docs/importing.md describes the map.
 
     \b
@@ -72,19 +80,21 @@ def import_(
 
     made = import_log(log, column_map)
     recording = made.recording
-    # Matplotlib takes seconds, which a refused log must not
     from faultgen.recordings.recording import write_recording
-    from faultgen.report.recording_figure import recording_png
-    from faultgen.system.files import write_bytes
     from faultgen.system.progress import plural
 
-    picture = out.with_suffix(".png")
-    png = recording_png(recording)  # before anything is written
+    picture = out.with_suffix(".png") if figure else None
+    if picture is not None:
+        from faultgen.report.recording_figure import recording_png
+        from faultgen.system.files import write_bytes
+
+        png = recording_png(recording)  # before anything is written
     write_recording(recording, out)
-    write_bytes(picture, png)
+    if picture is not None:
+        write_bytes(picture, png)
     result = {
         "recording": str(out),
-        "picture": str(picture),
+        "picture": None if picture is None else str(picture),
         "side": recording.side,
         "axes": recording.n_axes,
         "samples": len(recording.position),
@@ -131,4 +141,4 @@ def import_(
     )
     for remark in made.notes:
         say(remark if remark.startswith("warning: ") else f"note: {remark}")
-    say(f"{out} and {picture} are written")
+    say(f"{out} is written" if picture is None else f"{out} and {picture} are written")
