@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from .detection import CUSUMChart, EWMAChart
     from .divergence import HistogramDivergence, kl_divergence
     from .effect_posterior import EffectPosterior
+    from .fitted_posterior import FittedPosterior
     from .friction_features import FrictionFeatures
     from .isolation import Answer, ChangeIsolator
     from .pca import PCAMonitor, held_out_q_limit
@@ -46,6 +47,7 @@ __all__ = [
     "EWMAChart",
     "EffectPosterior",
     "Effects",
+    "FittedPosterior",
     "Forecast",
     "Form",
     "FrictionFeatures",
@@ -91,6 +93,7 @@ _HOMES = {
     "ewma_run_length": "run_length",
     "ewma_width": "run_length",
     "EWMAChart": "detection",
+    "FittedPosterior": "fitted_posterior",
     "Forecast": "remaining_life",
     "forecast_severity": "remaining_life",
     "Form": "causes",

@@ -18,8 +18,9 @@ def import_(
     log: Annotated[
         Path | None,
         typer.Argument(
-            help="Log of a controller: text with columns, a KUKA trace (.dat), a MATLAB or NumPy "
-            "file, or a ROS 2 bag."
+            help="Log of a controller: text with columns, XML, JSON, LabVIEW (.lvm), an export of "
+            "TwinCAT Scope, a KUKA trace (.dat), a MATLAB, NumPy, Parquet or Feather file, a ROS "
+            "bag, or the folder of a ROS 2 bag or LeRobot dataset."
         ),
     ] = None,
     map_file: Annotated[
@@ -33,6 +34,21 @@ def import_(
         typer.Option(
             help="Map that comes with faultgen: abb, kuka, mat, ros2 or ur_rtde. Entries of --map "
             "replace its entries."
+        ),
+    ] = None,
+    program: Annotated[
+        str | None,
+        typer.Option(
+            help="Take only the rows of this program. The map names the column of its name as "
+            "'program'. Default: all rows."
+        ),
+    ] = None,
+    time: Annotated[
+        str | None,
+        typer.Option(
+            help="For ROS bags: 'header' takes the times in the headers of the messages, 'receive' "
+            "those at which the bag received them. Default: header, or receive where the headers "
+            "have none."
         ),
     ] = None,
     show_preset: Annotated[
@@ -75,10 +91,20 @@ def import_(
         raise InputError(f"--out {out}: is the log itself; give another name")
     if not log.exists():
         raise InputError(f"{log}: no such file")
+    if time not in (None, "header", "receive"):
+        raise InputError(f"--time {time}: give header or receive")
     column_map = load_map(map_file, preset)
+    from faultgen.importing.read_log import is_bag
     from faultgen.recordings.import_log import import_log
 
-    made = import_log(log, column_map)
+    if time is not None:
+        if not is_bag(log, column_map.file):
+            raise InputError(
+                f"--time {time}: only ROS bags have both times; state time.column in the map"
+            )
+        file = column_map.file.model_copy(update={"stamp": time})
+        column_map = column_map.model_copy(update={"file": file})
+    made = import_log(log, column_map, program)
     recording = made.recording
     from faultgen.recordings.recording import write_recording
     from faultgen.system.progress import plural

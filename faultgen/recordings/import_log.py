@@ -40,7 +40,7 @@ class Imported:
     """One line for each decision that the map did not state."""
 
 
-def import_log(path: str | Path, column_map: ColumnMap) -> Imported:
+def import_log(path: str | Path, column_map: ColumnMap, program: str | None = None) -> Imported:
     """Make a recording of a log.
 
     Uneven times are resampled as those of any recording (`evened`): here, because a recording in a
@@ -49,6 +49,7 @@ def import_log(path: str | Path, column_map: ColumnMap) -> Imported:
     Args:
         path: The log.
         column_map: What its columns mean.
+        program: Name of the program whose rows are taken. None: all rows.
 
     Returns:
         The recording.
@@ -56,7 +57,7 @@ def import_log(path: str | Path, column_map: ColumnMap) -> Imported:
     Raises:
         InputError: The log cannot be read, or the map does not fit it. The message is one line.
     """
-    made = arranged(read_log(path, column_map.file), column_map)
+    made = arranged(read_log(path, column_map.file, column_map.axes), column_map, program)
     recording = Recording(**fields_of(str(path), made.named, made.attributes))
     jitter, gaps, missing = 0.0, np.zeros(0), 0
     if "time" in made.named:
