@@ -384,7 +384,8 @@ def test_bags_need_a_package_that_is_optional(tmp_path, monkeypatch):
 
 
 def test_every_preset_says_where_it_comes_from_and_what_is_assumed():
-    assert preset_names() == ["abb", "kuka", "mat", "ros2", "ur_rtde"]
+    arms = ["abb", "abb_egm", "dvrk", "fanuc", "franka", "franka_ros", "kuka", "kuka_rsi"]
+    assert preset_names() == [*arms, "lerobot", "mat", "ros1", "ros2", "ur_rtde"]
     for name in preset_names():
         preset = load_map(None, name)
         assert preset.description and preset.source.strip() and preset.assumed.strip()
@@ -868,7 +869,7 @@ def test_the_command_refuses_and_leaves_nothing(tmp_path):
     for arguments, message in (
         ([log], "give --map FILE"),
         ([], "give the log"),
-        ([log, "--preset", "fanuc"], "preset 'fanuc': unknown; there are abb, kuka, mat"),
+        ([log, "--preset", "nope"], "preset 'nope': unknown; there are abb, abb_egm, dvrk"),
         ([tmp_path / "no.csv", "--preset", "abb"], "no such file"),
         ([tmp_path, "--preset", "abb"], "is a folder"),
         ([log, "--preset", "abb", "-o", "measured.csv"], "give a name that ends with .h5"),

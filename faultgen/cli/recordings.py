@@ -32,8 +32,9 @@ def import_(
     preset: Annotated[
         str | None,
         typer.Option(
-            help="Map that comes with faultgen: abb, kuka, mat, ros2 or ur_rtde. Entries of --map "
-            "replace its entries."
+            help="Map that comes with faultgen: abb, abb_egm, dvrk, fanuc, franka, franka_ros, "
+            "kuka, kuka_rsi, lerobot, mat, ros1, ros2 or ur_rtde. Entries of --map replace its "
+            "entries."
         ),
     ] = None,
     program: Annotated[
