@@ -1,6 +1,6 @@
 """Processor time of every command on its smallest input.
 
-    python benchmarks/command_speed.py [--only import,judge] [--python OTHER/bin/python] [--save FILE]
+    python benchmarks/command_speed.py [--only import,judge] [--python OTHER] [--save FILE]
 
 Each command runs in a process of its own, whose processor time (user and system) is measured: the
 smallest of some repetitions, because other work on the machine only adds to it. `--python` measures

@@ -193,8 +193,11 @@ def write_lvm(path, x_columns="One", decimal=".", blocks=2, apart=0.6):
             ("X0", "0.0E+0".replace(".", decimal)),
             ("Delta_X", str(PERIOD).replace(".", decimal)),
         ):
-            lines.append("\t".join([key, *[str(value)] * (1 if key == "Channels" else 4), ""]))
-        lines.insert(-3, "Y_Unit_Label\trad\trad\tNm\tNm\t")
+            # each value stands above the column of its channel
+            between = "\t\t" if x_columns == "Multi" else "\t"
+            several = between.join([str(value)] * (1 if key == "Channels" else 4))
+            lines.append(f"{key}\t{several}\t")
+        lines.insert(-3, "Y_Unit_Label\t" + between.join(["rad", "rad", "Nm", "Nm", ""]))
         lines.append("***End_of_Header***\t\t\t\t\t")
         if x_columns == "Multi":
             lines.append("\t".join([cell for name in names for cell in ("X_Value", name)]))
@@ -231,6 +234,26 @@ def test_labview(tmp_path, x_columns, decimal):
     assert made.recording.segments == (0,)
     apart = imported(write_lvm(tmp_path / "log.lvm", x_columns, decimal, apart=1.0), LVM)
     assert apart.recording.segments == (0, 150) and apart.gaps == pytest.approx([0.404])
+
+
+def test_units_behind_the_names_of_structured_logs(tmp_path):
+    """Maps name columns without their units, whatever the kind of the file."""
+    log = write_lvm(tmp_path / "log.lvm")
+    text = log.read_text().replace("Y_Unit_Label", "Nothing")
+    for name, unit in (("q1", "rad"), ("q2", "rad"), ("u1", "Nm"), ("u2", "N·m")):
+        text = text.replace(f"\t{name}", f"\t{name} [{unit}]")
+    log.write_text(text)
+    check(imported(log, LVM).recording)
+    rows = zip(RUN.time.tolist(), RUN.position.tolist(), RUN.torque.tolist(), strict=True)
+    log = tmp_path / "log.jsonl"
+    named = {"q1 [rad]": (1, 0), "q2 [rad]": (1, 1), "u1 [Nm]": (2, 0), "u2 [Nm]": (2, 1)}
+    log.write_text(
+        "\n".join(
+            json.dumps({"X_Value [s]": row[0]} | {k: row[i][j] for k, (i, j) in named.items()})
+            for row in rows
+        )
+    )
+    check(imported(log, LVM).recording, exact=True)
 
 
 @pytest.mark.parametrize(
@@ -310,6 +333,18 @@ def test_twincat_scope(tmp_path, timelines, separator, decimal, full):
     np.testing.assert_allclose(recording.position, RUN.position[rows], atol=1e-9)
     np.testing.assert_allclose(recording.torque, RUN.torque[rows], atol=1e-3)
     assert any("torque has times of its own" in note for note in made.notes)
+
+
+def test_twincat_scope_with_a_short_header_and_names_that_repeat(tmp_path):
+    """The header may have the names only; where they repeat, those of the symbols are used."""
+    log = write_scope(tmp_path / "log.csv")
+    lines = log.read_text().splitlines()
+    log.write_text("\n".join([*lines[:5], *lines[8:]]))
+    assert imported(log, SCOPE).recording.n_axes == 2
+    short = lines[4].replace("Axis1.", "").replace("Axis2.", "")
+    symbols = lines[4].replace("Name", "SymbolName")
+    log.write_text("\n".join([*lines[:4], short, symbols, *lines[5:]]))
+    assert imported(log, SCOPE).recording.n_axes == 2
 
 
 def test_twincat_scope_without_times(tmp_path):

@@ -42,11 +42,16 @@ def is_lvm(lines: Sequence[str]) -> bool:
 
 @dataclass(frozen=True)
 class _Block:
-    """One block: what its header says, the names in the line below, and the rows."""
+    """One block: its header, whose cells stand above those of the channels; names; and rows."""
 
     header: dict[str, list[str]]
     names: list[str]
     rows: list[str]
+
+    def of(self, key: str, name: str) -> str:
+        """What a line of the header says of a channel; '' if nothing."""
+        cells, place = self.header.get(key, []), self.names.index(name)
+        return cells[place] if place < len(cells) else ""
 
 
 @dataclass(frozen=True)
@@ -78,7 +83,7 @@ def read_lvm(path: Path, lines: Sequence[str]) -> Table:
         raise InputError(f"{path}: two channels have the same name, or none has one; name them")
     check_size(path, 16.0 * len(lines) * len(channels))
     parts = []
-    since = _begin(blocks[0], 0)  # as a float, a time since 1970 is exact to 2e-7 s only
+    since = _begin(blocks[0], channels[0])  # as a float, a time since 1970 is exact to 2e-7 s only
     for number, block in enumerate(blocks, start=1):
         if block.names != blocks[0].names:
             raise InputError(
@@ -91,8 +96,8 @@ def read_lvm(path: Path, lines: Sequence[str]) -> Table:
     for name in clocks:
         columns[name] = np.round(columns[name] - zero, 9)
     units = dict.fromkeys(clocks, "s")
-    for name, told in zip(channels, blocks[0].header.get("Y_Unit_Label", []), strict=False):
-        if unit := known_unit(told):
+    for name in channels:
+        if unit := known_unit(blocks[0].of("Y_Unit_Label", name)):
             units[name] = unit
     each = form.x_columns == "multi"
     return Table(
@@ -138,7 +143,7 @@ def _parts(path: Path, lines: Sequence[str]) -> tuple[_Form, list[_Block]]:
         header = [line.split(form.separator) for line in kept[begin:after]]
         blocks.append(
             _Block(
-                {cells[0]: [cell.strip() for cell in cells[1:]] for cells in header},
+                {cells[0]: [cell.strip() for cell in cells] for cells in header},
                 [cell.strip() for cell in kept[after + 1].split(form.separator)],
                 kept[after + 2 : end],
             )
@@ -158,15 +163,15 @@ def _columns(
         raise InputError(f"{path}: block {number} has rows with more cells than names") from None
     count = len(cells)
     clocks, values = {}, {}
-    for k, name in enumerate(channels):
+    for name in channels:
         place = block.names.index(name)
         if form.x_columns == "no":
-            first, step = (_real(path, block, key, k, form.decimal) for key in ("X0", "Delta_X"))
+            first, step = (_real(path, block, key, name, form.decimal) for key in ("X0", "Delta_X"))
             clock = first + step * np.arange(count)
         else:
             clock = _numbers(path, cells[place - 1 if form.x_columns == "multi" else 0], number)
         own = f"{CLOCK} of {name}" if form.x_columns == "multi" else CLOCK
-        clocks.setdefault(own, clock + (_begin(block, k) - since))
+        clocks.setdefault(own, clock + (_begin(block, name) - since))
         values[name] = _numbers(path, cells[place], number)
     return {**clocks, **values, BLOCK: np.full(count, number)}
 
@@ -180,25 +185,22 @@ def _numbers(path: Path, column: object, number: int) -> np.ndarray:
         ) from None
 
 
-def _real(path: Path, block: _Block, key: str, k: int, decimal: str) -> float:
-    told = block.header.get(key, [])
+def _real(path: Path, block: _Block, key: str, name: str, decimal: str) -> float:
     try:
-        return float(told[k].replace(decimal, "."))
-    except (IndexError, ValueError):
+        return float(block.of(key, name).replace(decimal, "."))
+    except ValueError:
         raise InputError(
-            f"{path}: the header of a block has no {key} for channel {k + 1}, and X_Columns is No; "
-            "write the file with X values"
+            f"{path}: the header of a block has no {key} for channel '{name}', and X_Columns is "
+            "No; write the file with X values"
         ) from None
 
 
-def _begin(block: _Block, k: int) -> float:
+def _begin(block: _Block, name: str) -> float:
     """When a block began [s since 1970]; 0 if it does not say so."""
-    date, time = (block.header.get(key, [])[k : k + 1] for key in ("Date", "Time"))
-    if not (date and time):
-        return 0.0
-    clock, _, fraction = time[0].replace(",", ".").partition(".")
+    date, time = (block.of(key, name) for key in ("Date", "Time"))
+    clock, _, fraction = time.replace(",", ".").partition(".")
     try:
-        day = datetime.strptime(f"{date[0]} {clock} +0000", "%Y/%m/%d %H:%M:%S %z")
+        day = datetime.strptime(f"{date} {clock} +0000", "%Y/%m/%d %H:%M:%S %z")
     except ValueError:
         return 0.0
     return day.timestamp() + float(f"0.{fraction or 0}")

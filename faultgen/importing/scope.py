@@ -27,7 +27,8 @@ from faultgen.importing.table import Table, parsed_rows, split_cells
 CLOCK = "Time"
 """Name of the times in maps."""
 
-_SAMPLE_TIME = "SampleTime"
+_NAME, _SYMBOL = "Name", "SymbolName"
+_KNOWN = ("SampleTime", "Starttime of export")  # beginnings of lines that no other log has
 _LOOKED_AT = 60  # lines of the header
 _SEPARATORS = ("\t", ";", ",")
 _FILETIME = 1e16  # from which times are in units of 100 ns since 1601, in place of ms
@@ -39,12 +40,13 @@ def is_scope(lines: Sequence[str]) -> bool:
     Args:
         lines: Its lines.
     """
-    head = lines[:_LOOKED_AT]
-    return bool(head) and head[0].startswith("Name") and any(_titled(line) for line in head)
-
-
-def _titled(line: str) -> bool:
-    return line.strip().strip('"').replace(" ", "").lower().startswith(_SAMPLE_TIME.lower())
+    head = [line.lstrip('"') for line in lines[:_LOOKED_AT]]
+    return (
+        bool(head)
+        and head[0].startswith(_NAME)
+        and any(line.startswith(_KNOWN) for line in head)
+        and any(line.startswith(_NAME) for line in head[1:])
+    )
 
 
 def read_scope(path: Path, lines: Sequence[str]) -> Table:
@@ -60,14 +62,13 @@ def read_scope(path: Path, lines: Sequence[str]) -> Table:
     Raises:
         InputError: It has no columns of times, or no rows.
     """
-    titled = next(k for k, line in enumerate(lines) if _titled(line))
-    separator = next((one for one in _SEPARATORS if one in lines[titled]), "\t")
-    named = next(k for k in range(titled, -1, -1) if lines[k].strip('"').startswith("Name"))
-    names = [cell.strip() for cell in split_cells(lines[named], separator)]
-    while names and not names[-1]:
-        names.pop()
+    named = max(
+        k for k in range(1, min(len(lines), _LOOKED_AT)) if lines[k].lstrip('"').startswith(_NAME)
+    )
+    separator = next((one for one in _SEPARATORS if one in lines[named]), "\t")
+    names = _header(lines[named], separator)
     first = next(
-        (k for k in range(titled, len(lines)) if _is_row(lines[k], separator, len(names))), None
+        (k for k in range(named, len(lines)) if _is_row(lines[k], separator, len(names))), None
     )
     if first is None:
         raise InputError(
@@ -83,6 +84,10 @@ def read_scope(path: Path, lines: Sequence[str]) -> Table:
     cells = parsed_rows(rows, len(names), separator, decimal)
     clocks = [k for k, name in enumerate(names) if name == names[0]]
     times = {k: cells[k].to_numpy(float) for k in clocks}
+    if len(set(names)) < len(names) - len(clocks) + 1:  # the whole names of symbols differ
+        whole = next((line for line in lines[named:first] if line.startswith(_SYMBOL)), "")
+        found = _header(whole, separator)
+        names = found if len(found) == len(names) else names
     zero = min(float(np.nanmin(one)) for one in times.values())
     unit = 1e-4 if zero > _FILETIME else 1.0
     columns: dict[str, np.ndarray] = {}
@@ -112,6 +117,13 @@ def read_scope(path: Path, lines: Sequence[str]) -> Table:
         lines=np.arange(first, last) + 1,
         notes=(note,),
     )
+
+
+def _header(line: str, separator: str) -> list[str]:
+    cells = [cell.strip() for cell in split_cells(line, separator)]
+    while cells and not cells[-1]:
+        cells.pop()
+    return cells
 
 
 def _is_row(line: str, separator: str, count: int) -> bool:

@@ -7,7 +7,7 @@ import io
 import re
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from itertools import islice
 from typing import TYPE_CHECKING
@@ -276,3 +276,22 @@ def named_with_units(names: Iterable[str]) -> tuple[list[str], dict[str, str]]:
             units[name] = unit
         bare.append(name)
     return bare, units
+
+
+def with_units_apart(table: Table) -> Table:
+    """Return a table whose names of columns have no units in brackets.
+
+    Args:
+        table: The table. Units that it states itself are kept.
+    """
+    names = list(table.columns)
+    bare, units = named_with_units(names)
+    if not units or len(set(bare)) < len(bare):
+        return table
+    of = dict(zip(names, bare, strict=True))
+    return replace(
+        table,
+        columns=dict(zip(bare, table.columns.values(), strict=True)),
+        units=units | {of[name]: unit for name, unit in table.units.items()},
+        clocks={of[name]: of[clock] for name, clock in table.clocks.items()},
+    )

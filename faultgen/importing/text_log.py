@@ -28,7 +28,14 @@ from faultgen.importing.structured import (
     structure_of,
     without_lists,
 )
-from faultgen.importing.table import BLANK, Table, named_with_units, parsed_rows, split_cells
+from faultgen.importing.table import (
+    BLANK,
+    Table,
+    named_with_units,
+    parsed_rows,
+    split_cells,
+    with_units_apart,
+)
 from faultgen.importing.units import known_unit
 
 _SEPARATORS = {";": ";", "tab": "\t", ",": ",", "blank": " "}
@@ -60,12 +67,12 @@ def read_text_log(path: Path, file: File) -> Table:
     lines, notes = _lines(path, file.encoding)
     for recognised, read in ((is_lvm, read_lvm), (is_scope, read_scope)):
         if recognised(lines):
-            return read(path, lines)
+            return with_units_apart(read(path, lines))
     kind = structure_of(lines)
     if kind is not None:
         check_structured(path, lines, kind)
     if kind in ("xml", "json"):
-        return read_structured(path, lines, kind)
+        return with_units_apart(read_structured(path, lines, kind))
     if kind == "lists":
         lines = without_lists(path, lines)
         notes.append("cells hold lists: their numbers were written into columns NAME_1, NAME_2, …")
