@@ -14,11 +14,12 @@ import numpy as np
 
 from faultgen.importing import ColumnMap, Row, arranged, read_log
 from faultgen.recordings.fields import fields_of
+from faultgen.recordings.rates import slow
 from faultgen.recordings.recording import Recording
 from faultgen.recordings.resampling import irregular
 from faultgen.recordings.torque_doubts import torque_doubts
 
-_SHORTEST, _LONGEST = 5e-5, 0.05  # usual sample periods of controllers [s]
+_SHORTEST = 5e-5  # usual sample periods of controllers are longer [s]
 _FAR = 15.0  # more than two turns of a joint: unusual [rad or m]
 
 
@@ -71,8 +72,11 @@ def import_log(path: str | Path, column_map: ColumnMap, program: str | None = No
 def _doubts(recording: Recording) -> Iterator[str]:
     """What a wrong unit or side would explain. `check_recording` knows the robot and sees more."""
     period = recording.sample_period
-    if not _SHORTEST <= period <= _LONGEST:
+    if period < _SHORTEST:
         yield f"warning: {1 / period:.4g} Hz is an unusual sample rate; check time.unit in the map"
+    what = slow(period)
+    if what is not None:
+        yield f"{what}; if the log is not so slow, correct time.unit in the map"
     largest = np.abs(recording.position).max(axis=0)
     if recording.side == "joint" and largest.max() > _FAR:
         far = np.flatnonzero(largest > _FAR).tolist()
