@@ -232,6 +232,8 @@ def test_labview(tmp_path, x_columns, decimal):
     made = imported(log, LVM)
     check(made.recording)
     assert made.recording.segments == (0,)
+    even = imported(log, {**LVM, "time": {"sample_period": PERIOD}})
+    check(even.recording)
     apart = imported(write_lvm(tmp_path / "log.lvm", x_columns, decimal, apart=1.0), LVM)
     assert apart.recording.segments == (0, 150) and apart.gaps == pytest.approx([0.404])
 

@@ -196,6 +196,8 @@ def _at_one_time(
 ) -> None:
     """Interpolate a quantity with times of its own at the times of the rows."""
     base = column_map.time.column
+    if base is None:  # the rows are evenly spaced
+        return
     stated: Any = (column_map.time.columns or {}).get(name)  # type: ignore[call-overload]
     if stated is None:  # the log itself may say so
         of_axis = [table.clocks.get(column, base) for column in one.columns]

@@ -162,7 +162,8 @@ def _columns(
     except ValueError:  # also of pandas
         raise InputError(f"{path}: block {number} has rows with more cells than names") from None
     count = len(cells)
-    clocks, values = {}, {}
+    clocks: dict[str, np.ndarray] = {}
+    values: dict[str, np.ndarray] = {}
     for name in channels:
         place = block.names.index(name)
         if form.x_columns == "no":
