@@ -88,7 +88,7 @@ def rows_of_program(
         notes: Gets a line if there are several programs.
 
     Returns:
-        Those of the rows that belong to it.
+        Those of the rows that belong to it, shape (rows,).
 
     Raises:
         InputError: The map does not name the column of the program, or no row has this one.
@@ -139,7 +139,7 @@ def segments_of(
         notes: Gets a line if the clock starts again.
 
     Returns:
-        Places in `kept`, ascending from 0.
+        Places in `kept`, ascending from 0, shape (segments,).
 
     Raises:
         InputError: There is no such column, or the time goes back in another way.
@@ -189,7 +189,7 @@ def without_equal_times(
         notes: Gets a line for rows that are left out.
 
     Returns:
-        The rows and starts that remain.
+        The rows and starts that remain, shapes (kept,) and (segments,).
 
     Raises:
         InputError: Many rows have the time of the row before.
