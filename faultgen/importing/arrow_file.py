@@ -20,9 +20,6 @@ from faultgen.importing.table import Table, named_with_units
 if TYPE_CHECKING:
     import pyarrow as pa
 
-SUFFIXES = (".parquet", ".pq", ".feather", ".arrow")
-"""How such files end."""
-
 _PARQUET, _ARROW, _OLD_FEATHER = b"PAR1", b"ARROW1", b"FEA1"
 _LONGEST_LIST = 1000
 

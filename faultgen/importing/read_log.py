@@ -12,18 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from faultgen.errors import InputError
-from faultgen.importing.array_file import read_arrays_of
-from faultgen.importing.arrow_file import SUFFIXES, read_arrow
-from faultgen.importing.bag import read_bag
 from faultgen.importing.column_map import Axes, File
 from faultgen.importing.table import Table, named_with_units
-from faultgen.importing.text_log import read_text_log
-from faultgen.importing.trace import BEGIN, read_trace
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _ARRAYS = (".mat", ".npz")
+_TABLES = (".parquet", ".pq", ".feather", ".arrow")
 _BAGS = (".db3", ".mcap", ".bag")
 
 
@@ -49,16 +45,27 @@ def read_log(path: str | Path, file: File, axes: Axes | None = None) -> Table:
         raise InputError(
             f"{path}: is a folder; give a file, or the folder of a ROS 2 bag or LeRobot dataset"
         )
+    # only the reader of this kind is imported: a refusal must not wait for the others
     if kind == "bag":
+        from faultgen.importing.bag import read_bag
+
         return read_bag(path, file, axes)
     if kind == "arrow":
+        from faultgen.importing.arrow_file import read_arrow
+
         return read_arrow(path)
     if not path.is_file():
         raise InputError(f"{path}: is not a regular file")
     if kind == "arrays":
+        from faultgen.importing.array_file import read_arrays_of
+
         return read_arrays_of(path)
     if kind == "trace":
+        from faultgen.importing.trace import read_trace
+
         return read_trace(path)
+    from faultgen.importing.text_log import read_text_log
+
     return read_text_log(path, file)
 
 
@@ -85,11 +92,13 @@ def _format(path: Path) -> str:
         return "arrow" if (path / "meta" / "info.json").is_file() else "text"
     if path.suffix.lower() in _BAGS:
         return "bag"
-    if path.suffix.lower() in SUFFIXES:
+    if path.suffix.lower() in _TABLES:
         return "arrow"
     if path.suffix.lower() in _ARRAYS:
         return "arrays"
     if path.suffix.lower() == ".dat" and path.is_file():
+        from faultgen.importing.trace import BEGIN
+
         with path.open("rb") as file:
             if BEGIN.encode() in file.read(65536):
                 return "trace"

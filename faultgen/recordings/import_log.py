@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from faultgen.importing import ColumnMap, Row, arranged, read_log
-from faultgen.recordings.fields import fields_of
 from faultgen.recordings.rates import slow
-from faultgen.recordings.recording import Recording
-from faultgen.recordings.resampling import irregular
-from faultgen.recordings.torque_doubts import torque_doubts
+
+if TYPE_CHECKING:
+    from faultgen.recordings.recording import Recording
 
 _SHORTEST = 5e-5  # usual sample periods of controllers are longer [s]
 _FAR = 15.0  # more than two turns of a joint: unusual [rad or m]
@@ -59,6 +59,11 @@ def import_log(path: str | Path, column_map: ColumnMap, program: str | None = No
         InputError: The log cannot be read, or the map does not fit it. The message is one line.
     """
     made = arranged(read_log(path, column_map.file, column_map.axes), column_map, program)
+    # after the log was read: a refusal does not wait for HDF5
+    from faultgen.recordings.fields import fields_of
+    from faultgen.recordings.recording import Recording
+    from faultgen.recordings.resampling import irregular
+
     recording = Recording(**fields_of(str(path), made.named, made.attributes))
     jitter, gaps, missing = 0.0, np.zeros(0), 0
     if "time" in made.named:
@@ -86,6 +91,8 @@ def _doubts(recording: Recording) -> Iterator[str]:
             f"warning: axis {axes} reaches {reach} (rad, or m for a slide); check position.unit in "
             "the map, and whether this is the position of the motor"
         )
+    from faultgen.recordings.torque_doubts import torque_doubts
+
     still = [str(k + 1) for k in np.flatnonzero(np.ptp(recording.torque, axis=0) == 0)]
     for axis, text, _ in torque_doubts(recording):
         yield f"warning: axis {axis}: {text}"
