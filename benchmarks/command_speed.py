@@ -29,7 +29,7 @@ GOALS = {
     "--help": 0.4,
     "--version": 0.4,
     "import": 1.5,
-    "import, refused": 0.4,
+    "refused import": 0.4,
     "judge": 1.5,
     "robots": 0.6,
     "tasks": 0.6,
@@ -46,7 +46,7 @@ COMMANDS = {
     "doctor": "doctor",
     "import": "import log.csv --map map.toml -o log.h5",
     "import --figure": "import log.csv --map map.toml -o log.h5 --figure",
-    "import, refused": "import log.csv --preset ur_rtde",
+    "refused import": "import log.csv --preset ur_rtde",
     "robot build": "robot build arm.xml -o NEW",
     "robot check": "robot check arm",
     "generate": "generate --robot arm --task swing.toml --axis 1 --cycles 1 --workers 1 -o NEW",
@@ -155,6 +155,9 @@ def main(
 ) -> None:
     """Measure and print."""
     chosen = [one.strip() for one in only.split(",")] if only else list(COMMANDS)
+    unknown = sorted({*chosen} - {*COMMANDS})
+    if unknown:
+        raise typer.BadParameter(f"{', '.join(unknown)}; there are {', '.join(COMMANDS)}")
     rows = []
     with tempfile.TemporaryDirectory() as temporary:
         folder = inputs or Path(temporary)
