@@ -16,32 +16,24 @@ few hundred numbers a recording, whatever the number of features.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import cho_factor, cho_solve
-from scipy.special import expit, logsumexp
+from scipy.special import logsumexp
 from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
-from sklearn.utils.validation import check_array, check_is_fitted
+from sklearn.utils.validation import check_array
 
-from .causes import Days, Effects, Judgement
-from .day_scales import LARGEST, day_stds, learn_days
-from .forms import Forms
+from .day_scales import LARGEST, learn_days
+from .fitted_posterior import FittedPosterior, lengths_of
 
 Floats = NDArray[np.float64]
 
-_FASTER = 1.4  # ratio of the numbers of recordings that are tried, from one to the next
-_FINELY = 1.03  # the same, for the begin of an effect
 _SEQUENCES, _LENGTH = 400, 120  # simulated healthy sequences, and recordings in each
 _CHUNK = 20  # sequences that are in memory at once
 _TAIL = 0.1  # share of the largest statistics, to which the exponential tail is fitted
-_LEARNED = ("mean_", "count_", "log_scales_", "scale_errors_", "noise_", "limit_")
-_EDGE = 1e-9  # of information, below which it counts as none
 
 
-class EffectPosterior(BaseEstimator):
+class EffectPosterior(FittedPosterior, BaseEstimator):
     """Bayesian detector and isolator of known effects in a sequence of recordings.
 
     The scales of the differences from day to day are found from the healthy recordings by their
@@ -71,22 +63,6 @@ class EffectPosterior(BaseEstimator):
         information_: A C^-1 A', shape (columns, columns).
         limit_: Limit of the statistic.
     """
-
-    def __init__(
-        self,
-        effects: Effects,
-        days: Days,
-        *,
-        false_alarms: float = 1e-3,
-        prior: float = 0.5,
-        random_state: int | None = 0,
-    ) -> None:
-        """State what may be there."""
-        self.effects = effects
-        self.days = days
-        self.false_alarms = false_alarms
-        self.prior = prior
-        self.random_state = random_state
 
     def fit(self, X: ArrayLike, y: object = None) -> EffectPosterior:
         """Learn the healthy mean, the scales and the limit.
@@ -119,172 +95,6 @@ class EffectPosterior(BaseEstimator):
         self._set_limit()
         return self
 
-    def _prepare(self) -> None:
-        """Compute what follows from the scales and the noise."""
-        days, columns = self.days.columns, np.asarray(self.effects.columns, float)
-        std = self.day_stds_ = day_stds(self.days, self.log_scales_)
-        inner = (days * std[:, None]) @ days.T * std + self.noise_ * np.eye(len(std))
-        across = (days * std[:, None]) @ columns.T
-        explained = days.T @ (std[:, None] * cho_solve(cho_factor(inner), across))
-        self.projection_ = (columns.T - explained) / self.noise_
-        self.information_ = columns @ self.projection_
-        self.information_ = (self.information_ + self.information_.T) / 2
-        values, vectors = np.linalg.eigh(self.projection_.T @ self.projection_)
-        keep = values > _EDGE * max(float(values.max(initial=0.0)), 1e-300)
-        self._noise_root = np.sqrt(self.noise_ * values[keep])[:, None] * vectors[:, keep].T
-        self._forms = Forms(self.effects.causes, self.information_)
-        self._log_prior = self._prior_odds()
-
-    def state(self) -> dict[str, Floats]:
-        """Return what was learned, as arrays from which `restore` makes the same estimator.
-
-        Returns:
-            Each attribute by its name: numbers, and arrays of shape (features,) and (groups,).
-        """
-        check_is_fitted(self)
-        return {name: np.asarray(getattr(self, name), float) for name in _LEARNED}
-
-    def restore(self, state: Mapping[str, ArrayLike]) -> EffectPosterior:
-        """Take over what another estimator with the same effects and days has learned.
-
-        Args:
-            state: From `state`.
-
-        Returns:
-            Itself.
-
-        Raises:
-            KeyError: Something is missing.
-            ValueError: The sizes do not suit the effects and days.
-        """
-        values = {name: np.asarray(state[name], float) for name in _LEARNED}
-        self.n_features_in_ = self.effects.columns.shape[1]
-        wanted = {
-            "mean_": (self.n_features_in_,),
-            "log_scales_": self.days.spreads.shape,
-            "scale_errors_": self.days.spreads.shape,
-        }
-        for name, value in values.items():
-            if value.shape != wanted.get(name, ()):
-                raise ValueError(f"{name} has the shape {value.shape}")
-            setattr(self, name, value if name in wanted else float(value))
-        self.count_ = int(self.count_)
-        self._prepare()
-        return self
-
-    def transform(self, X: ArrayLike) -> Floats:
-        """Reduce recordings to the numbers that are judged.
-
-        Args:
-            X: Features, shape (recordings, features).
-
-        Returns:
-            Shape (recordings, columns).
-        """
-        check_is_fitted(self)
-        return np.asarray((check_array(X, dtype=float) - self.mean_) @ self.projection_)
-
-    def predict_proba(self, X: ArrayLike) -> Floats:
-        """Compute the probability of each cause, from one recording alone.
-
-        Args:
-            X: Features, shape (recordings, features).
-
-        Returns:
-            Shape (recordings, 1 + causes): healthy, then each cause.
-        """
-        logs = self._log_odds(self._forms.turned(self.transform(X)), 1)
-        logs = np.concatenate([np.zeros((len(logs), 1)), logs], axis=1)
-        return np.asarray(np.exp(logs - logsumexp(logs, axis=1, keepdims=True)))
-
-    def judge(self, scores: ArrayLike) -> Judgement:
-        """Judge a robot by all recordings since it was known to be healthy.
-
-        Args:
-            scores: Of `transform`, in the order of time, shape (recordings, columns).
-
-        Returns:
-            What they tell of the robot after the last of them.
-        """
-        check_is_fitted(self)
-        scores = np.atleast_2d(np.asarray(scores, float))
-        turned = self._forms.turned(scores)
-        total = np.cumsum(turned[::-1], axis=0)
-        lengths, tried = _lengths(len(scores)), []
-        for length in lengths:
-            logs = self._log_odds(total[length - 1 : length] / length, length)
-            tried.append((float(np.logaddexp.reduce(logs[0])), length, logs[0]))
-        statistic, length, logs = max(tried, key=lambda one: one[0])
-        cause = int(np.argmax(logs))
-        # the newest recordings that are enough to show the effect: it may grow
-        newest = min((n for value, n, _ in tried if value > self.limit_), default=length)
-        below, middle, above = self._forms.severities(
-            total[newest - 1] / newest, self._variance(newest)
-        )
-        alarm = statistic > self.limit_
-        return Judgement(
-            alarm,
-            statistic,
-            self._since(turned, cause) if alarm else len(scores) - length,
-            float(expit(-statistic)),
-            logs,
-            np.exp(logs - np.logaddexp(0.0, statistic)),
-            middle,
-            np.stack([below, above], axis=1),
-        )
-
-    def _since(self, turned: Floats, cause: int) -> int:
-        """Number of the recording from which a cause is there, all at once or growing evenly."""
-        best, found, count = -np.inf, len(turned) - 1, len(turned)
-        before = np.concatenate([np.zeros((1, *turned.shape[1:])), np.cumsum(turned, axis=0)])
-        for length in _lengths(count, _FINELY):
-            healthy = self.count_ + count - length  # what came before is healthy as well
-            usual = before[count - length] / healthy
-            for growth in (np.ones(length), np.arange(1, length + 1) / length):
-                size, share = float(growth @ growth), float(growth.sum() / (growth @ growth))
-                mean = np.tensordot(growth, turned[count - length :], axes=1) / size
-                variance = 1 / size + share**2 / healthy
-                odds = self._forms.log_bayes_factors(mean - share * usual, variance, signs=False)
-                if odds[cause] > best:
-                    best, found = odds[cause], count - length
-        return found
-
-    def evidence(self, scores: ArrayLike) -> tuple[Floats, Floats]:
-        """Weigh each cause by recordings in all of which it is there, or nothing is.
-
-        Evidence of independent data about one robot, such as other programs, adds up.
-
-        Args:
-            scores: Of `transform`, shape (recordings, columns), at least one.
-
-        Returns:
-            Logarithm of the Bayes factor of each cause against a healthy robot, shape (causes,);
-            and quantiles 0.025, 0.5 and 0.975 of its severity if it is the one, shape (causes, 3).
-        """
-        check_is_fitted(self)
-        turned = self._forms.turned(np.atleast_2d(np.asarray(scores, float)))
-        mean, variance = turned.mean(axis=0), self._variance(len(turned))
-        logs = self._forms.log_bayes_factors(mean, variance)
-        return logs, np.stack(self._forms.severities(mean, variance), axis=1)
-
-    def severity_path(self, scores: ArrayLike, cause: int) -> Floats:
-        """Estimate a severity in each recording alone.
-
-        Args:
-            scores: Of `transform`, shape (recordings, columns).
-            cause: Number of the cause, from 0.
-
-        Returns:
-            Quantiles 0.025, 0.5 and 0.975 of the severity if this is the cause, shape (recordings,
-            3).
-        """
-        check_is_fitted(self)
-        rows = self._forms.turned(np.atleast_2d(np.asarray(scores, float)))
-        variance = self._variance(1)
-        return np.array(
-            [[q[cause] for q in self._forms.severities(row, variance)] for row in rows]
-        ).reshape(-1, 3)
-
     def delays(
         self, cause: int, severity: float, *, longest: int = _LENGTH, sequences: int = _SEQUENCES
     ) -> Floats:
@@ -299,7 +109,7 @@ class EffectPosterior(BaseEstimator):
         Returns:
             Recordings up to the alarm, shape (sequences,); infinite where there was none.
         """
-        check_is_fitted(self)
+        self._require_fit()
         column = self.effects.causes[cause].forms[0].columns[0]
         shift = self.information_[column] * severity
         statistics = self._simulated(sequences, longest, shift, self._generator(1))
@@ -357,43 +167,8 @@ class EffectPosterior(BaseEstimator):
             [np.zeros((count, 1, *turned.shape[2:])), np.cumsum(turned, axis=1)], axis=1
         )
         best = np.full((count, length), -np.inf)
-        for n in _lengths(length):
+        for n in lengths_of(length):
             mean = (total[:, n:] - total[:, :-n]) / n
             logs = self._log_odds(mean, n)
             best[:, n - 1 :] = np.maximum(best[:, n - 1 :], logsumexp(logs, axis=-1))
         return best
-
-    def _prior_odds(self) -> Floats:
-        """Logarithm of the prior odds of each cause against a healthy robot, shape (causes,)."""
-        families = [cause.family for cause in self.effects.causes]
-        members = np.array([families.count(one) for one in families], float)
-        shares = 1 / (len(set(families)) * members)
-        return np.asarray(np.log(shares * self.prior / (1 - self.prior)))
-
-    def _variance(self, length: int) -> float:
-        """Variance of the mean of some recordings less the healthy mean, over that of one."""
-        return 1 / length + 1 / self.count_
-
-    def _log_odds(self, turned: Floats, length: int, *, signs: bool = True) -> Floats:
-        """Logarithm of the posterior odds of each cause against a healthy robot.
-
-        Args:
-            turned: Mean of the scores of some recordings, from `Forms.turned`, shape (..., forms,
-                columns).
-            length: Number of these recordings.
-            signs: Whether it counts that some severities cannot be negative.
-
-        Returns:
-            Shape (..., causes).
-        """
-        factors = self._forms.log_bayes_factors(turned, self._variance(length), signs=signs)
-        return np.asarray(factors + self._log_prior)
-
-
-def _lengths(count: int, faster: float = _FASTER) -> list[int]:
-    """Numbers of newest recordings since which an effect may be there."""
-    found, next_one = [], 1.0
-    while round(next_one) < count:
-        found.append(round(next_one))
-        next_one = max(next_one * faster, next_one + 1)
-    return [*found, count]

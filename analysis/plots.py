@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import matplotlib.pyplot as plt
+import matplotlib as mpl
 import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
@@ -93,7 +93,7 @@ def style() -> Iterator[None]:
         "legend.loc": "upper left",  # "best" searches for seconds among many points
         "figure.constrained_layout.use": True,
     }
-    with plt.rc_context(settings):
+    with mpl.rc_context(settings):
         yield
 
 

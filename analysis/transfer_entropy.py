@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
-from statsmodels.stats.multitest import multipletests
 
 from .entropy import entropy_left, entropy_left_counted
 from .symbols import Bins, Floats, coded, finite
@@ -267,6 +266,8 @@ def effective_net_transfer_entropy(
             )
             value[i, j], p_value[i, j] = te.value, te.p_value
     adjusted, pairs = np.ones_like(p_value), ~np.eye(len(rows), dtype=bool)
+    from statsmodels.stats.multitest import multipletests
+
     adjusted[pairs] = multipletests(p_value[pairs], method="holm")[1]
     return EffectiveNetTransferEntropy(
         net=value - value.T, p_value=p_value, adjusted_p_value=adjusted

@@ -14,6 +14,7 @@ from faultgen.dataset.experiment import make_experiment
 from faultgen.dataset.reader import open_dataset
 from faultgen.dataset.sweep import generate
 from faultgen.errors import InputError
+from faultgen.recordings.rates import slow
 from faultgen.recordings.read import read_recording
 from faultgen.recordings.recording import write_recording
 from faultgen.system.dates import date_of
@@ -99,6 +100,29 @@ def test_files_without_dates_count_in_the_order_of_the_call(twin, tmp_path):
     for name in ("healthy", "worn"):
         told = one.judge(tmp_path / f"{name}.h5")
     assert told["recordings"] == 2 and told["effect"] == "friction_wear"
+
+
+def test_recordings_with_fewer_samples_are_refused(twin, tmp_path):
+    """The samples that are missing would look like a fault, and raised false alarms."""
+    folder, files = twin
+    whole = read_recording(files["healthy"])
+    for every in (2, 25):
+        less = {
+            name: getattr(whole, name)[::every]
+            for name in ("position", "torque", "reference_position")
+        }
+        period = every * whole.sample_period
+        write_recording(replace(whole, sample_period=period, **less), tmp_path / "less.h5")
+        with pytest.raises(InputError, match=f"{250 / every:g} Hz, but the detector was made at"):
+            Judge(folder / "detector", tmp_path / "state.sqlite").judge(tmp_path / "less.h5")
+
+
+@pytest.mark.parametrize(
+    ("rate", "what"), [(250, None), (20, "is slow: .* monitoring .* works"), (4, "is too slow")]
+)
+def test_what_slow_recordings_can_be_used_for(rate, what):
+    told = slow(1 / rate)
+    assert told is None if what is None else re.search(what, told)
 
 
 def test_a_memory_of_another_detector_is_refused(twin, tmp_path):

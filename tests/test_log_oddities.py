@@ -94,7 +94,7 @@ def test_a_row_for_each_joint_is_told(tmp_path):
     """Such a log would have one axis, with the numbers of all joints in turn."""
     named = {"t": np.repeat(RUN.time, 2), "q1": RUN.position.ravel(), "u1": RUN.torque.ravel()}
     log = write_csv(tmp_path / "log.csv", named)
-    with pytest.raises(InputError, match="if each joint has a row of its own, arrange the log"):
+    with pytest.raises(InputError, match="state the column that names the joint as axes.column"):
         imported(log, GENERIC)
 
 

@@ -69,6 +69,40 @@ def test_refusals_are_quick(tmp_path, arguments, message):
     assert packages == []
 
 
+@pytest.mark.parametrize(
+    ("arguments", "needed"),
+    [
+        ("--version", set()),
+        ("tasks", set()),
+        ("robots", {"mujoco"}),
+        ("effects", {"mujoco"}),
+        ("import log.csv --map plain.toml -o out.h5", {"pandas"}),
+    ],
+)
+def test_quick_commands_import_only_what_they_need(tmp_path, arguments, needed):
+    """benchmarks/command_speed.py measures the processor time that they take."""
+    rows = "\n".join(f"{0.01 * k},{k % 9},{k % 7}" for k in range(50))
+    (tmp_path / "log.csv").write_text(f"t,q1,u1\n{rows}\n")
+    (tmp_path / "plain.toml").write_text(
+        'side = "joint"\ntime = { column = "t", unit = "s" }\n'
+        'position = { columns = "q{axis}", unit = "rad" }\n'
+        'torque = { columns = "u{axis}", unit = "Nm" }\n'
+    )
+    status, error, packages = loaded(*arguments.split(), cwd=tmp_path)
+    assert status == 0, error
+    assert set(packages) <= needed
+
+
+def test_judging_needs_neither_scikit_learn_nor_figures(twin, tmp_path):
+    """The part of the detector that judges is apart from that which learns."""
+    folder, files = twin
+    arguments = ("judge", folder / "detector", files["healthy"], "--state", tmp_path / "s.sqlite")
+    status, error, packages = loaded(*map(str, arguments), cwd=tmp_path)
+    assert status == 0, error
+    heavy = {"sklearn", "pandas", "statsmodels", "matplotlib", "plotly", "scipy.signal"}
+    assert not heavy & set(packages)
+
+
 def test_help_is_quick(tmp_path):
     """The help of every command, and the list of commands."""
     from faultgen.cli.app import app

@@ -50,23 +50,27 @@ def tasks(
     above zero, only samples from this time count in the mean torque that monitoring stores. For an
     axis that never turns so fast, generate uses a window of 0.5 to 1.2 times its top speed.
     """
-    from faultgen.robot import load_robot, robot_names
-    from faultgen.simulation.motion import plan
+    from faultgen.planned_cycles import plan_cycle, planned_cycle
+    from faultgen.robot_names import robot_names
     from faultgen.tasks import load_task, task_names
 
     rows = []
     for name in names(robot) or robot_names():
-        machine = load_robot(name)
-        for task_name in task_names(machine.name, machine.tasks):
-            task = load_task(machine.name, task_name, machine.tasks)
-            motion = plan(task, machine)
-            share = " ".join(f"{100 * value:.0f}" for value in motion.window_share)
+        own, of_folder = name, dict[str, str]()
+        if name not in robot_names():
+            from faultgen.robot import load_robot
+
+            loaded = load_robot(name)
+            own, of_folder = loaded.name, dict(loaded.tasks)
+        for task_name in task_names(own, of_folder):
+            task = load_task(own, task_name, of_folder)
+            cycle = planned_cycle(name, task_name) or plan_cycle(name, task_name)
             rows.append(
                 {
-                    "robot": machine.name,
+                    "robot": own,
                     "task": task_name,
-                    "cycle [s]": round(motion.period, 2),
-                    "window share of each axis [%]": share,
+                    "cycle [s]": cycle.period,
+                    "window share of each axis [%]": " ".join(map(str, cycle.window_share)),
                     "description": task.description,
                 }
             )

@@ -18,8 +18,9 @@ def import_(
     log: Annotated[
         Path | None,
         typer.Argument(
-            help="Log of a controller: text with columns, a KUKA trace (.dat), a MATLAB or NumPy "
-            "file, or a ROS 2 bag."
+            help="Log of a controller: text with columns, XML, JSON, LabVIEW (.lvm), an export of "
+            "TwinCAT Scope, a KUKA trace (.dat), a MATLAB, NumPy, Parquet or Feather file, a ROS "
+            "bag, or the folder of a ROS 2 bag or LeRobot dataset."
         ),
     ] = None,
     map_file: Annotated[
@@ -31,8 +32,24 @@ def import_(
     preset: Annotated[
         str | None,
         typer.Option(
-            help="Map that comes with faultgen: abb, kuka, mat, ros2 or ur_rtde. Entries of --map "
-            "replace its entries."
+            help="Map that comes with faultgen: abb, abb_egm, dvrk, fanuc, franka, franka_ros, "
+            "kuka, kuka_rsi, lerobot, mat, ros1, ros2 or ur_rtde. Entries of --map replace its "
+            "entries."
+        ),
+    ] = None,
+    program: Annotated[
+        str | None,
+        typer.Option(
+            help="Take only the rows of this program. The map names the column of its name as "
+            "'program'. Default: all rows."
+        ),
+    ] = None,
+    time: Annotated[
+        str | None,
+        typer.Option(
+            help="For ROS bags: 'header' takes the times in the headers of the messages, 'receive' "
+            "those at which the bag received them. Default: header, or receive where the headers "
+            "have none."
         ),
     ] = None,
     show_preset: Annotated[
@@ -40,13 +57,21 @@ def import_(
         typer.Option(help="Print the map of a preset, to copy and edit it. No log is read."),
     ] = None,
     out: Annotated[Path, out_option("Recording to write (HDF5).")] = Path("measured.h5"),
+    figure: Annotated[
+        bool,
+        typer.Option(
+            "--figure",
+            help="Also draw position and torque of every axis over time, in a PNG file beside the "
+            "recording. This takes two seconds.",
+        ),
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Make a recording for 'faultgen discover' from the log of a robot controller.
 
     The command tells how it understood each column: the quantity and the axis, the unit and the
-    factor to the SI unit, and the range of the values. Check them, and the picture beside the
-    recording. Uneven times are resampled, and a gap of more than three sample periods begins a new
+    factor to the SI unit, and the range of the values. Check them, and draw the recording with
+    --figure. Uneven times are resampled, and a gap of more than three sample periods begins a new
     segment. docs/importing.md describes the map.
 
     \b
@@ -67,24 +92,36 @@ def import_(
         raise InputError(f"--out {out}: is the log itself; give another name")
     if not log.exists():
         raise InputError(f"{log}: no such file")
+    if time not in (None, "header", "receive"):
+        raise InputError(f"--time {time}: give header or receive")
     column_map = load_map(map_file, preset)
+    from faultgen.importing.read_log import is_bag
     from faultgen.recordings.import_log import import_log
 
-    made = import_log(log, column_map)
+    if time is not None:
+        if not is_bag(log, column_map.file):
+            raise InputError(
+                f"--time {time}: only ROS bags have both times; state time.column in the map"
+            )
+        file = column_map.file.model_copy(update={"stamp": time})
+        column_map = column_map.model_copy(update={"file": file})
+    made = import_log(log, column_map, program)
     recording = made.recording
-    # Matplotlib takes seconds, which a refused log must not
     from faultgen.recordings.recording import write_recording
-    from faultgen.report.recording_figure import recording_png
-    from faultgen.system.files import write_bytes
     from faultgen.system.progress import plural
 
-    picture = out.with_suffix(".png")
-    png = recording_png(recording)  # before anything is written
+    picture = out.with_suffix(".png") if figure else None
+    if picture is not None:
+        from faultgen.report.recording_figure import recording_png
+        from faultgen.system.files import write_bytes
+
+        png = recording_png(recording)  # before anything is written
     write_recording(recording, out)
-    write_bytes(picture, png)
+    if picture is not None:
+        write_bytes(picture, png)
     result = {
         "recording": str(out),
-        "picture": str(picture),
+        "picture": None if picture is None else str(picture),
         "side": recording.side,
         "axes": recording.n_axes,
         "samples": len(recording.position),
@@ -131,4 +168,4 @@ def import_(
     )
     for remark in made.notes:
         say(remark if remark.startswith("warning: ") else f"note: {remark}")
-    say(f"{out} and {picture} are written")
+    say(f"{out} is written" if picture is None else f"{out} and {picture} are written")

@@ -146,6 +146,7 @@ def train(
     """  # noqa: D301
     existing_dataset(folder)
     from faultgen.dataset.manifest import refuse_data
+    from faultgen.recordings.rates import slow
     from faultgen.twin.train import LONGEST
     from faultgen.twin.train import train as run_train
 
@@ -167,6 +168,7 @@ def train(
             {"effect": one.effect, "axes": list(one.axes), "largest": one.largest}
             for one in detector.faults
         ],
+        "sample_period": detector.motion.sample_period,
         "limit": detector.posterior.limit_,
         "false_alarms_per_recording": detector.posterior.false_alarms,
         "made": dict(detector.made),
@@ -176,9 +178,16 @@ def train(
         return
     for row in detector.made["expected"]:
         say(_expected(row, LONGEST))
+    period = detector.motion.sample_period
+    what = slow(period)
+    if what is not None:
+        say(f"note: {what}")
     count = detector.made["measured"]
     source = f"{count} measured" if count else "generated"
-    say(f"learned from {source} healthy recordings; {len(detector.faults)} faults; detector: {out}")
+    say(
+        f"learned from {source} healthy recordings; {len(detector.faults)} faults; judges "
+        f"recordings at {1 / period:.4g} Hz or faster; detector: {out}"
+    )
 
 
 def _expected(row: dict[str, Any], longest: int) -> str:

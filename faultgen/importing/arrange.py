@@ -17,13 +17,16 @@ import numpy as np
 from faultgen.errors import InputError
 from faultgen.importing.clocks import at_times, check_one_clock
 from faultgen.importing.column_map import AXIS, QUANTITIES, ColumnMap, Quantity
-from faultgen.importing.oddities import dropouts
+from faultgen.importing.long_format import widened
 from faultgen.importing.quantity import Read, columns_of, each, read_quantity
+from faultgen.importing.rows import (
+    complete_rows,
+    rows_of_program,
+    segments_of,
+    without_equal_times,
+)
 from faultgen.importing.table import Table
 from faultgen.importing.times import clock_of, times_of
-
-_MOST_LOST = 0.5  # share of the rows that may be left out for blank cells
-_MOST_EQUAL = 0.2  # share of the rows that may have the time of the row before
 
 
 @dataclass(frozen=True)
@@ -62,12 +65,13 @@ class Arranged:
     """One line for each decision that the map did not state."""
 
 
-def arranged(table: Table, column_map: ColumnMap) -> Arranged:
+def arranged(table: Table, column_map: ColumnMap, program: str | None = None) -> Arranged:
     """Read the quantities of a recording from a table.
 
     Args:
         table: The columns.
         column_map: What they mean.
+        program: Name of the program whose rows are taken. None: all rows.
 
     Returns:
         The arrays.
@@ -78,8 +82,10 @@ def arranged(table: Table, column_map: ColumnMap) -> Arranged:
     """
     if not len(table):
         raise InputError(f"{table.source}: has no rows of numbers")
+    table, column_map = widened(table, column_map)
     notes = list(table.notes)
     axes = _axes(table, column_map)
+    column_map = _with_clock(table, column_map, axes)
     found: dict[str, Read] = {}
     for name in ("position", "velocity", "torque", "reference_position", "temperature"):
         one = read_quantity(table, column_map, name, axes, notes)
@@ -99,9 +105,10 @@ def arranged(table: Table, column_map: ColumnMap) -> Arranged:
     _check_clocks(table, column_map, axes)
     for name, one in found.items():
         _at_one_time(table, column_map, name, one, time, notes)
-    kept = _complete(table, found, time, notes)
-    starts = _segments(table, column_map, kept)
-    kept, starts = _without_equal_times(table, time, kept, starts, notes)
+    kept = complete_rows(table, found, time, notes)
+    kept = rows_of_program(table, column_map, kept, program, notes)
+    starts = segments_of(table, column_map, time, kept, notes)
+    kept, starts = without_equal_times(table, time, kept, starts, notes)
     side = column_map.position.side or column_map.side
     named, rows = {}, []
     for name, one in found.items():
@@ -156,12 +163,23 @@ def _axes(table: Table, column_map: ColumnMap) -> list[str]:
     return [str(number) for number in numbers]
 
 
+def _with_clock(table: Table, column_map: ColumnMap, axes: Sequence[str]) -> ColumnMap:
+    """A map whose time is the clock of the position, for a log with a clock for each channel."""
+    if not table.clock or column_map.time.column != table.clock or table.clock in table.columns:
+        return column_map
+    first = columns_of(column_map.position, axes)[0]
+    if first not in table.clocks:
+        raise table.missing(first, "position")
+    time = column_map.time.model_copy(update={"column": table.clocks[first]})
+    return column_map.model_copy(update={"time": time})
+
+
 def _check_clocks(table: Table, column_map: ColumnMap, axes: Sequence[str]) -> None:
     """Refuse a log whose channels seem to have clocks of their own that the map does not name."""
     name = column_map.time.column
     if name is None or column_map.time.columns is not None or name not in table.columns:
         return
-    if table.axes:  # a bag: its messages hold all quantities at one time
+    if table.axes or table.clocks:  # a bag holds all at one time; other clocks are known
         return
     quantities = [getattr(column_map, one) for one in QUANTITIES]
     used = [column for one in quantities if one is not None for column in columns_of(one, axes)]
@@ -177,14 +195,25 @@ def _at_one_time(
     notes: list[str],
 ) -> None:
     """Interpolate a quantity with times of its own at the times of the rows."""
-    named = column_map.time.columns or {}
-    clocks = next((columns for quantity, columns in named.items() if quantity == name), None)
-    if clocks is None:
+    base = column_map.time.column
+    if base is None:  # the rows are evenly spaced
         return
-    of_axis = each(f"time.columns.{name}", clocks, len(one.columns))
+    stated: Any = (column_map.time.columns or {}).get(name)  # type: ignore[call-overload]
+    if stated is None:  # the log itself may say so
+        of_axis = [table.clocks.get(column, base) for column in one.columns]
+    else:
+        of_axis = each(f"time.columns.{name}", stated, len(one.columns))
+    other = False
     for k, clock in enumerate(of_axis):
+        if clock == base:
+            continue
         own = clock_of(table, column_map, clock, time)
+        if stated is None and np.array_equal(own, time, equal_nan=True):
+            continue
         one.values[:, k] = at_times(time, own, one.values[:, k])
+        other = True
+    if not other:
+        return
     notes.append(
         f"{name} has times of its own ({', '.join(dict.fromkeys(of_axis))}), and was interpolated "
         f"at those of '{column_map.time.column}'"
@@ -223,76 +252,3 @@ def _target(
     if name == "reference_position":
         return name, factor, si
     return f"{side}_{'torque' if name == 'current' else name}", factor, si
-
-
-def _complete(
-    table: Table, found: dict[str, Read], time: np.ndarray, notes: list[str]
-) -> np.ndarray:
-    """Numbers of the rows in which no column that is needed is blank."""
-    blank = {"time": np.isnan(time)}
-    blank |= {
-        column: np.isnan(one.values[:, k])
-        for one in found.values()
-        for k, column in enumerate(one.columns)
-    }
-    lost = np.logical_or.reduce(list(blank.values()))
-    dropped = dropouts([one.values for name, one in found.items() if name != "temperature"])
-    if dropped.any():
-        row = int(np.argmax(dropped))
-        notes.append(
-            f"rows in which every value is 0 were left out: {dropped.sum()}, the first is "
-            f"{table.place(row)}"
-        )
-    if lost.mean() > _MOST_LOST:
-        name = max(blank, key=lambda key: blank[key].sum())
-        raise InputError(
-            f"{table.source}: column '{name}' is blank in {blank[name].sum()} of {len(table)} rows"
-            "; leave it out of the map, or write all columns in every row of the log"
-        )
-    if lost.any():
-        row = int(np.argmax(lost))
-        notes.append(
-            f"rows with blank cells were left out: {lost.sum()}, the first is {table.place(row)}"
-        )
-    return np.flatnonzero(~(lost | dropped))
-
-
-def _segments(table: Table, column_map: ColumnMap, kept: np.ndarray) -> np.ndarray:
-    """First of the kept rows of each separate recording."""
-    name = column_map.segment
-    if name is None:
-        return np.array([0])
-    if name not in table.columns:
-        raise table.missing(name, "segment")
-    values = table.columns[name][kept]
-    return np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
-
-
-def _without_equal_times(
-    table: Table, time: np.ndarray, kept: np.ndarray, starts: np.ndarray, notes: list[str]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Leave out rows with the time of the row before, which say nothing about when they were."""
-    step = np.diff(time[kept], prepend=-np.inf)
-    step[starts] = np.inf
-    back = np.flatnonzero(step < 0)
-    if len(back):
-        row = int(kept[back[0]])
-        raise InputError(
-            f"{table.source}: the time goes back in {table.place(row)}; sort the log, or name a "
-            "column that differs between separate recordings as segment in the map"
-        )
-    equal = step == 0
-    if equal.mean() > _MOST_EQUAL:
-        raise InputError(
-            f"{table.source}: {equal.sum()} of {len(kept)} rows have the time of the row before; "
-            "correct time.unit; if each joint has a row of its own, arrange the log with one row "
-            "for each time and one column for each joint; if the rows are evenly spaced in time, "
-            "give time.sample_period instead of time.column"
-        )
-    if equal.any():
-        row = int(kept[np.argmax(equal)])
-        notes.append(
-            f"rows with the time of the row before were left out: {equal.sum()}, the first is "
-            f"{table.place(row)}"
-        )
-    return kept[~equal], starts - np.cumsum(equal)[starts]

@@ -73,8 +73,9 @@ class Quantity(_Part):
 class File(_Part):
     """How the log is written. Everything is found out where it is not given."""
 
-    format: Literal["auto", "text", "trace", "ros2", "arrays"] = "auto"
-    """Text; DIAdem trace (.dat and .r64); ROS 2 bag; MATLAB or NumPy file."""
+    format: Literal["auto", "text", "trace", "bag", "ros2", "arrays", "arrow"] = "auto"
+    """Text; DIAdem trace (.dat and .r64); ROS bag ("ros2" is an older name); MATLAB or NumPy file;
+    Parquet or Feather file."""
     separator: Literal["auto", ",", ";", "tab", "blank"] = "auto"
     """What separates columns of text."""
     decimal: Literal["auto", ".", ","] = "auto"
@@ -93,7 +94,10 @@ class File(_Part):
     names: Annotated[list[str], Field(min_length=1)] | None = None
     """Names of the columns of a log that does not state them."""
     topic: str | None = None
-    """Topic of a ROS 2 bag. None: the only one with joint states."""
+    """Topic of a ROS bag. None: the only one with joint states."""
+    stamp: Literal["auto", "header", "receive"] = "auto"
+    """Times of a ROS bag: those in the headers of its messages, or those at which the bag received
+    them. "auto": of the headers, unless they have none."""
 
 
 class Axes(_Part):
@@ -107,6 +111,8 @@ class Axes(_Part):
     """Turns of the motor over turns of the joint."""
     torque_constant: Finite | list[Finite] | None = None
     """Torque over current [N m/A], on the side of the current."""
+    column: Column | None = None
+    """Column that names the joint of each row, if each joint has a row of its own."""
 
 
 class Time(_Part):
@@ -148,6 +154,9 @@ class ColumnMap(_Part):
     """The axes."""
     time: Time
     """When the rows were recorded."""
+    program: Column | None = None
+    """Column with the name of the program that runs. It begins a new segment where it changes, and
+    one program can be imported alone."""
     segment: Column | None = None
     """Column whose value changes with each separate recording."""
     position: Quantity
@@ -229,7 +238,7 @@ def map_of(content: Mapping[str, Any], preset: str | None = None, where: str = "
     """
     preset = preset or content.get("preset")
     if preset is not None:
-        content = _merged(tomllib.loads(preset_text(str(preset))), content)
+        content = _merged(_of_preset(str(preset)), content)
         where = f"{where} with preset {preset}"
     try:
         found = ColumnMap.model_validate(dict(content))
@@ -247,13 +256,32 @@ def map_of(content: Mapping[str, Any], preset: str | None = None, where: str = "
         quantity = getattr(found, name)
         if quantity is not None and quantity.bits and quantity.sign_bit is not None:
             raise InputError(f"{where}: {name}: give bits or sign_bit, not both")
-        pattern = quantity is not None and isinstance(quantity.columns, str)
-        if pattern and AXIS not in quantity.columns and name != "temperature":
+        if quantity is None:
+            continue
+        if found.axes.column is not None:
+            if isinstance(quantity.columns, list) or AXIS in quantity.columns:
+                raise InputError(
+                    f"{where}: {name}.columns: give the name of one column, because each joint has "
+                    f"a row of its own (axes.column = '{found.axes.column}')"
+                )
+        elif (
+            isinstance(quantity.columns, str)
+            and AXIS not in quantity.columns
+            and name != "temperature"
+        ):
             raise InputError(
                 f"{where}: {name}.columns: '{quantity.columns}' lacks {AXIS}, which stands for the "
-                "number of each axis; or list one name for each axis"
+                "number of each axis; or list one name for each axis; or, if each joint has a row "
+                "of its own, state the column that names the joint as axes.column"
             )
     return found
+
+
+def _of_preset(name: str) -> dict[str, Any]:
+    """The content of a preset, which may change another one."""
+    content = tomllib.loads(preset_text(name))
+    base = content.pop("preset", None)
+    return content if base is None else _merged(_of_preset(base), content)
 
 
 def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from faultgen.errors import InputError
 from faultgen.importing.column_map import AXIS, ColumnMap, Quantity
 from faultgen.importing.oddities import unwrapped, without_missing
 from faultgen.importing.table import Table
-from faultgen.importing.units import PERCENT, conversion, known_unit
+from faultgen.importing.units import PERCENT, SHARES, conversion, known_unit
 from faultgen.importing.words import Word, words_of
 
 _KINDS = {"reference_position": "position"}
@@ -100,11 +100,12 @@ def read_quantity(
         except InputError as error:
             raise InputError(f"{table.source}: column '{column}', {name}.{error}") from None
         factor = how.factor
-        if isinstance(unit, str) and known_unit(unit) == PERCENT:
+        if isinstance(unit, str) and known_unit(unit) in SHARES:
             if rated[k] is None:
                 raise InputError(
-                    f"{table.source}: column '{column}' is in percent; state {name}.rated in the "
-                    f"map, which is 100 % in [{how.si}]"
+                    f"{table.source}: column '{column}' is in "
+                    f"{'percent' if how.factor == SHARES[PERCENT] else 'permille'}; state "
+                    f"{name}.rated in the map, which is 100 % in [{how.si}]"
                 )
             factor *= rated[k]
         units.append(unit)

@@ -6,14 +6,17 @@ A compressed file of 3 MB may hold arrays of many GB. Every reader asks here fir
 from __future__ import annotations
 
 import math
-import zipfile
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
-import h5py
 import numpy as np
 
 from faultgen.errors import InputError
+
+if TYPE_CHECKING:
+    import zipfile
+
+    import h5py
 
 MOST_BYTES = 120_000_000
 """Largest size of all arrays of a log, unpacked [bytes]. The import copies what it uses about four
@@ -127,6 +130,8 @@ def check_tree(path: Path, file: h5py.File) -> None:
     Raises:
         InputError: They are too large.
     """
+    import h5py
+
     size = 0
 
     def add(_: str, item: h5py.Group | h5py.Dataset) -> None:

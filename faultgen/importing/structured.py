@@ -13,14 +13,16 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from faultgen.errors import InputError, one_line
 from faultgen.importing.sizes import check_size
 from faultgen.importing.table import Table, split_cells
+
+if TYPE_CHECKING:
+    from xml.etree import ElementTree
 
 _LIST = re.compile(r"\"?[\[(]\s*([^\[\]()]*?)\s*[\])]\"?")
 _NUMBERS = re.compile(r"[+-]?[\d.][\d.eE+-]*([,;\s]+[+-]?[\d.][\d.eE+-]*)+")
@@ -159,6 +161,8 @@ def _record(path: Path, number: int, line: str) -> Any:
 
 def _xml(path: Path, lines: Sequence[str]) -> list[dict[str, Any]]:
     """Records of a text of elements, with or without one around all of them."""
+    from xml.etree import ElementTree
+
     text = _DECLARED.sub("", "\n".join(lines))
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise InputError(f"{path}: XML with a DOCTYPE is not read; remove it")

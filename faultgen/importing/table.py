@@ -7,7 +7,7 @@ import io
 import re
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from itertools import islice
 from typing import TYPE_CHECKING
@@ -43,6 +43,10 @@ class Table:
     """Names of the axes, if the log has such."""
     lists: bool = False
     """Whether cells hold lists of numbers, which have become columns NAME_1, NAME_2 and so on."""
+    clocks: Mapping[str, str] = field(default_factory=dict)
+    """Column with the times of each channel, for logs that have a clock for each."""
+    clock: str = ""
+    """What maps call the clock of such a log: that of the position of the first axis."""
     lines: np.ndarray | None = None
     """Line of the file in which each row stands, from 1. Shape (rows,)."""
     notes: tuple[str, ...] = ()
@@ -138,6 +142,20 @@ def as_numbers(column: np.ndarray) -> np.ndarray:
     import pandas as pd
 
     return pd.to_numeric(pd.Series(column), errors="coerce").to_numpy()
+
+
+def as_texts(column: np.ndarray) -> np.ndarray:
+    """Return a column as texts, such as names of programs; whole numbers without a point.
+
+    Args:
+        column: The column.
+
+    Returns:
+        Shape (rows,), of type object.
+    """
+    whole = column.dtype.kind == "f" and np.isfinite(column).all() and (column % 1 == 0).all()
+    values = (column.astype(np.int64) if whole else column).tolist()
+    return np.array([str(one).strip() for one in values], object)
 
 
 def is_blank(column: np.ndarray) -> np.ndarray:
@@ -258,3 +276,22 @@ def named_with_units(names: Iterable[str]) -> tuple[list[str], dict[str, str]]:
             units[name] = unit
         bare.append(name)
     return bare, units
+
+
+def with_units_apart(table: Table) -> Table:
+    """Return a table whose names of columns have no units in brackets.
+
+    Args:
+        table: The table. Units that it states itself are kept.
+    """
+    names = list(table.columns)
+    bare, units = named_with_units(names)
+    if not units or len(set(bare)) < len(bare):
+        return table
+    of = dict(zip(names, bare, strict=True))
+    return replace(
+        table,
+        columns=dict(zip(bare, table.columns.values(), strict=True)),
+        units=units | {of[name]: unit for name, unit in table.units.items()},
+        clocks={of[name]: of[clock] for name, clock in table.clocks.items()},
+    )

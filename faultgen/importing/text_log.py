@@ -19,6 +19,8 @@ import numpy as np
 
 from faultgen.errors import InputError
 from faultgen.importing.column_map import File
+from faultgen.importing.lvm import is_lvm, read_lvm
+from faultgen.importing.scope import is_scope, read_scope
 from faultgen.importing.sizes import LARGEST_LOG, check_size, check_text
 from faultgen.importing.structured import (
     check_structured,
@@ -26,7 +28,14 @@ from faultgen.importing.structured import (
     structure_of,
     without_lists,
 )
-from faultgen.importing.table import BLANK, Table, named_with_units, parsed_rows, split_cells
+from faultgen.importing.table import (
+    BLANK,
+    Table,
+    named_with_units,
+    parsed_rows,
+    split_cells,
+    with_units_apart,
+)
 from faultgen.importing.units import known_unit
 
 _SEPARATORS = {";": ";", "tab": "\t", ",": ",", "blank": " "}
@@ -56,11 +65,14 @@ def read_text_log(path: Path, file: File) -> Table:
             and what would be right.
     """
     lines, notes = _lines(path, file.encoding)
+    for recognised, read in ((is_lvm, read_lvm), (is_scope, read_scope)):
+        if recognised(lines):
+            return with_units_apart(read(path, lines))
     kind = structure_of(lines)
     if kind is not None:
         check_structured(path, lines, kind)
     if kind in ("xml", "json"):
-        return read_structured(path, lines, kind)
+        return with_units_apart(read_structured(path, lines, kind))
     if kind == "lists":
         lines = without_lists(path, lines)
         notes.append("cells hold lists: their numbers were written into columns NAME_1, NAME_2, …")
@@ -75,7 +87,14 @@ def read_text_log(path: Path, file: File) -> Table:
         if first == len(kept):
             raise InputError(f"{path}: file.first is {file.first}, but no row stands there")
     names, units = _names(path, lines, kept, first, separator, file, comments)
+    above = {lines[k].strip() for k in kept[:first]}  # again where a logger was restarted
     rows = kept[first:]
+    if above:
+        rows = [k for k in rows if lines[k].strip() not in above]
+    again = len(kept) - first - len(rows)
+    if again:
+        often = "once" if again == 1 else f"{again} times"
+        notes.append(f"the line of the names is repeated {often}, and was left out")
     behind = 0  # lines that are no rows of numbers
     while behind < min(len(rows) - 1, _MOST_LAST) and not _score(
         _cells(lines[rows[-1 - behind]], separator), decimal, strict=False

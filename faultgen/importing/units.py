@@ -15,8 +15,11 @@ from faultgen.errors import InputError
 ISO = "iso"
 """Unit of times that are dates with clock times, such as 2026-03-01T09:30:00.004."""
 
-PERCENT = "%"
-"""Unit of torques and currents that are shares of a rated value."""
+PERCENT, PERMILLE = "%", "permille"
+"""Units of torques and currents that are shares of a rated value."""
+
+SHARES = {PERCENT: 0.01, PERMILLE: 0.001}
+"""Rated values in one of these units."""
 
 _DEGREE = math.pi / 180
 _TURN = 2 * math.pi
@@ -52,7 +55,8 @@ _OTHER_NAMES = {
     **{"grad/s": "deg/s", "degrees/s": "deg/s", "radians/s": "rad/s", "newton": "n"},
     **{"°/s": "deg/s", "1/min": "rpm", "rev/min": "rpm", "u/min": "rpm", "min-1": "rpm"},
     **{"°c": "degc", "c": "degc", "celsius": "degc", "kelvin": "k", "sec": "s", "seconds": "s"},
-    **{"percent": PERCENT, "iso8601": ISO},
+    **{"percent": PERCENT, "iso8601": ISO, "‰": PERMILLE},
+    "01%": PERMILLE,  # 0.1 %; points are left out
 }
 _KELVIN = -273.15
 _IN_BRACKETS = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]\s*$")
@@ -78,7 +82,7 @@ def conversion(kind: str, unit: str | float) -> Conversion:
         unit: Name of the unit, or the number of SI units that one unit of the log is.
 
     Returns:
-        The conversion. That of `PERCENT` is 0.01 rated values.
+        The conversion. That of a unit of `SHARES` gives rated values.
 
     Raises:
         InputError: The unit is unknown, or not one of this kind.
@@ -89,10 +93,10 @@ def conversion(kind: str, unit: str | float) -> Conversion:
             raise InputError(f"unit {unit:g}: a number of {angular} must not be 0 or infinite")
         return Conversion(float(unit), 0.0, angular)
     name = known_unit(unit)
-    if name == PERCENT and kind in ("torque", "current"):
-        return Conversion(0.01, 0.0, angular)
+    if name in SHARES and kind in ("torque", "current"):
+        return Conversion(SHARES[name], 0.0, angular)
     if name not in _UNITS[kind]:
-        percent = ["%"] if kind in ("torque", "current") else []
+        percent = list(SHARES) if kind in ("torque", "current") else []
         raise InputError(
             f"unit '{unit}' is none of {kind}; give one of {', '.join([*_UNITS[kind], *percent])}, "
             f"or the number of {angular} that one unit is"
@@ -111,8 +115,8 @@ def known_unit(text: str) -> str | None:
     for mark in (" ", "·", "*", "."):
         plain = plain.replace(mark, "")
     plain = _OTHER_NAMES.get(plain, plain)
-    if plain == PERCENT:
-        return PERCENT
+    if plain in SHARES:
+        return plain
     names = {name.lower(): name for units in _UNITS.values() for name in units}
     return names.get(plain)
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from faultgen.recordings.finding import CORRECTED, REFUSE, TRUST, WARN, Finding
 from faultgen.recordings.positions import continued, with_unit, without_gaps
+from faultgen.recordings.rates import slow
 from faultgen.recordings.recording import Recording
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot
 
@@ -58,6 +59,9 @@ def checked_motion(
         text = f"{recording.n_axes} axes, but {robot.name} has {robot.n_axes}"
         return recording, [Finding(REFUSE, 0, text)]
     findings = [Finding(WARN, 0, note) for note in recording.notes]
+    what = slow(recording.sample_period)
+    if what is not None:
+        findings.append(Finding(WARN, 0, what))
     if recording.robot and recording.robot != robot.name:
         text = f"the file says robot '{recording.robot}', the model is {robot.name}"
         findings.append(Finding(WARN, 0, text))

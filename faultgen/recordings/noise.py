@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from faultgen.errors import InputError
 from faultgen.monitoring.autoregression import amplification
 
 ORDER = 8
@@ -124,7 +125,7 @@ def autoregression(
         not affect it.
 
     Raises:
-        ValueError: An axis has fewer than 50 usable samples.
+        InputError: An axis has fewer than 50 usable samples.
     """
     axes = residual.shape[1]
     coefficients, innovation = np.zeros((axes, order)), np.zeros(axes)
@@ -139,7 +140,10 @@ def autoregression(
             rows.append(windows[whole, -2::-1])
             targets.append(windows[whole, -1])
         if sum(len(target) for target in targets) < FEWEST:
-            raise ValueError(f"axis {axis + 1}: fewer than {FEWEST} samples in which it moves")
+            raise InputError(
+                f"axis {axis + 1}: fewer than {FEWEST} samples in which it moves; record longer, "
+                "or at a higher rate"
+            )
         design, target = np.concatenate(rows), np.concatenate(targets)
         coefficients[axis], *_ = np.linalg.lstsq(design, target, rcond=None)
         new = target - design @ coefficients[axis]
@@ -188,7 +192,7 @@ def shared_noise(
         Mask of shape (n_axes,).
 
     Raises:
-        ValueError: There are fewer than 50 samples.
+        InputError: There are fewer than 50 samples.
     """
     use = np.ones(first.shape, bool)
     one, other, apart = (
@@ -209,7 +213,7 @@ def is_same_noise(first: np.ndarray, second: np.ndarray, parts: Sequence[slice])
         Mask of shape (n_axes,).
 
     Raises:
-        ValueError: There are fewer than 50 samples.
+        InputError: There are fewer than 50 samples.
     """
     noise = autoregression(second, np.ones(second.shape, bool), parts).innovation
     considerable = noise > _CONSIDERABLE * np.sqrt(np.mean(second**2, axis=0))

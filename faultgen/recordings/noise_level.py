@@ -140,7 +140,7 @@ def levelled(
         The noise.
 
     Raises:
-        ValueError: An axis has fewer than 50 usable samples.
+        InputError: An axis has fewer than 50 usable samples.
     """
     level = np.ones(residual.shape)
     for _ in range(_ROUNDS):

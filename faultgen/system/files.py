@@ -17,7 +17,6 @@ import itertools
 import os
 import platform
 from collections.abc import Collection, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -346,6 +345,8 @@ def damages(paths: Sequence[Path]) -> dict[Path, str]:
     Returns:
         What is wrong with each damaged file.
     """
+    from concurrent.futures import ThreadPoolExecutor
+
     # some hundred at a time: to hand over each file would take longer than to read it
     batches = [paths[:1], *(paths[at : at + _BATCH] for at in range(1, len(paths), _BATCH))]
     with ThreadPoolExecutor(READERS) as pool:

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from faultgen.analysis import Cause, Days, EffectPosterior, Effects, Form, Judgement
+from faultgen.analysis import Cause, Days, Effects, FittedPosterior, Form, Judgement
 from faultgen.discovery.terms.candidates import PAYLOAD
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
@@ -66,7 +66,7 @@ class Detector:
     """The motion that it judges, and the noise of its torque."""
     faults: tuple[Fault, ...]
     """Faults that it can name."""
-    posterior: EffectPosterior
+    posterior: FittedPosterior
     """What it has learned from healthy recordings, with all causes. A fault's name is the label of
     its cause."""
     recordings_per_month: float
@@ -387,7 +387,7 @@ def _detector(told: dict[str, Any], arrays: dict[str, np.ndarray], folder: str) 
         float(told["days_unlike"]),
     )
     learned = {k.removeprefix("learned_"): v for k, v in arrays.items() if k.startswith("learned_")}
-    posterior = EffectPosterior(
+    posterior = FittedPosterior(
         Effects(arrays["effects"], causes),
         days,
         false_alarms=float(told["false_alarms_per_recording"]),

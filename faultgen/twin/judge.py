@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from faultgen.errors import InputError, StorageFailed
+from faultgen.recordings.rates import SAME_RATE
 from faultgen.recordings.read import read_recording
 from faultgen.recordings.recording import Recording
 from faultgen.system.dates import in_words
@@ -112,6 +113,7 @@ class Judge:
             known = stream.known(digest)
             if known is not None:
                 return {**known, "recording": str(path), "again": True}
+            _check_rate(recording, self.detector)
             cycles = find_cycles(self.in_torque(recording), self.detector.motion)
             scores = self.detector.scores(cycles)
             dates, before = stream.since_repair(date)
@@ -177,6 +179,18 @@ class Judge:
         if recording.side == "joint":
             torque = torque * detector.motion.gear_ratio
         return replace(recording, torque=torque, current=False)
+
+
+def _check_rate(recording: Recording, detector: Detector) -> None:
+    """Refuse a recording that lacks so many samples that this would look like a fault."""
+    own, made = recording.sample_period, detector.motion.sample_period
+    if own > SAME_RATE * made:
+        raise InputError(
+            f"{recording.source}: has {1 / own:.4g} Hz, but the detector was made at "
+            f"{1 / made:.4g} Hz, and would take the samples that are missing for a fault; record "
+            f"at {1 / made:.4g} Hz, or make a twin and a detector from healthy recordings at "
+            f"{1 / own:.4g} Hz"
+        )
 
 
 def _check_axes(recording: Recording, detector: Detector) -> None:
