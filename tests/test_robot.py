@@ -2,6 +2,7 @@ import re
 
 import numpy as np
 import pytest
+from IPython.core.formatters import format_display_data
 
 from faultgen.applied import Applied
 from faultgen.errors import InputError
@@ -92,5 +93,5 @@ def test_a_robot_is_shown_in_one_line_and_in_notebooks_as_a_table():
     assert repr(robot) == "Robot('puma560', 6 axes)"
     worn = robot.with_effects([Applied("delay", 2, 0.004)])
     assert repr(worn) == "Robot('puma560', 6 axes, with delay of axis 2)"
-    html = getattr(robot, "_repr_html_", None)
-    assert html().count("<tr>") == 7
+    shown, _ = format_display_data(robot)
+    assert shown["text/html"].count("<tr>") == 7
