@@ -5,7 +5,7 @@ faultgen.generate("experiment.toml", "out")
 dataset = faultgen.open_dataset("out")
 
 Every command has a function or class here; ``dir(faultgen)`` lists them. Methods on plain arrays
-are in ``faultgen.analysis``.
+are in ``faultgen.analysis``, small datasets in ``faultgen.datasets``.
 """
 
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ from faultgen.errors import InputError, SimulationFailed
 from faultgen.system.lazy import lazily
 
 if TYPE_CHECKING:
+    from faultgen import analysis, datasets
     from faultgen.dataset.parted import open_parts
     from faultgen.dataset.reader import open_dataset
     from faultgen.dataset.sweep import generate
@@ -46,7 +47,9 @@ __all__ = [
     "Recording",
     "SimulationFailed",
     "__version__",
+    "analysis",
     "calibrate",
+    "datasets",
     "detect",
     "discover",
     "generate",
@@ -100,4 +103,5 @@ lazily(
         "write_recording": "faultgen.recordings.recording",
         "write_report": "faultgen.report",
     },
+    modules=("analysis", "datasets"),
 )

@@ -17,9 +17,9 @@ SOURCES = {"faultgen": ROOT / "faultgen", "faultgen.analysis": ROOT / "analysis"
 
 PUBLIC = set(
     """
-    Discovery InputError Judge Monitor Recording SimulationFailed __version__ calibrate
-    detect discover generate generate_fleet import_log isolate load_detector load_fleet
-    load_monitor load_robot make_twin open_dataset open_fleet open_parts read_recording
+    Discovery InputError Judge Monitor Recording SimulationFailed __version__ analysis
+    calibrate datasets detect discover generate generate_fleet import_log isolate load_detector
+    load_fleet load_monitor load_robot make_twin open_dataset open_fleet open_parts read_recording
     run_benchmark run_study train write_recording write_report
     """.split()
 )

@@ -9,7 +9,7 @@ lazily(__name__, {"replay": "faultgen.discovery.replay.replay"})
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from importlib import import_module
 from types import ModuleType
 from typing import Any
@@ -20,6 +20,8 @@ class _Lazy(ModuleType):
 
     def __getattr__(self, name: str) -> Any:
         homes = self.__dict__["_homes"]
+        if name in self.__dict__["_modules"]:
+            return import_module(f"{self.__name__}.{name}")
         if name not in homes:
             raise AttributeError(f"module '{self.__name__}' has no attribute '{name}'")
         return getattr(import_module(homes[name]), name)
@@ -33,13 +35,15 @@ class _Lazy(ModuleType):
             super().__setattr__(name, value)
 
 
-def lazily(package: str, homes: Mapping[str, str]) -> None:
+def lazily(package: str, homes: Mapping[str, str], modules: Collection[str] = ()) -> None:
     """Let a package offer names without importing them.
 
     Args:
         package: Name of the package.
         homes: Module that defines each name.
+        modules: Names of its own packages that are imported on first use as well.
     """
     module = sys.modules[package]
     module.__dict__["_homes"] = homes
+    module.__dict__["_modules"] = frozenset(modules)
     module.__class__ = _Lazy

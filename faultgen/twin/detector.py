@@ -54,7 +54,7 @@ _LIKELY = 0.1  # probability from which another fault is named as well
 _NORMAL = 1.96  # standard deviations to each end of a 95 % interval
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Detector:
     """What a detector knows."""
 
@@ -80,6 +80,10 @@ class Detector:
     day to day, at the places that are compared, shape (2, places, n_axes), in [N m]."""
     made: Mapping[str, Any]
     """Provenance, and what was measured while it was made."""
+
+    def __repr__(self) -> str:
+        faults = len(self.faults)
+        return f"<Detector of {self.robot} at {self.task}: {faults} faults, format {FORMAT}>"
 
     @property
     def motion(self) -> KnownMotion:
