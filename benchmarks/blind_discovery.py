@@ -1,4 +1,4 @@
-"""Make sealed cases for a blind trial of discovery; see docs/blind.md.
+"""Make sealed cases for a blind trial of discovery; see docs/results/discovery.md.
 
 python benchmarks/blind_discovery.py generate --seeds development --mode twin --count 30 -o DIR
 python benchmarks/score_discovery.py --trial DIR --workers 2

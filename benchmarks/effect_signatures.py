@@ -61,32 +61,25 @@ SHOWN = {
 }
 """What is drawn, with units."""
 CAPTIONS = {
-    "gap": "the change of the motor torque that the effect makes (faulty minus healthy)",
-    "against": "the additional motor torque against the motion that the effect causes",
-    "velocity": "the logged speed of both robots",
+    "gap": "change of the motor torque (faulty minus healthy)",
+    "against": "additional motor torque against the motion",
+    "velocity": "logged speed of both robots",
 }
 """What the right half of a picture shows, in words."""
 INTRODUCTION = """\
 # The effects
 
-**What does each effect change in a robot, and how does it show in the recorded signals?**
-The catalogue has {count} effects. Each is a change of the robot or of its sensors \
-with a severity s. The table states the equation, the element of the model \
-that carries it, and its source. \
-Below the table, each effect has a picture.
+**Question.** What does each effect change in a robot, and how does it show in the recorded signals?
 
-- "Severity, range" states the unit of s and its allowed values. Severity 0 is the healthy robot. \
-Datasets use values from 0 on; discovery also uses negative ones.
-- The symbols of the equations are explained in [physics](physics.md). \
-"{{i}}" in the name of an element stands for the number of the axis.
-- Chapters and equations are those of the [thesis](thesis.md).
+**Short answer.** The catalogue has {count} effects. Each is a change of the robot or of its \
+sensors with a severity s; severity 0 is the healthy robot. The table has the unit of s with its \
+range, and the equation in the symbols of [physics](physics.md). Each entry below has the element \
+of the model that carries the effect ("{{i}}" is the number of the axis), its source, and a picture.
 
-Each picture compares an IRB 6700 that has the effect with a healthy one in the same motion. \
-The severity is large enough to be seen. \
-The left half shows the logged motor torque of both robots. The right half \
-shows what distinguishes the effect from others; the text above the picture \
-says what to look for. The page is written by `benchmarks/effect_signatures.py`. \
-`faultgen effects --gallery` writes a page with small pictures of all effects."""
+The pictures compare an IRB 6700 that has the effect with a healthy one in the same motion. The \
+left half is the logged motor torque of both robots. The severity is large enough to be seen. \
+`benchmarks/effect_signatures.py` writes the page, and `faultgen effects --gallery` one with \
+small pictures of all effects."""
 
 
 def motion_of(robot: Robot, name: str) -> Motion:
@@ -301,18 +294,17 @@ def page() -> str:
             f"[`{name}`](#{name})",
             f"{effect.unit}; {effect.smallest:g} to {effect.largest:g}",
             CASES[name].equation,
-            effect.element,
-            effect.source,
         ]
         rows.append([cell.replace("|", "\\|") for cell in cells])
-    lines.append(table(["effect", "severity, range", "equation", "element", "source"], rows))
+    lines.append(table(["effect", "severity, range", "equation"], rows))
     for name, effect in EFFECTS.items():
         given = ", ".join(f"`{key}` = {value}" for key, value in effect.parameters.items())
         text = f"{effect.description[0].upper()}{effect.description[1:]}."
         lines += ["", f"## {name}", "", text, f"Shows as: {effect.signature}."]
         lines += [f"Parameters and their defaults: {given}."] if given else []
+        lines += [f"Element: {effect.element}. Source: {effect.source}."]
         case = CASES[name]
-        caption = f"Right half: {CAPTIONS[case.gap]}, plotted against {QUANTITIES[case.over]}."
+        caption = f"Right: {CAPTIONS[case.gap]}, against {QUANTITIES[case.over]}."
         lines += ["", f"![{name}](figures/effects/{name}.png)", "", f"*{caption}*"]
     return "\n".join(lines) + "\n"
 

@@ -3,8 +3,8 @@
     python benchmarks/known_drives.py [--write docs/robots.md]
 
 fits the laws of faultgen/building/usual.py to the arms of known_drives.toml, prints their numbers,
-and prints two tables: the ratio of the assumed to the known number on each arm, first with the laws
-as they are, then with laws that were fitted to all other arms. A torque limit and a speed limit
+and prints a table: the ratio of the assumed to the known number on each arm, with laws that were
+fitted to all other arms. A torque limit and a speed limit
 that the model of a real arm states would be used; here, only the speed limit is.
 """
 
@@ -25,7 +25,7 @@ from faultgen.evaluation.markdown import table
 
 ARMS = Path(__file__).with_name("known_drives.toml")
 BEGIN, END = "<!-- known drives -->", "<!-- /known drives -->"
-"""Between these lines the page has the tables."""
+"""Between these lines the page has the table."""
 
 TORQUE, STIFFNESS = "torque limit", "gearbox stiffness"
 
@@ -154,46 +154,40 @@ def typical(errors: Sequence[np.ndarray]) -> float:
     return float(np.exp(np.sqrt(np.mean(squares))))
 
 
-def _cell(found: np.ndarray) -> str:
-    found = found[np.isfinite(found)]
-    if not len(found):
-        return ""
-    if len(found) == 1:
-        return f"{found[0]:.2g}"
-    return f"{np.exp(np.mean(np.log(found))):.2g} ({found.min():.2g} to {found.max():.2g})"
-
-
 def page() -> str:
-    """Return the two tables, as docs/robots.md has them."""
+    """Return the table, as docs/robots.md has it: every law fitted without the arm of the row."""
     arms = read_arms()
-    parts = []
-    for left_out in (False, True):
-        names = [*(law.name for law in LAWS), "Coulomb friction, torque limit assumed too"]
-        errors: dict[str, list[np.ndarray]] = {name: [] for name in names}
-        for arm in arms:
-            others = [one for one in arms if one is not arm]
-            for law in LAWS:
-                numbers = fit(law, others) if left_out else np.array(law.now())
-                errors[law.name].append(ratios(law, arm, numbers))
-            errors[names[-1]].append(errors[TORQUE][-1] * errors["Coulomb friction"][-1])
-        rows = [
-            [arm["name"], f"{arm['payload']:g}", *(_cell(errors[name][k]) for name in names)]
-            for k, arm in enumerate(arms)
-        ]
-        most = [np.exp(np.nanmax(np.abs(np.log(np.concatenate(errors[n]))))) for n in names]
-        rows.append(["typical factor", "", *(f"{typical(errors[n]):.2f}" for n in names)])
-        rows.append(["largest factor", "", *(f"{one:.2g}" for one in most)])
-        parts.append(table(["arm", "payload [kg]", *names], rows))
-    return (
-        "Assumed over known numbers, mean over the axes and range, with the laws as they are:\n\n"
-        f"{parts[0]}\n\nThe same with laws that were fitted to the other arms only:\n\n{parts[1]}"
-    )
+    names = [*(law.name for law in LAWS), ALL]
+    errors: dict[str, list[np.ndarray]] = {name: [] for name in names}
+    for arm in arms:
+        others = [one for one in arms if one is not arm]
+        for law in LAWS:
+            errors[law.name].append(ratios(law, arm, fit(law, others)))
+        errors[ALL].append(errors[TORQUE][-1] * errors["Coulomb friction"][-1])
+    rows = [
+        [f"{arm['name']}, {arm['payload']:g} kg", *(_cell(errors[name][k]) for name in names)]
+        for k, arm in enumerate(arms)
+    ]
+    most = [np.exp(np.nanmax(np.abs(np.log(np.concatenate(errors[n]))))) for n in names]
+    rows.append(["typical factor", *(f"{typical(errors[n]):.2f}" for n in names)])
+    rows.append(["largest factor", *(f"{one:.2g}" for one in most)])
+    return table(["arm, rated payload", *names], rows)
+
+
+ALL = "Coulomb friction, torque limit assumed too"
+"""Column of what the user gets who states neither."""
+
+
+def _cell(found: np.ndarray) -> str:
+    """Geometric mean over the axes for which it is known."""
+    found = found[np.isfinite(found)]
+    return f"{np.exp(np.mean(np.log(found))):.2g}" if len(found) else ""
 
 
 def main() -> None:
-    """Print the fit and the tables, or write the tables into a page."""
+    """Print the fit and the table, or write the table into a page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--write", type=Path, help="page between whose marks the tables stand")
+    parser.add_argument("--write", type=Path, help="page between whose marks the table stands")
     arguments = parser.parse_args()
     arms = read_arms()
     for law in LAWS:

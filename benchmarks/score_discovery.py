@@ -3,7 +3,8 @@
 python benchmarks/score_discovery.py --set development --out DIR --workers 2
 python benchmarks/score_discovery.py --trial DIR                # cases that another command made
 
-Run again to continue: an answer that exists is not made again. docs/score.md says what is counted.
+Run again to continue: an answer that exists is not made again. docs/results/discovery.md says what
+is counted.
 """
 
 from __future__ import annotations
@@ -140,7 +141,7 @@ def main(
     dry: Annotated[bool, typer.Option(help="Make the cases, but answer none.")] = False,
     save: Annotated[Path | None, typer.Option(help="File for all scores, as JSON.")] = None,
     docs: Annotated[
-        Path | None, typer.Option(help="Page into which the results are put, docs/score.md.")
+        Path | None, typer.Option(help="Page for the results, docs/results/discovery.md.")
     ] = None,
     cache: Annotated[
         Path, typer.Option(help="Folder for sensitivities of the sealed simulator.")

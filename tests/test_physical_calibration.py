@@ -240,7 +240,7 @@ def test_a_weak_axis_gets_better_numbers_of_its_drive(measured, tiny_robot, wron
 
 
 def test_the_documentation_has_the_table_of_spreads():
-    page = (Path(__file__).parents[1] / "docs" / "discovery_priors.md").read_text()
+    page = (Path(__file__).parents[1] / "docs" / "discovery_details.md").read_text()
     for name, one in SPREADS.items():
         value = f"{one.std:g} of the {one.of}" if one.of else f"{one.std:g}"
         row = f"| `{name}` | {value} | {one.reason} | {one.source or 'assumed'} |"
@@ -248,7 +248,7 @@ def test_the_documentation_has_the_table_of_spreads():
 
 
 def test_the_documentation_has_the_table_of_limits():
-    page = (Path(__file__).parents[1] / "docs" / "discovery_priors.md").read_text()
+    page = (Path(__file__).parents[1] / "docs" / "discovery_details.md").read_text()
     assert table() in page
     assert len({one.name for one in LIMITS}) == len(LIMITS) < 40
 

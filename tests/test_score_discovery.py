@@ -231,7 +231,7 @@ def test_absent_machines_say_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_the_page_shows_the_saved_scores() -> None:
-    """docs/score.md is what its file of scores says."""
+    """docs/results/discovery.md is what its file of scores says."""
     root = Path(__file__).parents[1]
     saved = root / "benchmarks" / "results" / "discovery_score.json"
     if not saved.is_file():
@@ -241,5 +241,5 @@ def test_the_page_shows_the_saved_scores() -> None:
         Row(**case | {"stated": tuple((p, there) for p, there in case["stated"])})
         for case in told["cases"]
     ]
-    text = (root / "docs" / "score.md").read_text()
+    text = (root / "docs" / "results" / "discovery.md").read_text()
     assert into(text, rows, told) == text

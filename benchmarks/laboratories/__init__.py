@@ -1,4 +1,4 @@
 """Many laboratories: recordings of an independent simulator, drawn from factors.
 
-docs/laboratories.md describes them; `benchmarks/score_discovery.py` runs and scores them.
+docs/results/discovery.md describes them; `benchmarks/score_discovery.py` scores them.
 """

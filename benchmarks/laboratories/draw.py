@@ -52,7 +52,7 @@ LEVELS: dict[str, tuple[Any, ...]] = {
     "times": ("unknown", "known"),
     "feed_forward": ("model", "worn"),
 }
-"""Factors and their levels; docs/laboratories.md says what they mean."""
+"""Factors and their levels."""
 BASE: dict[str, Any] = {
     "servo": "model",
     "bandwidth": 12.0,

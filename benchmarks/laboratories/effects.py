@@ -2,8 +2,7 @@
 
 worn = apply(Effect("backlash", 3, 1e-3), plant)
 
-Severity is in the unit of faultgen's catalogue, for the nominal robot. docs/laboratories.md lists
-the forms.
+Severity is in the unit of faultgen's catalogue, for the nominal robot.
 """
 
 from __future__ import annotations

@@ -74,7 +74,7 @@ def _emps(machine: str, folder: Path) -> Json:
     """EMPS: its authors found that friction differs between the directions.
 
     A ripple with one wave a motor turn is there too, by a Fourier sum of what friction and inertia
-    leave: see docs/score.md.
+    leave: see docs/results/discovery.md.
     """
     train, test = (read_emps(DATA / "emps", name) for name in ("identification", "validation"))
     other = _write(folder, train, test)

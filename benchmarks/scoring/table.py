@@ -26,6 +26,8 @@ SHARES = {
     "recognised": "unlisted recognised",
 }
 """Measures that are shares, with their columns."""
+SHORT = ("first", "false_alarm", "abstained", "wrong", "recognised")
+"""Those of `SHARES` that the documentation shows."""
 MEDIANS = {
     "severity_error": "severity error, median",
     "closed": "gap closed, median",
@@ -92,6 +94,17 @@ def _shown(one: Mapping[str, Any]) -> str:
 
 def _number(value: float | None, factor: float = 1.0, unit: str = "") -> str:
     return "–" if value is None or not math.isfinite(value) else f"{factor * value:.3g}{unit}"
+
+
+def short(groups: Mapping[str, Sequence[Row]]) -> str:
+    """The measures that a reader looks for first, as a narrow Markdown table."""
+    heads = ["answers", *(SHARES[measure] for measure in SHORT), MEDIANS["severity_error"]]
+    lines = []
+    for name, rows in groups.items():
+        cells = [_shown(share(rows, measure)) for measure in SHORT]
+        cells.append(_number(median(rows, "severity_error"), 100, " %"))
+        lines.append([f"{name} ({len(rows)})", *cells])
+    return markdown(heads, lines)
 
 
 def scores(groups: Mapping[str, Sequence[Row]]) -> str:
@@ -204,6 +217,16 @@ and how many of them are there.
 {_stated(by_group(rows))}"""
 
 
+def summary(rows: Sequence[Row]) -> str:
+    """The results that the documentation shows, in Markdown."""
+    return f"""{short(by_group(rows))}
+
+Effects that were listed or alternatives, by the probability that the answer stated: its mean, and
+how many of them are there.
+
+{_stated({"all": rows})}"""
+
+
 BEGIN, END = "<!-- results of one version -->", "<!-- end of results -->"
 """Lines of a page between which its results stand."""
 
@@ -225,7 +248,7 @@ def into(text: str, rows: Sequence[Row], about: Mapping[str, Any]) -> str:
         f"{len(rows)} of {about['planned']} answers of the {about['set']} set, by source "
         f"{about['version']}; the SHA-256 of the drawn plan is `{about['plan_sha256']}`."
     )
-    return f"{head}{BEGIN}\n\n{told}\n\n{results(rows)}\n\n{END}{tail}"
+    return f"{head}{BEGIN}\n\n{told}\n\n{summary(rows)}\n\n{END}{tail}"
 
 
 def page(rows: Sequence[Row], about: Mapping[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""Effects in other functional forms than the catalogue's; docs/blind.md has the table.
+"""Effects in other functional forms than the catalogue's.
 
 Severity is in the catalogue's unit, of the nominal robot. The amplitude of each form is the one
 that fits the catalogue's law best, in the least-squares sense over the nominal robot's protocol.

@@ -1,6 +1,6 @@
 """Effects for the cases that no catalogue entry describes, and those of the torque sensor.
 
-The severity of each is an amplitude of its own; docs/blind.md has the table. Some of these names
+The severity of each is an amplitude of its own. Some of these names
 may join the catalogue: a case then says that the name is to be left out.
 """
 

@@ -329,7 +329,7 @@ EFFECTS = (
             own_axis_only=True,
             at_motor=True,
         ),
-        source="viscous friction by direction, as the EMPS shows (docs/score.md)",
+        source="viscous friction by direction, as the EMPS shows (docs/examples/emps)",
         smallest=-0.9,
         edit=add_viscous_asymmetry,
     ),

@@ -187,7 +187,7 @@ def benchmark_page(result: dict[str, Any]) -> str:
         "same weight in R. The score of the board is the mean over both kinds of data. It is 0 for "
         'answers that do not depend on the data: always "none" (R = 0, F = 0), always the same of '
         "the n axes (R = 1 / n, F = 1), or one of them at random. Rows with *always* or *never* "
-        "are such baselines. A negative score is worse than guessing. A method that is left out "
+        "are such answers. A negative score is worse than guessing. A method that is left out "
         'counts as if it had answered "none". This score is the balanced accuracy, rescaled so '
         "that chance is 0, as in scikit-learn's `balanced_accuracy_score(adjusted=True)`.",
         benchmark_board(result, "isolation"),

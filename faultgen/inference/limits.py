@@ -1,6 +1,6 @@
 """Every limit that decides what discovery says: what it decides, and why it has its value.
 
-docs/discovery.md shows them as a table, which `table` writes and a test compares.
+docs/discovery_details.md shows them as a table, which `table` writes and a test compares.
 """
 
 from __future__ import annotations
