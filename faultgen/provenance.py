@@ -8,7 +8,7 @@ isolators or detectors of other packages, their code counts, too. Comments, docs
 lines do not count. Runs of datasets, interpolated cycles and all caches use this one key.
 
     provenance("faultgen.dataset.run").key        # 16 hexadecimal digits
-    str(provenance("faultgen.dataset.run"))       # faultgen 0.1.0, MuJoCo 4.0.0, code 5b0c9c2e
+    str(provenance("faultgen.dataset.run"))       # faultgen 1.0.0, MuJoCo 4.0.0, code 5b0c9c2e
 """
 
 from __future__ import annotations

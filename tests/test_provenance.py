@@ -91,4 +91,4 @@ def test_a_changed_law_changes_the_key(monkeypatch, module):
 
     assert key_with(lambda text: text + "\n# a comment\n") == before.key
     assert key_with(lambda text: text + "\nfactor = 2\n") != before.key
-    assert str(before).startswith("faultgen 0.1.0, MuJoCo 4.")
+    assert str(before).startswith("faultgen 1.0.0, MuJoCo 4.")

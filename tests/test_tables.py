@@ -433,7 +433,7 @@ def test_the_data_card_says_what_the_data_are(made):
     for title in ("Content", "Labels", "Origin", "Divisions", "Limitations", "Licence", "Citation"):
         assert f"\n## {title}\n" in card
     assert "12 runs with 60 work cycles" in card
-    assert "CC BY 4.0" in card and "faultgen 0.1.0, MuJoCo 4" in card
+    assert "CC BY 4.0" in card and "faultgen 1.0.0, MuJoCo 4" in card
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in card.splitlines()]
     assert ["tiny", "swing", "friction_wear", "1, 2", "1 (fraction of nominal)", "8", "40"] in rows
     units = {row[0]: row[1] for row in rows if len(row) == 3}
