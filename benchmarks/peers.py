@@ -11,6 +11,8 @@ error is at most 1.02 times that of faultgen.
 - faultgen: MuJoCo steps a model that contains servo and friction (`mujoco.batch`).
 - mujoco.rollout: the same model, stepped by MuJoCo's other function for many steps.
 - Python loop: `mujoco.mj_step` for arm and gearboxes; servo and friction in numpy.
+- compiled loop: `mj_step` of the rigid arm, called from code that numba compiles, which also has
+  rotors, gearboxes, servo and friction: what somebody would write who needs speed.
 - Pinocchio: its articulated-body algorithm for the arm; everything else in numpy. It needs the
   package `pin` (`pip install 'faultgen[peers]'`).
 """
@@ -18,6 +20,9 @@ error is at most 1.02 times that of faultgen.
 from __future__ import annotations
 
 import argparse
+import copy
+import ctypes
+import functools
 import json
 import platform
 import sys
@@ -139,6 +144,48 @@ class Peers:
         bristle += (end - bristle) * -np.expm1(-rate * step)
         return torque
 
+    def compiled_loop(self, setpoints: np.ndarray, step: float) -> np.ndarray:
+        """MuJoCo's rigid arm and a drivetrain of its own, in one compiled loop."""
+        drive, spec = self.drive, Arm(self.robot).model
+        model = copy.copy(spec)
+        model.opt.timestep = step
+        data = mujoco.MjData(model)
+        data.qpos[:] = self.wound
+        numbers = np.stack(
+            [
+                drive.n,
+                drive.rotor_inertia,
+                drive.stiffness,
+                drive.damping,
+                drive.kp,
+                drive.kd,
+                drive.limit,
+                drive.sigma0,
+                drive.sigma1,
+                drive.coulomb,
+                drive.stiction,
+                drive.stribeck_velocity,
+                drive.offset,
+                drive.viscous,
+            ]
+        )
+        torque = np.empty((len(setpoints), self.robot.n_axes))
+        angle = self.position * drive.n
+        loop = compiled()
+        loop(
+            np.ascontiguousarray(setpoints),
+            step,
+            numbers,
+            angle,
+            data.qpos,
+            data.qvel,
+            data.qfrc_applied,
+            torque,
+            model._address,
+            data._address,
+        )
+        return torque
+
     def pinocchio(self, setpoints: np.ndarray, step: float) -> np.ndarray:
         """The articulated-body algorithm of Pinocchio; everything else in numpy."""
         import pinocchio
@@ -158,6 +205,44 @@ class Peers:
             qd = qd + step * qdd
             angle, q = angle + step * speed, q + step * qd
         return torque
+
+
+@functools.cache
+def compiled() -> Callable[..., None]:
+    """The loop of `Peers.compiled_loop`, compiled by numba; MuJoCo is called as a C library."""
+    import numba
+
+    library = next(Path(mujoco.__file__).parent.glob("libmujoco*"))
+    mj_step = ctypes.CDLL(str(library)).mj_step
+    mj_step.argtypes, mj_step.restype = [ctypes.c_void_p, ctypes.c_void_p], None
+
+    @numba.njit(fastmath=False)
+    def loop(  # type: ignore[no-untyped-def]
+        setpoints, step, numbers, angle, q, qd, applied, torque, model, data
+    ):
+        n_axes = len(angle)
+        speed, bristle = np.zeros(n_axes), np.zeros(n_axes)
+        for k in range(len(setpoints)):
+            for i in range(n_axes):
+                n, inertia, stiffness, damping, kp, kd, limit = numbers[:7, i]
+                sigma0, sigma1, coulomb, stiction, stribeck, offset, viscous = numbers[7:, i]
+                w = speed[i]
+                asked = kp * (setpoints[k, 0, i] - angle[i]) + kd * (setpoints[k, 1, i] - w)
+                drive = min(max(asked + setpoints[k, 2, i], -limit), limit)
+                gear = stiffness * (angle[i] / n - q[i]) + damping * (w / n - qd[i])
+                level = coulomb + (stiction - coulomb) * np.exp(-((w / stribeck) ** 2))
+                rate = sigma0 * abs(w) / level
+                bend = sigma0 * bristle[i] + sigma1 * (w - rate * bristle[i])
+                end = w / rate if rate > 0 else 0.0
+                bristle[i] += (end - bristle[i]) * -np.expm1(-rate * step)
+                friction = offset - bend - viscous * w
+                torque[k, i] = drive
+                applied[i] = gear
+                speed[i] += step * (drive + friction - gear / n) / inertia
+                angle[i] += step * speed[i]
+            mj_step(model, data)
+
+    return loop
 
 
 def pinocchio_arm(robot: Robot) -> Any:
@@ -217,6 +302,11 @@ def measure() -> dict:
         "mujoco.rollout": peers.rollout,
         "Python loop": peers.python_loop,
     }
+    try:
+        compiled()
+        programs["compiled loop"] = peers.compiled_loop
+    except ImportError:
+        print("numba is not installed; left out", file=sys.stderr)
     try:
         import pinocchio  # noqa: F401
 

@@ -20,6 +20,7 @@ _PROGRAMS = {
     "faultgen": "faultgen: all physics in MuJoCo's model, stepped by `mujoco.batch`",
     "mujoco.rollout": "`mujoco.rollout` of the same model",
     "Python loop": "Python loop over `mj_step`, servo and friction in numpy",
+    "compiled loop": "`mj_step` of the rigid arm and the drivetrain in one loop compiled by numba",
     "Pinocchio": "Pinocchio's articulated-body algorithm, the drivetrain in numpy",
 }
 
