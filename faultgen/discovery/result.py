@@ -85,6 +85,11 @@ class Answer:
     """Differences of the robot's own numbers from the model, by name and axis."""
     left_torque: np.ndarray
     """Torque of the gap that the model does not explain, shape (samples, n_axes)."""
+    reasons: tuple[str, ...]
+    """Why the model is not good enough for an answer, one line for each reason; none if it is."""
+    residual_variance: np.ndarray
+    """Mean square of the whitened error of each axis on the scoring motions, over its expectation,
+    shape (n_axes,); nan for an axis that is not compared."""
     strange_torque: np.ndarray
     """Torque that neither effects nor usual differences of a robot from its model explain, same
     shape. Without a baseline it is less than `left_torque`: friction of another form is usual, but
@@ -135,6 +140,13 @@ class Answer:
             "calibration": self.calibration,
             "next_experiment": None,
             "unexplained": self.unexplained(),
+            "model": {
+                "is_good_enough": not self.reasons,
+                "reasons": list(self.reasons),
+                "residual_variance": [
+                    float(one) if np.isfinite(one) else None for one in self.residual_variance
+                ],
+            },
         }
 
     def unexplained(self) -> str:

@@ -28,7 +28,7 @@ from faultgen.discovery.result import (
 )
 from faultgen.discovery.terms.candidates import PAYLOAD, Term, payload_of
 from faultgen.effects import get_effect
-from faultgen.inference.limits import CONSIDERABLE, NAMED_SHARE
+from faultgen.inference.limits import CONSIDERABLE, LEAST_GAIN, NAMED_SHARE
 
 _WIDE = 1.96  # standard errors that contain a normal value with 95 % probability
 _DRAWS = 1999  # of the bootstrap
@@ -65,9 +65,10 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     built, robot, lacks = build_stable(
         problem, *(best, solution) if known else (empty, base_values)
     )
-    least = max(given[0], healthy[0])
+    least = min(given[0], healthy[0])
     gaps = [least, *(one.gap_after for one in effects)]
-    closing = [k for k in range(len(effects)) if gaps[k + 1] < gaps[k]]
+    closing = [k for k in range(len(effects)) if gaps[k + 1] < (1 - LEAST_GAIN) * gaps[k]]
+    refuted = False
     if known and not (gap(problem, built.left)[0] < least and len(closing) == len(effects)):
         why = "because the error on motions that were not fitted is not smaller with"
         if 0 < len(closing) < len(effects):
@@ -76,20 +77,24 @@ def answer(problem: Problem, choice: Choice) -> Answer:
             others = _names([one for k, one in enumerate(effects) if k not in closing])
             line = f"{others}: not named, {why} all effects that were found"
             return replace(told, verdict=verdict, lacks=(*told.lacks, line))
-        names = _names(effects)
-        lines.append(
-            f"{names}: not named, {why} it; something else has changed, which resembles it"
-        )
-        known = False
+        lines.append(f"{_names(effects)}: not named, {why} it")
+        known, refuted = False, True
         built, robot, lacks = build_stable(problem, empty, solution)
     before, after = given, gap(problem, built.left)
     # an error holds the noise, so that the noise of an axis is no larger than any of its errors
     floor = np.min([gap(problem, noise)[1], before[1], healthy[1], after[1]], axis=0)
     of_noise = float(np.sqrt(np.mean(floor[scored(problem).any(axis=0)] ** 2)))
+    is_open = least**2 - of_noise**2 > CONSIDERABLE * of_noise**2
+    if refuted and is_open and not problem.baseline:
+        doubts = [
+            "the calibrated model leaves more than noise, which no effect makes smaller on motions "
+            "that were not fitted: give --healthy, or record more kinds of motion"
+        ]
     if doubts:
         verdict = MODEL
     elif not known:
-        verdict = UNKNOWN if choice.unknown or effects or odd else NONE
+        strange = choice.unknown or odd or (refuted and is_open)
+        verdict = UNKNOWN if strange else NONE
     elif choice.rivals:  # what is listed in part must be certain
         verdict = AMBIGUOUS
     elif choice.unknown or odd:
@@ -132,6 +137,8 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         lacks=(*lacks, *doubts, *lines, *numbers.lines),
         calibration=_told(problem, chosen, built.changes),
         left_torque=built.left,
+        reasons=tuple(doubts),
+        residual_variance=variance,
         strange_torque=built.left if problem.baseline else (left if known else without),
     )
 
