@@ -1,5 +1,8 @@
 """The verdict on a residual and its numbers: on torques that are written down."""
 
+from dataclasses import replace
+from importlib import import_module
+
 import numpy as np
 import pytest
 from linear import COUNT, PARTS, difference_between, written_down
@@ -7,12 +10,13 @@ from linear import COUNT, PARTS, difference_between, written_down
 from faultgen.discovery.calibration import model_edit
 from faultgen.discovery.decision.choice import choose
 from faultgen.discovery.decision.verdict import answer, is_part, significance
-from faultgen.discovery.result import AMBIGUOUS, NAMED, NONE, PARTLY, UNKNOWN
+from faultgen.discovery.result import AMBIGUOUS, MODEL, NAMED, NONE, PARTLY, UNKNOWN
 from faultgen.discovery.terms.candidates import Term
 from faultgen.inference.limits import NAMED_SHARE
 
 SCORED = np.arange(COUNT) >= PARTS[-1].start
 NAMES = ["torque_offset", "payload_mass"]
+verdict_module = import_module("faultgen.discovery.decision.verdict")
 
 
 @pytest.fixture
@@ -223,3 +227,32 @@ def test_an_axis_may_have_several_waves(monkeypatch, second):
     }
     for one in found.effects:
         assert one.parameters["phase"] == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("baseline", "verdict", "good"), [(True, UNKNOWN, True), (False, MODEL, False)]
+)
+def test_an_effect_that_makes_no_error_smaller_on_other_motions_is_not_named(
+    columns, rng, monkeypatch, baseline, verdict, good
+):
+    """What it explains of other motions is little beside what nothing explains there."""
+    noise = rng.normal(size=(COUNT, 2))
+    problem = posed(columns, [0.7, 0.0], noise, baseline=baseline)
+    other = problem.residual.copy()
+    other[SCORED] += 30.0 * np.sin(np.arange(COUNT) / 40)[SCORED, None]
+    problem = replace(problem, residual=other)
+    monkeypatch.setattr(verdict_module, "held_out", lambda *given: np.ones(2))
+    monkeypatch.setattr(verdict_module, "changed", lambda *given: [])
+    found = told(problem, monkeypatch)
+    assert found.effects == ()
+    model = found.contract()["model"]
+    assert (found.verdict, model["is_good_enough"]) == (verdict, good)
+    assert model["residual_variance"] == [1.0, 1.0]
+    assert bool(model["reasons"]) != good
+
+
+def test_the_contract_says_that_a_good_model_is_good(columns, rng, monkeypatch):
+    problem = posed(columns, [0.7, 0.0], rng.normal(size=(COUNT, 2)), baseline=True)
+    model = told(problem, monkeypatch).contract()["model"]
+    assert model["is_good_enough"] and model["reasons"] == []
+    assert all(0.3 < one < 3 for one in model["residual_variance"])
