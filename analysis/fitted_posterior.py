@@ -196,7 +196,7 @@ class FittedPosterior:
                     best, found = odds[cause], count - length
         return found
 
-    def evidence(self, scores: ArrayLike) -> tuple[Floats, Floats]:
+    def evidence(self, scores: ArrayLike) -> Floats:
         """Weigh each cause by recordings in all of which it is there, or nothing is.
 
         Evidence of independent data about one robot, such as other programs, adds up.
@@ -205,14 +205,11 @@ class FittedPosterior:
             scores: Of `transform`, shape (recordings, columns), at least one.
 
         Returns:
-            Logarithm of the Bayes factor of each cause against a healthy robot, shape (causes,);
-            and quantiles 0.025, 0.5 and 0.975 of its severity if it is the one, shape (causes, 3).
+            Logarithm of the Bayes factor of each cause against a healthy robot, shape (causes,).
         """
         self._require_fit()
         turned = self._forms.turned(np.atleast_2d(np.asarray(scores, float)))
-        mean, variance = turned.mean(axis=0), self._variance(len(turned))
-        logs = self._forms.log_bayes_factors(mean, variance)
-        return logs, np.stack(self._forms.severities(mean, variance), axis=1)
+        return self._forms.log_bayes_factors(turned.mean(axis=0), self._variance(len(turned)))
 
     def severity_path(self, scores: ArrayLike, cause: int) -> Floats:
         """Estimate a severity in each recording alone.

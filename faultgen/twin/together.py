@@ -1,9 +1,10 @@
 """What is known of a robot, from all of its programs.
 
-A robot has an alarm if one of its programs has one. What the fault is, and how severe, follows from
-the recordings of all its programs since then: programs are recorded one after another, so that
-their noise is independent, and the logarithms of their Bayes factors add up. A program that does
-not know an effect says nothing about it.
+A robot has an alarm if one of its programs has one. What the fault is follows from the recordings
+of all its programs since then: programs are recorded one after another, so that their noise is
+independent, and the logarithms of their Bayes factors add up. A program that does not know an
+effect says nothing about it. The severity is the mean of what the programs say now, weighed by
+their intervals.
 """
 
 from __future__ import annotations
@@ -132,7 +133,10 @@ def together(states: Sequence[State]) -> dict[str, Any] | None:
         programs.append(one.of.plan.name)
         recordings += len(own)
         detector = one.of.detector
-        logs, severities = detector.posterior.evidence(own)
+        logs = detector.posterior.evidence(own)
+        newest = detector.posterior.judge(scores)  # a fault grows: its severity is the newest one
+        low, high = newest.intervals.T
+        severities = np.stack([low, newest.severities, high], axis=1)
         best: dict[_Cause, tuple[float, np.ndarray]] = {}
         for (effect, axes, unit), log, size in zip(
             detector.causes(), logs, severities, strict=True
@@ -161,9 +165,9 @@ def together(states: Sequence[State]) -> dict[str, Any] | None:
             }
         )
     named.sort(key=lambda one: -one["log_odds"])
-    newest = max((one.answer["date"] for one in states if one.answer), key=date_of)
+    date = max((one.answer["date"] for one in states if one.answer), key=date_of)
     return {
-        "date": newest,
+        "date": date,
         "since": since,
         "recordings": recordings,
         "programs": programs,
