@@ -196,7 +196,7 @@ def _course(one: State, course: Course) -> Chart:
         traces=traces,
         caption="Severity by the time from the newest recording. The scale of all severities of a "
         "robot may be wrong by the error of its model. The points do not show it; the forecast "
-        "allows for.",
+        "allows for it.",
         description=one.sentence(),
         layout=axes("time [days]", f"severity [{unit}]"),
     )
