@@ -6,6 +6,8 @@ stage.pose(position[0])
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 
@@ -15,12 +17,16 @@ from faultgen.robot import Robot
 LARGEST_PICTURE = 1280
 """Largest width and height of a picture [pixels]."""
 
+FAULTY, NO_FAULT = (0.85, 0.16, 0.14), (0.70, 0.72, 0.75)
+"""Colours of a link whose axis has a fault, and, where severities are shown, of one without."""
+
 _SHOWN_GROUPS = 3  # of geoms; MuJoCo hides the others, such as rotors
 _POSES = 25  # of a motion, among which the camera looks for the outermost points
-_AZIMUTH, _ELEVATION = 130.0, -16.0  # of the camera [deg]
+_AZIMUTHS = (130.0, 110.0, 150.0, 90.0, 170.0)  # of the camera; the first one is usual [deg]
+_ELEVATION = -16.0  # of the camera [deg]
+_NEARER = 0.93  # of the camera's distance, for which another azimuth than the usual one is taken
 _ANGLE = 35.0  # of the camera's view, upright [deg]
 _MARGIN = 1.05  # of the camera's distance, so that nothing touches the border
-_FAULTY = (0.85, 0.16, 0.14, 1.0)  # colour of the link whose axis has a fault
 _STICK = (0.75, 0.77, 0.80, 1.0)  # colour of links that have no shape of their own
 
 
@@ -52,7 +58,7 @@ class Stage:
         floor = self.model.geom("faultgen_floor").id
         self.model.geom_pos[floor, 2] = min(0.0, points[:, 2].min())
         self.camera = mujoco.MjvCamera()
-        self.camera.azimuth, self.camera.elevation = _AZIMUTH, _ELEVATION
+        self.camera.elevation = _ELEVATION
         self._look_at(points)
         self._colours = self.model.geom_rgba.copy()
         self._materials = self.model.geom_matid.copy()
@@ -77,8 +83,38 @@ class Stage:
         if axis:
             link = self.model.joint(f"joint{axis}").bodyid[0]
             own = self.model.geom_bodyid == link
-            self.model.geom_rgba[own] = _FAULTY
+            self.model.geom_rgba[own] = (*FAULTY, 1.0)
             self.model.geom_matid[own] = -1
+
+    def shade(self, shares: Sequence[float]) -> None:
+        """Colour the link behind each axis by a severity: from grey to red. All else is grey.
+
+        Args:
+            shares: Of each axis, 0 for no fault to 1 for the largest severity.
+        """
+        none, most = np.array(NO_FAULT), np.array(FAULTY)
+        robot = self.shown()
+        robot = robot[self.model.geom_type[robot] != mujoco.mjtGeom.mjGEOM_PLANE]
+        self.model.geom_matid[robot] = -1
+        self.model.geom_rgba[robot] = (*NO_FAULT, 1.0)
+        for axis, share in enumerate(shares, start=1):
+            own = self.model.geom_bodyid[robot] == self.model.joint(f"joint{axis}").bodyid[0]
+            self.model.geom_rgba[robot[own], :3] = none + share * (most - none)
+
+    def seen(self, points: np.ndarray) -> np.ndarray:
+        """Find where points are in a square picture.
+
+        Args:
+            points: Shape (n, 3), in [m].
+
+        Returns:
+            Shares of the width from the left and of the height from the top, shape (n, 2).
+        """
+        axes = self.view_axes()
+        eye = self.camera.lookat + self.camera.distance * axes[2]
+        right, up, back = ((points - eye) @ axes.T).T
+        half = np.tan(np.radians(_ANGLE / 2)) * np.maximum(-back, 1e-9)
+        return np.stack([0.5 + 0.5 * right / half, 0.5 - 0.5 * up / half], axis=1)
 
     def shown(self) -> np.ndarray:
         """Find the geoms that are drawn.
@@ -118,20 +154,30 @@ class Stage:
         return np.concatenate(found)
 
     def _look_at(self, points: np.ndarray) -> None:
-        """Put the camera as near as all points of a square picture allow."""
-        axes = self.view_axes()
-        seen = points @ axes.T
-        low, high = seen.min(axis=0), seen.max(axis=0)
-        for _ in range(2):  # what is near needs more room: the middle moves towards it
-            middle = (low + high) / 2
-            away = seen - middle
-            slope = np.tan(np.radians(_ANGLE / 2))
-            distance = (np.abs(away[:, :2]).max(axis=1) / slope + away[:, 2]).max()
-            shown = away[:, :2] / (distance - away[:, 2:])
-            shift = (shown.max(axis=0) + shown.min(axis=0)) / 2 * distance
-            low[:2], high[:2] = low[:2] + shift, high[:2] + shift
-        self.camera.lookat[:] = middle @ axes
-        self.camera.distance = _MARGIN * distance
+        """Put the camera where the points fill most of a square picture."""
+        places = []
+        for azimuth in _AZIMUTHS:
+            self.camera.azimuth = azimuth
+            places.append((azimuth, *_nearest(points, self.view_axes())))
+        usual, best = places[0], min(places, key=lambda place: place[1])
+        chosen = best if best[1] < _NEARER * usual[1] else usual
+        self.camera.azimuth, self.camera.distance = chosen[0], _MARGIN * chosen[1]
+        self.camera.lookat[:] = chosen[2]
+
+
+def _nearest(points: np.ndarray, axes: np.ndarray) -> tuple[float, np.ndarray]:
+    """Distance and point to look at of a camera as near as all points of a square picture allow."""
+    seen = points @ axes.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    for _ in range(3):  # what is near needs more room: the middle moves towards it
+        middle = (low + high) / 2
+        away = seen - middle
+        slope = np.tan(np.radians(_ANGLE / 2))
+        distance = (np.abs(away[:, :2]).max(axis=1) / slope + away[:, 2]).max()
+        shown = away[:, :2] / (distance - away[:, 2:])
+        shift = (shown.max(axis=0) + shown.min(axis=0)) / 2 * distance
+        low[:2], high[:2] = low[:2] + shift, high[:2] + shift
+    return float(distance), middle @ axes
 
 
 def _dress(spec: mujoco.MjSpec) -> None:

@@ -2,7 +2,7 @@
 /* Draws the robot in software, so that it needs no graphics card. Each pixel keeps the triangle
    that is nearest to the camera (a depth buffer). */
 
-/* Numbers that the server has packed: 4 bytes each, as base64. */
+/* Numbers that faultgen has packed: 4 bytes each, as base64. */
 function unpacked(told) {
   const bytes = Uint8Array.from(atob(told.bdata), c => c.charCodeAt(0));
   return new Float32Array(bytes.buffer);
@@ -17,11 +17,14 @@ class RobotPicture {
     this.shapes = scene.shapes.map(one => ({...one, corners: unpacked(one.corners)}));
     const most = Math.max(1, ...this.shapes.map(one => one.corners.length / 3));
     this.seen = new Float32Array(3 * most);
-    this.faulty = 0;
+    this.places = scene.places;
+    this.colours = scene.colours;
+    this.shares = {};  /* severity of each axis from 0 to 1; links without one keep their colour */
+    this.marked = [];  /* axes that get a mark with their number */
     this.turnable();
   }
 
-  /* poses: as the server tells them */
+  /* poses: from `Scene.poses` */
   show(poses) {
     this.poses = {...poses, bodies: unpacked(poses.bodies)};
   }
@@ -82,6 +85,33 @@ class RobotPicture {
     const bodies = this.at(time);
     for (const shape of this.shapes) this.fill(shape, bodies, view, size);
     this.context.putImageData(this.image, 0, 0);
+    for (const axis of this.marked) this.mark(axis, bodies, view, size);
+  }
+
+  /* The number of an axis, in a disc on its joint. */
+  mark(axis, bodies, {axes, eye, scale}, size) {
+    const {body, at} = this.places[axis - 1], k = 12 * body;
+    const point = [0, 1, 2].map(row => bodies[k + row] - eye[row] + [0, 1, 2].reduce(
+      (sum, column) => sum + bodies[k + 3 + 3 * row + column] * at[column], 0));
+    const [x, y, z] = axes.map(one => one[0] * point[0] + one[1] * point[1] + one[2] * point[2]);
+    const column = size / 2 - scale * x / z, row = size / 2 + scale * y / z;
+    const {context} = this, radius = size / 30;
+    context.beginPath();
+    context.arc(column, row, radius, 0, 2 * Math.PI);
+    context.fillStyle = "#fff";
+    context.fill();
+    context.lineWidth = radius / 4;
+    context.strokeStyle = context.fillStyle = "#1f2328";
+    context.stroke();
+    context.font = `600 ${1.3 * radius}px system-ui, sans-serif`;
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.fillText(axis, column, row + 0.08 * radius);
+  }
+
+  colourOf({body, colour}) {
+    const share = this.shares[this.axes[body]], [none, most] = this.colours;
+    return share === undefined ? colour : none.map((one, k) => one + share * (most[k] - one));
   }
 
   /* Axes of the camera (right, up, towards the viewer), its place, and pixels for a length of 1 at
@@ -111,8 +141,8 @@ class RobotPicture {
     }
   }
 
-  fill({body, colour, corners}, bodies, {axes, eye, light, scale}, size) {
-    const at = 12 * body, seen = this.seen, half = size / 2;
+  fill(shape, bodies, {axes, eye, light, scale}, size) {
+    const {body, corners} = shape, at = 12 * body, seen = this.seen, half = size / 2;
     /* turn and shift from the body's frame to that of the camera */
     const m = [];
     for (const axis of axes) {
@@ -128,8 +158,7 @@ class RobotPicture {
       seen[k + 1] = m[4] * x + m[5] * y + m[6] * z + m[7];
       seen[k + 2] = m[8] * x + m[9] * y + m[10] * z + m[11];
     }
-    const [red, green, blue] =
-      this.faulty && this.axes[body] === this.faulty ? [0.85, 0.16, 0.14] : colour;
+    const [red, green, blue] = this.colourOf(shape);
     for (let k = 0; k < corners.length; k += 9) {
       const az = seen[k + 2], bz = seen[k + 5], cz = seen[k + 8];
       if (az > -0.01 || bz > -0.01 || cz > -0.01) continue;  /* behind the camera */
