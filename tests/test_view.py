@@ -44,6 +44,7 @@ def picture(geoms, *, lookat=(0, 0, 0), distance=10.0, size=200):
         camera=camera,
         view_axes=lambda: axes,
         shown=lambda: np.arange(model.ngeom),
+        floor=None,
     )
     return Painter(stage, size, size).draw()
 

@@ -1,4 +1,4 @@
-"""The interactive charts of a discovery: measured and simulated torque, and what explains the gap."""
+"""Charts of a discovery: measured and simulated torque, and what explains the gap."""
 
 from __future__ import annotations
 

@@ -75,13 +75,12 @@ class Scene:
             }
             for k, joint in enumerate(joints)
         ]
-        floor = float(model.geom_pos[model.geom("faultgen_floor").id, 2])
         return {
             "shapes": shapes,
             "axes": [axes.get(body, 0) for body in self._bodies],
             "places": places,
             "colours": [list(NO_FAULT), list(FAULTY)],
-            "floor": floor,
+            "floor": {"height": self.stage.floor.height, "grid": self.stage.floor.grid},
             "camera": {
                 "lookat": camera.lookat.tolist(),
                 "distance": float(camera.distance),
