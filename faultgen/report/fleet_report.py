@@ -25,6 +25,7 @@ from faultgen.viewing.playback import SAMPLE_PERIOD, first_task
 
 _MOST = 12  # robots whose indicator is drawn
 _MOST_MODELS = 3  # that are drawn
+_MOST_PLACES = 3  # that the sentence names
 
 
 def write_fleet_report(folder: str | Path) -> Path:
@@ -86,14 +87,16 @@ def summary(fleet: Fleet) -> str:
     if not failing:
         return f"None of the {robots} fails within {fleet.days} days."
     by_axis = Counter((one.robot, one.axis) for one in failing)
-    (model, axis), most = min(by_axis.items(), key=lambda one: (-one[1], one[0]))
+    places = sorted(by_axis.items(), key=lambda one: (-one[1], one[0]))
+    named = [
+        f"axis {axis} of {model}{f' ({number} robots)' if number > 1 else ''}"
+        for (model, axis), number in places[:_MOST_PLACES]
+    ]
+    if len(places) > _MOST_PLACES:
+        named.append(f"{len(places) - _MOST_PLACES} other places")
+    shown = " and ".join(filter(None, [", ".join(named[:-1]), named[-1]]))
     verb = "fails" if len(failing) == 1 else "fail"
-    where = f"axis {axis} of the {model}"
-    often = f"{where}, as the gearbox of {most} robot{'' if most == 1 else 's'}"
-    return (
-        f"{len(failing)} of {robots} {verb} at the end of {fleet.days} days, "
-        f"{'all' if most == len(failing) and most > 1 else 'most often'} on {often}."
-    )
+    return f"{len(failing)} of {robots} {verb} at the end of {fleet.days} days: {shown}."
 
 
 def _pictures(fleet: Fleet) -> list[tuple[str, RobotPicture]]:

@@ -11,6 +11,7 @@ import io
 import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -21,12 +22,15 @@ from faultgen.errors import InputError
 from faultgen.report.scene import Scene
 from faultgen.robot import Robot
 from faultgen.viewing.painter import Painter
-from faultgen.viewing.stage import FAULTY, NO_FAULT
+from faultgen.viewing.stage import FAULTY, NO_FAULT, Stage
 
 _SIZE = 440  # width and height of the picture [pixels]
 _RATE = 15.0  # poses in a second
+_POSES = 25  # of a motion, of which one is shown where scripts do not run
 _COLOURS = 96  # of the picture
 _NOTHING = "nothing"
+_ASIDE = ((8, -6), (-8, -6), (8, 6), (-8, 6))
+"""Places of numbers beside their joints [% of the width of the picture]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +44,7 @@ class RobotPicture:
     rows: Sequence[Mapping[str, Any]]
     """Axis, colour and text of each axis."""
     marks: Sequence[Mapping[str, Any]]
-    """Axis and place of each mark in the picture [% of its width and height]."""
+    """Of each mark its axis, the place of its joint and that of its number [% of the width]."""
     id: str
     """Name of the shapes; pictures of the same robot share it."""
     shapes: Markup
@@ -78,8 +82,7 @@ def robot_picture(
     except InputError:
         return None
     stage = scene.stage
-    row = position[len(position) // 2]
-    stage.pose(row)
+    _pose_widely(stage, position, robot.n_axes)
     told = scene.told()
     of_axes = [float(shares.get(axis, 0.0)) for axis in range(1, robot.n_axes + 1)]
     stage.shade(of_axes)
@@ -102,19 +105,34 @@ def robot_picture(
             "poses": scene.poses(position, period, _RATE),
             "shares": dict(enumerate(of_axes, start=1)),
             "marked": list(marked),
+            "aside": _ASIDE,
         }
     return RobotPicture(
         still=_png(drawn),
         description=f"The robot {robot.name}, its links coloured by severity: {said}.",
         rows=rows,
         marks=[
-            {"axis": axis, "x": round(x, 1), "y": round(y, 1)}
-            for axis, (x, y) in zip(marked, places.tolist(), strict=True)
+            {"axis": axis, "x": x, "y": y, "u": round(x + dx, 1), "v": round(y + dy, 1)}
+            for axis, (x, y), (dx, dy) in zip(
+                marked, places.round(1).tolist(), cycle(_ASIDE), strict=False
+            )
         ],
         id=name,
         shapes=Markup(text),
         motion=Markup(_json(motion) if moves else ""),
     )
+
+
+def _pose_widely(stage: Stage, position: np.ndarray, n_axes: int) -> None:
+    """Put the robot into that pose of a motion in which its joints are spread most."""
+    joints = [stage.model.joint(f"joint{axis}").id for axis in range(1, n_axes + 1)]
+
+    def spread(row: int) -> float:
+        stage.pose(position[row])
+        return float(np.ptp(stage.seen(stage.data.xanchor[joints]), axis=0).sum())
+
+    rows = np.linspace(0, len(position) - 1, _POSES).astype(int).tolist()
+    stage.pose(position[max(rows, key=spread)])
 
 
 def shapes_of(pictures: Sequence[RobotPicture | None]) -> dict[str, Markup]:

@@ -111,9 +111,8 @@ def _torque(real: np.ndarray, made: np.ndarray, times: np.ndarray) -> Chart:
     for axis in range(1, real.shape[2] + 1):
         for name, cycles, number in (("generated", made, 1), ("measured", real, 0)):
             own = cycles[:, ::every, axis - 1]
-            for which, values in (("smallest", own.min(axis=0)), ("largest", own.max(axis=0))):
-                fill: dict[str, Any] = {"fill": "tonexty"} if which == "largest" else {}
-                traces.append(line(f"{name}, {which}", values, number, x=at, axis=axis, **fill))
+            traces.append(line(name, own.min(axis=0), number, x=at, axis=axis, showlegend=False))
+            traces.append(line(name, own.max(axis=0), number, x=at, axis=axis, fill="tonexty"))
         gap = real[:, :, axis - 1].mean(axis=0) - made[:, :, axis - 1].mean(axis=0)
         told.append(f"axis {axis} {np.sqrt(np.mean(gap**2)):.3g}")
     return Chart(

@@ -5,12 +5,13 @@
 function told(id) { return JSON.parse(document.getElementById(id).textContent); }
 
 function animate(figure) {
-  const {scene, camera, floor, poses, shares, marked} =
+  const {scene, camera, floor, poses, shares, marked, aside} =
     JSON.parse(figure.querySelector("script").textContent);
   const canvas = figure.querySelector("canvas"), button = figure.querySelector("button");
   const picture = new RobotPicture(canvas, {...told(scene), camera, floor});
   picture.show(poses);
   picture.shares = {0: 0, ...shares};
+  picture.aside = aside;
   const place = figure.closest("section");
   const chosen = place && place.querySelector("select");
   const mark = () => { picture.marked = chosen ? [+chosen.value] : marked; };

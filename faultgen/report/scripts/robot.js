@@ -8,6 +8,16 @@ function unpacked(told) {
   return new Float32Array(bytes.buffer);
 }
 
+/* A colour between two others. */
+function mixed(from, to, share) {
+  let colour = 0xff000000;
+  for (const bits of [0, 8, 16]) {
+    const a = from >>> bits & 255, b = to >>> bits & 255;
+    colour |= Math.round(a + share * (b - a)) << bits;
+  }
+  return colour >>> 0;
+}
+
 class RobotPicture {
   constructor(canvas, scene) {
     this.canvas = canvas;
@@ -22,6 +32,7 @@ class RobotPicture {
     this.colours = scene.colours;
     this.shares = {};  /* severity of each axis from 0 to 1; links without one keep their colour */
     this.marked = [];  /* axes that get a mark with their number */
+    this.aside = [[8, -6]];  /* places of the numbers beside the joints [% of the width] */
     this.turnable();
   }
 
@@ -88,24 +99,31 @@ class RobotPicture {
       for (const shape of this.shapes) this.shadow(shape, bodies, view, size);
     for (const shape of this.shapes) this.fill(shape, bodies, view, size);
     this.context.putImageData(this.image, 0, 0);
-    for (const axis of this.marked) this.mark(axis, bodies, view, size);
+    this.marked.forEach((axis, k) => this.mark(axis, this.aside[k % this.aside.length], bodies,
+                                               view, size));
   }
 
-  /* The number of an axis, in a disc on its joint. */
-  mark(axis, bodies, {axes, eye, scale}, size) {
+  /* The number of an axis, in a disc beside its joint. */
+  mark(axis, aside, bodies, {axes, eye, scale}, size) {
     const {body, at} = this.places[axis - 1], k = 12 * body;
     const point = [0, 1, 2].map(row => bodies[k + row] - eye[row] + [0, 1, 2].reduce(
       (sum, column) => sum + bodies[k + 3 + 3 * row + column] * at[column], 0));
     const [x, y, z] = axes.map(one => one[0] * point[0] + one[1] * point[1] + one[2] * point[2]);
-    const column = size / 2 - scale * x / z, row = size / 2 + scale * y / z;
-    const {context} = this, radius = size / 30;
+    const joint = [size / 2 - scale * x / z, size / 2 + scale * y / z];
+    const [column, row] = joint.map((one, n) => one + aside[n] * size / 100);
+    const {context} = this, radius = 0.03 * size;
+    context.lineWidth = radius / 4;
+    context.strokeStyle = "#1f2328";
+    context.beginPath();
+    context.moveTo(...joint);
+    context.lineTo(column, row);
+    context.stroke();
     context.beginPath();
     context.arc(column, row, radius, 0, 2 * Math.PI);
     context.fillStyle = "#fff";
     context.fill();
-    context.lineWidth = radius / 4;
-    context.strokeStyle = context.fillStyle = "#1f2328";
     context.stroke();
+    context.fillStyle = "#1f2328";
     context.font = `600 ${1.3 * radius}px system-ui, sans-serif`;
     context.textAlign = "center";
     context.textBaseline = "middle";
@@ -136,8 +154,8 @@ class RobotPicture {
   background({axes, eye, scale}, size) {
     const dark = matchMedia("(prefers-color-scheme: dark)").matches;
     const [sky, floor, line, shadow] = dark  /* ABGR */
-      ? [0xff26221d, 0xff38332e, 0xff4d473f, 0xff262220]
-      : [0xfffaf6f3, 0xffe0dbd6, 0xffccc5bf, 0xffbbb5b0];
+      ? [0xff26221d, 0xff38332e, 0xff575047, 0xff262220]
+      : [0xfffaf6f3, 0xffe0dbd6, 0xffc8c1bb, 0xffbbb5b0];
     this.shade = shadow;
     this.depth.fill(Infinity);
     const {height, grid} = this.floor, high = eye[2] - height, [right, up, back] = axes;
@@ -146,7 +164,10 @@ class RobotPicture {
       const at = row * size;
       this.pixels.fill(fall < 0 ? floor : sky, at, at + size);
       const ahead = -high / fall, pixel = ahead / scale * Math.hypot(1, ahead / high);
-      if (fall >= 0 || high <= 0 || pixel > grid / 4) continue;
+      /* lines fade with the distance */
+      const seen = Math.min(1, 1.3 - ahead / (12 * grid + this.camera.distance));
+      if (fall >= 0 || high <= 0 || seen <= 0) continue;
+      const colour = mixed(floor, line, seen);
       /* where the ray of each pixel meets the floor, in units of the grid */
       const half = Math.max(0.006, pixel / grid / 2), step = ahead / scale / grid;
       const [x0, y0] = [0, 1].map(k => (eye[k] + ahead * (rise * up[k] - back[k]
@@ -154,7 +175,7 @@ class RobotPicture {
       for (let column = 0; column < size; column++) {
         const x = x0 + column * step * right[0], y = y0 + column * step * right[1];
         if (Math.abs(x - Math.round(x)) < half || Math.abs(y - Math.round(y)) < half)
-          this.pixels[at + column] = line;
+          this.pixels[at + column] = colour;
       }
     }
   }
