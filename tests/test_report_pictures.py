@@ -161,7 +161,10 @@ def effect(axis, sentence):
     [
         ({}, "Axis 2 has more friction."),
         ({"verdict": "no missing effect", "effects": []}, "No effect is missing: the model "),
-        ({"verdict": "model not good enough", "effects": []}, "The model explains the recording "),
+        (
+            {"verdict": "model not good enough", "effects": [], "model": {"reasons": ["a", "b"]}},
+            "The model explains the recording too badly for an answer: a.",
+        ),
         (
             {"verdict": "ambiguous", "alternatives": [{"effect": "brake_drag", "axis": 3}]},
             "Most likely axis 2 has more friction; the recording does not exclude brake drag of "

@@ -31,7 +31,8 @@ def summary(result: dict[str, Any], baseline: bool) -> str:
             else "No effect is missing: the model explains the recording within its noise."
         )
     if verdict == MODEL:
-        return "The model explains the recording too badly for an answer; the warnings say why."
+        why = result["model"]["reasons"][0]
+        return f"The model explains the recording too badly for an answer: {why}."
     if verdict == AMBIGUOUS and result["alternatives"]:
         rivals = list(dict.fromkeys(_plain(one) for one in result["alternatives"]))
         if not found:
