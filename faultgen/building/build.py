@@ -238,7 +238,7 @@ def _with_step(
     """The robot with the time step that was given, or one that is small enough."""
     resolve_inertias(spec)
     compiled(spec, f"robot {name}")
-    robot = Robot(name, mjcf_text(spec), plain.assets)
+    robot = Robot(name, mjcf_text(spec), plain.assets, origin=plain.origin)
     source = Value(0, "given")
     if given is None:
         poses = sampled_poses(robot.joint_range, robot.slides, _STABLE_POSES)
