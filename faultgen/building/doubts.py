@@ -1,6 +1,6 @@
 """Rotors, friction and torque limits that do not fit to the arm that they move.
 
-What the known arms have (benchmarks/known_drives.toml) says what is doubtful. What is several times
+What the known arms have (known_drives.toml) says what is doubtful. What is several times
 further away from it cannot be true.
 """
 

@@ -52,6 +52,14 @@ def build(
     out: Annotated[Path, out_option("Folder of the robot. Its name is the robot's name.")] = Path(
         "my_robot"
     ),
+    like: Annotated[
+        str | None,
+        typer.Option(
+            help="A known arm (a part of its name is enough, such as ur10e), or a payload such as "
+            "'5 kg', whose drives this arm resembles. Its numbers replace assumed ones, not those "
+            "of drives.toml and of the model. docs/robots.md lists the arms."
+        ),
+    ] = None,
     files: Files = None,
     as_json: Json = False,
 ) -> None:
@@ -69,6 +77,7 @@ def build(
     \b
     faultgen robot build arm.urdf -o my_arm
     faultgen robot build arm.urdf my_arm/drives.toml -o my_arm
+    faultgen robot build arm.urdf --like "5 kg" -o my_arm
     """  # noqa: D301
     if not model.exists():
         raise InputError(f"robot file {model}: does not exist")
@@ -85,7 +94,7 @@ def build(
             f"{out}: is not empty, and holds no {DRIVES} of a robot; give a new folder"
         )
     known = Drives() if drives is None else read_drives(drives)
-    built = run_build(model, known, out.resolve().name, files or ())
+    built = run_build(model, known, out.resolve().name, files or (), like)
     if drives is None and stated.is_file() and stated.read_bytes() != built.drives.encode():
         raise InputError(
             f"{stated}: holds other numbers, which would be lost; give it as the second argument, "
@@ -93,7 +102,7 @@ def build(
         )
     built.write(out)
     numbers = [value.source for one in built.values for value in one.values()]
-    counts = {source: numbers.count(source) for source in ("given", "model", "assumed")}
+    counts = {source: numbers.count(source) for source in ("given", "model", "like", "assumed")}
     axes = [
         {"axis": k + 1, "joint": joint, **{name: one.value for name, one in values.items()}}
         for k, (joint, values) in enumerate(zip(built.plain.joints, built.values, strict=True))
@@ -125,9 +134,10 @@ def build(
     )
     for remark in built.notes:
         say(f"note: {remark}")
+    taken = f"{counts['like']} like {like}, " if like else ""
     say(
         f"{out}: {len(axes)} axes; {counts['given']} numbers given, {counts['model']} from the "
-        f"model, {counts['assumed']} assumed (see {out / DRIVES}); "
+        f"model, {taken}{counts['assumed']} assumed (see {out / DRIVES}); "
         f"tasks: {', '.join(built.robot.tasks) or 'none'}"
     )
 
