@@ -158,6 +158,8 @@ def test_many_branches_are_told_in_one_short_line(tmp_path):
         plain_arm(path)
     assert "(and 3 other neighbours)" in str(refused.value)
     assert str(refused.value).count("drives.toml") == 1
+    ready = 'the longest chain is: joints = ["pan", "lift", "elbow", "roll", "pitch", "yaw"]'
+    assert ready in str(refused.value)
 
 
 def test_comments_of_xacro_do_not_count(tmp_path):

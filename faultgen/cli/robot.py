@@ -28,8 +28,12 @@ app.add_typer(robot, name="robot")
 Files = Annotated[
     list[Path] | None,
     typer.Option(
+        "--files",
+        "--package-path",
         help="Folder whose files the model may use, beside those in its own folder and in its "
-        "package (a folder above it with a package.xml). May be given several times."
+        "package (a folder above it with a package.xml). For meshes of other packages, "
+        "package://NAME/..., give the folder that holds the folder NAME. May be given several "
+        "times.",
     ),
 ]
 
