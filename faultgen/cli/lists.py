@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from faultgen.cli.app import Json, app, names, out_option, print_json, print_table
+from faultgen.errors import InputError
 from faultgen.system.terminal import say
 
 
@@ -42,9 +43,37 @@ def tasks(
             "write a,b. Default: the robots that come with faultgen."
         ),
     ] = None,
+    task: Annotated[
+        str | None,
+        typer.Option(
+            help="Name of a task or path of a task file, such as motion_1.toml of 'discover "
+            "--plan'. For several, write a,b. Default: all tasks of the robot."
+        ),
+    ] = None,
+    write: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="<path>",
+            help="Folder to which the planned motions are written for a controller.",
+        ),
+    ] = None,
+    motion_format: Annotated[
+        str,
+        typer.Option(
+            help="With --write: csv (position, velocity and acceleration of the joints), ros2 "
+            "(JSON of a trajectory_msgs/JointTrajectory) or urscript (movej and servoj)."
+        ),
+    ] = "csv",
+    sample_period: Annotated[
+        float, typer.Option(help="With --write: time between the samples [s].")
+    ] = 0.008,
     as_json: Json = False,
 ) -> None:
-    """List the tasks of each robot with their cycle times.
+    """List the tasks of each robot with their cycle times, or write their motions.
+
+    \b
+    faultgen tasks --robot my_arm
+    faultgen tasks --robot my_arm --task spot_weld --write motions --motion-format ros2
 
     The window share is the share of time in which a motor turns at 50 to 120 rad/s. If it is
     above zero, only samples from this time count in the mean torque that monitoring stores. For an
@@ -54,7 +83,7 @@ def tasks(
     from faultgen.robot_names import robot_names
     from faultgen.tasks import load_task, task_names
 
-    rows = []
+    rows, written = [], dict[Path, str]()
     for name in names(robot) or robot_names():
         own, of_folder = name, dict[str, str]()
         if name not in robot_names():
@@ -74,6 +103,9 @@ def tasks(
                     "description": task.description,
                 }
             )
+    for path, text in written.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(path, text)
     print_json(rows) if as_json else print_table(rows)
 
 
