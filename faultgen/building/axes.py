@@ -27,6 +27,8 @@ _GRIPPER = re.compile(
     r"finger|gripper|jaw|knuckle|thumb|claw|(?<![a-z])(grip|hand)s?(?![a-z])", re.IGNORECASE
 )
 """Names of the joints and links of grippers."""
+_ARM = re.compile(r"shoulder|elbow|wrist", re.IGNORECASE)
+"""Names of joints that are axes, although the link that they move may be called a gripper."""
 _TOLD_CHAINS = 2  # of several equally long ones, those for which a line is written
 _SHORT = 0.15  # longest stroke of a finger [m]; those of large parallel grippers have 0.1 m
 
@@ -240,7 +242,7 @@ def _of_gripper(spec: mujoco.MjSpec, names: Sequence[str]) -> list[str]:
 
 def _looks_so(spec: mujoco.MjSpec, name: str, bodies: dict[str, mujoco.MjsBody]) -> bool:
     body = bodies[name]
-    if _GRIPPER.search(name) or _GRIPPER.search(body.name):
+    if _GRIPPER.search(name) or (_GRIPPER.search(body.name) and not _ARM.search(name)):
         return True
     if any(is_flange(one) for one in above(body)[1:]):
         return True

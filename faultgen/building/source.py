@@ -72,8 +72,9 @@ def read_source(path: Path, folders: Sequence[Path] = ()) -> Source:
     root = parse_xml(text, where)
     if _is_xacro(root):
         raise InputError(
-            f"{where}: is a xacro file, which only ROS can expand; write 'xacro "
-            f"{path.name} > {path.stem.partition('.')[0]}.urdf' there, and give the URDF file"
+            f"{where}: is a xacro file, which has to be expanded first: write 'xacro {path.name} > "
+            f"{path.stem.partition('.')[0]}_expanded.urdf' with ROS or after 'pip install xacro', "
+            "and give the new file"
         )
     original = text
     notes: list[str] = []

@@ -61,7 +61,7 @@ def edited_urdf(text: str, plain: mujoco.MjModel, rows: Sequence[JointNumbers]) 
     joints = {one.get("name", ""): one for one in root.findall("joint")}
     links = {one.get("name", ""): one for one in root.findall("link")}
     _need([row.joint for row in rows], joints)
-    before = _without_meshes(root, anyway=True)
+    before = without_shapes(root, anyway=True)
     own = {name: _stated_body(link) for name, link in links.items()}
     changed = 0
     for name, matrix in _changes(plain, before, rows, own).items():
@@ -73,7 +73,7 @@ def edited_urdf(text: str, plain: mujoco.MjModel, rows: Sequence[JointNumbers]) 
     if payload >= 0 and plain.body_mass[payload] > 0:
         changed += _urdf_payload(root, links, own, plain, payload)
     ElementTree.indent(root) if "\n" not in text.strip() else None
-    return Edited(_text(root), _without_meshes(root), changed)
+    return Edited(_text(root), without_shapes(root), changed)
 
 
 def _set_urdf_joint(joint: Element, row: JointNumbers) -> int:
@@ -297,12 +297,15 @@ def _stated_body(link: Element) -> np.ndarray:
     return pseudo_inertia(float(mass.get("value", "0")), place, turn @ matrix @ turn.T)
 
 
-def _without_meshes(root: Element, *, anyway: bool = False) -> mujoco.MjModel:
+def without_shapes(root: Element, *, anyway: bool = False) -> mujoco.MjModel:
     """Compile a URDF without its shapes, which masses and joints do not need.
 
     Args:
         root: The URDF.
         anyway: Whether impossible inertias are replaced.
+
+    Returns:
+        The compiled model.
     """
     copy = parse_xml(_text(root), "the URDF")
     for link in copy.findall("link"):

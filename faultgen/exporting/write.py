@@ -19,12 +19,14 @@ import mujoco
 import numpy as np
 
 from faultgen.errors import InputError
-from faultgen.exporting.edited import edited_mjcf, edited_urdf
+from faultgen.exporting.edited import edited_mjcf, edited_urdf, without_shapes
 from faultgen.exporting.isaac import isaac_numbers
 from faultgen.exporting.joints import UNITS, JointNumbers, as_table, joint_numbers, not_expressed
 from faultgen.exporting.plain import plain_mjcf, plain_spec
 from faultgen.exporting.urdf import urdf_text
+from faultgen.mjcf.compiling import compiled, parsed
 from faultgen.mjcf.edit import write_model
+from faultgen.mjcf.parsing import parse_xml
 from faultgen.robot import Robot
 from faultgen.system.files import write_text
 
@@ -132,12 +134,16 @@ def export_robot(robot: Robot, *, payload: bool = True) -> Exported:
         name = f"{robot.name}.urdf"
         try:
             text = urdf_text(spec, rows, robot.name, notes)
-            made = mujoco.MjSpec.from_string(text, assets=assets).compile()
+            made = without_shapes(parse_xml(text, name))
             off = _difference(made, _springless(plain), rows)
         except (InputError, ValueError) as error:
             notes.append(f"no URDF is written: {error}")
         else:
             files[name] = _headed(text, "URDF", [*limits, *beyond])
+            try:
+                compiled(parsed(text, assets, name)[0], name)
+            except InputError as error:  # such as a flat mesh, which other programs can show
+                notes.append(f"{error}; other programs may read it")
             agreement[name] = off
     notes += [f"not in MJCF or URDF: {line}" for line in limits]
     notes += [f"not in URDF: {line}" for line in beyond]
