@@ -2,10 +2,11 @@
 
     python benchmarks/known_drives.py [--write docs/robots.md]
 
-fits the laws of faultgen/building/usual.py to the arms of known_drives.toml, prints their numbers,
-and prints a table: the ratio of the assumed to the known number on each arm, with laws that were
-fitted to all other arms. A torque limit and a speed limit
-that the model of a real arm states would be used; here, only the speed limit is.
+fits the laws of faultgen/building/usual.py to the arms of faultgen/building/known_drives.toml,
+prints their numbers, and prints two tables: the ratio of the assumed to the known number on each
+arm, with laws that were fitted to all other arms, and with the class of its payload (--like) that
+was made of all other arms. A torque limit and a speed limit that the model of a real arm states
+would be used; here, the first table uses the speed limit only, and the second neither.
 """
 
 from __future__ import annotations
@@ -185,15 +186,15 @@ def _class_table(arms: Sequence[Columns]) -> str:
     six = [arm for arm in arms if len(arm["torque_limit"]) == 6]
     found = [class_ratios(arm, [one for one in six if one is not arm]) for arm in six]
     rows = [
-        [arm["name"], f"{arm['payload']:g}", *(_cell(one[key]) for key in NUMBERS)]
+        [f"{arm['name']}, {arm['payload']:g} kg", *(_cell(one[key]) for key in NUMBERS)]
         for arm, one in zip(six, found, strict=True)
     ]
     columns = [[one[key] for one in found] for key in NUMBERS]
-    rows.append(["typical factor", "", *(_typical_cell(one) for one in columns)])
+    rows.append(["typical factor", *(_typical_cell(one) for one in columns)])
     plain = [assumed_ratios(arm) for arm in six]
     cells = [_typical_cell([one[key] for one in plain]) for key in NUMBERS]
-    rows.append(["typical factor without --like", "", *cells])
-    return table(["arm", "payload [kg]", *(key.replace("_", " ") for key in NUMBERS)], rows)
+    rows.append(["typical factor without --like", *cells])
+    return table(["arm, rated payload", *(key.replace("_", " ") for key in NUMBERS)], rows)
 
 
 def _typical_cell(errors: Sequence[np.ndarray]) -> str:
@@ -208,7 +209,7 @@ def typical(errors: Sequence[np.ndarray]) -> float:
 
 
 def page() -> str:
-    """Return the table, as docs/robots.md has it: every law fitted without the arm of the row."""
+    """Return the tables of docs/robots.md: laws and classes fitted without the arm of the row."""
     arms = read_arms()
     names = [*(law.name for law in LAWS), ALL]
     errors: dict[str, list[np.ndarray]] = {name: [] for name in names}
@@ -224,7 +225,12 @@ def page() -> str:
     most = [np.exp(np.nanmax(np.abs(np.log(np.concatenate(errors[n]))))) for n in names]
     rows.append(["typical factor", *(f"{typical(errors[n]):.2f}" for n in names)])
     rows.append(["largest factor", *(f"{one:.2g}" for one in most)])
-    return table(["arm, rated payload", *names], rows)
+    return (
+        table(["arm, rated payload", *names], rows)
+        + '\n\nNumbers of `--like "… kg"` over known numbers, with classes that were made of the '
+        "other arms with six axes. The last row is what a build assumes without `--like` for a "
+        "model that states masses, but no limits:\n\n" + _class_table(arms)
+    )
 
 
 ALL = "Coulomb friction, torque limit assumed too"

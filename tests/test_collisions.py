@@ -14,8 +14,8 @@ from faultgen.building.drives import Drives
 from faultgen.cli.app import app
 from faultgen.discovery.planning.motion_library import library
 from faultgen.errors import InputError
-from faultgen.exporting.motions import motion_text
 from faultgen.robot import load_robot
+from faultgen.robot_formats.motions import motion_text
 from faultgen.simulation.collisions import Collisions
 from faultgen.simulation.motion import plan
 from faultgen.tasks import load_task

@@ -15,12 +15,12 @@ from faultgen.building.build import build
 from faultgen.building.drives import Drives
 from faultgen.cli.app import app
 from faultgen.errors import InputError
-from faultgen.exporting.joints import joint_numbers
-from faultgen.exporting.lumps import is_possible, pseudo_inertia, rigid_body
-from faultgen.exporting.plain import plain_spec
-from faultgen.exporting.urdf import urdf_text
-from faultgen.exporting.write import check_folder, export_robot
 from faultgen.robot import COULOMB, load_robot
+from faultgen.robot_formats.joints import joint_numbers
+from faultgen.robot_formats.lumps import is_possible, pseudo_inertia, rigid_body
+from faultgen.robot_formats.plain import plain_spec
+from faultgen.robot_formats.urdf import urdf_text
+from faultgen.robot_formats.write import check_folder, export_robot
 from faultgen.simulation.arm import Arm
 
 COMMENT = "<!-- do not lose this -->"

@@ -8,7 +8,6 @@ from typing import Annotated, Any
 import typer
 
 from faultgen.cli.app import Json, app, names, out_option, print_json, print_table
-from faultgen.errors import InputError
 from faultgen.system.terminal import say
 
 
@@ -78,35 +77,61 @@ def tasks(
     The window share is the share of time in which a motor turns at 50 to 120 rad/s. If it is
     above zero, only samples from this time count in the mean torque that monitoring stores. For an
     axis that never turns so fast, generate uses a window of 0.5 to 1.2 times its top speed.
-    """
+    """  # noqa: D301
+    if write is not None and write.is_file():
+        raise InputError(f"--write {write}: is a file; give a folder")
     from faultgen.planned_cycles import plan_cycle, planned_cycle
     from faultgen.robot_names import robot_names
     from faultgen.tasks import load_task, task_names
 
-    rows, written = [], dict[Path, str]()
+    rows: list[dict[str, Any]] = []
+    written: dict[Path, str] = {}
     for name in names(robot) or robot_names():
         own, of_folder = name, dict[str, str]()
         if name not in robot_names():
             from faultgen.robot import load_robot
 
-            loaded = load_robot(name)
-            own, of_folder = loaded.name, dict(loaded.tasks)
-        for task_name in task_names(own, of_folder):
-            task = load_task(own, task_name, of_folder)
-            cycle = planned_cycle(name, task_name) or plan_cycle(name, task_name)
+            machine = load_robot(name)
+            own, of_folder = machine.name, dict(machine.tasks)
+        known = task_names(own, of_folder)
+        for task_name in names(task) or known:
+            loaded = load_task(own, task_name, of_folder)
+            cycle = planned_cycle(name, task_name) if task_name in known else None
+            cycle = cycle or plan_cycle(name, task_name)
             rows.append(
                 {
                     "robot": own,
-                    "task": task_name,
+                    "task": loaded.name,
                     "cycle [s]": cycle.period,
                     "window share of each axis [%]": " ".join(map(str, cycle.window_share)),
-                    "description": task.description,
+                    "description": loaded.description,
                 }
             )
-    for path, text in written.items():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_text(path, text)
+            if write is not None:
+                ending, text = _motion(name, task_name, motion_format, sample_period)
+                file = write / f"{own}_{Path(task_name).stem}{ending}"
+                written[file] = text
+                rows[-1]["file"] = str(file)
+    if written:
+        from faultgen.system.files import write_text
+
+        for file, text in written.items():
+            file.parent.mkdir(parents=True, exist_ok=True)
+            write_text(file, text)
     print_json(rows) if as_json else print_table(rows)
+
+
+def _motion(robot: str, task: str, form: str, sample_period: float) -> tuple[str, str]:
+    """Ending and text of the file with the planned motion of a task."""
+    from faultgen.robot import load_robot
+    from faultgen.robot_formats.motions import FORMATS, motion_text
+    from faultgen.simulation.motion import plan
+    from faultgen.tasks import load_task
+
+    machine = load_robot(robot)
+    motion = plan(load_task(machine.name, task, machine.tasks), machine)
+    text = motion_text(motion, form, sample_period)
+    return FORMATS[form], text
 
 
 @app.command()

@@ -227,9 +227,9 @@ def export_command(
     faultgen robot export calibrated/model -o calibrated_arm
     """  # noqa: D301
     existing_robot(name)
-    from faultgen.exporting.joints import UNITS
-    from faultgen.exporting.write import check_folder, export_robot
     from faultgen.robot import load_robot
+    from faultgen.robot_formats.joints import UNITS
+    from faultgen.robot_formats.write import check_folder, export_robot
 
     check_folder(out)
     exported = export_robot(load_robot(name), payload=payload)

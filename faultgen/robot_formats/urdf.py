@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from faultgen.errors import InputError
-from faultgen.exporting.joints import JointNumbers
+from faultgen.robot_formats.joints import JointNumbers
 
 _ENDLESS = 1e3  # range that is written for a slide without limits [m]
 _ROUNDED = 1e-14  # numbers below are rounding of angles and are written as 0

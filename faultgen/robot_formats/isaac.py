@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from faultgen.exporting.joints import JointNumbers
+from faultgen.robot_formats.joints import JointNumbers
 
 VERSION = "Isaac Lab 2.3, Isaac Sim 5.0 or later (PhysX 5.6)"
 """The programs whose names and units are used."""

@@ -15,8 +15,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from faultgen.errors import InputError
-from faultgen.exporting.joints import JointNumbers
-from faultgen.exporting.lumps import (
+from faultgen.mjcf.compiling import asset_names, compiled, compiled_anyway, parsed
+from faultgen.mjcf.parsing import parse_xml
+from faultgen.robot_formats.joints import JointNumbers
+from faultgen.robot_formats.lumps import (
     PAYLOAD,
     differ,
     is_possible,
@@ -25,9 +27,7 @@ from faultgen.exporting.lumps import (
     pseudo_inertia,
     rigid_body,
 )
-from faultgen.exporting.urdf import numbers, roll_pitch_yaw, set_inertial
-from faultgen.mjcf.compiling import asset_names, compiled, compiled_anyway, parsed
-from faultgen.mjcf.parsing import parse_xml
+from faultgen.robot_formats.urdf import numbers, roll_pitch_yaw, set_inertial
 
 _SAME = 1e-9  # relative difference of numbers that are not changed
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from faultgen.exporting.joints import JointNumbers
 from faultgen.mjcf.compiling import compiled
 from faultgen.mjcf.edit import mjcf_text
 from faultgen.mjcf.rotors import delete_drives
 from faultgen.robot import Robot
+from faultgen.robot_formats.joints import JointNumbers
 
 _STEP = 0.002  # MuJoCo's default [s]: what needed a smaller one, stiff gearboxes, is gone
 

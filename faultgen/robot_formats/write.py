@@ -19,15 +19,21 @@ import mujoco
 import numpy as np
 
 from faultgen.errors import InputError
-from faultgen.exporting.edited import edited_mjcf, edited_urdf, without_shapes
-from faultgen.exporting.isaac import isaac_numbers
-from faultgen.exporting.joints import UNITS, JointNumbers, as_table, joint_numbers, not_expressed
-from faultgen.exporting.plain import plain_mjcf, plain_spec
-from faultgen.exporting.urdf import urdf_text
 from faultgen.mjcf.compiling import compiled, parsed
 from faultgen.mjcf.edit import write_model
 from faultgen.mjcf.parsing import parse_xml
 from faultgen.robot import Robot
+from faultgen.robot_formats.edited import edited_mjcf, edited_urdf, without_shapes
+from faultgen.robot_formats.isaac import isaac_numbers
+from faultgen.robot_formats.joints import (
+    UNITS,
+    JointNumbers,
+    as_table,
+    joint_numbers,
+    not_expressed,
+)
+from faultgen.robot_formats.plain import plain_mjcf, plain_spec
+from faultgen.robot_formats.urdf import urdf_text
 from faultgen.system.files import write_text
 
 TABLE = "joints.json"
