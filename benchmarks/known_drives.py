@@ -2,28 +2,29 @@
 
     python benchmarks/known_drives.py [--write docs/robots.md]
 
-fits the laws of faultgen/building/usual.py to the arms of known_drives.toml, prints their numbers,
-and prints a table: the ratio of the assumed to the known number on each arm, with laws that were
-fitted to all other arms. A torque limit and a speed limit
-that the model of a real arm states would be used; here, only the speed limit is.
+fits the laws of faultgen/building/usual.py to the arms of faultgen/building/known_drives.toml,
+prints their numbers, and prints two tables: the ratio of the assumed to the known number on each
+arm, with laws that were fitted to all other arms, and with the class of its payload (--like) that
+was made of all other arms. A torque limit and a speed limit that the model of a real arm states
+would be used; here, the first table uses the speed limit only, and the second neither.
 """
 
 from __future__ import annotations
 
 import argparse
 import re
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from faultgen.building import usual
+from faultgen.building.alike import NUMBERS, payload_class, read_arms
+from faultgen.building.drive_numbers import drive_of
+from faultgen.building.seen import Seen
 from faultgen.evaluation.markdown import table
 
-ARMS = Path(__file__).with_name("known_drives.toml")
 BEGIN, END = "<!-- known drives -->", "<!-- /known drives -->"
 """Between these lines the page has the table."""
 
@@ -94,17 +95,6 @@ LAWS = (
 """Each is fitted given the numbers before it, as a build uses them."""
 
 
-def read_arms() -> list[dict[str, Any]]:
-    """Return the arms whose drives are known, with arrays of shape (n_axes,)."""
-    arms = tomllib.loads(ARMS.read_text())["arm"]
-    for arm in arms:
-        for key, value in arm.items():
-            if key != "sources" and isinstance(value, list):
-                arm[key] = np.array(value, dtype=float)
-        arm["largest"] = np.full(len(arm["torque_limit"]), np.max(arm["weight_torque"]))
-    return arms
-
-
 def _columns(law: Law, arm: Columns) -> tuple[np.ndarray, np.ndarray]:
     """Known numbers of an arm, shape (n_axes,), and what they depend on, (n_axes, n_numbers)."""
     with np.errstate(invalid="ignore"):
@@ -148,6 +138,70 @@ def ratios(law: Law, arm: Columns, numbers: Sequence[float] | np.ndarray) -> np.
     return 1 / off if law.name == STIFFNESS else off  # the law is that of the wind-up
 
 
+def class_ratios(arm: Columns, arms: Sequence[Columns]) -> dict[str, np.ndarray]:
+    """Return the numbers of the class of an arm's payload over its known numbers.
+
+    Args:
+        arm: The arm.
+        arms: The other arms, of which the class is made.
+
+    Returns:
+        Shape (n_axes,) by number, NaN where one of both is not known.
+    """
+    like = payload_class(float(arm["payload"]), len(arm["torque_limit"]), arms)
+    return {
+        key: np.array([axis.get(key, np.nan) for axis in like.axes]) / arm[key] for key in NUMBERS
+    }
+
+
+def assumed_ratios(arm: Columns) -> dict[str, np.ndarray]:
+    """Return what a build without --like assumes over the known numbers of an arm.
+
+    Args:
+        arm: The arm. Its model states masses, but no limits.
+
+    Returns:
+        Shape (n_axes,) by number, NaN where none is known.
+    """
+    rows = []
+    for axis, inertia in enumerate(arm["arm_inertia"]):
+        seen = Seen(
+            slide=False,
+            most=inertia,
+            least=inertia / 2,
+            gravity=arm["gravity"][axis],
+            weight=arm["weight_torque"][axis],
+            arm_weight=arm["largest"][axis],
+        )
+        found = {name: one.value for name, one in drive_of({}, seen).items()}
+        ratio = found["gear_ratio"]
+        found["reflected_inertia"] = found["rotor_inertia"] * ratio**2
+        found["coulomb"] = found["coulomb_friction"] * ratio
+        found["viscous"] = found["viscous_friction"] * ratio**2
+        rows.append({**found, "stiffness": found["gear_stiffness"]})
+    return {key: np.array([row[key] for row in rows]) / arm[key] for key in NUMBERS}
+
+
+def _class_table(arms: Sequence[Columns]) -> str:
+    six = [arm for arm in arms if len(arm["torque_limit"]) == 6]
+    found = [class_ratios(arm, [one for one in six if one is not arm]) for arm in six]
+    rows = [
+        [f"{arm['name']}, {arm['payload']:g} kg", *(_cell(one[key]) for key in NUMBERS)]
+        for arm, one in zip(six, found, strict=True)
+    ]
+    columns = [[one[key] for one in found] for key in NUMBERS]
+    rows.append(["typical factor", *(_typical_cell(one) for one in columns)])
+    plain = [assumed_ratios(arm) for arm in six]
+    cells = [_typical_cell([one[key] for one in plain]) for key in NUMBERS]
+    rows.append(["typical factor without --like", *cells])
+    return table(["arm, rated payload", *(key.replace("_", " ") for key in NUMBERS)], rows)
+
+
+def _typical_cell(errors: Sequence[np.ndarray]) -> str:
+    is_there = any(np.isfinite(one).any() for one in errors)
+    return f"{typical(errors):.2f}" if is_there else ""
+
+
 def typical(errors: Sequence[np.ndarray]) -> float:
     """Return the typical factor by which a law is off: RMS of logarithms, every arm the same."""
     squares = [np.nanmean(np.log(one) ** 2) for one in errors if np.isfinite(one).any()]
@@ -155,7 +209,7 @@ def typical(errors: Sequence[np.ndarray]) -> float:
 
 
 def page() -> str:
-    """Return the table, as docs/robots.md has it: every law fitted without the arm of the row."""
+    """Return the tables of docs/robots.md: laws and classes fitted without the arm of the row."""
     arms = read_arms()
     names = [*(law.name for law in LAWS), ALL]
     errors: dict[str, list[np.ndarray]] = {name: [] for name in names}
@@ -171,7 +225,12 @@ def page() -> str:
     most = [np.exp(np.nanmax(np.abs(np.log(np.concatenate(errors[n]))))) for n in names]
     rows.append(["typical factor", *(f"{typical(errors[n]):.2f}" for n in names)])
     rows.append(["largest factor", *(f"{one:.2g}" for one in most)])
-    return table(["arm, rated payload", *names], rows)
+    return (
+        table(["arm, rated payload", *names], rows)
+        + '\n\nNumbers of `--like "… kg"` over known numbers, with classes that were made of the '
+        "other arms with six axes. The last row is what a build assumes without `--like` for a "
+        "model that states masses, but no limits:\n\n" + _class_table(arms)
+    )
 
 
 ALL = "Coulomb friction, torque limit assumed too"
