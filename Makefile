@@ -41,7 +41,7 @@ test-slow: install
 	$(BIN)/python -m pytest -n auto -m slow
 
 fuzz: install
-	FAULTGEN_FUZZ=2000 $(BIN)/python -m pytest -n auto tests/test_fuzz.py
+	FAULTGEN_FUZZ=2000 $(BIN)/python -m pytest -n auto tests/project/test_fuzz.py
 
 lint: install
 	$(BIN)/ruff check .
