@@ -54,19 +54,19 @@ lint: install
 
 # Hours: see "Mutation run" in docs/methods.md. Name modules to run a part: MODULES="faultgen/dataset/wear.py"
 mutation: install
-	$(BIN)/python benchmarks/mutation.py $(MODULES) --save benchmarks/results/mutation.json
+	$(BIN)/python -m benchmarks.mutation.run $(MODULES) --save benchmarks/results/mutation.json
 
 benchmark: install
-	$(BIN)/python benchmarks/speed.py --save benchmarks/results/speed.json
-	$(BIN)/python benchmarks/peers.py --save benchmarks/results/peers.json
-	$(BIN)/python benchmarks/growth.py --save benchmarks/results/growth.json
-	$(BIN)/python benchmarks/signature_speed.py --save benchmarks/results/signature_speed.json
+	$(BIN)/python -m benchmarks.speed.speed --save benchmarks/results/speed.json
+	$(BIN)/python -m benchmarks.speed.peers --save benchmarks/results/peers.json
+	$(BIN)/python -m benchmarks.speed.growth --save benchmarks/results/growth.json
+	$(BIN)/python -m benchmarks.speed.signature_speed --save benchmarks/results/signature_speed.json
 	$(BIN)/python benchmarks/speed_page.py
-	$(BIN)/python benchmarks/bench_transfer_entropy.py
+	$(BIN)/python -m benchmarks.speed.transfer_entropy
 
 pictures: install
 	$(BIN)/python docs/pictures.py
-	$(BIN)/python benchmarks/effect_signatures.py
+	$(BIN)/python -m benchmarks.pages.effect_signatures
 
 clean:
 	rm -rf $(VENV) demo-out build *.egg-info

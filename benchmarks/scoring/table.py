@@ -10,10 +10,10 @@ import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from scoring.judging import CLEAR, DETECTED, Row
 from statsmodels.stats.proportion import proportion_confint
 
 from faultgen.evaluation.markdown import table as markdown
-from scoring.judging import CLEAR, DETECTED, Row
 
 SHARES = {
     "first": "clear effect first",
@@ -262,7 +262,7 @@ def page(rows: Sequence[Row], about: Mapping[str, Any]) -> str:
     skipped = "".join(f"- {name} was left out: {why}\n" for name, why in about["skipped"].items())
     return f"""# Score of discovery: the {about["set"]} set
 
-`benchmarks/score_discovery.py` wrote this page: {len(rows)} of {about["planned"]} answers of one
+`benchmarks/discovery/score.py` wrote this page: {len(rows)} of {about["planned"]} answers of one
 version (source {about["version"]}), each by the public command `faultgen discover … --json` in a
 process of its own, without a cache. The SHA-256 of the drawn plan is
 `{about["plan_sha256"]}`.

@@ -1,7 +1,7 @@
 """Rotors, friction and torque limits that do not fit to the arm that they move.
 
-What the known arms have (benchmarks/known_drives.toml) says what is doubtful. What is several times
-further away from it cannot be true.
+What the known arms have (benchmarks/real_robots/known_drives.toml) says what is doubtful. What is
+several times further away from it cannot be true.
 """
 
 from __future__ import annotations

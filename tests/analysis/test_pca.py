@@ -14,7 +14,8 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 TESTS = Path(__file__).parents[1]
 TEP_PCA = TESTS.parents[1] / "shared" / "reference" / "values" / "tep_pca.json"
 PEOPLE = np.loadtxt(TESTS / "data" / "people.csv", delimiter=",")
-PUBLISHED = np.loadtxt(TESTS.parent / "benchmarks" / "tep_published.csv", delimiter=",")[:, 1:]
+METHODS = TESTS.parent / "benchmarks" / "methods"
+PUBLISHED = np.loadtxt(METHODS / "tep_published.csv", delimiter=",")[:, 1:]
 
 # Limits that PLS_Toolbox gives for the autoscaled People data, 1, 2, ... components. From the
 # tests of the R package mdatools, https://github.com/svkucheryavski/mdatools.

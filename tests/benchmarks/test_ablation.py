@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ablation import outcomes, summary, text
+from discovery.ablation import outcomes, summary, text
 from laboratories.ablation_steps import LIMIT, STEPS, Steps, decided
 from laboratories.draw import BASE, Laboratory
 from laboratories.effects import Effect

@@ -2,9 +2,9 @@
 
 import json
 
-import blind_discovery
 import pytest
-import score_discovery
+from discovery import blind as blind_discovery
+from discovery import score as score_discovery
 from typer.testing import CliRunner
 
 

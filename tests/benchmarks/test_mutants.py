@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cosmic_ray.mutating import mutate_code
-from mutants import RemoveStatement, RemoveTerm, draw_mutants
+from mutation.mutants import RemoveStatement, RemoveTerm, draw_mutants
 
 ROOT = Path(__file__).parents[2]
 
@@ -68,7 +68,7 @@ def test_all_kinds_are_drawn_and_a_seed_gives_the_same_mutants():
 
 def test_the_table_names_modules_and_tests_that_there_are():
     """Every module of every group has tests."""
-    table = tomllib.loads((ROOT / "benchmarks" / "mutation.toml").read_text())
+    table = tomllib.loads((ROOT / "benchmarks" / "mutation" / "mutation.toml").read_text())
     assert table.pop("seed") >= 0
     assert table.pop("mutants") > 0
     assert list(table) == ["physics", "isolation", "discovery", "storage", "fleet"]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import score_discovery
+from discovery import score as score_discovery
 from laboratories.files import write_truth
 from scoring import answering, real, trials
 from scoring.judging import REFUSED, Row, judge

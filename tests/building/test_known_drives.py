@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_drives import BEGIN, END, LAWS, fit, page, ratios, read_arms, typical
+from real_robots.known_drives import BEGIN, END, LAWS, fit, page, ratios, read_arms, typical
 
 from faultgen.building.drive_numbers import drive_of
 from faultgen.building.seen import Seen

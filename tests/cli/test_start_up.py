@@ -80,7 +80,7 @@ def test_refusals_are_quick(tmp_path, arguments, message):
     ],
 )
 def test_quick_commands_import_only_what_they_need(tmp_path, arguments, needed):
-    """benchmarks/command_speed.py measures the processor time that they take."""
+    """benchmarks/speed/command_speed.py measures the processor time that they take."""
     rows = "\n".join(f"{0.01 * k},{k % 9},{k % 7}" for k in range(50))
     (tmp_path / "log.csv").write_text(f"t,q1,u1\n{rows}\n")
     (tmp_path / "plain.toml").write_text(

@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from example_data import DATA, EXPERIMENTS, FLEET
+from data.example_data import DATA, EXPERIMENTS, FLEET
 
 import faultgen
 from faultgen import datasets

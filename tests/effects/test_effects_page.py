@@ -4,8 +4,8 @@ from pathlib import Path
 
 import matplotlib.image
 import numpy as np
-from effect_cases import CASES, MOTIONS
-from effect_signatures import FOLDER, PAGE, page
+from pages.effect_cases import CASES, MOTIONS
+from pages.effect_signatures import FOLDER, PAGE, page
 
 from faultgen.effects import EFFECTS
 

@@ -142,7 +142,7 @@ def test_the_study_of_the_page_compares_the_isolator(folder):
 def test_every_file_is_counted():
     """The files that the page names for this repository exist."""
     root = Path(__file__).parents[2]
-    for name in ("benchmarks/effect_cases.py", "docs/effects.md", "faultgen/effects/base.py"):
+    for name in ("benchmarks/pages/effect_cases.py", "docs/effects.md", "faultgen/effects/base.py"):
         assert name in PAGE and (root / name).is_file()
     for name, table in (("isolators", "ISOLATORS"), ("detectors", "DETECTORS")):
         path = root / "faultgen" / "evaluation" / f"{name}.py"

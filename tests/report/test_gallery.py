@@ -8,7 +8,7 @@ from importlib import resources
 import numpy as np
 import pytest
 from conftest import faultgen_here
-from effect_cases import CASES
+from pages.effect_cases import CASES
 
 from faultgen.effects import EFFECTS
 from faultgen.report.gallery import gallery_page, picture
