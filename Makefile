@@ -6,7 +6,7 @@ BIN = $(VENV)/bin
 # tests start compiles what it imports: 8 s of processor time instead of 2 s for `faultgen isolate`
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: install lock demo docs test fast-tests test-slow fuzz lint mutation benchmark pictures clean
+.PHONY: install lock demo docs test fast-tests test-slow fuzz lint mutation results benchmark pictures clean
 
 install: $(VENV)/installed
 
@@ -56,12 +56,14 @@ lint: install
 mutation: install
 	$(BIN)/python -m benchmarks.mutation.run $(MODULES) --save benchmarks/results/mutation.json
 
+# Everything that the tables of the documentation show: several hours. Name parts to make only these:
+# PARTS="growth peers"; `python -m benchmarks.results --list` prints them with their times
+results: install
+	$(BIN)/python -m benchmarks.results $(addprefix --only ,$(PARTS))
+
+SPEED = speed peers growth signature_speed
 benchmark: install
-	$(BIN)/python -m benchmarks.speed.speed --save benchmarks/results/speed.json
-	$(BIN)/python -m benchmarks.speed.peers --save benchmarks/results/peers.json
-	$(BIN)/python -m benchmarks.speed.growth --save benchmarks/results/growth.json
-	$(BIN)/python -m benchmarks.speed.signature_speed --save benchmarks/results/signature_speed.json
-	$(BIN)/python benchmarks/speed_page.py
+	$(BIN)/python -m benchmarks.results --again $(addprefix --only ,$(SPEED))
 	$(BIN)/python -m benchmarks.speed.transfer_entropy
 
 pictures: install

@@ -22,7 +22,7 @@ from joblib import Parallel, delayed
 from scoring import batches, trials
 from scoring.answering import LIMIT, answer, version
 from scoring.judging import Row, judge
-from scoring.table import SHARES, by_factor, by_group, into, page, scores, share
+from scoring.table import SHARES, by_factor, by_group, page, scores, share
 from sealed.limits import CACHE
 from tqdm import tqdm
 
@@ -140,9 +140,6 @@ def main(
     limit: Annotated[float, typer.Option(help="Time that an answer may take [s].")] = LIMIT,
     dry: Annotated[bool, typer.Option(help="Make the cases, but answer none.")] = False,
     save: Annotated[Path | None, typer.Option(help="File for all scores, as JSON.")] = None,
-    docs: Annotated[
-        Path | None, typer.Option(help="Page for the results, docs/results/discovery.md.")
-    ] = None,
     cache: Annotated[
         Path, typer.Option(help="Folder for sensitivities of the sealed simulator.")
     ] = CACHE,
@@ -192,8 +189,6 @@ def main(
     for path in (answers / SCORES, save):
         if path is not None:
             write_text(path, json.dumps(told, indent=1) + "\n")
-    if docs is not None:
-        write_text(docs, into(docs.read_text(), rows, about))
     typer.echo(scores(by_group(rows)))
     for batch_name, why in about["skipped"].items():
         typer.echo(f"{batch_name} was left out: {why}")

@@ -1,6 +1,6 @@
 """How far the assumed drives are off on arms whose drives are known.
 
-    python -m benchmarks.real_robots.known_drives [--write docs/robots.md]
+    python -m benchmarks.real_robots.known_drives [--save FILE]
 
 fits the laws of faultgen/building/usual.py to the arms of known_drives.toml, prints their numbers,
 and prints a table: the ratio of the assumed to the known number on each arm, with laws that were
@@ -11,7 +11,7 @@ that the model of a real arm states would be used; here, only the speed limit is
 from __future__ import annotations
 
 import argparse
-import re
+import json
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,10 +22,9 @@ import numpy as np
 
 from faultgen.building import usual
 from faultgen.evaluation.markdown import table
+from faultgen.system.files import write_text
 
 ARMS = Path(__file__).with_name("known_drives.toml")
-BEGIN, END = "<!-- known drives -->", "<!-- /known drives -->"
-"""Between these lines the page has the table."""
 
 TORQUE, STIFFNESS = "torque limit", "gearbox stiffness"
 
@@ -154,8 +153,8 @@ def typical(errors: Sequence[np.ndarray]) -> float:
     return float(np.exp(np.sqrt(np.mean(squares))))
 
 
-def page() -> str:
-    """Return the table, as docs/robots.md has it: every law fitted without the arm of the row."""
+def told() -> dict[str, Any]:
+    """Return `head` and `rows` of the table: every law fitted without the arm of the row."""
     arms = read_arms()
     names = [*(law.name for law in LAWS), ALL]
     errors: dict[str, list[np.ndarray]] = {name: [] for name in names}
@@ -171,7 +170,7 @@ def page() -> str:
     most = [np.exp(np.nanmax(np.abs(np.log(np.concatenate(errors[n]))))) for n in names]
     rows.append(["typical factor", *(f"{typical(errors[n]):.2f}" for n in names)])
     rows.append(["largest factor", *(f"{one:.2g}" for one in most)])
-    return table(["arm, rated payload", *names], rows)
+    return {"head": ["arm, rated payload", *names], "rows": rows}
 
 
 ALL = "Coulomb friction, torque limit assumed too"
@@ -185,19 +184,18 @@ def _cell(found: np.ndarray) -> str:
 
 
 def main() -> None:
-    """Print the fit and the table, or write the table into a page."""
+    """Print the fit and the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--write", type=Path, help="page between whose marks the table stands")
+    parser.add_argument("--save", type=Path, help="also write the table there, as JSON")
     arguments = parser.parse_args()
     arms = read_arms()
     for law in LAWS:
         found = fit(law, arms)
         print(f"{law.name}: factor {np.exp(found[0]):.4g}, exponents {np.round(found[1:], 3)}")
-    print(page())
-    if arguments.write:
-        old = arguments.write.read_text()
-        marked = re.compile(f"{re.escape(BEGIN)}.*{re.escape(END)}", re.DOTALL)
-        arguments.write.write_text(marked.sub(f"{BEGIN}\n{page()}\n{END}", old))
+    result = told()
+    print(table(result["head"], result["rows"]))
+    if arguments.save:
+        write_text(arguments.save, json.dumps(result, indent=1) + "\n")
 
 
 if __name__ == "__main__":

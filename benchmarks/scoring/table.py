@@ -227,28 +227,18 @@ how many of them are there.
 {_stated({"all": rows})}"""
 
 
-BEGIN, END = "<!-- results of one version -->", "<!-- end of results -->"
-"""Lines of a page between which its results stand."""
-
-
-def into(text: str, rows: Sequence[Row], about: Mapping[str, Any]) -> str:
-    """Put the results into a page.
+def shown(rows: Sequence[Row], about: Mapping[str, Any]) -> str:
+    """Return the results of one version as the documentation shows them, in Markdown.
 
     Args:
-        text: The page, with the lines `BEGIN` and `END`.
         rows: All cases that were answered.
         about: As for `page`.
-
-    Returns:
-        The page.
     """
-    head, rest = text.split(BEGIN)
-    _, tail = rest.split(END)
     told = (
         f"{len(rows)} of {about['planned']} answers of the {about['set']} set, by source "
         f"{about['version']}; the SHA-256 of the drawn plan is `{about['plan_sha256']}`."
     )
-    return f"{head}{BEGIN}\n\n{told}\n\n{summary(rows)}\n\n{END}{tail}"
+    return f"{told}\n\n{summary(rows)}"
 
 
 def page(rows: Sequence[Row], about: Mapping[str, Any]) -> str:

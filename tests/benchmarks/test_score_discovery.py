@@ -10,8 +10,8 @@ import pytest
 from discovery import score as score_discovery
 from laboratories.files import write_truth
 from scoring import answering, real, trials
-from scoring.judging import REFUSED, Row, judge
-from scoring.table import by_factor, by_group, into, page, reliability, scores, share
+from scoring.judging import REFUSED, judge
+from scoring.table import by_factor, by_group, page, reliability, scores, share
 from typer.testing import CliRunner
 
 TRUTH: dict[str, Any] = {
@@ -228,18 +228,3 @@ def test_absent_machines_say_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(real, "DATA", tmp_path)
     with pytest.raises(FileNotFoundError, match="emps needs the recordings in"):
         real.make("emps", tmp_path)
-
-
-def test_the_page_shows_the_saved_scores() -> None:
-    """docs/results/discovery.md is what its file of scores says."""
-    root = Path(__file__).parents[2]
-    saved = root / "benchmarks" / "results" / "discovery_score.json"
-    if not saved.is_file():
-        pytest.skip(f"{saved.name} was not made yet")
-    told = json.loads(saved.read_text())
-    rows = [
-        Row(**case | {"stated": tuple((p, there) for p, there in case["stated"])})
-        for case in told["cases"]
-    ]
-    text = (root / "docs" / "results" / "discovery.md").read_text()
-    assert into(text, rows, told) == text

@@ -105,11 +105,3 @@ def test_the_tutorial_runs(tmp_path):
             r"```python\n(.*?)```", (ROOT / "docs" / f"{page}.md").read_text(), re.DOTALL
         )
         run(sys.executable, "-c", code)
-
-
-def test_tables_of_speed_are_those_of_the_results():
-    """They are written by `benchmarks/speed_page.py` after a measurement."""
-    code = (
-        "import speed_page as s; t = s.PAGE.read_text(encoding='utf-8'); assert s.written(t) == t"
-    )
-    subprocess.run([sys.executable, "-c", code], cwd=ROOT / "benchmarks", check=True)

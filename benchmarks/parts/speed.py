@@ -1,20 +1,12 @@
-"""Write the tables of docs/speed.md from the measured results in benchmarks/results.
-
-python benchmarks/speed_page.py
-"""
+"""Time and memory: docs/speed.md."""
 
 from __future__ import annotations
 
-import json
-import re
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-from tabulate import tabulate
+from parts.part import GPU, Part, table
 
-HERE = Path(__file__).parent
-PAGE = HERE.parent / "docs" / "speed.md"
+_PAGE = "speed.md"
 
 _PROGRAMS = {
     "faultgen": "faultgen: all physics in MuJoCo's model, stepped by `mujoco.batch`",
@@ -65,13 +57,7 @@ def speed(told: dict[str, Any]) -> str:
             "; ".join(f"{mib:.0f}" for mib in memory.values()) + " MiB",
         ],
     ]
-    return _table(["quantity", "goal", "measured"], rows)
-
-
-def _table(head: list[str], rows: list[list[Any]]) -> str:
-    lines = tabulate(rows, head, tablefmt="github", disable_numparse=True).splitlines()
-    lines[1] = "|" + " --- |" * len(head)
-    return "\n".join(re.sub(" {2,}", " ", line) for line in lines)
+    return table(["quantity", "goal", "measured"], rows)
 
 
 def _goal(value: float, most: float) -> str:
@@ -95,7 +81,7 @@ def peers(told: dict[str, Any]) -> str:
             ]
         )
     head = ["program", "step", "torque error", "cost of a simulated second", "over faultgen"]
-    return _table(head, rows)
+    return table(head, rows)
 
 
 def growth(told: dict[str, Any]) -> str:
@@ -112,7 +98,7 @@ def growth(told: dict[str, Any]) -> str:
         ]
         for row in told["rows"]
     ]
-    return _table(head, rows)
+    return table(head, rows)
 
 
 def signatures(told: dict[str, Any]) -> str:
@@ -124,36 +110,68 @@ def signatures(told: dict[str, Any]) -> str:
         cells += [f"{row['signatures_s']:.1f} s", f"{row['signatures_over_simulation']:.1f}"]
         cells += [f"{row['second_s']:.1f} s"]
         rows.append(cells)
-    return _table(head, rows)
+    return table(head, rows)
 
 
-TABLES: dict[str, Callable[[dict[str, Any]], str]] = {
-    "speed": speed,
-    "peers": peers,
-    "growth": growth,
-    "signature_speed": signatures,
-}
+def device(told: dict[str, Any]) -> str:
+    """Speed of a graphics card by number of robots, over cores of the processor."""
+    one, every = (told["processors"][name] for name in ("one_core", "all_cores"))
+    cores = told["processors"]["cores"]
+    rows = []
+    for row in told["speed"]:
+        rate = row["steps_per_second_without_host"]
+        cells = [row["worlds"], f"{rate / 1e6:.3g} million"]
+        cells += [f"{rate / base:.{0 if rate > 10 * base else 1}f}" for base in (one, every)]
+        rows.append([*cells, f"{row['memory_bytes'] / 2**30:.2f} GiB"])
+    head = ["robots at once", "steps a second", "over one core", f"over {cores} cores", "memory"]
+    card = told["device"].partition(": ")[2]
+    return (
+        f"{card}. One core steps {one / 1e6:.2f} million times a second, {cores} cores "
+        f"{every / 1e6:.2f} million times.\n\n{table(head, rows)}"
+    )
 
 
-def written(page: str) -> str:
-    """Put the tables into the text of the page.
-
-    Args:
-        page: The text, in which the comments "<!-- NAME.json -->" and "<!-- end -->" enclose each
-            table.
-
-    Returns:
-        The text with the tables of the present results.
-    """
-    for name, table in TABLES.items():
-        told = json.loads((HERE / "results" / f"{name}.json").read_text(encoding="utf-8"))
-        begin, end = f"<!-- {name}.json -->\n", "\n<!-- end -->"
-        before, found, rest = page.partition(begin)
-        if not found or end not in rest:
-            raise SystemExit(f"{PAGE}: has no place for the table of {name}.json")
-        page = before + begin + table(told) + rest[rest.index(end) :]
-    return page
-
-
-if __name__ == "__main__":
-    PAGE.write_text(written(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+PARTS = (
+    Part(
+        name="speed",
+        commands=("python -m benchmarks.speed.speed --save speed.json",),
+        code=("speed.speed", "faultgen.dataset.sweep"),
+        page=_PAGE,
+        table=speed,
+        minutes=15,
+    ),
+    Part(
+        name="peers",
+        commands=("python -m benchmarks.speed.peers --save peers.json",),
+        code=("speed.peers", "independent"),
+        page=_PAGE,
+        table=peers,
+        minutes=5,
+        needs=("numba", "pinocchio"),
+    ),
+    Part(
+        name="growth",
+        commands=("python -m benchmarks.speed.growth --save growth.json",),
+        code=("speed.growth", "faultgen.building.build", "faultgen.dataset.sweep"),
+        page=_PAGE,
+        table=growth,
+        minutes=4,
+    ),
+    Part(
+        name="signature_speed",
+        commands=("python -m benchmarks.speed.signature_speed --save signature_speed.json",),
+        code=("speed.signature_speed",),
+        page=_PAGE,
+        table=signatures,
+        minutes=4,
+    ),
+    Part(
+        name="device",
+        commands=("python -m benchmarks.speed.device --device cuda --save device.json",),
+        code=("speed.device",),
+        page=_PAGE,
+        table=device,
+        minutes=10,
+        needs=(GPU, "mujoco_warp"),
+    ),
+)
