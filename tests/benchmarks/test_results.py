@@ -34,6 +34,24 @@ def test_a_page_shows_the_saved_numbers(page):
     assert results.rendered(page, text) == text
 
 
+def test_the_table_of_scripts_names_every_script():
+    """Those of the shared packages and of the parts have no line of their own."""
+    folder = ROOT / "benchmarks"
+    cells = [
+        line.split("|")[1].strip()
+        for line in (folder / "README.md").read_text().splitlines()
+        if line.startswith("| ")
+    ]
+    listed = sorted(name for cell in cells for name in cell.split(", "))
+    shared = {"laboratories", "sealed", "scoring", "parts", "results"}
+    folders = [
+        path.parent for path in folder.glob("*/__init__.py") if path.parent.name not in shared
+    ]
+    named = {f"**{one.name}**" for one in folders}
+    scripts = {path.stem for one in folders for path in one.glob("[!_]*.py")}
+    assert listed == sorted({"script", "---"} | named | scripts)
+
+
 @pytest.mark.parametrize("one", results.PARTS, ids=lambda one: one.name)
 def test_a_part_is_complete(one):
     """Its numbers are there, and what it names exists."""
