@@ -6,7 +6,7 @@ BIN = $(VENV)/bin
 # tests start compiles what it imports: 8 s of processor time instead of 2 s for `faultgen isolate`
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: install lock demo docs test fast-tests test-slow fuzz lint mutation benchmark pictures clean
+.PHONY: install lock demo docs test fast-tests test-slow fuzz lint mutation results benchmark pictures clean
 
 install: $(VENV)/installed
 
@@ -41,7 +41,7 @@ test-slow: install
 	$(BIN)/python -m pytest -n auto -m slow
 
 fuzz: install
-	FAULTGEN_FUZZ=2000 $(BIN)/python -m pytest -n auto tests/test_fuzz.py
+	FAULTGEN_FUZZ=2000 $(BIN)/python -m pytest -n auto tests/project/test_fuzz.py
 
 lint: install
 	$(BIN)/ruff check .
@@ -54,19 +54,21 @@ lint: install
 
 # Hours: see "Mutation run" in docs/methods.md. Name modules to run a part: MODULES="faultgen/dataset/wear.py"
 mutation: install
-	$(BIN)/python benchmarks/mutation.py $(MODULES) --save benchmarks/results/mutation.json
+	$(BIN)/python -m benchmarks.mutation.run $(MODULES) --save benchmarks/results/mutation.json
 
+# Everything that the tables of the documentation show: several hours. Name parts to make only these:
+# PARTS="growth peers"; `python -m benchmarks.results --list` prints them with their times
+results: install
+	$(BIN)/python -m benchmarks.results $(addprefix --only ,$(PARTS))
+
+SPEED = speed peers growth signature_speed
 benchmark: install
-	$(BIN)/python benchmarks/speed.py --save benchmarks/results/speed.json
-	$(BIN)/python benchmarks/peers.py --save benchmarks/results/peers.json
-	$(BIN)/python benchmarks/growth.py --save benchmarks/results/growth.json
-	$(BIN)/python benchmarks/signature_speed.py --save benchmarks/results/signature_speed.json
-	$(BIN)/python benchmarks/speed_page.py
-	$(BIN)/python benchmarks/bench_transfer_entropy.py
+	$(BIN)/python -m benchmarks.results --again $(addprefix --only ,$(SPEED))
+	$(BIN)/python -m benchmarks.speed.transfer_entropy
 
 pictures: install
 	$(BIN)/python docs/pictures.py
-	$(BIN)/python benchmarks/effect_signatures.py
+	$(BIN)/python -m benchmarks.pages.effect_signatures
 
 clean:
 	rm -rf $(VENV) demo-out build *.egg-info

@@ -14,11 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from faultgen.discovery.decision.arrays import REST, Arrays
-from faultgen.discovery.decision.difference import model_of
-from faultgen.discovery.decision.numbers import KINDS
-from faultgen.discovery.decision.whitening import whitened
 from laboratories.ablation_steps import STEPS, Steps
 from laboratories.dump import laboratory
 from laboratories.effects import Effect
@@ -26,6 +21,11 @@ from laboratories.known import know, on_another_day
 from laboratories.make import draw_session, model_for, record
 from laboratories.recorded import as_recorded, number_products, true_scales
 from laboratories.setup import Setup, set_up
+
+from faultgen.discovery.decision.arrays import REST, Arrays
+from faultgen.discovery.decision.difference import model_of
+from faultgen.discovery.decision.numbers import KINDS
+from faultgen.discovery.decision.whitening import whitened
 
 _STREAM = 97  # of random numbers, apart from those of the cases
 _BLOCK, _FOLDS = 1.0, 4  # of held-out samples [s], and in how many turns they are held out

@@ -13,6 +13,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from laboratories.effects import WAVES
+from laboratories.recorded import Recorded, true_std
 from scipy.special import logsumexp
 
 from faultgen.discovery.decision.arrays import Arrays
@@ -24,8 +26,6 @@ from faultgen.discovery.decision.whitening import whitened
 from faultgen.inference.model import Model
 from faultgen.inference.products import Products
 from faultgen.inference.search import HEALTHY, Hypothesis, log_priors, search
-from laboratories.effects import WAVES
-from laboratories.recorded import Recorded, true_std
 
 STEPS = {
     "A": "true columns, noise and standard deviations, on the samples that discovery uses",

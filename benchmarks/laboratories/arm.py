@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
-
 from laboratories.mjcf import Machine
+from numba import njit
 
 Body = tuple[np.ndarray, ...]
 """Arrays of an arm in the order that the functions below take them."""

@@ -11,7 +11,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-
 from laboratories.effects import CATALOGUE, ORDERS, UNLISTED, WAVES, axes_of
 from laboratories.mjcf import Machine
 from laboratories.motions import MOTIONS

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
-
 from laboratories.draw import BASE, Laboratory
 from laboratories.effects import (
     CATALOGUE,

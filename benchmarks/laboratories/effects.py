@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.signal import lfilter
-
 from laboratories.mjcf import Machine, merged
 from laboratories.robots import Plant
+from scipy.signal import lfilter
 
 WAVES = ("transmission_error", "torque_ripple")
 ORDERS = (1, 2, 4, 6)

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-
 from laboratories.dump import effects_of
 from laboratories.effects import CATALOGUE, Effect, apply, largest, logged_torque
 from laboratories.make import COMMON_SHARE, OWN_SHARE, Session, slow_rows

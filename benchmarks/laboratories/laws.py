@@ -8,8 +8,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
-
 from laboratories.parameters import (
     COULOMB,
     DAMP,
@@ -39,6 +37,7 @@ from laboratories.parameters import (
     X_VISCOUS,
     X_WAVE,
 )
+from numba import njit
 
 
 @njit(cache=True)

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
 from laboratories.draw import Laboratory, Plan, draw_cases
 from laboratories.effects import Effect, apply, axes_of, logged_torque, temperature_factors
 from laboratories.files import write_case

@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-
 from laboratories.mjcf import Machine
 from laboratories.plant import GRID
 from laboratories.robots import set_points

@@ -9,9 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
-
 from laboratories.real_noise import colour, draw_series
+from scipy.signal import lfilter
 
 KINDS = ("constant", "by_motion", "by_speed", "by_load", "coloured", "quantised", "outliers")
 """Kinds of noise; `draw_noise` says what each of them is."""

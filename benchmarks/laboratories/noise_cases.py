@@ -15,15 +15,14 @@ from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
+from laboratories.files import write_case, write_truth
+from laboratories.noise import TorqueNoise, draw_noise
 from sealed.effects import Context, Effect, context
 from sealed.limits import torque_of
 from sealed.motions import protocol
 from sealed.physics import SAMPLE_PERIOD
 from sealed.recording import draw_temperatures
 from sealed.robots import random_robot
-
-from laboratories.files import write_case, write_truth
-from laboratories.noise import TorqueNoise, draw_noise
 
 ROBOT = "puma560"
 STEP = 2e-4

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-
 from laboratories.draw import Laboratory
 from laboratories.effects import (
     CATALOGUE,

@@ -11,8 +11,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
-
 from laboratories.arm import Body, forward, workspace
 from laboratories.laws import dahl, gear, level, viscous
 from laboratories.parameters import (
@@ -45,6 +43,7 @@ from laboratories.parameters import (
     X_TORQUE,
     X_WRIST,
 )
+from numba import njit
 
 STEP = 1.25e-4
 """Step [s] of all simulations, recordings and oracle. It divides `DENSE` and every servo period.

@@ -10,6 +10,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from laboratories.files import write_case
+from laboratories.known import Known
+from laboratories.setup import Setup
 
 from faultgen.discovery.decision.arrays import Arrays, Posed, arrays_of
 from faultgen.discovery.decision.numbers import KINDS
@@ -19,9 +22,6 @@ from faultgen.discovery.signatures import for_fitting, signatures
 from faultgen.inference.model import Group, Model
 from faultgen.inference.products import Products
 from faultgen.robot import Robot, load_robot
-from laboratories.files import write_case
-from laboratories.known import Known
-from laboratories.setup import Setup
 
 _DIRECT = ("friction", "rotor inertia", "damping", "stiffness")  # groups whose scales are known
 _WIDE = 10.0  # factor by which the scale of another group may differ: the data should tell it

@@ -11,7 +11,6 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-
 from laboratories.arm import Body, body_arrays, inverse
 from laboratories.laws import steady_friction
 from laboratories.mjcf import Machine, read_machine

@@ -6,7 +6,6 @@ plant = with_servo(plant, "cascade", bandwidth=8.0, period=1e-3)
 from __future__ import annotations
 
 import numpy as np
-
 from laboratories.arm import body_arrays, inverse
 from laboratories.mjcf import Machine
 from laboratories.plant import DENSE, GRID

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-
 from laboratories.draw import Laboratory
 from laboratories.motions import MOTIONS, Motion, draw_motion
 from laboratories.noise import TorqueNoise, draw_noise

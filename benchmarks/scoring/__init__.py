@@ -1,4 +1,4 @@
 """Scores of `faultgen discover` on robots of other simulators, on own data and on real machines.
 
-`benchmarks/score_discovery.py` is the command; docs/results/discovery.md says what is counted.
+`benchmarks/discovery/score.py` is the command; docs/results/discovery.md says what is counted.
 """

@@ -17,9 +17,10 @@ from pathlib import Path
 from threading import Timer
 from typing import Any
 
+from scoring.judging import FAILED, REFUSED
+
 import faultgen
 from faultgen.system.files import write_text
-from scoring.judging import FAILED, REFUSED
 
 LIMIT = 900.0
 """Time [s] after which an answer counts as failed: a good deal more than any case may take."""

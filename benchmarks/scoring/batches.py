@@ -11,17 +11,17 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from discovery.own_wear import CASES as OWN_CASES
+from discovery.own_wear import write_case
 from laboratories.draw import draw_cases, draw_laboratory
 from laboratories.make import make_laboratory
-from own_wear import CASES as OWN_CASES
-from own_wear import write_case
+from scoring import real
 from sealed.cases import make_case
 from sealed.effects import Effect
 from sealed.limits import DETECTED, Limits
 from sealed.plan import ROBOTS, Case, plan_cases
 
 from faultgen.robot import load_robot
-from scoring import real
 
 SETS = ("development", "report")
 """What is tuned is tuned on the first; the other is for one frozen version."""

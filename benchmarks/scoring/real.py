@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from laboratories.real_noise import DATA
-from measured_data import (
+from real_robots.measured_data import (
     EXAMPLES,
     joined,
     read_emps,
@@ -22,8 +22,8 @@ from measured_data import (
     xl330_model,
     xl330_runs,
 )
-from real_arms import CASES as ARMS
-from real_arms import model
+from real_robots.real_arms import CASES as ARMS
+from real_robots.real_arms import model
 
 from faultgen.recordings.recording import Recording, write_recording
 

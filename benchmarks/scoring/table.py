@@ -10,10 +10,10 @@ import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from scoring.judging import CLEAR, DETECTED, Row
 from statsmodels.stats.proportion import proportion_confint
 
 from faultgen.evaluation.markdown import table as markdown
-from scoring.judging import CLEAR, DETECTED, Row
 
 SHARES = {
     "first": "clear effect first",
@@ -227,28 +227,18 @@ how many of them are there.
 {_stated({"all": rows})}"""
 
 
-BEGIN, END = "<!-- results of one version -->", "<!-- end of results -->"
-"""Lines of a page between which its results stand."""
-
-
-def into(text: str, rows: Sequence[Row], about: Mapping[str, Any]) -> str:
-    """Put the results into a page.
+def shown(rows: Sequence[Row], about: Mapping[str, Any]) -> str:
+    """Return the results of one version as the documentation shows them, in Markdown.
 
     Args:
-        text: The page, with the lines `BEGIN` and `END`.
         rows: All cases that were answered.
         about: As for `page`.
-
-    Returns:
-        The page.
     """
-    head, rest = text.split(BEGIN)
-    _, tail = rest.split(END)
     told = (
         f"{len(rows)} of {about['planned']} answers of the {about['set']} set, by source "
         f"{about['version']}; the SHA-256 of the drawn plan is `{about['plan_sha256']}`."
     )
-    return f"{head}{BEGIN}\n\n{told}\n\n{summary(rows)}\n\n{END}{tail}"
+    return f"{told}\n\n{summary(rows)}"
 
 
 def page(rows: Sequence[Row], about: Mapping[str, Any]) -> str:
@@ -262,7 +252,7 @@ def page(rows: Sequence[Row], about: Mapping[str, Any]) -> str:
     skipped = "".join(f"- {name} was left out: {why}\n" for name, why in about["skipped"].items())
     return f"""# Score of discovery: the {about["set"]} set
 
-`benchmarks/score_discovery.py` wrote this page: {len(rows)} of {about["planned"]} answers of one
+`benchmarks/discovery/score.py` wrote this page: {len(rows)} of {about["planned"]} answers of one
 version (source {about["version"]}), each by the public command `faultgen discover … --json` in a
 process of its own, without a cache. The SHA-256 of the drawn plan is
 `{about["plan_sha256"]}`.

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from laboratories.files import read_truth
-from sealed.cases import read_truth as read_sealed
-
 from scoring.batches import case_words, sealed_entry
+from sealed.cases import read_truth as read_sealed
 
 _MODES = {"twin": "with baseline", "alone": "alone"}
 

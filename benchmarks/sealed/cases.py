@@ -14,16 +14,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from faultgen.recordings.recording import Recording, write_recording
-from faultgen.robot import load_robot
-from faultgen.system.files import write_text
 from sealed.dynamics import STEP
 from sealed.effects import context
 from sealed.limits import torque_of
 from sealed.plan import Case
 from sealed.recording import draw_noise, draw_temperatures, measure
 from sealed.robots import random_robot
+
+from faultgen.recordings.recording import Recording, write_recording
+from faultgen.robot import load_robot
+from faultgen.system.files import write_text
 
 CASE_FILE, MEASURED, HEALTHY = "case.json", "measured.h5", "healthy.h5"
 TRUTH, DIGEST = "truth.json", "truth.sha256"

@@ -11,7 +11,6 @@ import math
 
 import numpy as np
 from numba import njit
-
 from sealed.columns import (
     CLIP,
     CLIP_W,

@@ -14,10 +14,10 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import minimize_scalar
-
-from faultgen.robot import load_robot
 from sealed.motions import protocol
 from sealed.physics import Physics, constant, nominal_physics, set_points, simulate
+
+from faultgen.robot import load_robot
 
 Slow = list[np.ndarray]
 """What changes with time, by motion, as in `dynamics.SLOWLY`."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 
 from numba import njit
-
 from sealed.columns import (
     ASYMMETRY,
     ASYMMETRY_W,

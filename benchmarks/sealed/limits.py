@@ -18,7 +18,6 @@ from pathlib import Path
 
 import numpy as np
 from joblib import Parallel, delayed
-
 from sealed.effects import (
     CATALOGUE,
     Context,

@@ -13,12 +13,12 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from sealed.physics import GRID, SAMPLE_PERIOD, Physics, Reference, nominal_physics, set_points
 
 from faultgen.robot import Robot, load_robot
 from faultgen.simulation.arm import Arm
 from faultgen.simulation.motion import plan
 from faultgen.tasks import load_task
-from sealed.physics import GRID, SAMPLE_PERIOD, Physics, Reference, nominal_physics, set_points
 
 SECONDS = 3.5
 """Of a motion [s]; stretches of tasks last as their moves do."""

@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-
-from faultgen.robot import COULOMB, OFFSET, STICTION, STRIBECK_VELOCITY, Robot
 from sealed.chain import Chain, read_chain
 from sealed.columns import INDEX, NAMES
 from sealed.dynamics import SLOWLY, STEP, integrate
 from sealed.rigid import body_arrays, inverse_dynamics
+
+from faultgen.robot import COULOMB, OFFSET, STICTION, STRIBECK_VELOCITY, Robot
 
 SAMPLE_PERIOD = 0.004
 """Of recordings [s]."""

@@ -11,7 +11,6 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-
 from sealed.effects import CATALOGUE, Effect, axes_of
 from sealed.limits import MODES, ORDERS, WAVES, Limits, combos
 from sealed.recording import LEVELS

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import lfilter
+from sealed.motions import protocol
+from sealed.physics import SAMPLE_PERIOD
 
 from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot
-from sealed.motions import protocol
-from sealed.physics import SAMPLE_PERIOD
 
 LEVELS = (0.005, 0.01, 0.02)
 """Noise of the torque over its RMS in the nominal protocol."""

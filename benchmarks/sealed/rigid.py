@@ -10,7 +10,6 @@ import math
 
 import numpy as np
 from numba import njit
-
 from sealed.chain import Chain
 
 Body = tuple[np.ndarray, ...]

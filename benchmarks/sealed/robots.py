@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-
 from sealed.chain import Chain
 from sealed.columns import INDEX
 from sealed.dynamics import STEP

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.signal import lfilter
-
 from sealed.effects import Context, Effect, Slow
 from sealed.physics import SAMPLE_PERIOD, Physics
 

@@ -21,7 +21,10 @@ _WARM = (
     "Raviola et al. 2021, doi 10.3390/robotics10030083: viscous friction of a UR3 and a UR5 falls "
     "by 20 and 17 % while they warm up"
 )
-_UR10E = "own measurement, benchmarks/reference_ur10e.py: 0.5 to 5 % between recordings of a UR10e"
+_UR10E = (
+    "own measurement, benchmarks/real_robots/reference_ur10e.py: "
+    "0.5 to 5 % between recordings of a UR10e"
+)
 _ABSENT = "healthy robots do not have it: what is left is too small to be seen"
 
 
@@ -62,8 +65,9 @@ and a standard deviation of 0.33 N m (39 %); joints 5 to 7 have 47 %."""
 _FACTOR = 3.0
 """Three standard deviations of a log-normal spread of 40 % from unit to unit: exp(3 x 0.37) = 3.
 The spread is published, but three of them, and the rule when `calibrate` goes further, were chosen
-while the errors of the TX40 and the Gen3 were looked at (benchmarks/real_arms.py): those errors are
-no independent test of this limit. That rotor inertia and stiffness have it too is assumed."""
+while the errors of the TX40 and the Gen3 were looked at (benchmarks/real_robots/real_arms.py):
+those errors are no independent test of this limit. That rotor inertia and stiffness have it too is
+assumed."""
 
 TORQUE_CONSTANT = 0.1
 """Largest error of a torque constant on a data sheet, as a share. Source: `_MOTORS`."""

@@ -10,7 +10,7 @@ other axes g = 1. `base` is the polynomial through four temperatures, `load` and
 slopes, and `wear` is a polynomial in the damage through zero and three values, linear between two
 temperatures. The friction of one axis has almost no influence on the torque of another, because all
 axes follow their set points. The sum ignores interactions; they are of second order.
-`tests/test_fleet.py` compares it with direct simulation.
+`tests/fleet/test_fleet.py` compares it with direct simulation.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The gallery of effects: a small picture and a sentence for each, on one page without other files.
 
-The curves are stored with the package. `benchmarks/effect_signatures.py` simulates them.
+The curves are stored with the package. `benchmarks/pages/effect_signatures.py` simulates them.
 """
 
 from __future__ import annotations

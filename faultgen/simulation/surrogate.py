@@ -2,7 +2,7 @@
 
 A study needs many thousand cycles that differ only a little. Every condition on a grid is simulated
 once, and a cycle at any other condition is computed sample by sample, see `grid`. Each axis is a
-way of wear of its own. `benchmarks/surrogate_error.py` measures the error against direct
+way of wear of its own. `benchmarks/simulation/surrogate_error.py` measures the error against direct
 simulation, and docs/surrogate.md compares it with the noise.
 
     surrogate = build_surrogate("irb6700", "spot_weld")

@@ -17,7 +17,7 @@ which each step of the integration solves exactly. So it does for a share s of t
 is lost, u = -s (w - G x).
 Friction with bristles is in `bristles`, a loose tool in `loose`, the integration in `elastic`.
 The time integration is that of Newmark (1959) with constant mean acceleration: it is stable and
-adds no damping. tests/test_formulas.py compares every formula with the simulation.
+adds no damping. tests/discovery/test_formulas.py compares every formula with the simulation.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ the servo is seen. With the gains of the servo and the impedance Z of rotor, gea
     Z = J s^2 + G L / (G + L),      G = (D s + K) / n^2,      L = M s^2 / n^2
 
 with the mean inertia M of the links about their own axis. What axes do to each other is left out.
-tests/test_smoothed_load.py compares it with simulations.
+tests/discovery/test_smoothed_load.py compares it with simulations.
 """
 
 from __future__ import annotations

@@ -1,0 +1,1 @@
+"""How often discovery is right, and why it is wrong."""

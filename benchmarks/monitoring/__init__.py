@@ -1,0 +1,1 @@
+"""Detectors and forecasts of twins, on robots that faultgen does not know."""

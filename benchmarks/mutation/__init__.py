@@ -1,0 +1,1 @@
+"""Do the tests notice small errors that are put into the code?"""

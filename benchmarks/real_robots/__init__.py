@@ -1,0 +1,1 @@
+"""Recordings and known numbers of real robots."""

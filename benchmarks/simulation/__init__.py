@@ -1,0 +1,1 @@
+"""How exact the simulation is, and what its shortcuts cost."""
