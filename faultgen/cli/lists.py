@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from faultgen.cli.app import Json, app, names, out_option, print_json, print_table
+from faultgen.errors import InputError
 from faultgen.system.terminal import say
 
 
