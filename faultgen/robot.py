@@ -43,12 +43,10 @@ from faultgen.mjcf.elements import element_ids, stated_name
 from faultgen.mjcf.folder import read_folder, write_folder
 from faultgen.mjcf.gearing import Gearing, tendon_coefficients
 from faultgen.mjcf.memory import check_memory
+from faultgen.mjcf.rotors import COUPLING as COUPLING
 from faultgen.mjcf.warnings import mujoco_warnings
 from faultgen.robot_names import check_robot
 from faultgen.robot_names import robot_names as robot_names
-
-COUPLING = "wrist_coupling"
-"""Name of the elements with friction and inertia that two neighbouring axes share."""
 
 _ROUNDING = 1e-9  # by which a joint may be outside its range [rad or m]
 
@@ -72,6 +70,9 @@ class Robot:
     machine, before all others."""
     tasks: Mapping[str, str] = field(default_factory=dict, repr=False, compare=False)
     """Text of the task files in the robot's folder, by name of the task."""
+    origin: Mapping[str, str] = field(default_factory=dict, repr=False, compare=False)
+    """Text of the user's MJCF or URDF file from which `robot build` made the robot, by its name;
+    empty if there is none."""
     n_axes: int = field(init=False)
     """Number of axes."""
     joints: tuple[int, ...] = field(init=False)
@@ -254,7 +255,9 @@ class Robot:
         Args:
             folder: The folder. It is created if it does not exist.
         """
-        write_folder(folder, self.name, self.xml, self.assets, self.effects, self.tasks)
+        write_folder(
+            folder, self.name, self.xml, self.assets, self.effects, self.tasks, self.origin
+        )
 
     def label(self, element: str, axis: int) -> str:
         """Name an element of an axis in a message.
@@ -394,9 +397,9 @@ def load_robot(name_or_path: str | Path, folders: Sequence[Path] = ()) -> Robot:
     check_robot(name_or_path)
     path = Path(name_or_path)
     if path.is_dir():
-        name, xml, assets, effects, tasks = read_folder(path, folders)
+        name, xml, assets, effects, tasks, origin = read_folder(path, folders)
         check_memory(name, xml, assets)
-        return Robot(name, xml, assets, effects, tasks)
+        return Robot(name, xml, assets, effects, tasks, origin)
     xml, assets = read_mjcf(path, folders)
     check_memory(path.stem, xml, assets)
     return Robot(path.stem, xml, assets)

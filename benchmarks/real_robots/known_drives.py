@@ -2,17 +2,17 @@
 
     python -m benchmarks.real_robots.known_drives [--save FILE]
 
-fits the laws of faultgen/building/usual.py to the arms of known_drives.toml, prints their numbers,
-and prints a table: the ratio of the assumed to the known number on each arm, with laws that were
-fitted to all other arms. A torque limit and a speed limit
-that the model of a real arm states would be used; here, only the speed limit is.
+fits the laws of faultgen/building/usual.py to the arms of faultgen/building/known_drives.toml,
+prints their numbers, and prints two tables: the ratio of the assumed to the known number on each
+arm, with laws that were fitted to all other arms, and with the class of its payload (--like) that
+was made of all other arms. A torque limit and a speed limit that the model of a real arm states
+would be used; here, the first table uses the speed limit only, and the second neither.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,10 +21,11 @@ from typing import Any
 import numpy as np
 
 from faultgen.building import usual
+from faultgen.building.alike import NUMBERS, payload_class, read_arms
+from faultgen.building.drive_numbers import drive_of
+from faultgen.building.seen import Seen
 from faultgen.evaluation.markdown import table
 from faultgen.system.files import write_text
-
-ARMS = Path(__file__).with_name("known_drives.toml")
 
 TORQUE, STIFFNESS = "torque limit", "gearbox stiffness"
 
@@ -93,17 +94,6 @@ LAWS = (
 """Each is fitted given the numbers before it, as a build uses them."""
 
 
-def read_arms() -> list[dict[str, Any]]:
-    """Return the arms whose drives are known, with arrays of shape (n_axes,)."""
-    arms = tomllib.loads(ARMS.read_text())["arm"]
-    for arm in arms:
-        for key, value in arm.items():
-            if key != "sources" and isinstance(value, list):
-                arm[key] = np.array(value, dtype=float)
-        arm["largest"] = np.full(len(arm["torque_limit"]), np.max(arm["weight_torque"]))
-    return arms
-
-
 def _columns(law: Law, arm: Columns) -> tuple[np.ndarray, np.ndarray]:
     """Known numbers of an arm, shape (n_axes,), and what they depend on, (n_axes, n_numbers)."""
     with np.errstate(invalid="ignore"):
@@ -147,14 +137,79 @@ def ratios(law: Law, arm: Columns, numbers: Sequence[float] | np.ndarray) -> np.
     return 1 / off if law.name == STIFFNESS else off  # the law is that of the wind-up
 
 
+def class_ratios(arm: Columns, arms: Sequence[Columns]) -> dict[str, np.ndarray]:
+    """Return the numbers of the class of an arm's payload over its known numbers.
+
+    Args:
+        arm: The arm.
+        arms: The other arms, of which the class is made.
+
+    Returns:
+        Shape (n_axes,) by number, NaN where one of both is not known.
+    """
+    like = payload_class(float(arm["payload"]), len(arm["torque_limit"]), arms)
+    return {
+        key: np.array([axis.get(key, np.nan) for axis in like.axes]) / arm[key] for key in NUMBERS
+    }
+
+
+def assumed_ratios(arm: Columns) -> dict[str, np.ndarray]:
+    """Return what a build without --like assumes over the known numbers of an arm.
+
+    Args:
+        arm: The arm. Its model states masses, but no limits.
+
+    Returns:
+        Shape (n_axes,) by number, NaN where none is known.
+    """
+    rows = []
+    for axis, inertia in enumerate(arm["arm_inertia"]):
+        seen = Seen(
+            slide=False,
+            most=inertia,
+            least=inertia / 2,
+            gravity=arm["gravity"][axis],
+            weight=arm["weight_torque"][axis],
+            arm_weight=arm["largest"][axis],
+        )
+        found = {name: one.value for name, one in drive_of({}, seen).items()}
+        ratio = found["gear_ratio"]
+        found["reflected_inertia"] = found["rotor_inertia"] * ratio**2
+        found["coulomb"] = found["coulomb_friction"] * ratio
+        found["viscous"] = found["viscous_friction"] * ratio**2
+        rows.append({**found, "stiffness": found["gear_stiffness"]})
+    return {key: np.array([row[key] for row in rows]) / arm[key] for key in NUMBERS}
+
+
+def _class_table(arms: Sequence[Columns]) -> dict[str, Any]:
+    six = [arm for arm in arms if len(arm["torque_limit"]) == 6]
+    found = [class_ratios(arm, [one for one in six if one is not arm]) for arm in six]
+    rows = [
+        [f"{arm['name']}, {arm['payload']:g} kg", *(_cell(one[key]) for key in NUMBERS)]
+        for arm, one in zip(six, found, strict=True)
+    ]
+    columns = [[one[key] for one in found] for key in NUMBERS]
+    rows.append(["typical factor", *(_typical_cell(one) for one in columns)])
+    plain = [assumed_ratios(arm) for arm in six]
+    cells = [_typical_cell([one[key] for one in plain]) for key in NUMBERS]
+    rows.append(["typical factor without --like", *cells])
+    head = ["arm, rated payload", *(key.replace("_", " ") for key in NUMBERS)]
+    return {"head": head, "rows": rows}
+
+
+def _typical_cell(errors: Sequence[np.ndarray]) -> str:
+    is_there = any(np.isfinite(one).any() for one in errors)
+    return f"{typical(errors):.2f}" if is_there else ""
+
+
 def typical(errors: Sequence[np.ndarray]) -> float:
     """Return the typical factor by which a law is off: RMS of logarithms, every arm the same."""
     squares = [np.nanmean(np.log(one) ** 2) for one in errors if np.isfinite(one).any()]
     return float(np.exp(np.sqrt(np.mean(squares))))
 
 
-def told() -> dict[str, Any]:
-    """Return `head` and `rows` of the table: every law fitted without the arm of the row."""
+def told() -> dict[str, dict[str, Any]]:
+    """Return the tables `laws` and `classes`, each fitted without the arm of the row."""
     arms = read_arms()
     names = [*(law.name for law in LAWS), ALL]
     errors: dict[str, list[np.ndarray]] = {name: [] for name in names}
@@ -170,7 +225,8 @@ def told() -> dict[str, Any]:
     most = [np.exp(np.nanmax(np.abs(np.log(np.concatenate(errors[n]))))) for n in names]
     rows.append(["typical factor", *(f"{typical(errors[n]):.2f}" for n in names)])
     rows.append(["largest factor", *(f"{one:.2g}" for one in most)])
-    return {"head": ["arm, rated payload", *names], "rows": rows}
+    laws = {"head": ["arm, rated payload", *names], "rows": rows}
+    return {"laws": laws, "classes": _class_table(arms)}
 
 
 ALL = "Coulomb friction, torque limit assumed too"
@@ -184,16 +240,17 @@ def _cell(found: np.ndarray) -> str:
 
 
 def main() -> None:
-    """Print the fit and the table."""
+    """Print the fit and the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--save", type=Path, help="also write the table there, as JSON")
+    parser.add_argument("--save", type=Path, help="also write the tables there, as JSON")
     arguments = parser.parse_args()
     arms = read_arms()
     for law in LAWS:
         found = fit(law, arms)
         print(f"{law.name}: factor {np.exp(found[0]):.4g}, exponents {np.round(found[1:], 3)}")
     result = told()
-    print(table(result["head"], result["rows"]))
+    for one in result.values():
+        print(table(one["head"], one["rows"]))
     if arguments.save:
         write_text(arguments.save, json.dumps(result, indent=1) + "\n")
 

@@ -27,6 +27,9 @@ _GRIPPER = re.compile(
     r"finger|gripper|jaw|knuckle|thumb|claw|(?<![a-z])(grip|hand)s?(?![a-z])", re.IGNORECASE
 )
 """Names of the joints and links of grippers."""
+_ARM = re.compile(r"shoulder|elbow|wrist", re.IGNORECASE)
+"""Names of joints that are axes, although the link that they move may be called a gripper."""
+_TOLD_CHAINS = 2  # of several equally long ones, those for which a line is written
 _SHORT = 0.15  # longest stroke of a finger [m]; those of large parallel grippers have 0.1 m
 
 
@@ -83,12 +86,13 @@ def choose_axes(
     ]
     findings = [*_wrong_types(spec, None), *within]
     if _breaks(spec, arm):  # then the joints of grippers and those that follow are told too
+        ready = _longest_chains(spec, arm)
         arm, gripper = movable, []
+        findings += _branches(spec, arm, ready)
     if not arm and not findings:
         what = "no joint of it is a hinge or a slide"
         what = "each of its joints follows another one" if movable else what
         findings = [Finding("model", what, "give a model with hinge or slide joints")]
-    findings += _breaks(spec, arm)
     notes = []
     if gripper:
         notes.append(
@@ -181,16 +185,46 @@ def _wrong_types(spec: mujoco.MjSpec, chosen: Sequence[str] | None) -> list[Find
 
 def _breaks(spec: mujoco.MjSpec, names: Sequence[str]) -> list[Finding]:
     """Where the second one of two neighbouring axes is not carried by the first one."""
-    pairs = [
-        (first, second)
-        for first, second in zip(names, names[1:], strict=False)
-        if spec.joint(first).parent.name not in above(spec.joint(second).parent)
-    ]
+    pairs = _gaps(spec, names)
     if not pairs:
         return []
     what = "do not follow each other in one chain: the model branches or has two arms"
     more = f" (and {len(pairs) - 1} other neighbours)" if len(pairs) > 1 else ""
     return [Finding("joints '{}' and '{}'".format(*pairs[0]), what + more, _NAME_THEM)]
+
+
+def _branches(
+    spec: mujoco.MjSpec, names: Sequence[str], chains: Sequence[Sequence[str]]
+) -> list[Finding]:
+    """That a model branches, with a ready line for its longest chain, or for some of them."""
+    ready = " or ".join(_line(chain) for chain in chains[:_TOLD_CHAINS])
+    which = "the longest chain is" if len(chains) == 1 else f"{len(chains)} chains are equally long"
+    remedy = f"{_NAME_THEM}; {which}: {ready}"
+    return [Finding(one.where, one.what, remedy) for one in _breaks(spec, names)]
+
+
+def _longest_chains(spec: mujoco.MjSpec, names: Sequence[str]) -> list[list[str]]:
+    """The longest chains of axes that carry each other, from the base to the tool."""
+    chains: dict[str, list[str]] = {}
+    for name in names:  # each stands behind those that carry it
+        carrying = [other for other in chains if _carries(spec, other, name)]
+        before = max((chains[other] for other in carrying), key=len, default=[])
+        chains[name] = [*before, name]
+    most = max(map(len, chains.values()))
+    return [chain for chain in chains.values() if len(chain) == most]
+
+
+def _line(names: Sequence[str]) -> str:
+    return "joints = [" + ", ".join(f'"{name}"' for name in names) + "]"
+
+
+def _gaps(spec: mujoco.MjSpec, names: Sequence[str]) -> list[tuple[str, str]]:
+    """Neighbouring axes of which the second is not carried by the first."""
+    return [
+        (first, second)
+        for first, second in zip(names, names[1:], strict=False)
+        if spec.joint(first).parent.name not in above(spec.joint(second).parent)
+    ]
 
 
 def _carries(spec: mujoco.MjSpec, name: str, other: str) -> bool:
@@ -208,7 +242,7 @@ def _of_gripper(spec: mujoco.MjSpec, names: Sequence[str]) -> list[str]:
 
 def _looks_so(spec: mujoco.MjSpec, name: str, bodies: dict[str, mujoco.MjsBody]) -> bool:
     body = bodies[name]
-    if _GRIPPER.search(name) or _GRIPPER.search(body.name):
+    if _GRIPPER.search(name) or (_GRIPPER.search(body.name) and not _ARM.search(name)):
         return True
     if any(is_flange(one) for one in above(body)[1:]):
         return True

@@ -13,6 +13,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from faultgen.building.alike import Like, find_like
 from faultgen.building.chain import HOME
 from faultgen.building.doubts import weight_warnings
 from faultgen.building.drive_numbers import Value, disbelieved, drive_of
@@ -70,7 +71,9 @@ class Built:
         write_text(folder / DRIVES, self.drives)
 
 
-def build(path: Path, drives: Drives, name: str, folders: Sequence[Path] = ()) -> Built:
+def build(
+    path: Path, drives: Drives, name: str, folders: Sequence[Path] = (), like: str | None = None
+) -> Built:
     """Build a robot from a plain model.
 
     Args:
@@ -78,6 +81,7 @@ def build(path: Path, drives: Drives, name: str, folders: Sequence[Path] = ()) -
         drives: What is known about the drives.
         name: Name of the robot.
         folders: Further folders, beside those of the model, whose files it may use.
+        like: Name of a known arm, or a payload such as "5 kg", whose numbers replace assumed ones.
 
     Returns:
         The robot, and everything that was assumed.
@@ -90,11 +94,12 @@ def build(path: Path, drives: Drives, name: str, folders: Sequence[Path] = ()) -
         raise InputError(f"'{name}' is the name of a robot that comes with faultgen; use another")
     plain = plain_arm(path, drives.joints, drives.tool, folders, drives.mass)
     check_names(drives, plain.joints)
+    alike = None if like is None else find_like(like, plain.joints)
     with computable(path.name):
-        return _build(path, plain, drives, name)
+        return _build(path, plain, drives, name, alike)
 
 
-def _build(path: Path, plain: Plain, drives: Drives, name: str) -> Built:
+def _build(path: Path, plain: Plain, drives: Drives, name: str, like: Like | None) -> Built:
     spec, _ = parsed(plain.xml, plain.assets, path.name)
     spec.modelname = name
     mark_assumed(spec, plain.assumed_ranges)
@@ -102,7 +107,8 @@ def _build(path: Path, plain: Plain, drives: Drives, name: str) -> Built:
     turns = turns_of(plain.joints, drives.coupling)
     seen = look(spec, plain, turns)
     values = tuple(
-        drive_of(drives.of(joint), one) for joint, one in zip(plain.joints, seen, strict=True)
+        drive_of(drives.of(joint), one, like, axis)
+        for axis, (joint, one) in enumerate(zip(plain.joints, seen, strict=True))
     )
     heavy = weight_warnings(compiled(spec.copy(), path.name))
     add_drives(spec, plain.joints, values, drives.coupling)
@@ -136,7 +142,22 @@ def _build(path: Path, plain: Plain, drives: Drives, name: str) -> Built:
         for joint, numbers, one in zip(plain.joints, values, seen, strict=True)
         for line in disbelieved(numbers, one)
     ]
-    return Built(robot, plain, values, text, (*plain.notes, *friction, *notes), warnings)
+    told = [] if like is None else _told_like(like, plain.joints, values)
+    return Built(robot, plain, values, text, (*plain.notes, *friction, *told, *notes), warnings)
+
+
+def _told_like(like: Like, joints: Sequence[str], values: Sequence[dict[str, Value]]) -> list[str]:
+    """What was taken from a similar arm."""
+    taken: dict[str, list[str]] = {}
+    for joint, numbers in zip(joints, values, strict=True):
+        for name, one in numbers.items():
+            if one.source == "like":
+                taken.setdefault(name, []).append(joint)
+    lines = [like.remark] if like.remark else []
+    every = [name for name, of in taken.items() if len(of) == len(joints)]
+    some = [f"{name} of {', '.join(of)}" for name, of in taken.items() if name not in every]
+    what = "; ".join(filter(None, [", ".join(every), *some])) or "nothing, because all is stated"
+    return [*lines, f"taken from {like.name} (sources in drives.toml): {what}"]
 
 
 def unused_limits(
@@ -238,7 +259,7 @@ def _with_step(
     """The robot with the time step that was given, or one that is small enough."""
     resolve_inertias(spec)
     compiled(spec, f"robot {name}")
-    robot = Robot(name, mjcf_text(spec), plain.assets)
+    robot = Robot(name, mjcf_text(spec), plain.assets, origin=plain.origin)
     source = Value(0, "given")
     if given is None:
         poses = sampled_poses(robot.joint_range, robot.slides, _STABLE_POSES)

@@ -1,7 +1,7 @@
 """Rotors, friction and torque limits that do not fit to the arm that they move.
 
-What the known arms have (benchmarks/real_robots/known_drives.toml) says what is doubtful. What is
-several times further away from it cannot be true.
+What the known arms have (known_drives.toml) says what is doubtful. What is several times
+further away from it cannot be true.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from faultgen.building.usual import usual_torque
 from faultgen.robot import COULOMB, STICTION, Robot
 from faultgen.simulation.arm import Arm
 
+_ALIKE = 4  # moving links whose masses are a placeholder if all are the same
 _POSES = 128  # at which the arm is looked at
 
 _ROTOR, _NO_ROTOR = 13.0, 44.0
@@ -44,11 +45,20 @@ its links and about 160 kg/m^2 (link masses of a public model of robot milling).
 
 
 def weight_warnings(model: mujoco.MjModel) -> list[str]:
-    """Write in one line if an arm is heavier than arms of its size are.
+    """Write in one line if the masses of an arm are not those of arms of its size.
 
     Args:
         model: The compiled arm.
+
+    Returns:
+        One line, or none.
     """
+    same = _same_masses(model)
+    if same:
+        return [
+            f"{same[1]} moving links all weigh {same[0]:g} kg, which looks like a placeholder; "
+            "correct the masses in the model, because torques, drives and tasks follow from them"
+        ]
     mass, length = moving_mass(model), length_of(model)
     dense = mass / max(length, 0.05) ** 2
     if mass <= _HEAVIEST and dense <= _DENSEST:
@@ -58,6 +68,19 @@ def weight_warnings(model: mujoco.MjModel) -> list[str]:
         "payload have 1500 kg at 3 m; check the masses, or state mass and torque_limit in "
         "drives.toml"
     ]
+
+
+def _same_masses(model: mujoco.MjModel) -> tuple[float, int] | None:
+    """The mass that four or more moving links and no other ones have, and how many have it."""
+    links = np.unique(model.jnt_bodyid)
+    names = [model.body(int(link)).name for link in links]
+    masses = [
+        float(model.body_mass[link])
+        for link, name in zip(links, names, strict=True)
+        if not name.startswith("rotor")
+    ]
+    alike = len(masses) >= _ALIKE and max(masses) - min(masses) <= 1e-9 * max(masses)
+    return (masses[0], len(masses)) if alike else None
 
 
 def moving_mass(model: mujoco.MjModel) -> float:

@@ -210,7 +210,8 @@ def drives_text(
         f"# The drives of {name}: every number that its model has.",
         "# A line that begins with # was not given. To state the number yourself, remove the #,",
         "# change the number, and run 'faultgen robot build' again with this file. The numbers",
-        "# that remain behind a # are then determined anew.",
+        "# that remain behind a # are then determined anew. Numbers of a similar arm (--like) are",
+        "# without #, so that they stay.",
         "",
     ]
     lines += [
@@ -258,6 +259,8 @@ def _line(key: str, text: str, value: Value | None, unit: str) -> str:
     unit = f"[{unit}] " if unit else ""
     if value.source == "given":
         return f"{key} = {text}  # {unit}given"
+    if value.source == "like":  # not behind a #, so that it stays when the robot is built again
+        return f"{key} = {text}  # {unit}{value.why}"
     origin = (
         f"assumed: {value.why}" if value.source == "assumed" else f"from the model: {value.why}"
     )

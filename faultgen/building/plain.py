@@ -72,6 +72,8 @@ class Plain:
     """What was used for links that state no mass; the robot keeps its warnings."""
     warnings: tuple[str, ...]
     """What is probably not what the user wants."""
+    origin: Mapping[str, str]
+    """Text of the file by its name, as the user wrote it."""
 
 
 def plain_arm(
@@ -145,6 +147,7 @@ def plain_arm(
             *gravity_warnings(model),
             *(f"MuJoCo: {one_line(line)}" for line in warned),
         ),
+        origin=source.origin,
     )
 
 

@@ -49,6 +49,8 @@ class Source:
     equality constraints of MJCF."""
     notes: tuple[str, ...]
     """What was left out."""
+    origin: Mapping[str, str]
+    """Text of the file by its name, as the user wrote it; included files are in their place."""
 
 
 def read_source(path: Path, folders: Sequence[Path] = ()) -> Source:
@@ -70,9 +72,11 @@ def read_source(path: Path, folders: Sequence[Path] = ()) -> Source:
     root = parse_xml(text, where)
     if _is_xacro(root):
         raise InputError(
-            f"{where}: is a xacro file, which only ROS can expand; write 'xacro "
-            f"{path.name} > {path.stem.partition('.')[0]}.urdf' there, and give the URDF file"
+            f"{where}: is a xacro file, which has to be expanded first: write 'xacro {path.name} > "
+            f"{path.stem.partition('.')[0]}_expanded.urdf' with ROS or after 'pip install xacro', "
+            "and give the new file"
         )
+    original = text
     notes: list[str] = []
     stated = Stated({}, {}, frozenset(), {})
     if root.tag == "robot":
@@ -81,6 +85,7 @@ def read_source(path: Path, folders: Sequence[Path] = ()) -> Source:
         text = ElementTree.tostring(root, encoding="unicode")
     elif root.tag == "mujoco":
         text, assets = read_mjcf(path, folders)
+        original = text
         root = parse_xml(text, where)
     else:
         raise InputError(
@@ -102,7 +107,7 @@ def read_source(path: Path, folders: Sequence[Path] = ()) -> Source:
     }
     stated = stated._replace(leaders={**follows, **stated.leaders})
     kept = _gather(spec, assets, notes)
-    return Source(path.stem, spec, kept, *stated, tuple(notes))
+    return Source(path.stem, spec, kept, *stated, tuple(notes), {path.name: original})
 
 
 def _is_xacro(root: ElementTree.Element) -> bool:

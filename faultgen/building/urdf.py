@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 
+from faultgen.building import collada
 from faultgen.building.axes import MOST_LINKS
 from faultgen.building.ranges import ENDLESS
 from faultgen.errors import InputError
@@ -202,6 +203,7 @@ def take_meshes(
         InputError: A mesh lies outside of the reach, cannot be read, or is too large.
     """
     assets: dict[str, bytes] = {}
+    made: dict[Path, tuple[str, bytes]] = {}
     lost = []
     for link in root.findall("link"):
         for shape in [*link.findall("visual"), *link.findall("collision")]:
@@ -214,14 +216,17 @@ def take_meshes(
                 link.remove(shape)
                 lost.append(name)
                 continue
-            content = read_asset(file, f"robot file {path}: mesh", assets)
-            mesh.set("filename", asset_name(file.name, content, assets))
+            what = f"robot file {path}: mesh"
+            content, short = read_asset(file, what, assets), file.name
+            if file.suffix.lower() == collada.ENDING:
+                if file not in made:
+                    made[file] = collada.converted(short, content, what)
+                short, content = made[file]
+            mesh.set("filename", asset_name(short, content, assets))
+    if made:
+        notes.append(f"{len(made)} Collada meshes (.dae) were converted for MuJoCo")
     if lost:
-        names = ", ".join(sorted(set(lost)))
-        notes.append(
-            f"{len(set(lost))} meshes were not found or are in a format that MuJoCo does not read, "
-            f"and are left out (the masses in the URDF stay): {names}"
-        )
+        notes.append(_told_lost(sorted(set(lost))))
     extension = root.find("mujoco")
     extension = ElementTree.SubElement(root, "mujoco") if extension is None else extension
     for old in extension.findall("compiler")[1:]:
@@ -234,12 +239,30 @@ def take_meshes(
     return assets
 
 
+def _told_lost(names: list[str]) -> str:
+    """Write which meshes are left out, and what to do about it."""
+    line = (
+        f"{len(names)} meshes were not found or are in a format that MuJoCo does not read, "
+        f"and are left out (the masses in the URDF stay): {', '.join(names)}"
+    )
+    packages = {one.removeprefix("package://").partition("/")[0] for one in names if "://" in one}
+    if packages:
+        line += (
+            f"; name the folder that has the package {', '.join(sorted(packages))} with "
+            "--package-path FOLDER"
+        )
+    if any(one.lower().endswith(collada.ENDING) for one in names) and not collada.is_there():
+        line += f"; {collada.HINT}"
+    return line
+
+
 def _find_mesh(name: str, urdf: Path, reach: Reach) -> Path | None:
     """The file of a mesh, given as a path or as package://<package>/<path>."""
     inside = name
     for scheme in ("package://", "model://", "file://"):
         inside = inside.removeprefix(scheme)
-    if not inside.lower().endswith(_MESHES) or "\x00" in name:
+    formats = (*_MESHES, collada.ENDING) if collada.is_there() else _MESHES
+    if not inside.lower().endswith(formats) or "\x00" in name:
         return None
     options = [inside] if name == inside else [inside, inside.partition("/")[2]]
     if name.startswith("file://"):

@@ -1,8 +1,7 @@
 """What the drives of arms usually have: laws that were fitted to arms whose drives are known.
 
-The arms, with their sources, stand in benchmarks/real_robots/known_drives.toml;
-known_drives.py beside it fits the laws and shows how far they are off on each arm when they are
-fitted to the others.
+The arms, with their sources, stand in known_drives.toml; benchmarks/real_robots/known_drives.py
+fits the laws and shows how far they are off on each arm when they are fitted to the others.
 
     usual_torque(weight_torque=1.5, largest=60.0)  # of a wrist axis [N m]
 """

@@ -26,6 +26,7 @@ _TRIES = 24  # poses about which a task is tried
 _PLANS = 6  # motions of the tool that are planned before joints move instead
 _SIZES = (0.25, 0.15, 0.08)  # of a panel over the reach
 _SHRINK = (1.0, 0.7, 0.5, 0.3)  # of joint motions
+_LOOK = 0.05  # time between the poses of a motion in which collisions are looked for [s]
 _LEAST = 6  # axes with which a tool can have every pose
 
 
@@ -50,7 +51,7 @@ def plan_tasks(robot: Robot, home: np.ndarray | None) -> tuple[Robot, np.ndarray
 def _plan_tasks(robot: Robot, home: np.ndarray | None) -> tuple[Robot, np.ndarray, list[str]]:
     space = Workspace(robot, home)
     found: dict[str, str] = {}
-    notes = []
+    notes = list(space.notes)
     if robot.n_axes >= _LEAST and not robot.slides.any():
         down, out = (space.best(downward, _TRIES) for downward in (True, False))
         options: dict[str, Callable[[], Iterable[Content | None]]] = {
@@ -60,7 +61,7 @@ def _plan_tasks(robot: Robot, home: np.ndarray | None) -> tuple[Robot, np.ndarra
         }
         for name, contents in options.items():
             reached = islice(filter(None, contents()), _PLANS)
-            text = next(filter(None, (_planned(robot, name, one) for one in reached)), None)
+            text = next(filter(None, (_planned(space, name, one) for one in reached)), None)
             if text is not None:
                 found[name] = text
             else:
@@ -69,7 +70,7 @@ def _plan_tasks(robot: Robot, home: np.ndarray | None) -> tuple[Robot, np.ndarra
         why = "it has an axis that slides" if robot.slides.any() else "it has fewer than six axes"
         notes.append(f"tasks: joints move and not the tool along lines, because {why}")
     if len(found) < 3:
-        found = {**_joint_tasks(robot, space), **found}
+        found = {**_joint_tasks(space), **found}
     missing = {"pick_and_place", "spot_weld", "arc_weld"} - found.keys()
     if missing:
         notes.append(
@@ -86,17 +87,18 @@ def _plan_tasks(robot: Robot, home: np.ndarray | None) -> tuple[Robot, np.ndarra
     return robot, home, notes
 
 
-def _planned(robot: Robot, name: str, content: Content) -> str | None:
-    """Text of a task file; None if the robot cannot do it."""
-    text = tomli_w.dumps(content)
+def _planned(space: Workspace, name: str, content: Content) -> str | None:
+    """Text of a task file; None if the robot cannot do it, or collides on its way."""
+    text, robot = tomli_w.dumps(content), space.robot
     try:
-        plan(load_task(robot.name, name, {name: text}), robot)
+        motion = plan(load_task(robot.name, name, {name: text}), robot)
     except InputError:
         return None
-    return text
+    way, _, _ = motion(np.arange(0, motion.period, _LOOK))
+    return text if all(space.is_free(pose) for pose in way) else None
 
 
-def _joint_tasks(robot: Robot, space: Workspace) -> dict[str, str]:
+def _joint_tasks(space: Workspace) -> dict[str, str]:
     """Those of the three tasks that the robot can do as motions of its joints."""
     best: dict[str, str] = {}
     middles = [] if space.home is None else [space.home]
@@ -105,7 +107,7 @@ def _joint_tasks(robot: Robot, space: Workspace) -> dict[str, str]:
             contents = joint_tasks(space, middle, size)
             if contents is None:
                 continue
-            texts = {name: _planned(robot, name, one) for name, one in contents.items()}
+            texts = {name: _planned(space, name, one) for name, one in contents.items()}
             found = {name: text for name, text in texts.items() if text is not None}
             if len(found) > len(best):
                 best = found

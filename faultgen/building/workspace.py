@@ -14,6 +14,7 @@ from faultgen.building.resonance import sampled_poses
 from faultgen.errors import InputError
 from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm, motor_torque
+from faultgen.simulation.collisions import Collisions
 from faultgen.simulation.timing import TORQUE_SHARE
 
 _SAMPLES = 800  # poses that are looked at
@@ -82,7 +83,19 @@ class Workspace:
         above = (-points @ self.down).min(axis=1) >= self._floor
         if (held & above).sum() < _FEWEST:
             self._floor, above = -np.inf, np.ones(len(drawn), bool)
-        self.poses = drawn[held & above]
+        height = None if np.isinf(self._floor) else self._floor
+        self._collisions: Collisions | None = Collisions(robot, height)
+        good = drawn[held & above]
+        free = np.array([self.is_free(pose) for pose in good], bool)
+        self.notes: tuple[str, ...] = ()
+        """What the user has to know about the poses."""
+        if free.sum() < _FEWEST:
+            self._collisions, free = None, np.ones(len(good), bool)
+            self.notes = (
+                "tasks: collisions are not checked, because the shapes of the model overlap in "
+                "nearly all poses",
+            )
+        self.poses = good[free]
         """Poses above the floor in which the drives can hold the arm, shape (poses, n_axes)."""
 
     def _held(self, poses: np.ndarray) -> np.ndarray:
@@ -112,11 +125,19 @@ class Workspace:
         tool = self._data.site("tool").xpos
         return np.vstack([self._data.xpos[self._moving], tool])
 
+    def is_free(self, pose: np.ndarray) -> bool:
+        """Tell whether no links collide with each other or with the floor.
+
+        Args:
+            pose: Joint positions, shape (n_axes,), in [rad] or [m].
+        """
+        return self._collisions is None or self._collisions.is_free(pose)
+
     def is_safe(self, pose: np.ndarray) -> bool:
         """Tell whether an arm can be in a pose.
 
-        The joints must be in their range, the links and the tool above the floor, and the drives
-        must hold the arm.
+        The joints must be in their range, the links and the tool above the floor and free of
+        collisions, and the drives must hold the arm.
 
         Args:
             pose: Joint positions, shape (n_axes,), in [rad] or [m].
@@ -126,6 +147,7 @@ class Workspace:
             bool(np.all((pose >= low) & (pose <= high)))
             and bool((-self._points(pose) @ self.down).min() >= self._floor)
             and bool((self._share_of_torque(pose[None]) <= TORQUE_SHARE).all())
+            and self.is_free(pose)
         )
 
     def is_clear(self, here: np.ndarray, there: np.ndarray) -> bool:

@@ -164,7 +164,7 @@ def discover(
     if as_json:
         print_json(result)
         return
-    say(result["verdict"])
+    say(result["summary"], f"verdict: {result['verdict']}")
     for one in result["effects"]:
         low, high = one["interval"]["severity"]
         say(
@@ -172,8 +172,11 @@ def discover(
             f"[{low:.4g}, {high:.4g}], {one['parameters']['unit']}; "
             f"confidence {one['confidence']:.2f}"
         )
-        if "sentence" in one:
-            say(f"  {one['sentence']}")
+        for other in one.get("also", ()):
+            say(
+                f"  {other['value']:.3g} {other['unit']} "
+                f"({other['interval'][0]:.3g} to {other['interval'][1]:.3g})"
+            )
         if "sentence" in one["parameters"]:
             say(f"  {one['parameters']['sentence']}: {one['parameters']['formula']}")
     for one in result["alternatives"]:

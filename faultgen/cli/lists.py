@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from faultgen.cli.app import Json, app, names, out_option, print_json, print_table
+from faultgen.errors import InputError
 from faultgen.system.terminal import say
 
 
@@ -42,39 +43,96 @@ def tasks(
             "write a,b. Default: the robots that come with faultgen."
         ),
     ] = None,
+    task: Annotated[
+        str | None,
+        typer.Option(
+            help="Name of a task or path of a task file, such as motion_1.toml of 'discover "
+            "--plan'. For several, write a,b. Default: all tasks of the robot."
+        ),
+    ] = None,
+    write: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="<path>",
+            help="Folder to which the planned motions are written for a controller.",
+        ),
+    ] = None,
+    motion_format: Annotated[
+        str,
+        typer.Option(
+            help="With --write: csv (position, velocity and acceleration of the joints), ros2 "
+            "(JSON of a trajectory_msgs/JointTrajectory) or urscript (movej and servoj)."
+        ),
+    ] = "csv",
+    sample_period: Annotated[
+        float, typer.Option(help="With --write: time between the samples [s].")
+    ] = 0.008,
     as_json: Json = False,
 ) -> None:
-    """List the tasks of each robot with their cycle times.
+    """List the tasks of each robot with their cycle times, or write their motions.
+
+    \b
+    faultgen tasks --robot my_arm
+    faultgen tasks --robot my_arm --task spot_weld --write motions --motion-format ros2
 
     The window share is the share of time in which a motor turns at 50 to 120 rad/s. If it is
     above zero, only samples from this time count in the mean torque that monitoring stores. For an
     axis that never turns so fast, generate uses a window of 0.5 to 1.2 times its top speed.
-    """
+    """  # noqa: D301
+    if write is not None and write.is_file():
+        raise InputError(f"--write {write}: is a file; give a folder")
     from faultgen.planned_cycles import plan_cycle, planned_cycle
     from faultgen.robot_names import robot_names
     from faultgen.tasks import load_task, task_names
 
-    rows = []
+    rows: list[dict[str, Any]] = []
+    written: dict[Path, str] = {}
     for name in names(robot) or robot_names():
         own, of_folder = name, dict[str, str]()
         if name not in robot_names():
             from faultgen.robot import load_robot
 
-            loaded = load_robot(name)
-            own, of_folder = loaded.name, dict(loaded.tasks)
-        for task_name in task_names(own, of_folder):
-            task = load_task(own, task_name, of_folder)
-            cycle = planned_cycle(name, task_name) or plan_cycle(name, task_name)
+            machine = load_robot(name)
+            own, of_folder = machine.name, dict(machine.tasks)
+        known = task_names(own, of_folder)
+        for task_name in names(task) or known:
+            loaded = load_task(own, task_name, of_folder)
+            cycle = planned_cycle(name, task_name) if task_name in known else None
+            cycle = cycle or plan_cycle(name, task_name)
             rows.append(
                 {
                     "robot": own,
-                    "task": task_name,
+                    "task": loaded.name,
                     "cycle [s]": cycle.period,
                     "window share of each axis [%]": " ".join(map(str, cycle.window_share)),
-                    "description": task.description,
+                    "description": loaded.description,
                 }
             )
+            if write is not None:
+                ending, text = _motion(name, task_name, motion_format, sample_period)
+                file = write / f"{own}_{Path(task_name).stem}{ending}"
+                written[file] = text
+                rows[-1]["file"] = str(file)
+    if written:
+        from faultgen.system.files import write_text
+
+        for file, text in written.items():
+            file.parent.mkdir(parents=True, exist_ok=True)
+            write_text(file, text)
     print_json(rows) if as_json else print_table(rows)
+
+
+def _motion(robot: str, task: str, form: str, sample_period: float) -> tuple[str, str]:
+    """Ending and text of the file with the planned motion of a task."""
+    from faultgen.robot import load_robot
+    from faultgen.robot_formats.motions import FORMATS, motion_text
+    from faultgen.simulation.motion import plan
+    from faultgen.tasks import load_task
+
+    machine = load_robot(robot)
+    motion = plan(load_task(machine.name, task, machine.tasks), machine)
+    text = motion_text(motion, form, sample_period)
+    return FORMATS[form], text
 
 
 @app.command()

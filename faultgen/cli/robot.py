@@ -1,4 +1,4 @@
-"""Commands for robots of one's own: build one from a plain model, and check one."""
+"""Commands for robots of one's own: build one from a plain model, check it, and export it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from faultgen.system.terminal import note, say
 
 robot = typer.Typer(
     help="Bring your own robot: build a complete robot from a plain MJCF or URDF model of any arm, "
-    "and check it.",
+    "check it, and export it for other programs.",
     epilog="From a plain model to a labelled dataset: faultgen robot build arm.urdf -o my_arm; "
     "faultgen robot check my_arm; faultgen generate --robot my_arm --task pick_and_place -o data",
     no_args_is_help=True,
@@ -28,8 +28,12 @@ app.add_typer(robot, name="robot")
 Files = Annotated[
     list[Path] | None,
     typer.Option(
+        "--files",
+        "--package-path",
         help="Folder whose files the model may use, beside those in its own folder and in its "
-        "package (a folder above it with a package.xml). May be given several times."
+        "package (a folder above it with a package.xml). For meshes of other packages, "
+        "package://NAME/..., give the folder that holds the folder NAME. May be given several "
+        "times.",
     ),
 ]
 
@@ -52,6 +56,14 @@ def build(
     out: Annotated[Path, out_option("Folder of the robot. Its name is the robot's name.")] = Path(
         "my_robot"
     ),
+    like: Annotated[
+        str | None,
+        typer.Option(
+            help="A known arm (a part of its name is enough, such as ur10e), or a payload such as "
+            "'5 kg', whose drives this arm resembles. Its numbers replace assumed ones, not those "
+            "of drives.toml and of the model. docs/robots.md lists the arms."
+        ),
+    ] = None,
     files: Files = None,
     as_json: Json = False,
 ) -> None:
@@ -69,6 +81,7 @@ def build(
     \b
     faultgen robot build arm.urdf -o my_arm
     faultgen robot build arm.urdf my_arm/drives.toml -o my_arm
+    faultgen robot build arm.urdf --like "5 kg" -o my_arm
     """  # noqa: D301
     if not model.exists():
         raise InputError(f"robot file {model}: does not exist")
@@ -85,7 +98,7 @@ def build(
             f"{out}: is not empty, and holds no {DRIVES} of a robot; give a new folder"
         )
     known = Drives() if drives is None else read_drives(drives)
-    built = run_build(model, known, out.resolve().name, files or ())
+    built = run_build(model, known, out.resolve().name, files or (), like)
     if drives is None and stated.is_file() and stated.read_bytes() != built.drives.encode():
         raise InputError(
             f"{stated}: holds other numbers, which would be lost; give it as the second argument, "
@@ -93,7 +106,7 @@ def build(
         )
     built.write(out)
     numbers = [value.source for one in built.values for value in one.values()]
-    counts = {source: numbers.count(source) for source in ("given", "model", "assumed")}
+    counts = {source: numbers.count(source) for source in ("given", "model", "like", "assumed")}
     axes = [
         {"axis": k + 1, "joint": joint, **{name: one.value for name, one in values.items()}}
         for k, (joint, values) in enumerate(zip(built.plain.joints, built.values, strict=True))
@@ -125,9 +138,10 @@ def build(
     )
     for remark in built.notes:
         say(f"note: {remark}")
+    taken = f"{counts['like']} like {like}, " if like else ""
     say(
         f"{out}: {len(axes)} axes; {counts['given']} numbers given, {counts['model']} from the "
-        f"model, {counts['assumed']} assumed (see {out / DRIVES}); "
+        f"model, {taken}{counts['assumed']} assumed (see {out / DRIVES}); "
         f"tasks: {', '.join(built.robot.tasks) or 'none'}"
     )
 
@@ -183,6 +197,74 @@ def check(
         say(f"{checked.robot}: {result}{more}")
     if not checked.fit:
         raise typer.Exit(1)
+
+
+@robot.command("export")
+def export_command(
+    name: Annotated[
+        str, typer.Argument(help="Name of a robot, a robot folder, or the path of its MJCF file.")
+    ],
+    out: Annotated[Path, out_option("Folder for the files.")] = Path("exported_robot"),
+    payload: Annotated[
+        bool, typer.Option(help="Whether the files contain the payload on the flange.")
+    ] = True,
+    as_json: Json = False,
+) -> None:
+    """Write a robot for other programs: plain MJCF, URDF, tables of its joints, Isaac.
+
+    The MJCF file has the plain arm without rotors and gearboxes: each joint has the armature, the
+    friction and the limits of its drive, and a position actuator with its gains. The URDF has
+    friction, limits and inertias. If 'faultgen robot build' made the robot from your file, your
+    own file is edited: only numbers that differ are changed. After 'faultgen calibrate' or
+    'faultgen discover', the numbers are the calibrated ones.
+
+    joints.csv and joints.json have all numbers of each axis at the joint, in SI units. isaac.json
+    has them with the names and units of Isaac Lab and of USD. The command says what the files
+    cannot express, and compares masses and torques of each file with the robot.
+
+    \b
+    faultgen robot export my_arm -o my_arm_exported
+    faultgen robot export calibrated/model -o calibrated_arm
+    """  # noqa: D301
+    existing_robot(name)
+    from faultgen.robot import load_robot
+    from faultgen.robot_formats.joints import UNITS
+    from faultgen.robot_formats.write import check_folder, export_robot
+
+    check_folder(out)
+    exported = export_robot(load_robot(name), payload=payload)
+    exported.write(out)
+    files = sorted(exported.files)
+    if as_json:
+        print_json(
+            {
+                "folder": str(out),
+                "files": files,
+                "joints": [asdict(row) for row in exported.rows],
+                "agreement": dict(exported.agreement),
+                "notes": list(exported.notes),
+            }
+        )
+        return
+    units = {key: unit[0] for key, unit in UNITS.items()}
+    shown = ("armature", "frictionloss", "damping", "kp", "kd", "effort_limit")
+    print_table(
+        [
+            {
+                "joint": row.joint,
+                **{f"{key} [{units[key]}]": f"{getattr(row, key):.4g}" for key in shown},
+            }
+            for row in exported.rows
+        ]
+    )
+    for remark in exported.notes:
+        say(f"note: {remark}")
+    for file, off in exported.agreement.items():
+        say(
+            f"{file}: joint torques in random motions are those of the robot within {off:.1g} of "
+            "the largest"
+        )
+    say(f"{out}: {', '.join(files)}")
 
 
 def _warn(warnings: Sequence[str]) -> None:

@@ -102,14 +102,7 @@ def twin(
             f"axis {axis}: noise {100 * share:.2f} % of the RMS torque; the model still lacks "
             f"{100 * left:.1f} % on this motion, which is added to generated data"
         )
-    told = result["likeness"]
-    if told["auc"] is None:
-        say("one recording: whether generated data look like measured ones was not tested")
-    else:
-        say(
-            f"a classifier tells generated from measured cycles with AUC {told['auc']:.2f} +- "
-            f"{told['standard_error']:.2f} (0.5: not at all; 1: always)"
-        )
+    say(result["summary"])
     say(f"twin: {out}", f"report: {out / 'report.html'}")
 
 

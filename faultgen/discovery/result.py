@@ -21,6 +21,16 @@ NONE, NAMED, PARTLY, AMBIGUOUS, UNKNOWN, MODEL = (
     "model not good enough",
 )
 
+MEANINGS = {
+    NONE: "the model explains the recording",
+    NAMED: "the effects below explain the gap",
+    PARTLY: "the effects below are certain, but something else is missing besides",
+    AMBIGUOUS: "several answers fit about equally well",
+    UNKNOWN: "a torque that no effect of the catalogue explains acts on an axis",
+    MODEL: "the model explains even the healthy robot too badly for an answer",
+}
+"""What each verdict means."""
+
 MEASURE = "RMS torque error over RMS torque, on motions used neither for fitting nor for choosing"
 
 

@@ -1,7 +1,7 @@
 """Severities of effects in words, and in the units in which people speak of a robot.
 
 said = in_words(robot, "coulomb_friction", 2, 0.197, (0.193, 0.203))
-said.sentence  # "axis 2 has 20 % more Coulomb friction (0.197, 95 % between 0.193 and 0.203)"
+said.sentence  # "axis 2 has 20 % more Coulomb friction than its model (19.3 to 20.3 %)"
 said.also      # (Quantity(0.31, (0.30, 0.32), "N m at the joint"),)
 """
 
@@ -18,7 +18,7 @@ from faultgen.effects.structure import is_loaded
 from faultgen.robot import COULOMB, Robot
 
 _MORE = {
-    "friction_wear": "Coulomb and static friction",
+    "friction_wear": "friction",
     "coulomb_friction": "Coulomb friction",
     "static_friction": "static friction above Coulomb friction",
     "viscous_friction": "viscous friction",
@@ -33,6 +33,9 @@ _LESS = {
     "torque_constant": "torque of the motor than its drive believes",
 }
 """What there is less of."""
+
+THAN_MODEL, THAN_BEFORE = "than its model", "than in the healthy recording"
+"""With what a fraction is compared."""
 
 _NOUNS = {
     "quadratic_viscous_friction": "friction that grows with the square of speed",
@@ -87,7 +90,7 @@ class Said:
     """A severity in words."""
 
     sentence: str
-    """What the axis has, with its 95 % interval."""
+    """What the axis has, and in brackets the interval that contains it with 95 % probability."""
     also: tuple[Quantity, ...]
     """The same in other units."""
 
@@ -103,6 +106,8 @@ def in_words(
     severity: float,
     interval: tuple[float, float],
     parameters: Mapping[str, Any] | None = None,
+    *,
+    than: str = THAN_MODEL,
 ) -> Said:
     """Say what an axis has.
 
@@ -113,24 +118,81 @@ def in_words(
         severity: In the unit of the effect.
         interval: Interval that contains it with 95 % probability, in the same unit.
         parameters: Further parameters of the effect.
+        than: With what a fraction is compared, such as "than its model".
+
+    Returns:
+        The sentence, without a full stop, and the severity in other units.
     """
     also = tuple(
         Quantity(factor * severity, (factor * interval[0], factor * interval[1]), unit)
         for factor, unit in _units(robot, effect, axis, parameters or {})
     )
-    low, high = interval
-    numbers = f"({severity:.3g}, 95 % between {low:.3g} and {high:.3g})"
-    percent = f"{100 * abs(severity):.2g} %"
     is_point = effect == "payload_mass" and bool(parameters or not is_loaded(robot, axis))
     if effect in _MORE and not is_point:
         more = "more" if severity >= 0 else "less"
-        return Said(f"axis {axis} has {percent} {more} {_MORE[effect]} {numbers}", also)
+        return Said(
+            f"axis {axis} has {_per_cent(severity, interval, more, _MORE[effect], than)}", also
+        )
     if effect in _LESS:
         less = "less" if severity >= 0 else "more"
-        return Said(f"axis {axis} has {percent} {less} {_LESS[effect]} {numbers}", also)
+        return Said(
+            f"axis {axis} has {_per_cent(severity, interval, less, _LESS[effect], than)}", also
+        )
     unit = _short(robot, effect, axis)
     size = str(also[0]) if also else str(Quantity(severity, interval, unit))
     return Said(f"axis {axis} has {_NOUNS.get(effect, effect)}: {size}", also)
+
+
+def _per_cent(
+    severity: float, interval: tuple[float, float], more: str, what: str, than: str
+) -> str:
+    """A fraction and its interval, both counted in the direction of the fraction."""
+    sign = -100.0 if severity < 0 else 100.0
+    low, high = sorted(sign * one for one in interval)
+    compared = what if " than " in what else f"{what} {than}"
+    return f"{sign * severity:.2g} % {more} {compared} ({low:.3g} to {high:.3g} %)"
+
+
+def familiar(
+    robot: Robot, effect: str, axis: int, parameters: Mapping[str, Any] | None = None
+) -> tuple[float, str]:
+    """Find the unit in which people speak of the severity of an effect.
+
+    Args:
+        robot: The healthy robot.
+        effect: Name of the effect.
+        axis: From 1.
+        parameters: Further parameters of the effect.
+
+    Returns:
+        What a severity is multiplied by, and the unit that it then has. Fractions are in %.
+    """
+    unit = _short(robot, effect, axis)
+    others = _units(robot, effect, axis, parameters or {})
+    if not unit and effect != "load_friction":
+        return 100.0, "%"
+    return others[0] if others else (1.0, unit)
+
+
+def amount(robot: Robot, effect: str, axis: int, severity: float) -> str:
+    """Say how much of an effect there is, such as "20 % more friction".
+
+    Args:
+        robot: The healthy robot.
+        effect: Name of the effect.
+        axis: From 1.
+        severity: In the unit of the effect.
+
+    Returns:
+        A noun with its amount, in the unit in which people speak of it.
+    """
+    factor, unit = familiar(robot, effect, axis)
+    is_point = effect == "payload_mass" and not is_loaded(robot, axis)
+    for words, more, less in ((_MORE, "more", "less"), (_LESS, "less", "more")):
+        if effect in words and not is_point:
+            size = f"{abs(factor * severity):.3g} {unit}"
+            return f"{size} {more if severity >= 0 else less} {words[effect]}"
+    return f"{_NOUNS.get(effect, effect)} of {factor * severity:.3g} {unit}".rstrip()
 
 
 def _short(robot: Robot, effect: str, axis: int) -> str:

@@ -28,16 +28,17 @@ from faultgen.errors import InputError, MethodFailed, SimulationFailed, one_line
 from faultgen.exploring.choice import Choice, Subject, read_choice
 from faultgen.exploring.cycles import Cycles
 from faultgen.exploring.offer import offer
-from faultgen.exploring.scene import Scene
 from faultgen.exploring.signals import answer
-from faultgen.report.page import page
+from faultgen.report.page import page, script
+from faultgen.report.scene import Scene
 from faultgen.simulation.operation import AS_PROGRAMMED
 
 HOST = "127.0.0.1"
 """The address on which the server listens: that of this machine for itself."""
 
 _NAMES = (HOST, "localhost")  # hosts that a request may name
-_SCRIPTS = ("robot.js", "charts.js", "explore.js")
+_SHARED = ("robot.js", "motion.js")  # with reports
+_SCRIPTS = (*_SHARED, "charts.js", "explore.js")
 _RULES = (  # what the page may load: nothing from elsewhere
     "default-src 'none'; script-src 'self'; style-src 'unsafe-inline'; img-src data: blob:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -193,6 +194,8 @@ def _script(name: str) -> bytes:
     """A script of the page; plotly.js is that of the package plotly."""
     if name == "plotly.js":
         return resources.files("plotly").joinpath("package_data", "plotly.min.js").read_bytes()
+    if name in _SHARED:
+        return script(name).encode()
     return Path(__file__).with_name("page").joinpath(name).read_bytes()
 
 

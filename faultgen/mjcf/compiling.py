@@ -64,7 +64,7 @@ def read_mjcf(path: Path, folders: Sequence[Path] = ()) -> tuple[str, dict[str, 
     if copies > MOST_COPIES:
         raise InputError(f"{where}: 'replicate' makes {copies} copies, more than {MOST_COPIES}")
     assets: dict[str, bytes] = {}
-    for name in _asset_names(root):
+    for name in asset_names(root):
         file = reach.check(path.parent / name, f"{where}: asset")
         if file.exists() and name not in assets:
             assets[name] = read_asset(file, f"{where}: asset", assets)
@@ -169,8 +169,12 @@ def _copies(element: ElementTree.Element, outside: int) -> int:
     return max([outside, *(_copies(child, outside) for child in element)])
 
 
-def _asset_names(root: ElementTree.Element) -> list[str]:
-    """Names of the files that a model needs, relative to its own file."""
+def asset_names(root: ElementTree.Element) -> list[str]:
+    """Return the names of the files that a model needs, relative to its own file.
+
+    Args:
+        root: The model.
+    """
     folders = {"meshdir": "", "texturedir": ""}
     strip = False
     for one in root.findall("compiler"):  # the last one counts, as in MuJoCo

@@ -4,11 +4,12 @@
 ``model.xml``      the MJCF file, with everything that MJCF can express
 ``robot.json``     the robot's name, and the effects that act outside of the model file
 ``tasks/``         optional: task files of this robot (TOML), which are then known by name
+``origin/``        optional: the user's MJCF or URDF file from which the robot was built, as text
 ``checksums.txt``  checksums of these files, if faultgen has written the folder
 =================  ================================================================================
 
-    write_folder(Path("out/model"), "puma560", xml, assets, effects, tasks)
-    name, xml, assets, effects, tasks = read_folder(Path("out/model"))
+    write_folder(Path("out/model"), "puma560", xml, assets, effects, tasks, origin)
+    name, xml, assets, effects, tasks, origin = read_folder(Path("out/model"))
 """
 
 from __future__ import annotations
@@ -26,8 +27,9 @@ from faultgen.system.files import write_text
 from faultgen.system.reading import read_text
 from faultgen.system.sums import add_sums, check_listed
 
-MODEL, EFFECTS, TASKS = "model.xml", "robot.json", "tasks"
-"""Names of the two files of a robot's folder, and of the folder of its tasks."""
+MODEL, EFFECTS, TASKS, ORIGIN = "model.xml", "robot.json", "tasks", "origin"
+"""Names of the two files of a robot's folder, and of the folders of its tasks and of the file from
+which it was built."""
 
 _KEYS = ("format", "name", "effects")
 _FORMAT = 1
@@ -40,6 +42,7 @@ def write_folder(
     assets: Mapping[str, bytes],
     effects: Sequence[Applied],
     tasks: Mapping[str, str],
+    origin: Mapping[str, str],
 ) -> None:
     """Write a robot into a folder.
 
@@ -50,6 +53,7 @@ def write_folder(
         assets: Content of the files that the model refers to, by path relative to the model.
         effects: Effects that MJCF cannot express.
         tasks: Text of the robot's own task files, by name.
+        origin: Text of the user's file from which the robot was built, by its name; or empty.
     """
     folder.mkdir(parents=True, exist_ok=True)
     written = write_model(folder / MODEL, xml, assets)
@@ -58,14 +62,18 @@ def write_folder(
     if tasks:
         (folder / TASKS).mkdir(exist_ok=True)
     texts |= {f"{TASKS}/{task}.toml": text for task, text in tasks.items()}
+    if origin:
+        (folder / ORIGIN).mkdir(exist_ok=True)
+    texts |= {f"{ORIGIN}/{file}": text for file, text in origin.items()}
     for file, text in texts.items():
         write_text(folder / file, text)
         written[file] = text.encode()
     add_sums(folder, written)
 
 
-Content = tuple[str, str, dict[str, bytes], tuple[Applied, ...], dict[str, str]]
-"""Name, text of the model, assets by path, effects, and text of the task files by name."""
+Content = tuple[str, str, dict[str, bytes], tuple[Applied, ...], dict[str, str], dict[str, str]]
+"""Name, text of the model, assets by path, effects, text of the task files by name, and text of the
+file from which it was built by name."""
 
 
 def read_folder(folder: Path, folders: Sequence[Path] = ()) -> Content:
@@ -79,15 +87,15 @@ def read_folder(folder: Path, folders: Sequence[Path] = ()) -> Content:
         folders: Further folders whose files the model may use.
 
     Returns:
-        Name of the robot, text of its model, content of its assets by path, its effects, and the
-        text of its own task files by name.
+        Name of the robot, text of its model, content of its assets by path, its effects, the text
+        of its own task files by name, and that of the file from which it was built.
 
     Raises:
         InputError: The folder holds no robot, or a file is damaged. The message is one line.
     """
     plain = folder / f"{folder.resolve().name}.xml"
     if not (folder / EFFECTS).exists() and plain.is_file():
-        return plain.stem, *read_mjcf(plain, folders), (), _tasks(folder)
+        return plain.stem, *read_mjcf(plain, folders), (), _tasks(folder), {}
     for name in (EFFECTS, MODEL):
         if not (folder / name).exists():
             raise InputError(
@@ -112,12 +120,19 @@ def read_folder(folder: Path, folders: Sequence[Path] = ()) -> Content:
     except InputError as error:
         raise InputError(f"robot file {file}: damaged: {error}") from None
     check_listed(file, text.encode())  # last, because the other messages say more
-    return content["name"], *read_mjcf(folder / MODEL, folders), effects, _tasks(folder)
+    model = read_mjcf(folder / MODEL, folders)
+    return content["name"], *model, effects, _tasks(folder), _origin(folder)
 
 
 def _tasks(folder: Path) -> dict[str, str]:
     files = sorted((folder / TASKS).glob("*.toml"))
     return {file.stem: read_text(file, "task file") for file in files}
+
+
+def _origin(folder: Path) -> dict[str, str]:
+    files = sorted((folder / ORIGIN).glob("*"))
+    files = [file for file in files if file.is_file() and file.suffix in (".xml", ".urdf")]
+    return {file.name: read_text(file, "robot file") for file in files[:1]}
 
 
 def _parsed(text: str, file: Path) -> Any:

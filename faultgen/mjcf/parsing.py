@@ -18,7 +18,7 @@ MOST_ELEMENTS = 200_000
 """Largest number of elements of a model, with all files that it includes."""
 
 
-def parse_xml(text: str, where: str) -> ElementTree.Element:
+def parse_xml(text: str, where: str, *, comments: bool = False) -> ElementTree.Element:
     """Parse XML.
 
     Names keep their prefixes, as MuJoCo reads them. Entities are refused, because MuJoCo does not
@@ -27,6 +27,7 @@ def parse_xml(text: str, where: str) -> ElementTree.Element:
     Args:
         text: The text.
         where: What it is, for messages, such as "robot file arm.xml".
+        comments: Whether the comments are kept, for a text that is edited and written again.
 
     Returns:
         The outermost element.
@@ -35,7 +36,8 @@ def parse_xml(text: str, where: str) -> ElementTree.Element:
         InputError: The text is not XML, declares entities, or has too many or too deeply nested
             elements.
     """
-    parser, builder = expat.ParserCreate("utf-8"), ElementTree.TreeBuilder()
+    parser = expat.ParserCreate("utf-8")
+    builder = ElementTree.TreeBuilder(insert_comments=comments)
     depth = count = 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
@@ -58,6 +60,8 @@ def parse_xml(text: str, where: str) -> ElementTree.Element:
     parser.buffer_text = True
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.CharacterDataHandler, parser.EntityDeclHandler = builder.data, entity
+    if comments:
+        parser.CommentHandler = lambda words: depth and builder.comment(words)
     try:
         parser.Parse(text.encode(), True)
         return builder.close()

@@ -1,9 +1,12 @@
-"""Rotors whose inertia is coupled, as in many wrists."""
+"""Rotors: nesting those whose inertia is coupled, and taking drives out of a model."""
 
 from __future__ import annotations
 
 import mujoco
 import numpy as np
+
+COUPLING = "wrist_coupling"
+"""Name of the elements with friction and inertia that two neighbouring axes share."""
 
 _BODY = 1e-3  # share of the inertia that belongs to the body of a nested rotor: assumed
 
@@ -39,6 +42,28 @@ def nest_rotor(spec: mujoco.MjSpec, axis: int) -> None:
     own.damping, own.frictionloss = joint.damping, joint.frictionloss
     parent.inertia -= _BODY * inertia
     spec.delete(rotor)
+
+
+def delete_drives(spec: mujoco.MjSpec, n_axes: int) -> None:
+    """Take rotors, gearboxes, actuators and the play of a loose tool out of a robot, in place.
+
+    Args:
+        spec: The robot, which becomes its rigid arm.
+        n_axes: Number of axes.
+    """
+    for actuator in list(spec.actuators):
+        spec.delete(actuator)
+    rotors = [spec.joint(f"motor{i + 1}").parent for i in range(n_axes)]
+    for tendon in list(spec.tendons):
+        if tendon.name.startswith(("gearbox", COUPLING)):
+            spec.delete(tendon)
+    names = {rotor.name for rotor in rotors}
+    for rotor in [one for one in rotors if one.parent.name not in names]:  # with nested ones
+        spec.delete(rotor)
+    held = spec.body("payload")
+    for play in list(held.joints) if held is not None else []:  # of a loose tool
+        spec.delete(spec.tendon(play.name))
+        spec.delete(play)
 
 
 def _perpendicular(axis: np.ndarray) -> np.ndarray:

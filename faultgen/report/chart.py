@@ -70,6 +70,9 @@ class Chart:
     """What a reader would see, in words, with the most important numbers."""
     layout: dict[str, Any] = field(default_factory=dict)
     """Axes and ranges, as plotly.js takes them."""
+    over_time: bool = False
+    """Whether it shows the motion of the robot in the picture over time [s], so that a line can
+    show where the robot is."""
 
     @property
     def json(self) -> Markup:

@@ -19,9 +19,19 @@ from faultgen.evaluation.isolate import TooFewCycles, isolate
 from faultgen.evaluation.methods import Isolator
 from faultgen.evaluation.observed_runs import one_series
 from faultgen.evaluation.outcomes import Isolation, table
+from faultgen.evaluation.summary import Worst, summary, worst_runs
 from faultgen.report.chart import SYMBOLS, Chart, axes, library, line, square_map
+from faultgen.report.heat_map import severity_maps
 from faultgen.report.page import markdown, page
-from faultgen.report.signals import Place, in_words, signal_charts
+from faultgen.report.robot_picture import RobotPicture, robot_picture, shapes_of
+from faultgen.report.signals import (
+    Place,
+    in_words,
+    joint_positions,
+    signal_charts,
+    stored_period,
+)
+from faultgen.report.terms import explained
 from faultgen.simulation.operation import Operation
 from faultgen.system.files import write_text
 from faultgen.system.progress import Progress
@@ -62,15 +72,18 @@ def write_report(
     toml = dataset.path / "experiment.toml"
     with Progress("drawing charts", None):
         places = list(_shown(dataset, result))
+    pictures = [place["picture"] for place in places]
     text = page(
         "dataset.html",
+        summary=summary(_worst(places), result),
+        scenes=shapes_of(pictures),
         name=dataset.path.resolve().name,
         found=len(dataset.runs),
         planned=len(dataset.planned),
         cycles=sum(int(run["cycles"]) for run in dataset.runs),
         failed=list(dataset.failed.values()),
         places=places,
-        answers=why_none if result is None else markdown(table(result)),
+        answers=why_none if result is None else explained(markdown(table(result))),
         experiment=toml.read_text(encoding="utf-8") if toml.is_file() else None,
         library=library(),
     )
@@ -85,13 +98,18 @@ def _shown(dataset: Dataset, result: Isolation | None) -> Iterator[dict[str, Any
     for robot, task, operation, runs in _places(dataset):
         place = Place.of(runs, dataset.input_of(runs[0], "robot"))
         charts, notes = signal_charts(place)
-        room -= sum(len(chart.json) for chart in charts)
+        worst = worst_runs(runs, place.robot)
+        picture = _picture(place, worst)
+        room -= sum(len(chart.json) for chart in charts) + len(picture.motion if picture else "")
         if room < 0:
-            charts, room = [], 0
+            charts, picture, room = [], None, 0
             notes = ["The charts of signals are left out, because the page would become too large."]
         worn = [axis for axis in range(1, place.n_axes + 1) if place.worn(axis)]
         yield {
             "robot": robot,
+            "worst": worst,
+            "picture": picture,
+            "maps": severity_maps(place, worst),
             "task": ", ".join(filter(None, [task, operation])),
             "axes": [
                 (axis, f"{axis}" if axis in worn else f"{axis} (never worn)")
@@ -101,6 +119,43 @@ def _shown(dataset: Dataset, result: Isolation | None) -> Iterator[dict[str, Any
             "charts": [*charts, _wear(place), *_isolation(runs, result, robot, task)],
             "notes": notes,
         }
+
+
+def _worst(places: Sequence[dict[str, Any]]) -> dict[str, list[Worst]]:
+    """The strongest effects of each robot, over all of its tasks."""
+    found: dict[str, dict[tuple[str, int], Worst]] = {}
+    for place in places:
+        own = found.setdefault(place["robot"], {})
+        for one in place["worst"]:
+            known = own.get((one.effect, one.axis))
+            if known is None or abs(one.severity) > abs(known.severity):
+                own[one.effect, one.axis] = one
+    return {robot: [own[key] for key in sorted(own)] for robot, own in found.items()}
+
+
+def _picture(place: Place, worst: Sequence[Worst]) -> RobotPicture | None:
+    """The robot in the healthy run, or in the first one; each axis has its strongest effect."""
+    if place.robot is None:
+        return None
+    run = place.healthy or place.runs[0]
+    position = joint_positions(run, place.robot)
+    if position is None:
+        position = run.read("command/reference_position").astype(float)
+    shares = {
+        axis: max(one.share for one in worst if one.axis == axis)
+        for axis in {one.axis for one in worst}
+    }
+    texts = {
+        axis: "up to " + ", ".join(one.text for one in worst if one.axis == axis) for axis in shares
+    }
+    return robot_picture(
+        place.robot,
+        position,
+        stored_period(run),
+        shares=shares,
+        texts=texts,
+        marked=sorted(shares)[:1],
+    )
 
 
 def _places(dataset: Dataset) -> Iterator[tuple[str, str, str, list[StoredRun]]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +16,19 @@ from matplotlib.figure import Figure
 
 from faultgen.analysis.plots import COLOURS, legend_beside, style
 from faultgen.discovery.discover import Discovery, dump
+from faultgen.discovery.result import MEANINGS
+from faultgen.discovery.summary import words_of
 from faultgen.mjcf.edit import write_model
+from faultgen.report.chart import library
+from faultgen.report.discovery_charts import torque_charts
 from faultgen.report.laws import laws_image
 from faultgen.report.page import image, page
+from faultgen.report.robot_picture import RobotPicture, robot_picture, shapes_of
+from faultgen.report.terms import definitions
 from faultgen.system.files import write_text
 from faultgen.system.sums import add_sums, write_listed
+
+_POSSIBLE = 0.4  # colour of an axis that the data do not exclude, where 1 is the full one
 
 
 def write_discovery(folder: Path, result: dict[str, Any], found: Discovery) -> None:
@@ -51,16 +60,67 @@ def discovery_page(result: dict[str, Any], found: Discovery) -> str:
     Returns:
         The HTML of the page.
     """
+    picture = _picture(result, found)
+    axes = range(1, len(picture.rows) + 1 if picture else 1)
     return page(
         "discovery.html",
         result=result,
+        robot_name=found.answer_.robot.name,
+        meaning=MEANINGS.get(result["verdict"], ""),
+        picture=picture,
+        scenes=shapes_of([picture]),
+        axes=axes,
+        first=(marked_axes(result, found) or [1])[0],
+        charts=torque_charts(found),
+        library=library(),
+        terms=definitions(["confidence", "noise floor", "RMS"]),
         baseline=found.problem_.baseline,
         p_value=found.answer_.p_value,
         beside_the_model=_beside_the_model(found),
         laws=laws_image(found.laws_) if found.laws_ else "",
         steps=image(_steps(result)),
-        overlay=image(_overlay(found)),
         maps=image(_maps(found)),
+    )
+
+
+def marked_axes(result: dict[str, Any], found: Discovery) -> list[int]:
+    """Return the axes of what was found, or else of what the data do not exclude.
+
+    Args:
+        result: Content of ``discovery.json``.
+        found: The discovery from which the result was made.
+
+    Returns:
+        Axes from 1, the surest first.
+    """
+    named = [one["axis"] for one in result["effects"]]
+    unknown = [axis for axis, _ in found.answer_.left] if result["unexplained"] else []
+    rivals = [one["axis"] for one in result["alternatives"]]
+    return list(dict.fromkeys([*named, *unknown] or rivals))
+
+
+def _picture(result: dict[str, Any], found: Discovery) -> RobotPicture | None:
+    """The robot in the recorded motion; axes with an effect are red, possible ones lighter."""
+    recording, robot = found.problem_.recording, found.problem_.robot
+    position = robot.gearing.joints(recording.motor_position(robot))
+    texts: dict[int, list[str]] = {}
+    for one in result["effects"]:
+        words = re.sub(rf"^axis {one['axis']}( has|:) ", "", words_of(one))
+        texts.setdefault(one["axis"], []).append(words)
+    for axis, variable in found.answer_.left if result["unexplained"] else ():
+        texts.setdefault(axis, [f"a torque of no known form over the {variable}"])
+    shares = dict.fromkeys(texts, 1.0)
+    for one in result["alternatives"]:
+        name = f"possibly {one['effect'].replace('_', ' ')}"
+        texts.setdefault(one["axis"], []).append(name)
+        shares.setdefault(one["axis"], _POSSIBLE)
+    return robot_picture(
+        robot,
+        position,
+        recording.sample_period,
+        shares=shares,
+        texts={axis: "; ".join(told) for axis, told in texts.items()},
+        marked=marked_axes(result, found),
     )
 
 
@@ -85,39 +145,6 @@ def _steps(result: dict[str, Any]) -> Figure:
         axes.invert_yaxis()
         axes.set(xlabel="RMS torque error over RMS torque")
         legend_beside(axes)
-    return figure
-
-
-def _overlay(found: Discovery) -> Figure:
-    problem, told = found.problem_, found.answer_
-    gap = problem.residual
-    n_axes = gap.shape[1]
-    time = np.arange(len(gap)) * problem.recording.sample_period
-    explained = gap - told.left_torque
-    side = "joint" if problem.recording.side == "joint" else "motor"
-    with style():
-        figure, grid = plt.subplots(
-            n_axes, 1, figsize=(9, 1.6 * n_axes + 0.6), sharex=True, squeeze=False
-        )
-        for axis, axes in enumerate(grid[:, 0]):
-            inside = problem.inside[:, axis]
-            axes.plot(
-                time, np.where(inside, gap[:, axis], np.nan), color="0.6", lw=0.5, label="gap"
-            )
-            axes.plot(
-                time,
-                np.where(inside, explained[:, axis], np.nan),
-                color=COLOURS[1],
-                lw=0.8,
-                label="explained",
-            )
-            for p in problem.scoring:
-                part = problem.parts[p]
-                axes.axvspan(time[part.start], time[part.stop - 1], color="0.92", zorder=0)
-            axes.set(ylabel=f"axis {axis + 1}")
-        grid[0, 0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, fontsize=8)
-        grid[-1, 0].set(xlabel="time [s]; grey: motions for scoring only")
-        figure.supylabel(f"torque, {side} side [N m]")
     return figure
 
 

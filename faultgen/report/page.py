@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -20,6 +21,21 @@ _TEMPLATES = Environment(
     trim_blocks=True,
     lstrip_blocks=True,
 )
+
+
+def script(name: str) -> str:
+    """Read a script that pages contain, or that a server sends.
+
+    Args:
+        name: Name of a file in the folder ``scripts``.
+
+    Returns:
+        Its text.
+    """
+    return resources.files("faultgen.report").joinpath("scripts", name).read_text("utf-8")
+
+
+_TEMPLATES.globals["script"] = lambda name: Markup(script(name))
 
 
 def page(template: str, **values: Any) -> str:

@@ -127,8 +127,8 @@ def _last(run: StoredRun, name: str, count: int = 1) -> np.ndarray:
     return run.read(name, slice(max(0, cycles - count), cycles)).astype(float)
 
 
-def _period(run: StoredRun) -> float:
-    """Time between stored samples [s]."""
+def stored_period(run: StoredRun) -> float:
+    """Return the time between the stored samples of a run [s]."""
     return float(run["sample_period"]) * int(run["thin"])
 
 
@@ -147,6 +147,7 @@ def _torque(place: Place) -> Chart:
             told.append(f"axis {axis} {np.sqrt(np.mean(gap**2)):.3g}")
     return Chart(
         title="Motor torque over a cycle",
+        over_time=True,
         traces=traces,
         layout=axes("time [s]", "motor torque [N m]"),
         caption="Last cycle of the healthy run and of the run in which the axis is worn most, as "
@@ -160,7 +161,7 @@ def _over_time(
     name: str, values: np.ndarray, number: int, run: StoredRun, axis: int
 ) -> dict[str, Any]:
     every = -(-len(values) // _MOST_TIMES)
-    return line(name, values[::every], number, step=every * _period(run), axis=axis)
+    return line(name, values[::every], number, step=every * stored_period(run), axis=axis)
 
 
 def _friction(place: Place) -> Chart | None:
@@ -234,7 +235,7 @@ def _paths(place: Place) -> Chart | None:
     told = []
     for axis in range(1, place.n_axes + 1):
         for name, number, one in place.compared(axis):
-            position = _position(one, robot)
+            position = joint_positions(one, robot)
             if position is None:
                 continue
             reached = points(position)
@@ -259,8 +260,16 @@ def _paths(place: Place) -> Chart | None:
     )
 
 
-def _position(run: StoredRun, robot: Robot) -> np.ndarray | None:
-    """Joint positions in the last cycle of a run, shape (samples, n_axes); None if not stored."""
+def joint_positions(run: StoredRun, robot: Robot) -> np.ndarray | None:
+    """Read the joint positions in the last cycle of a run.
+
+    Args:
+        run: The run.
+        robot: Its healthy robot.
+
+    Returns:
+        Shape (samples, n_axes), in [rad], or [m] for slides; None if they are not stored.
+    """
     if "truth/joint_position" in run:
         return _last(run, "truth/joint_position")[0]
     if "signals/motor_position" in run:
@@ -276,7 +285,7 @@ def _spectra(place: Place) -> Chart:
             torque = _last(run, _TORQUE, _CYCLES)[..., axis - 1]
             samples = torque.shape[1]
             amplitude = np.abs(np.fft.rfft(torque, axis=1)).mean(axis=0)[1:] * 2 / samples
-            resolution = 1 / (samples * _period(run))
+            resolution = 1 / (samples * stored_period(run))
             # neighbouring frequencies of long cycles are joined by their largest amplitude
             width = -(-len(amplitude) // _MOST_TIMES)
             whole = amplitude[: len(amplitude) // width * width].reshape(-1, width).max(axis=1)

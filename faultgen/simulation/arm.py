@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from faultgen.errors import InputError
 from faultgen.mjcf.gearing import tendon_coefficients
+from faultgen.mjcf.rotors import delete_drives
 from faultgen.mjcf.warnings import mujoco_warnings
 from faultgen.robot import COULOMB, COUPLING, OFFSET, STICTION, STRIBECK_VELOCITY, Robot
 
@@ -25,19 +26,7 @@ def _rigid(
 ) -> mujoco.MjModel:
     """The arm without rotors, gearboxes and actuators; compiled once, and not to be edited."""
     spec = mujoco.MjSpec.from_string(xml, assets=dict(assets))
-    for actuator in list(spec.actuators):
-        spec.delete(actuator)
-    rotors = [spec.joint(f"motor{i + 1}").parent for i in range(n_axes)]
-    for tendon in list(spec.tendons):
-        if tendon.name.startswith(("gearbox", COUPLING)):
-            spec.delete(tendon)
-    names = {rotor.name for rotor in rotors}
-    for rotor in [one for one in rotors if one.parent.name not in names]:  # with nested ones
-        spec.delete(rotor)
-    held = spec.body("payload")
-    for play in list(held.joints) if held is not None else []:  # of a loose tool
-        spec.delete(spec.tendon(play.name))
-        spec.delete(play)
+    delete_drives(spec, n_axes)
     if not payload:
         spec.delete(spec.body("payload"))
     with mujoco_warnings():

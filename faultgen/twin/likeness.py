@@ -141,3 +141,27 @@ def _error(auc: float, first: int, second: int) -> float:
         auc * (1 - auc) + (first - 1) * (one - auc**2) + (second - 1) * (both - auc**2)
     ) / max(first * second, 1)
     return float(np.sqrt(max(variance, 0.0)))
+
+
+def summary(robot: str, told: dict[str, Any], remainder: Sequence[float]) -> str:
+    """Say in one sentence how good a twin is: that of the command and of the report.
+
+    Args:
+        robot: Name of the robot.
+        told: From `likeness`.
+        remainder: What the model lacks on each axis, over its RMS torque, shape (n_axes,).
+
+    Returns:
+        The sentence, with its full stop.
+    """
+    most = int(np.argmax(remainder))
+    lacks = f"the model lacks most on axis {most + 1}, {100 * remainder[most]:.1f} % of RMS torque"
+    if told["auc"] is None:
+        return (
+            f"Whether generated cycles of {robot} look like measured ones was not tested, because "
+            f"there is one recording; {lacks}."
+        )
+    return (
+        f"A classifier tells generated from measured cycles of {robot} with an AUC of "
+        f"{told['auc']:.2f} ± {told['standard_error']:.2f} (0.5: not at all; 1: always); {lacks}."
+    )

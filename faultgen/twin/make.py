@@ -46,7 +46,7 @@ from faultgen.tasks import load_task
 from faultgen.twin.alignment import KnownMotion, find_cycles, mean_cycle, stretches_of
 from faultgen.twin.disturbances import moving_average, run_differences, torque_noise_of
 from faultgen.twin.folder import HEALTHY, RESULT, TASK
-from faultgen.twin.likeness import CYCLES, generated_cycles, likeness
+from faultgen.twin.likeness import CYCLES, generated_cycles, likeness, summary
 
 _SLOW = 0.02  # time over which what the model lacks is averaged [s]
 _AROUND = 0.08  # time over which its fast changes are compared with the noise [s]
@@ -205,7 +205,16 @@ def furnish(
         made = generated_cycles(out, TASK, CYCLES, seed)
         told = likeness(by_recording, made, known, lacking)
         result["likeness"] = told
-        page = twin_page(robot.name, result, by_recording, list(made), known.compared, period)
+        result["summary"] = summary(robot.name, told, result["remainder_over_rms_torque"])
+        page = twin_page(
+            robot,
+            result,
+            by_recording,
+            list(made),
+            compared=known.compared,
+            sample_period=period,
+            position=shared.position,
+        )
         write_text(out / "report.html", page)
     return result
 

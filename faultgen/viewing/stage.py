@@ -6,6 +6,9 @@ stage.pose(position[0])
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
 
@@ -15,13 +18,34 @@ from faultgen.robot import Robot
 LARGEST_PICTURE = 1280
 """Largest width and height of a picture [pixels]."""
 
+FAULTY, NO_FAULT = (0.85, 0.16, 0.14), (0.70, 0.72, 0.75)
+"""Colours of a link whose axis has a fault, and, where severities are shown, of one without."""
+
+LIGHT = (0.34, -0.42, 0.84)
+"""Direction to the light."""
+
+FLOOR, LINE = (0.84, 0.86, 0.88), (0.75, 0.77, 0.80)
+"""Colours of the floor and of its grid."""
+
+_GRIDS = (0.05, 0.1, 0.25, 0.5, 1.0)  # distances between lines of the floor [m]
 _SHOWN_GROUPS = 3  # of geoms; MuJoCo hides the others, such as rotors
 _POSES = 25  # of a motion, among which the camera looks for the outermost points
-_AZIMUTH, _ELEVATION = 130.0, -16.0  # of the camera [deg]
+_AZIMUTHS = (130.0, 110.0, 150.0, 90.0, 170.0)  # of the camera; the first one is usual [deg]
+_ELEVATION = -16.0  # of the camera [deg]
+_NEARER = 0.93  # of the camera's distance, for which another azimuth than the usual one is taken
 _ANGLE = 35.0  # of the camera's view, upright [deg]
 _MARGIN = 1.05  # of the camera's distance, so that nothing touches the border
-_FAULTY = (0.85, 0.16, 0.14, 1.0)  # colour of the link whose axis has a fault
 _STICK = (0.75, 0.77, 0.80, 1.0)  # colour of links that have no shape of their own
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The floor under a robot."""
+
+    height: float
+    """In [m]."""
+    grid: float
+    """Distance between the lines of its grid [m]."""
 
 
 class Stage:
@@ -49,10 +73,13 @@ class Stage:
         joints = self.model.jnt_qposadr[robot.ids("joint", "joint", self.model)]
         self._joints = joints.tolist()
         points = self._outline(position)
-        floor = self.model.geom("faultgen_floor").id
-        self.model.geom_pos[floor, 2] = min(0.0, points[:, 2].min())
+        height = min(0.0, float(points[:, 2].min()))
+        width = float(np.ptp(points[:, :2], axis=0).max())
+        self.floor = Floor(height, max((g for g in _GRIDS if g <= width / 4), default=_GRIDS[0]))
+        self.model.geom_pos[self.model.geom("faultgen_floor").id, 2] = height
+        self.model.mat_texrepeat[self.model.material("faultgen_grid").id] = 1 / self.floor.grid
         self.camera = mujoco.MjvCamera()
-        self.camera.azimuth, self.camera.elevation = _AZIMUTH, _ELEVATION
+        self.camera.elevation = _ELEVATION
         self._look_at(points)
         self._colours = self.model.geom_rgba.copy()
         self._materials = self.model.geom_matid.copy()
@@ -77,8 +104,38 @@ class Stage:
         if axis:
             link = self.model.joint(f"joint{axis}").bodyid[0]
             own = self.model.geom_bodyid == link
-            self.model.geom_rgba[own] = _FAULTY
+            self.model.geom_rgba[own] = (*FAULTY, 1.0)
             self.model.geom_matid[own] = -1
+
+    def shade(self, shares: Sequence[float]) -> None:
+        """Colour the link behind each axis by a severity: from grey to red. All else is grey.
+
+        Args:
+            shares: Of each axis, 0 for no fault to 1 for the largest severity.
+        """
+        none, most = np.array(NO_FAULT), np.array(FAULTY)
+        robot = self.shown()
+        robot = robot[self.model.geom_type[robot] != mujoco.mjtGeom.mjGEOM_PLANE]
+        self.model.geom_matid[robot] = -1
+        self.model.geom_rgba[robot] = (*NO_FAULT, 1.0)
+        for axis, share in enumerate(shares, start=1):
+            own = self.model.geom_bodyid[robot] == self.model.joint(f"joint{axis}").bodyid[0]
+            self.model.geom_rgba[robot[own], :3] = none + share * (most - none)
+
+    def seen(self, points: np.ndarray) -> np.ndarray:
+        """Find where points are in a square picture.
+
+        Args:
+            points: Shape (n, 3), in [m].
+
+        Returns:
+            Shares of the width from the left and of the height from the top, shape (n, 2).
+        """
+        axes = self.view_axes()
+        eye = self.camera.lookat + self.camera.distance * axes[2]
+        right, up, back = ((points - eye) @ axes.T).T
+        half = np.tan(np.radians(_ANGLE / 2)) * np.maximum(-back, 1e-9)
+        return np.stack([0.5 + 0.5 * right / half, 0.5 - 0.5 * up / half], axis=1)
 
     def shown(self) -> np.ndarray:
         """Find the geoms that are drawn.
@@ -118,29 +175,48 @@ class Stage:
         return np.concatenate(found)
 
     def _look_at(self, points: np.ndarray) -> None:
-        """Put the camera as near as all points of a square picture allow."""
-        axes = self.view_axes()
-        seen = points @ axes.T
-        low, high = seen.min(axis=0), seen.max(axis=0)
-        for _ in range(2):  # what is near needs more room: the middle moves towards it
-            middle = (low + high) / 2
-            away = seen - middle
-            slope = np.tan(np.radians(_ANGLE / 2))
-            distance = (np.abs(away[:, :2]).max(axis=1) / slope + away[:, 2]).max()
-            shown = away[:, :2] / (distance - away[:, 2:])
-            shift = (shown.max(axis=0) + shown.min(axis=0)) / 2 * distance
-            low[:2], high[:2] = low[:2] + shift, high[:2] + shift
-        self.camera.lookat[:] = middle @ axes
-        self.camera.distance = _MARGIN * distance
+        """Put the camera where the points fill most of a square picture."""
+        places = []
+        for azimuth in _AZIMUTHS:
+            self.camera.azimuth = azimuth
+            places.append((azimuth, *_nearest(points, self.view_axes())))
+        usual, best = places[0], min(places, key=lambda place: place[1])
+        chosen = best if best[1] < _NEARER * usual[1] else usual
+        self.camera.azimuth, self.camera.distance = chosen[0], _MARGIN * chosen[1]
+        self.camera.lookat[:] = chosen[2]
+
+
+def _nearest(points: np.ndarray, axes: np.ndarray) -> tuple[float, np.ndarray]:
+    """Distance and point to look at of a camera as near as all points of a square picture allow."""
+    seen = points @ axes.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    for _ in range(3):  # what is near needs more room: the middle moves towards it
+        middle = (low + high) / 2
+        away = seen - middle
+        slope = np.tan(np.radians(_ANGLE / 2))
+        distance = (np.abs(away[:, :2]).max(axis=1) / slope + away[:, 2]).max()
+        shown = away[:, :2] / (distance - away[:, 2:])
+        shift = (shown.max(axis=0) + shown.min(axis=0)) / 2 * distance
+        low[:2], high[:2] = low[:2] + shift, high[:2] + shift
+    return float(distance), middle @ axes
 
 
 def _dress(spec: mujoco.MjSpec) -> None:
-    """Add floor, light and sky to a robot, and sticks if none of its links has a shape.
+    """Add floor, light and sky to a robot, and sticks if its links have no shapes, or only spheres.
+
+    Of a link with shapes to look at and others for collisions, only those to look at are shown.
 
     Only links that carry another body count: the last one may be a payload that faultgen added.
     """
+    for body in spec.bodies:
+        _hide_collision_shapes(body)
     links = [body for body in spec.bodies if body.bodies and body.name != "world"]
-    if not any(_is_shown(geom) for body in links for geom in body.geoms):
+    # a sphere may show where a mass is, but no link
+    if not any(
+        _is_shown(geom) and geom.type != mujoco.mjtGeom.mjGEOM_SPHERE
+        for body in links
+        for geom in body.geoms
+    ):
         _add_sticks(spec)
     spec.visual.global_.offwidth = spec.visual.global_.offheight = LARGEST_PICTURE
     spec.visual.global_.fovy = _ANGLE
@@ -156,12 +232,25 @@ def _dress(spec: mujoco.MjSpec) -> None:
         width=64,
         height=64,
     )
+    spec.add_texture(
+        name="faultgen_grid",
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+        mark=mujoco.mjtMark.mjMARK_EDGE,
+        rgb1=FLOOR,
+        markrgb=LINE,
+        width=128,
+        height=128,
+    )
+    grid = spec.add_material(name="faultgen_grid", texuniform=True)
+    grid.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "faultgen_grid"
+    spec.visual.quality.shadowsize = 4096
     spec.worldbody.add_light(
-        pos=[2, -3, 5],
-        dir=[-0.4, 0.5, -1],
+        pos=[4 * one for one in LIGHT],
+        dir=[-one for one in LIGHT],
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
         diffuse=[0.5] * 3,
-        castshadow=False,
+        castshadow=True,
     )
     for geom in spec.worldbody.geoms:
         if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:  # two floors at one height would flicker
@@ -170,7 +259,8 @@ def _dress(spec: mujoco.MjSpec) -> None:
         name="faultgen_floor",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[0, 0, 1],  # without end
-        rgba=[0.80, 0.82, 0.84, 1],
+        material="faultgen_grid",
+        rgba=[1, 1, 1, 1],
         contype=0,
         conaffinity=0,
     )
@@ -178,6 +268,19 @@ def _dress(spec: mujoco.MjSpec) -> None:
 
 def _is_shown(geom: mujoco.MjsGeom) -> bool:
     return bool(geom.group < _SHOWN_GROUPS and geom.rgba[3] > 0)
+
+
+def _hide_collision_shapes(body: mujoco.MjsBody) -> None:
+    """Hide shapes that can touch something if there are others, and those of rotors."""
+    shapes = [one for one in body.geoms if one.type != mujoco.mjtGeom.mjGEOM_PLANE]
+    visual = [one for one in shapes if one.contype == 0 and one.conaffinity == 0]
+    hulls = [one for one in shapes if one not in visual]
+    if body.name.startswith("rotor"):  # they turn within a gearbox
+        hulls = shapes
+    elif not any(_is_shown(one) for one in visual):
+        return
+    for one in hulls:
+        one.group = _SHOWN_GROUPS
 
 
 def _add_sticks(spec: mujoco.MjSpec) -> None:

@@ -3,6 +3,7 @@
 import json
 import re
 
+import mujoco
 import numpy as np
 import pytest
 from plain_arm import NAMES, urdf
@@ -10,7 +11,7 @@ from typer.testing import CliRunner
 
 from faultgen.building.build import build
 from faultgen.building.check import check
-from faultgen.building.doubts import drive_doubts
+from faultgen.building.doubts import drive_doubts, weight_warnings
 from faultgen.building.drives import Drives
 from faultgen.building.limits import disbelieved_limits
 from faultgen.building.resonance import sampled_poses
@@ -219,3 +220,15 @@ def test_an_impossible_rotor_makes_a_robot_unfit(healthy, tmp_path):
     done = run(app, ["robot", "check", str(out)])
     assert done.exit_code == 1
     assert "finding: axis 6 (yaw): has a rotor with" in done.stdout
+
+
+@pytest.mark.parametrize(("masses", "count"), [((2.0,) * 4, 1), ((2.0,) * 3 + (1.9,), 0)])
+def test_equal_masses_are_placeholders(masses, count):
+    """As in public models of large arms that state 2 kg for each link."""
+    text = "".join(
+        f'<body pos="0 0 0.3"><joint axis="0 1 0"/><geom size="0.1" mass="{m}"/>' for m in masses
+    )
+    xml = f"<mujoco><worldbody>{text}{'</body>' * len(masses)}</worldbody></mujoco>"
+    found = weight_warnings(mujoco.MjModel.from_xml_string(xml))
+    assert len(found) == count
+    assert all("4 moving links all weigh 2 kg" in line for line in found)

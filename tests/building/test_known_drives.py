@@ -5,11 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from real_robots.known_drives import LAWS, fit, ratios, read_arms, told, typical
+from real_robots.known_drives import LAWS, class_ratios, fit, ratios, told, typical
 
+from faultgen.building.alike import NUMBERS, find_like, payload_class, read_arms
 from faultgen.building.drive_numbers import drive_of
 from faultgen.building.seen import Seen
 from faultgen.building.usual import HOLD, usual_torque
+from faultgen.errors import InputError
 
 ARMS = {arm["name"]: arm for arm in read_arms()}
 SAVED = Path(__file__).parents[2] / "benchmarks" / "results" / "known_drives.json"
@@ -45,7 +47,7 @@ def test_assumed_drives_fit_to_arms_that_were_left_out(law):
 
 def test_the_saved_table_is_that_of_the_present_laws():
     saved = json.loads(SAVED.read_text())
-    assert {name: saved[name] for name in ("head", "rows")} == told()
+    assert {name: saved[name] for name in ("laws", "classes")} == told()
 
 
 def test_every_number_of_a_known_arm_has_a_source_and_an_axis():
@@ -113,3 +115,73 @@ def test_gearboxes_are_damped_with_the_rotor_locked_and_free(most, least):
     )
     assert locked_ratio <= 0.05 * 1.001 and free_ratio <= 0.10 * 1.001
     assert max(locked_ratio / 0.05, free_ratio / 0.10) == pytest.approx(1.0, rel=1e-3)
+
+
+SIX, SEVEN = [f"j{k}" for k in range(6)], [f"j{k}" for k in range(7)]
+
+
+def test_a_part_of_the_name_finds_a_known_arm():
+    like = find_like("ur10e", SIX)
+    assert like.name == "Universal Robots UR10e"
+    assert like.axes[1]["coulomb"] == 13.27 and "reflected_inertia" not in like.axes[0]
+    assert "Mamedov" in like.source["coulomb"]
+
+
+@pytest.mark.parametrize(
+    ("text", "joints", "match"),
+    [
+        ("ur10e", SEVEN, "has 6 axes, but the arm has 7; give one with 7 axes: Kinova Gen3"),
+        ("universal", SIX, "fits to several arms"),
+        ("nonsense", SIX, "is no known arm and no payload"),
+        ("900 kg", SIX, "must be 0.5 to 500 kg"),
+        ("5 kg", ["j"], "too few arms with 1 axes"),
+        ("", SIX, "no known arm"),
+    ],
+)
+def test_what_is_like_nothing_is_refused(text, joints, match):
+    with pytest.raises(InputError, match=match):
+        find_like(text, joints)
+
+
+def test_a_class_is_the_power_law_on_which_arms_lie():
+    """Arms that follow 3 m^0.7 on one axis and 5 m^0.7 on the other give it back."""
+    arms = [
+        {
+            "name": f"{m}",
+            "payload": m,
+            **{key: np.array([3.0, 5.0]) * m**0.7 for key in NUMBERS},
+            "stiffness": np.full(2, np.nan),
+        }
+        for m in (1.0, 10.0, 40.0)
+    ]
+    like = payload_class(4.0, 2, arms)
+    assert like.axes[0]["torque_limit"] == pytest.approx(3 * 4**0.7)
+    assert like.axes[1]["coulomb"] == pytest.approx(5 * 4**0.7)
+    assert "stiffness" not in like.axes[0]
+    assert "extrapolation" not in like.remark
+    assert "extrapolation" in payload_class(80.0, 2, arms).remark
+
+
+def test_known_numbers_replace_assumed_ones_but_no_stated_ones():
+    """Joint-side numbers reach the motor through the gear ratio that is used."""
+    like = find_like("manutec", SIX)
+    seen = seen_by(ARMS["Manutec r3"], 0)
+    values = drive_of({"gear_ratio": -50.0}, seen, like, 0)
+    assert values["gear_ratio"].source == "given"
+    assert values["speed_limit"].source == "model"
+    assert values["torque_limit"].value == 945.0 and values["torque_limit"].source == "like"
+    assert values["rotor_inertia"].value == pytest.approx(14.33 / 50**2, rel=1e-3)
+    assert values["coulomb_friction"].value == pytest.approx(42 / 50, rel=1e-3)
+    assert values["viscous_friction"].value == pytest.approx(8.958 / 50**2, rel=1e-3)
+    assert values["gear_stiffness"].value == 474100.0
+    assert values["encoder_counts"].source == "assumed"
+    other = drive_of({}, seen_by(ARMS["Manutec r3"], 0, slide=True), like, 0)
+    assert "like" not in {one.source for one in other.values()}
+
+
+def test_classes_of_payloads_fit_to_arms_that_were_left_out():
+    """Typical factors; docs/robots.md says that they are rougher than what masses tell."""
+    six = [arm for arm in ARMS.values() if len(arm["torque_limit"]) == 6]
+    found = [class_ratios(arm, [one for one in six if one is not arm]) for arm in six]
+    for key, most in (("torque_limit", 2.25), ("speed_limit", 1.8), ("coulomb", 2.9)):
+        assert typical([one[key] for one in found]) < most, key

@@ -158,6 +158,16 @@ def test_many_branches_are_told_in_one_short_line(tmp_path):
         plain_arm(path)
     assert "(and 3 other neighbours)" in str(refused.value)
     assert str(refused.value).count("drives.toml") == 1
+    ready = 'the longest chain is: joints = ["pan", "lift", "elbow", "roll", "pitch", "yaw"]'
+    assert ready in str(refused.value)
+
+
+def test_a_wrist_that_turns_a_gripper_is_an_axis(tmp_path):
+    """As in the SO-101, whose wrist_roll moves the link gripper_link."""
+    text = urdf(('"yaw"', '"wrist_yaw"'), ('"yaw_link"', '"gripper_link"'))
+    path = tmp_path / "arm.urdf"
+    path.write_text(text)
+    assert plain_arm(path).joints == (*NAMES[:-1], "wrist_yaw")
 
 
 def test_comments_of_xacro_do_not_count(tmp_path):

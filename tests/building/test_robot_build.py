@@ -539,3 +539,15 @@ def test_angles_in_the_wrong_unit_are_told(cell, unit, limits, told):
     of_shoulder = [note for note in notes if note.startswith("joint 'shoulder'")]
     assert len(of_shoulder) == (told is not None)
     assert told is None or told in of_shoulder[0]
+
+
+def test_a_build_like_a_known_arm_says_so_and_keeps_it(arm_path, tmp_path):
+    """The numbers stand in drives.toml with their source, and are given when built again."""
+    built = build(arm_path, Drives(), "my_arm", like="manutec")
+    told = next(line for line in built.notes if line.startswith("taken from Manutec r3"))
+    assert "coulomb_friction" in told and "gear_ratio" in told and "torque_limit" not in told
+    (tmp_path / "drives.toml").write_text(built.drives)
+    assert "like Manutec r3: ratios, rotors" in built.drives
+    again = read_drives(tmp_path / "drives.toml")
+    assert again.of("lift")["gear_ratio"] == 210.0
+    assert "torque_limit" not in again.of("lift")

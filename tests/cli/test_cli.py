@@ -169,14 +169,18 @@ def test_report_is_one_page(dataset):
     code = re.sub(r'id="library">[^<]*<', "", page)  # compressed, so any four letters may occur
     assert "http" not in code.replace("http-equiv", "")
     titles = re.findall("<h4>(.*?)</h4>", page)
-    assert titles[:4] == [
+    assert titles[:5] == [
+        "Severity of friction_wear by axis and cycle",
         "Motor torque over a cycle",
         "Friction against speed",
         "Path of the tool",
         "Spectrum of the motor torque",
     ]
-    assert page.count("<figcaption>") == page.count('role="img" aria-label="') == len(titles) > 6
-    assert "<td>TE 10 bins</td>" in page
+    charts = page.count('<figure class="chart"')
+    assert page.count('role="img" aria-label="') == charts == len(titles) - 1 > 6
+    assert page.count("<figcaption>") == len(titles) + page.count('<figure class="robot"')
+    assert page.count('<figure class="robot"') == 1
+    assert re.search("<td><abbr title=[^>]*>TE 10 bins</abbr></td>", page)
 
 
 BAD = {

@@ -67,7 +67,7 @@ def test_motions_keep_the_limits(motions):
         assert (q >= low).all() and (q <= high).all()
         assert (np.abs(qd * robot.gear_ratio) <= 1.001 * robot.motor_velocity_limit).all()
         assert (np.abs(qdd) <= 1.001 * robot.joint_acceleration_limit).all()
-        assert all(space.is_above_floor(pose) for pose in q[::5])
+        assert all(space.is_clear(pose) for pose in q[::5])
 
 
 def test_the_floor_is_seen():
@@ -75,7 +75,7 @@ def test_the_floor_is_seen():
     space = AllowedPoses.of(load_robot("puma560"))
     assert space.is_allowed(np.radians([0, 90, -90, 0, 0, 0]))
     down = np.radians([0, -40, -90, 0, 0, 0])
-    assert not space.is_above_floor(down) and not space.is_allowed(down)
+    assert not space.is_clear(down) and not space.is_allowed(down)
 
 
 def test_a_motion_is_a_task_file(motions, tmp_path):

@@ -10,6 +10,7 @@ import faultgen
 from faultgen.discovery import Discovery, read_recording, write_recording
 from faultgen.discovery.decision.arrays import Posed
 from faultgen.discovery.decision.run_to_run import differences, learned, repetitions
+from faultgen.discovery.doubts import friction_warnings
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import sensitivities
 from faultgen.discovery.result import Named
@@ -17,7 +18,6 @@ from faultgen.discovery.terms.candidates import effect_terms
 from faultgen.effects.temperature import friction_ratios
 from faultgen.errors import InputError
 from faultgen.recordings.recording import mean_of
-from faultgen.report.discover import friction_warnings
 
 FRICTION = (0.05, -0.06, 0.02, -0.02)
 """Coulomb friction of axis 2 in each of the healthy runs, and its mean is near the model's."""

@@ -121,12 +121,15 @@ def test_the_page_is_whole_and_small(page):
     assert len(page) < 5_000_000
     (code,) = re.findall(r'id="library">([^<]*)<', page)
     assert b"plotly.js" in gzip.decompress(base64.b64decode(code))[:100]
-    assert not re.search(r"(src|href)\s*=", page.replace(code, ""))
+    rest = page.replace(code, "")
+    addresses = re.findall(r"(?:src|href)\s*=\s*(\S{15})", rest)
+    assert addresses and set(addresses) == {'"data:image/png'}
+    assert "fetch(" not in rest and "import(" not in rest
 
 
 def test_every_chart_is_described(page):
     """A caption for everybody, and a text for those who cannot see it."""
-    charts = re.findall(r'<figure class="chart">(.*?)</figure>', page, re.DOTALL)
+    charts = re.findall(r'<figure class="chart"[^>]*>(.*?)</figure>', page, re.DOTALL)
     assert len(charts) == 7  # one map of transfer entropy is all zeros, and left out
     for chart in charts:
         (described,) = re.findall('role="img" aria-label="(.*?)"', chart)
@@ -136,7 +139,10 @@ def test_every_chart_is_described(page):
 
 def test_legends_cover_no_data_and_colours_differ(page):
     """Legends stand below the axes; lines that are shown together have different looks."""
-    for text in re.findall(r'type="application/json">(.*?)</script>', page, re.DOTALL):
+    pattern = r'class="chart"[^>]*>.*?type="application/json">(.*?)</script>'
+    texts = re.findall(pattern, page, re.DOTALL)
+    assert len(texts) == 7
+    for text in texts:
         chart = json.loads(text)
         legend = chart["layout"]["legend"]
         assert legend["y"] < 0 and legend["yanchor"] == "top"

@@ -21,9 +21,11 @@ EFFECT = {
     "gap_after": 0.01,
     "parameters": {"severity": 0.123456, "unit": "N m", "order": 4.0},
     "interval": {"severity": [0.1, 0.2]},
+    "also": [{"value": 12.34, "interval": [10.0, 20.0], "unit": "N m at the joint"}],
 }
 FULL = {
     "verdict": "<b>ambiguous</b>",
+    "summary": "Axis 2 has <i>ripple</i>.",
     "unexplained": "much & more",
     "effects": [EFFECT],
     "alternatives": [{"effect": "backlash", "axis": 3, "confidence": 0.5}],
@@ -46,17 +48,27 @@ EMPTY |= {"calibration": {}, "warnings": []}
 
 
 @pytest.fixture
-def shown(monkeypatch):
+def seen():
+    """What is said of the axes in the picture of the robot, of each page."""
+    return []
+
+
+@pytest.fixture
+def shown(monkeypatch, seen):
     """Function that makes the page of a result and returns its text, one space between words."""
-    for name in ("_steps", "_overlay", "_maps"):
+    for name in ("_steps", "_maps"):
         monkeypatch.setattr(discovery_report, name, lambda _: plt.figure(figsize=(1, 1)))
+    monkeypatch.setattr(discovery_report, "robot_picture", lambda *_, **given: seen.append(given))
+    monkeypatch.setattr(discovery_report, "torque_charts", lambda found: [])
 
     def make(result, baseline=False, beside=()):
-        robot = SimpleNamespace(effects=[SimpleNamespace(effect=name) for name in beside])
-        answer = SimpleNamespace(p_value=0.00123, robot=robot)
-        found = SimpleNamespace(
-            problem_=SimpleNamespace(baseline=baseline), answer_=answer, laws_=()
-        )
+        effects = [SimpleNamespace(effect=name) for name in beside]
+        gearing = SimpleNamespace(joints=lambda position: position)
+        robot = SimpleNamespace(effects=effects, name="arm", gearing=gearing)
+        answer = SimpleNamespace(p_value=0.00123, robot=robot, left=((4, "joint angle"),))
+        recording = SimpleNamespace(motor_position=lambda of: None, sample_period=0.004)
+        problem = SimpleNamespace(baseline=baseline, robot=robot, recording=recording)
+        found = SimpleNamespace(problem_=problem, answer_=answer, laws_=())
         return " ".join(discovery_report.discovery_page(result, found).split())
 
     return make
@@ -64,9 +76,10 @@ def shown(monkeypatch):
 
 def test_a_page_shows_every_part_of_a_result(shown):
     text = shown(FULL, baseline=True, beside=["delay"])
-    cells = "<td>torque_ripple</td><td>2</td><td>0.1235 [0.1, 0.2], N m; order 4</td><td>0.99</td>"
+    cells = "<td>torque_ripple</td><td>2</td><td>0.1235 [0.1, 0.2], N m; order 4</td>"
+    cells += "<td>12.3 N m at the joint (10 to 20)</td><td>0.99</td>"
     assert cells in text
-    assert "<td>backlash</td><td>3</td><td></td><td>0.50</td>" in text
+    assert "<td>backlash</td><td>3</td><td></td><td></td><td>0.50</td>" in text
     assert "Other effects that the data do not exclude" in text
     assert "MJCF cannot express delay. model.xml" in text
     assert "separates backlash of axis 1 and brake_drag of axis 2 by 12 standard" in text
@@ -76,15 +89,25 @@ def test_a_page_shows_every_part_of_a_result(shown):
     assert re.search("<td>load</td><td>0.40</td> <td>1.20</td><td>1e-05</td>", text)
     assert "<td>Coulomb</td><td>1</td><td>0.1235</td>" in text
     assert "p = 0.0012. The discovery took 12.5 s." in text
-    assert text.count("data:image/png;base64,") == 3
-    assert "that of the healthy recording (grey)" in text
+    assert text.count("data:image/png;base64,") == 2
+
+
+def test_a_page_begins_with_what_was_found(shown, seen):
+    """One sentence, and a picture in which the axes that are meant are marked and described."""
+    text = shown(FULL)
+    first = re.search("<h1>.*?</h1> <p class=.lead.>(.*?)</p>", text)
+    assert first and first[1] == "Axis 2 has &lt;i&gt;ripple&lt;/i&gt;."
+    (picture,) = seen
+    assert picture["marked"] == [2, 4]
+    assert picture["shares"][2] == picture["shares"][4] == 1 > picture["shares"][3] > 0
+    assert picture["texts"][4] == "a torque of no known form over the joint angle"
+    assert picture["texts"][3] == "possibly backlash"
 
 
 def test_a_page_leaves_out_the_parts_that_a_result_lacks(shown):
     text = shown(FULL | EMPTY)
     for title in ("Effects", "Next experiment", "Where the gap is", "Calibration", "MJCF"):
         assert title not in text
-    assert "that of the model as it was given (grey)" in text
     rivals = shown(FULL | EMPTY | {"alternatives": FULL["alternatives"]})
     assert "Effects that explain the gap best" in rivals
 
@@ -92,8 +115,8 @@ def test_a_page_leaves_out_the_parts_that_a_result_lacks(shown):
 def test_texts_are_not_interpreted_as_html(shown):
     """Names of files come into warnings and tables; the browser must show them as they are."""
     text = shown(FULL)
-    assert "&lt;b&gt;ambiguous&lt;/b&gt;" in text and "much &amp; more" in text
-    assert "<script>" not in text and "&lt;script&gt;" in text
+    assert "&lt;b&gt;ambiguous&lt;/b&gt;" in text and "Much &amp; more." in text
+    assert "<script>alert" not in text and "&lt;script&gt;alert" in text
     assert markdown("<i>x</i>") == "<p>&lt;i&gt;x&lt;/i&gt;</p>\n"
 
 
@@ -104,7 +127,7 @@ def test_markdown_tables_become_html():
 
 
 def test_a_forgotten_value_is_an_error():
-    with pytest.raises(jinja2.UndefinedError, match="'result' is undefined"):
+    with pytest.raises(jinja2.UndefinedError, match="'robot_name' is undefined"):
         page("discovery.html")
 
 

@@ -67,7 +67,7 @@ def test_the_page_needs_nothing_from_elsewhere(server):
         rules = reply.headers["Content-Security-Policy"]
     assert "default-src 'none'" in rules
     loaded = re.findall(r'(?:src|href)="([^"]+)"', page)
-    assert len(loaded) == 4
+    assert len(loaded) == 5
     for name in loaded:
         with urlopen(server.url + name, timeout=HANG) as reply:
             script = reply.read().decode()

@@ -16,7 +16,7 @@ from faultgen.viewing.canvas import open_canvas
 from faultgen.viewing.film import save_film, save_picture
 from faultgen.viewing.painter import Painter, triangles
 from faultgen.viewing.playback import play
-from faultgen.viewing.stage import Stage
+from faultgen.viewing.stage import FLOOR, LIGHT, LINE, Stage
 from faultgen.viewing.window import open_window, require_display
 
 
@@ -44,6 +44,7 @@ def picture(geoms, *, lookat=(0, 0, 0), distance=10.0, size=200):
         camera=camera,
         view_axes=lambda: axes,
         shown=lambda: np.arange(model.ngeom),
+        floor=None,
     )
     return Painter(stage, size, size).draw()
 
@@ -273,3 +274,86 @@ def test_an_opengl_library_that_is_asked_for_and_missing_is_named(monkeypatch, s
     monkeypatch.delenv("MUJOCO_GL")
     with open_canvas(stage, width=10, height=10) as canvas:
         assert canvas.name == "software"
+
+
+def test_the_floor_has_a_grid_and_a_shadow(in_software, puma):
+    """From points in the shadow, the robot stands before the light; from those around, it does not.
+
+    Points that are near to the border of the shadow, or to the robot, are left out.
+    """
+    position = np.tile([0.4, 0.3, -1.5, 0, 0.5, 0], (2, 1))
+    stage = Stage(puma, position)
+    stage.pose(position[0])
+    size = 200
+    with open_canvas(stage, width=size, height=size) as canvas:
+        drawn = canvas.draw().astype(int)
+    floor, line = (255 * np.array(one) for one in (FLOOR, LINE))
+
+    def inner(mask):
+        return mask & np.all([np.roll(mask, k, (0, 1)) for k in ((2, 2), (-2, 2), (2, -2))], axis=0)
+
+    shadow = inner(np.abs(drawn - 0.82 * floor).max(axis=2) < 3)
+    light = inner(np.abs(drawn - floor).max(axis=2) < 2)
+    assert (np.abs(drawn - line).max(axis=2) < 8).sum() > 100 and shadow.sum() > 100
+    light[: size // 2] = False  # near to the horizon, a pixel is wide
+    axes, slope = stage.view_axes(), np.tan(np.radians(stage.model.vis.global_.fovy) / 2)
+    eye = stage.camera.lookat + stage.camera.distance * axes[2]
+    rng = np.random.default_rng(0)
+    for mask, is_dark in ((shadow, True), (light, False)):
+        for row, column in rng.permutation(np.argwhere(mask))[:40]:
+            across, up = (2 * (column + 0.5) / size - 1, 1 - 2 * (row + 0.5) / size)
+            ray = slope * (across * axes[0] + up * axes[1]) - axes[2]
+            point = eye + (stage.floor.height - eye[2]) / ray[2] * ray + [0, 0, 1e-6]
+            hit = np.zeros(1, np.int32)
+            groups = np.array([1, 1, 1, 0, 0, 0], np.uint8)
+            mujoco.mj_ray(stage.model, stage.data, point, np.array(LIGHT), groups, 1, -1, hit, None)
+            assert (hit[0] >= 0) == is_dark, (row, column)
+
+
+def test_the_grid_suits_the_size_of_the_robot(puma):
+    """Some lines cross the room that the robot needs, but not hundreds."""
+    position = np.linspace([-1, -0.5, -2, 0, 0, 0], [1.5, 1.0, 0, 0, 1, 0], 40)
+    assert Stage(puma, position).floor.grid in (0.25, 0.5)
+
+
+@pytest.mark.parametrize("hulls", [True, False], ids=["both", "collision shapes only"])
+def test_shapes_to_look_at_hide_those_for_collisions(tiny_robot, hulls):
+    """A link that has only collision shapes is drawn with them."""
+    spec = tiny_robot.spec()
+    link = spec.body("link1")
+    for geom in list(link.geoms):
+        spec.delete(geom)
+    box = mujoco.mjtGeom.mjGEOM_BOX
+    link.add_geom(name="hull", type=box, size=[0.1] * 3, contype=1, conaffinity=1, mass=0)
+    if hulls:
+        link.add_geom(name="seen", type=box, size=[0.05] * 3, contype=0, conaffinity=0, mass=0)
+    spec.compile()
+    stage = Stage(tiny_robot.edited(spec), np.zeros((2, 2)))
+    names = {stage.model.geom(int(k)).name for k in stage.shown()}
+    assert names & {"hull", "seen"} == ({"seen"} if hulls else {"hull"})
+
+
+def test_fine_meshes_keep_their_hollows():
+    """A ring of many faces is simplified, and still has its hole, which a hull would fill."""
+    around, along = np.meshgrid(*[np.linspace(0, 2 * np.pi, 60, endpoint=False)] * 2)
+    radius = 0.5 + 0.1 * np.cos(along)
+    points = np.stack(
+        [radius * np.cos(around), radius * np.sin(around), 0.1 * np.sin(along)], axis=-1
+    )
+    a, b, c, d = (
+        np.roll(points, shift, axis=(0, 1)) for shift in ((0, 0), (0, -1), (-1, -1), (-1, 0))
+    )
+    faces = np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 3, 3)
+    corners, numbers = np.unique(faces.reshape(-1, 3), axis=0, return_inverse=True)
+    spec = mujoco.MjSpec()
+    spec.add_mesh(name="ring", uservert=corners.ravel(), userface=numbers.ravel().astype(np.int32))
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="ring")
+    model = spec.compile()
+    assert len(faces) == 7200
+    drawn = triangles(model, 0)
+    assert 300 < len(drawn) <= 1500
+    first, second, third = drawn.transpose(1, 0, 2)
+    volume = np.einsum("ij,ij->", first, np.cross(second, third)) / 6
+    assert volume == pytest.approx(2 * np.pi**2 * 0.5 * 0.1**2, rel=0.15)
+    across = np.delete(drawn, np.argmin(np.ptp(drawn, axis=(0, 1))), axis=2)  # it may be turned
+    assert np.linalg.norm(across, axis=2).min() > 0.3

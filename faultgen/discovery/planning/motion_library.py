@@ -27,6 +27,7 @@ import tomli_w
 from faultgen.errors import InputError
 from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm
+from faultgen.simulation.collisions import FEWEST_FREE, Collisions
 from faultgen.simulation.motion import Motion, plan
 from faultgen.tasks import Move, Pose, Task
 
@@ -52,9 +53,9 @@ class AllowedPoses:
     """The poses of a robot that may be used.
 
     A pose is allowed if every joint is within its range, if gravity takes at most 60 % of each
-    motor's torque, and if no link is lower than the floor. The floor is the plane z = 0 of the base
-    frame if the robot is above it in the middle of its joint ranges; otherwise there is none.
-    Collisions of links with each other and with other things are not checked.
+    motor's torque, if no link is lower than the floor, and if no links collide with each other or
+    with the floor. The floor is the plane z = 0 of the base frame if the robot is above it in the
+    middle of its joint ranges; otherwise there is none. Other things around it are not known.
     """
 
     arm: Arm
@@ -67,6 +68,8 @@ class AllowedPoses:
     """Joint speed that counts as full speed, same shape, in [rad/s] or [m/s]."""
     floor: np.ndarray
     """Smallest height of each checked point, shape (points,), in [m]."""
+    collisions: Collisions | None
+    """Finds collisions; None if the shapes of the model overlap in nearly all poses."""
 
     @classmethod
     def of(cls, robot: Robot) -> AllowedPoses:
@@ -81,11 +84,15 @@ class AllowedPoses:
         floor = np.minimum(middle, _CLEARANCE) - 1e-6
         if middle.min() < -1e-6:
             floor = np.full(len(middle), -np.inf)
-        return cls(arm, low + _EDGE * width, high - _EDGE * width, speed, floor)
+        found = Collisions(robot, None if np.isinf(floor).all() else 0.0)
+        collisions = found if found.share_free() >= FEWEST_FREE else None
+        return cls(arm, low + _EDGE * width, high - _EDGE * width, speed, floor, collisions)
 
-    def is_above_floor(self, pose: np.ndarray) -> bool:
-        """Whether all links are above the floor in a pose of shape (n_axes,)."""
-        return bool(np.all(_heights(self.arm, pose) >= self.floor))
+    def is_clear(self, pose: np.ndarray) -> bool:
+        """Whether all links are above the floor and free of collisions in a pose (n_axes,)."""
+        if np.any(_heights(self.arm, pose) < self.floor):
+            return False
+        return self.collisions is None or self.collisions.is_free(pose)
 
     def is_allowed(self, pose: np.ndarray) -> bool:
         """Whether the robot may rest in a pose of shape (n_axes,), in [rad] or [m]."""
@@ -96,7 +103,7 @@ class AllowedPoses:
         load = load / robot.gear_ratio
         if np.any(np.abs(load) > _HOLDING * robot.motor_torque_limit):
             return False
-        return self.is_above_floor(pose)
+        return self.is_clear(pose)
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Draw an allowed pose.
@@ -116,7 +123,7 @@ class AllowedPoses:
                 return np.asarray(pose)
         raise InputError(
             f"robot {self.arm.robot.name}: no pose was found in which its motors can hold it above "
-            "the floor"
+            "the floor and its links do not collide"
         )
 
     def within(self, pose: np.ndarray) -> np.ndarray:
@@ -174,7 +181,7 @@ def _drawn(space: AllowedPoses, kind: str, name: str, rng: np.random.Generator) 
         except InputError:
             continue
         way, _, _ = motion(np.arange(0, motion.period, _LOOK))
-        if all(space.is_above_floor(pose) for pose in way):
+        if all(space.is_clear(pose) for pose in way):
             return motion
     return None
 

@@ -65,21 +65,3 @@ function drawBars(box, answer, kind) {
     layoutOf(box, 270, {xaxis: titled(unit), yaxis: {...titled("share of the time"),
       tickformat: ".0%"}, bargap: 0.15}), CONFIG);
 }
-
-/* Puts the line that shows the time into the chart of the torque. */
-function moveCursor(box, time) {
-  let line = box.querySelector(".cursor");
-  if (!line) {
-    line = document.createElement("div");
-    line.className = "cursor";
-    box.append(line);
-  }
-  const layout = box._fullLayout;
-  if (!layout || !layout.xaxis) return;
-  const x = layout.xaxis._offset + layout.xaxis.l2p(time);
-  const inside = x >= layout.xaxis._offset && x <= layout.xaxis._offset + layout.xaxis._length;
-  line.style.display = inside ? "block" : "none";
-  line.style.left = x + "px";
-  line.style.top = layout._size.t + "px";
-  line.style.height = layout._size.h + "px";
-}

@@ -234,7 +234,8 @@ async function rest() {
 function change() {
   version += 1;
   moved = performance.now();
-  picture.faulty = pick.severity ? pick.axis : 0;
+  picture.shares = pick.severity ? {[pick.axis]: 1} : {};
+  picture.marked = pick.severity ? [pick.axis] : [];
   by("verdict").classList.add("waits");
   quick();
   clearTimeout(resting);
@@ -285,37 +286,16 @@ async function copy() {
   setTimeout(() => { by("copy").textContent = "Copy"; }, 1500);
 }
 
-/* ---- the motion ---- */
-
-let playing = !matchMedia("(prefers-reduced-motion: reduce)").matches, time = 0, before = null;
-
-function animate(now) {
-  if (playing && before !== null && !document.hidden)
-    time = (time + Math.min(now - before, 200) / 1000) % picture.poses.duration;
-  if (now - (animate.drawn || 0) > 33) {
-    picture.draw(time);
-    if (answer) moveCursor(by("torque"), time);
-    animate.drawn = now;
-  }
-  before = now;
-  requestAnimationFrame(animate);
-}
-
 async function begin() {
   offer = await ask("state");
   picture = new RobotPicture(by("robot"), offer.scene);
   picture.show(offer.poses);
   fillControls();
-  by("play").textContent = playing ? "Pause" : "Play";
-  by("play").addEventListener("click", () => {
-    playing = !playing;
-    by("play").textContent = playing ? "Pause" : "Play";
-  });
   by("dataset-hint").textContent = ["One healthy run and one with the fault. The severity is "
     + "reached in the last cycle, which is shown.", ...offer.sensors.filter(one => one.why_not)
     .map(one => `Noise ${one.name} cannot be shown: ${one.why_not}.`)].join(" ");
   listen();
-  requestAnimationFrame(animate);
+  new Motion(picture, by("play"), time => { if (answer) moveCursor(by("torque"), time); });
   change();
 }
 

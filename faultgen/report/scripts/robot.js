@@ -2,10 +2,20 @@
 /* Draws the robot in software, so that it needs no graphics card. Each pixel keeps the triangle
    that is nearest to the camera (a depth buffer). */
 
-/* Numbers that the server has packed: 4 bytes each, as base64. */
+/* Numbers that faultgen has packed: 4 bytes each, as base64. */
 function unpacked(told) {
   const bytes = Uint8Array.from(atob(told.bdata), c => c.charCodeAt(0));
   return new Float32Array(bytes.buffer);
+}
+
+/* A colour between two others. */
+function mixed(from, to, share) {
+  let colour = 0xff000000;
+  for (const bits of [0, 8, 16]) {
+    const a = from >>> bits & 255, b = to >>> bits & 255;
+    colour |= Math.round(a + share * (b - a)) << bits;
+  }
+  return colour >>> 0;
 }
 
 class RobotPicture {
@@ -13,15 +23,20 @@ class RobotPicture {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
     this.camera = {...scene.camera};
+    this.floor = scene.floor;  /* its height and the distance between the lines of its grid [m] */
     this.axes = scene.axes;
     this.shapes = scene.shapes.map(one => ({...one, corners: unpacked(one.corners)}));
     const most = Math.max(1, ...this.shapes.map(one => one.corners.length / 3));
     this.seen = new Float32Array(3 * most);
-    this.faulty = 0;
+    this.places = scene.places;
+    this.colours = scene.colours;
+    this.shares = {};  /* severity of each axis from 0 to 1; links without one keep their colour */
+    this.marked = [];  /* axes that get a mark with their number */
+    this.aside = [[8, -6]];  /* places of the numbers beside the joints [% of the width] */
     this.turnable();
   }
 
-  /* poses: as the server tells them */
+  /* poses: from `Scene.poses` */
   show(poses) {
     this.poses = {...poses, bodies: unpacked(poses.bodies)};
   }
@@ -80,8 +95,44 @@ class RobotPicture {
     const view = this.view(size);
     this.background(view, size);
     const bodies = this.at(time);
+    if (view.eye[2] > this.floor.height)
+      for (const shape of this.shapes) this.shadow(shape, bodies, view, size);
     for (const shape of this.shapes) this.fill(shape, bodies, view, size);
     this.context.putImageData(this.image, 0, 0);
+    this.marked.forEach((axis, k) => this.mark(axis, this.aside[k % this.aside.length], bodies,
+                                               view, size));
+  }
+
+  /* The number of an axis, in a disc beside its joint. */
+  mark(axis, aside, bodies, {axes, eye, scale}, size) {
+    const {body, at} = this.places[axis - 1], k = 12 * body;
+    const point = [0, 1, 2].map(row => bodies[k + row] - eye[row] + [0, 1, 2].reduce(
+      (sum, column) => sum + bodies[k + 3 + 3 * row + column] * at[column], 0));
+    const [x, y, z] = axes.map(one => one[0] * point[0] + one[1] * point[1] + one[2] * point[2]);
+    const joint = [size / 2 - scale * x / z, size / 2 + scale * y / z];
+    const [column, row] = joint.map((one, n) => one + aside[n] * size / 100);
+    const {context} = this, radius = 0.03 * size;
+    context.lineWidth = radius / 4;
+    context.strokeStyle = "#1f2328";
+    context.beginPath();
+    context.moveTo(...joint);
+    context.lineTo(column, row);
+    context.stroke();
+    context.beginPath();
+    context.arc(column, row, radius, 0, 2 * Math.PI);
+    context.fillStyle = "#fff";
+    context.fill();
+    context.stroke();
+    context.fillStyle = "#1f2328";
+    context.font = `600 ${1.3 * radius}px system-ui, sans-serif`;
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.fillText(axis, column, row + 0.08 * radius);
+  }
+
+  colourOf({body, colour}) {
+    const share = this.shares[this.axes[body]], [none, most] = this.colours;
+    return share === undefined ? colour : none.map((one, k) => one + share * (most[k] - one));
   }
 
   /* Axes of the camera (right, up, towards the viewer), its place, and pixels for a length of 1 at
@@ -100,21 +151,38 @@ class RobotPicture {
     return {axes, eye, light, scale: size / 2 / Math.tan(angle * Math.PI / 360)};
   }
 
-  background({axes, scale}, size) {
+  background({axes, eye, scale}, size) {
     const dark = matchMedia("(prefers-color-scheme: dark)").matches;
-    const [sky, floor] = dark ? [0xff26221d, 0xff38332e] : [0xfffaf6f3, 0xffe2ddd8];  /* ABGR */
+    const [sky, floor, line, shadow] = dark  /* ABGR */
+      ? [0xff26221d, 0xff38332e, 0xff575047, 0xff262220]
+      : [0xfffaf6f3, 0xffe0dbd6, 0xffc8c1bb, 0xffbbb5b0];
+    this.shade = shadow;
     this.depth.fill(Infinity);
+    const {height, grid} = this.floor, high = eye[2] - height, [right, up, back] = axes;
     for (let row = 0; row < size; row++) {
-      const up = (size / 2 - row - 0.5) / scale;
-      const down = up * axes[1][2] - axes[2][2] < 0;
-      this.pixels.fill(down ? floor : sky, row * size, (row + 1) * size);
+      const rise = (size / 2 - row - 0.5) / scale, fall = rise * up[2] - back[2];
+      const at = row * size;
+      this.pixels.fill(fall < 0 ? floor : sky, at, at + size);
+      const ahead = -high / fall, pixel = ahead / scale * Math.hypot(1, ahead / high);
+      /* lines fade with the distance */
+      const seen = Math.min(1, 1.3 - ahead / (12 * grid + this.camera.distance));
+      if (fall >= 0 || high <= 0 || seen <= 0) continue;
+      const colour = mixed(floor, line, seen);
+      /* where the ray of each pixel meets the floor, in units of the grid */
+      const half = Math.max(0.006, pixel / grid / 2), step = ahead / scale / grid;
+      const [x0, y0] = [0, 1].map(k => (eye[k] + ahead * (rise * up[k] - back[k]
+        + (0.5 - size / 2) / scale * right[k])) / grid);
+      for (let column = 0; column < size; column++) {
+        const x = x0 + column * step * right[0], y = y0 + column * step * right[1];
+        if (Math.abs(x - Math.round(x)) < half || Math.abs(y - Math.round(y)) < half)
+          this.pixels[at + column] = colour;
+      }
     }
   }
 
-  fill({body, colour, corners}, bodies, {axes, eye, light, scale}, size) {
-    const at = 12 * body, seen = this.seen, half = size / 2;
-    /* turn and shift from the body's frame to that of the camera */
-    const m = [];
+  /* Moves the corners of a shape from the frame of its body to that of the camera. */
+  see({body, corners}, bodies, {axes, eye}) {
+    const at = 12 * body, seen = this.seen, m = [];
     for (const axis of axes) {
       for (let k = 0; k < 3; k++)
         m.push(axis[0] * bodies[at + 3 + k] + axis[1] * bodies[at + 6 + k]
@@ -128,8 +196,34 @@ class RobotPicture {
       seen[k + 1] = m[4] * x + m[5] * y + m[6] * z + m[7];
       seen[k + 2] = m[8] * x + m[9] * y + m[10] * z + m[11];
     }
-    const [red, green, blue] =
-      this.faulty && this.axes[body] === this.faulty ? [0.85, 0.16, 0.14] : colour;
+  }
+
+  /* Darkens the floor where a shape keeps the light away. */
+  shadow(shape, bodies, view, size) {
+    this.see(shape, bodies, view);
+    const {seen} = this, {axes, eye, light, scale} = view, half = size / 2;
+    const upward = axes.map(axis => axis[2]), high = eye[2] - this.floor.height;
+    const fall = upward[0] * light[0] + upward[1] * light[1] + upward[2] * light[2];
+    for (let k = 0; k < shape.corners.length; k += 3) {
+      const above = (upward[0] * seen[k] + upward[1] * seen[k + 1] + upward[2] * seen[k + 2]
+        + high) / fall;
+      for (let row = 0; row < 3; row++) seen[k + row] -= above * light[row];
+    }
+    for (let k = 0; k < shape.corners.length; k += 9) {
+      const az = seen[k + 2], bz = seen[k + 5], cz = seen[k + 8];
+      if (az > -0.01 || bz > -0.01 || cz > -0.01) continue;  /* behind the camera */
+      /* at the distance of the floor, behind all shapes */
+      this.triangle(half - scale * seen[k] / az, half + scale * seen[k + 1] / az, 0,
+                    half - scale * seen[k + 3] / bz, half + scale * seen[k + 4] / bz, 0,
+                    half - scale * seen[k + 6] / cz, half + scale * seen[k + 7] / cz, 0,
+                    this.shade, size);
+    }
+  }
+
+  fill(shape, bodies, view, size) {
+    this.see(shape, bodies, view);
+    const {corners} = shape, {seen} = this, {light, scale} = view, half = size / 2;
+    const [red, green, blue] = this.colourOf(shape);
     for (let k = 0; k < corners.length; k += 9) {
       const az = seen[k + 2], bz = seen[k + 5], cz = seen[k + 8];
       if (az > -0.01 || bz > -0.01 || cz > -0.01) continue;  /* behind the camera */
@@ -169,7 +263,7 @@ class RobotPicture {
         if (first < 0 || second < 0 || third < 0) continue;
         const distance = 1 / (first * ai + second * bi + third * ci);
         const place = row * size + column;
-        if (distance < depth[place]) { depth[place] = distance; pixels[place] = colour; }
+        if (distance <= depth[place]) { depth[place] = distance; pixels[place] = colour; }
       }
     }
   }

@@ -1,0 +1,1 @@
+"""Robots in the formats of other programs: plain MJCF, URDF, and tables of the joints."""
