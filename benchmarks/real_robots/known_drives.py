@@ -239,9 +239,9 @@ def _cell(found: np.ndarray) -> str:
 
 
 def main() -> None:
-    """Print the fit and the table."""
+    """Print the fit and the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--save", type=Path, help="also write the table there, as JSON")
+    parser.add_argument("--save", type=Path, help="also write the tables there, as JSON")
     arguments = parser.parse_args()
     arms = read_arms()
     for law in LAWS:
