@@ -139,7 +139,8 @@ def origin(part: Part, told: dict[str, Any]) -> str:
     by = maker(told)
     again = f"`make results PARTS={part.name}`"
     if by is None:
-        return f"Made by an earlier version that was not recorded; {again} makes it again."
+        known = f"of source {told['version']}" if "version" in told else "that was not recorded"
+        return f"Made by an earlier version {known}; {again} makes it again."
     about = told["provenance"]
     return f"Made by {again} with {by}, on {about['date']} ({about['machine']})."
 
