@@ -151,7 +151,8 @@ def _prepared(
         [EFFECTS[name] for name in effects],
         rng_trained,
     )
-    tops = trained.tops(0.0, trained.recordings(size.healthy_days, BEFORE + LOGGED, rng_trained))
+    numbers = trained.recordings(size.healthy_days, BEFORE + LOGGED, rng_trained)
+    tops = trained.tops(trained.pool[numbers])
     trained = trained.with_limit_of(size.healthy_days, rng_trained)
     limit = trained.detector.posterior.limit_
     told = Healthy(

@@ -82,28 +82,22 @@ class LearnedDetector:
         Returns:
             Itself. As for the other detectors, one of 30 of these days raises an alarm, or fewer.
         """
-        tops = self.tops(0.0, self.recordings(days, BEFORE + LOGGED, rng))
+        tops = self.tops(self.pool[self.recordings(days, BEFORE + LOGGED, rng)])
         found = float(np.quantile(tops, 1 - FALSE_ALARM))
         self.detector.posterior.limit_ = max(self.stated, found)
         return self
 
-    def tops(self, shift: np.ndarray | float, numbers: np.ndarray) -> np.ndarray:
-        """Compute the largest statistic of each day; see `days`.
+    def tops(self, scores: np.ndarray) -> np.ndarray:
+        """Compute the largest statistic of each day, after any of its recordings.
 
         Args:
-            shift: Change of the scores on the day.
-            numbers: Of the recordings before the day and on it, from `recordings`.
+            scores: Of the recordings before the day and on it, shape (days, recordings, columns).
 
         Returns:
             Shape (days,).
         """
-        before = numbers.shape[1] - LOGGED
-        tops = np.full(len(numbers), -np.inf)
-        for last in range(1, LOGGED + 1):
-            scores = self.pool[numbers[:, : before + last]]
-            scores[:, before:] += shift
-            tops = np.maximum(tops, self._statistic(scores))
-        return tops
+        ends = range(scores.shape[1] - LOGGED + 1, scores.shape[1] + 1)
+        return np.max([self._statistic(scores[:, :end]) for end in ends], axis=0)
 
     def shift(self, cycle: np.ndarray) -> np.ndarray | None:
         """Compute by how much an effect changes the scores of a recording.
@@ -283,11 +277,23 @@ class LearnedDetector:
     def _names(
         self, effect: str, axis: int, shift: np.ndarray | None, numbers: np.ndarray
     ) -> dict[str, Any] | None:
-        """What alarms at the end of days are called; None without a change."""
         if shift is None:
             return None
         scores = self.pool[numbers]
         scores[:, -LOGGED:] += shift
+        return self.names(effect, axis, scores)
+
+    def names(self, effect: str, axis: int, scores: np.ndarray) -> dict[str, Any]:
+        """Tell what alarms at the end of days are called.
+
+        Args:
+            effect: Name of the true effect.
+            axis: Its axis, from 1.
+            scores: As for `tops`.
+
+        Returns:
+            Entries for JSON, which `limit` lists.
+        """
         answers = [self.detector.judge(one) for one in scores]
         answers = [one for one in answers if one["alarm"]]
         right = [(one["effect"], one["axes"]) == (effect, [axis]) for one in answers]
@@ -298,12 +304,11 @@ class LearnedDetector:
             if not correct
         )
         count = max(len(answers), 1)
-        most = wrong.most_common(1)[0][0] if wrong else None
         return {
             "alarms": len(answers) / len(scores),
             "named": sum(right) / count,
             "axis_named": sum(where) / count,
-            "called": most,
+            "called": wrong.most_common(1)[0][0] if wrong else None,
         }
 
 
