@@ -218,7 +218,7 @@ def study(
             raise InputError(
                 "--task-from needs the study detectability with one --robot, and no --task"
             )
-        tasks = (task_of(task_from, robot, out),)
+        tasks = [task_of(task_from, robot, out)]
     from faultgen.studies.runner import run_study
 
     result = run_study(
