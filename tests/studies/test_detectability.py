@@ -31,7 +31,8 @@ from faultgen.studies.detectability.limits import Bench, find_limit
 from faultgen.studies.detectability.place import Size
 from faultgen.studies.detectability.study import effects_to_map, run_detectability
 from faultgen.studies.detectability.tables import goals, tables
-from faultgen.studies.detectability.trained import LONGEST, LearnedDetector, learned_detector
+from faultgen.studies.detectability.trained import LONGEST, LearnedDetector
+from faultgen.studies.detectability.training import learned_detector
 from faultgen.studies.detectability.units import in_plant_units, shown
 from faultgen.studies.detectability.views import views
 from faultgen.studies.figures import draw

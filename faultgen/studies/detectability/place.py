@@ -21,7 +21,8 @@ from faultgen.studies.detectability.disturbed import Before, disturbances, draw
 from faultgen.studies.detectability.ideal import LOGGED, MatchedFilter, matched_filter
 from faultgen.studies.detectability.judged import Judged, judged
 from faultgen.studies.detectability.limits import Bench
-from faultgen.studies.detectability.trained import BEFORE, LearnedDetector, learned_detector
+from faultgen.studies.detectability.trained import BEFORE, LearnedDetector
+from faultgen.studies.detectability.training import learned_detector
 from faultgen.studies.detectability.views import views
 
 
