@@ -180,6 +180,29 @@ class FittedPosterior:
             np.stack([below, above], axis=1),
         )
 
+    def strongest(self, scores: ArrayLike) -> tuple[Floats, Floats]:
+        """Test many robots at once, each as `judge` tests it after its last recording.
+
+        Args:
+            scores: Of `transform`, in the order of time, shape (robots, recordings, columns).
+
+        Returns:
+            The statistic of each robot, shape (robots,), above `limit_` if an effect is there; and
+            the logarithm of the odds of each cause against a healthy robot, shape (robots, causes).
+        """
+        self._require_fit()
+        scores = np.asarray(scores)
+        summed = np.cumsum(scores[:, ::-1], axis=1)
+        statistic = np.full(len(scores), -np.inf)
+        odds = np.zeros((len(scores), len(self.effects.causes)))
+        for length in lengths_of(scores.shape[1]):
+            mean = self._forms.turned(summed[:, length - 1] / length)
+            logs = self._log_odds(mean, length)
+            value = logsumexp(logs, axis=-1)
+            more = value > statistic
+            statistic[more], odds[more] = value[more], logs[more]
+        return statistic, odds
+
     def _since(self, turned: Floats, cause: int) -> int:
         """Number of the recording from which a cause is there, all at once or growing evenly."""
         best, found, count = -np.inf, len(turned) - 1, len(turned)

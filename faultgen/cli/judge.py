@@ -24,6 +24,7 @@ from faultgen.cli.app import (
     worker_count,
 )
 from faultgen.cli.checks import existing_dataset, existing_study
+from faultgen.cli.values import task_of
 from faultgen.errors import InputError
 from faultgen.system.terminal import say
 
@@ -171,6 +172,20 @@ def study(
             "the study detectability. Default: those in the folder of the robot, else realistic."
         ),
     ] = None,
+    effect: Annotated[
+        str | None,
+        typer.Option(
+            help="Effects that the study detectability maps, separated by commas. Default: all; "
+            "with --quick, five of them."
+        ),
+    ] = None,
+    task_from: Annotated[
+        Path | None,
+        typer.Option(
+            help="Recording of the robot (HDF5 or CSV) whose motion is the task, for the study "
+            "detectability with one --robot."
+        ),
+    ] = None,
     quick: Annotated[
         bool, typer.Option(help="Use fewer seeds or robots, for a first look at the results.")
     ] = False,
@@ -197,6 +212,13 @@ def study(
     existing_study(name)
     if method:
         _join_study(name, method)
+    tasks = names(task)
+    if task_from is not None:
+        if name != "detectability" or task is not None or robot is None or "," in robot:
+            raise InputError(
+                "--task-from needs the study detectability with one --robot, and no --task"
+            )
+        tasks = [task_of(task_from, robot, out)]
     from faultgen.studies.runner import run_study
 
     result = run_study(
@@ -207,8 +229,9 @@ def study(
         workers=worker_count(workers),
         fleet=fleet,
         robots=names(robot),
-        tasks=names(task),
+        tasks=tasks,
         sensors=sensors,
+        effects=names(effect),
     )
     if as_json:
         print_json(result)

@@ -16,8 +16,8 @@ SeverityLimit = float | Mapping[str, float] | None
 
 SMALLEST_FRACTION = 0.01
 """From here on a cycle counts as worn, if the severity is a fraction. Assumed: it is the smallest
-severity at which the thesis judges isolators, and about what the best detector of
-docs/detectability.md sees (0.28 to 4.8 % more friction, depending on the axis)."""
+severity at which the thesis judges isolators, and about what the best detectors of
+docs/detectability.md see (0.3 to 1.4 % more friction, depending on the axis)."""
 
 SMALLEST_SHARE = 0.05
 """The same for severities with a unit, as a share of the largest severity of the run. Assumed: 1 %

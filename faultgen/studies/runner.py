@@ -56,6 +56,7 @@ def run_study(
     robots: Sequence[str] = (),
     tasks: Sequence[str] = (),
     sensors: str | None = None,
+    effects: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Run a study and write ``results.json``, ``tables.md`` and ``figures/``.
 
@@ -70,6 +71,7 @@ def run_study(
         tasks: Names of tasks, or paths of task files. Default: those of the thesis.
         sensors: Preset of sensors, or path of a sensors file; only for the study detectability.
             Default: realistic, or the sensors in the folder of the robot.
+        effects: Names of effects; only for the study detectability. Default: all.
 
     Returns:
         The results.
@@ -93,7 +95,10 @@ def run_study(
         chosen |= {"tasks": tuple(tasks)} if tasks else {}
     if sensors is not None and name != "detectability":
         raise InputError(f"study {name}: has its own noise and takes no --sensors")
+    if effects and name != "detectability":
+        raise InputError(f"study {name}: has its own effects and takes no --effect")
     if name == "detectability":
+        chosen["effects"] = tuple(effects)
         chosen["sensors"] = get_sensors(sensors or sensors_of(robots) or "realistic")
     recorded = None if fleet is None else open_fleet(fleet)
     started = time.monotonic()
@@ -137,11 +142,11 @@ def _detection(quick: bool) -> Parts:
 
 
 def _detectability(quick: bool) -> Parts:
-    import faultgen.studies.detectability.study as study
+    from faultgen.studies.detectability import place, study
     from faultgen.studies.detectability.figures import FIGURES
     from faultgen.studies.detectability.tables import goals, tables
 
-    size = study.QUICK if quick else study.FULL
+    size = place.QUICK if quick else place.FULL
     return partial(study.run_detectability, size=size), goals, tables, FIGURES
 
 

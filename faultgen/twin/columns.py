@@ -224,11 +224,12 @@ class Columns:
         """Change of the torque per unit of each fault that has a formula on the measured motion."""
         terms = {
             k: [
-                Term(f.effect, axis, f.largest, f.largest, tuple(sorted(one.parameters.items())))
+                Term(f.effect, axis, f.largest, f.largest, tuple(sorted(complete.items())))
                 for axis in f.axes
             ]
             for k, one in enumerate(generated)
             for f in [one.fault]
+            for complete in [get_effect(f.effect).complete(one.parameters)]
             if not one.measured and (get_effect(f.effect).prior.at_motor or f.effect == PAYLOAD)
         }
         known = self._formulas.columns([term for own in terms.values() for term in own])

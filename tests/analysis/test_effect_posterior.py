@@ -125,6 +125,20 @@ def test_delays_are_those_of_recordings(known):
     assert np.median(seen) == pytest.approx(np.median(promised), abs=3)
 
 
+def test_many_robots_are_tested_at_once_as_each_is_judged(known):
+    """Statistic and most probable cause are those of `judge`, healthy robots included."""
+    effects, _ = known
+    rng = np.random.default_rng(8)
+    model = fitted(known, recordings(known, 20, rng))
+    changes = [0.0, 0.4 * effects.columns[5], 1.5 * effects.columns[9]]
+    scores = np.array([model.transform(recordings(known, 14, rng, c)) for c in changes])
+    statistic, odds = model.strongest(scores)
+    for one, value, logs in zip(scores, statistic, odds, strict=True):
+        told = model.judge(one)
+        assert value == pytest.approx(told.statistic) and np.argmax(logs) == told.best
+    assert statistic[2] > model.limit_ > statistic[0] and np.argmax(odds[2]) == 9
+
+
 def test_results_repeat_and_the_estimator_can_be_cloned(known):
     healthy = recordings(known, 4, np.random.default_rng(8))
     first = fitted(known, healthy)

@@ -13,6 +13,7 @@ from scipy.linalg import toeplitz
 from faultgen.effects import EFFECTS
 from faultgen.errors import InputError
 from faultgen.monitoring.sensors import SENSORS, Sensors
+from faultgen.simulation.state import Condition
 from faultgen.studies import runner
 from faultgen.studies.detectability.figures import FIGURES
 from faultgen.studies.detectability.ideal import (
@@ -26,15 +27,14 @@ from faultgen.studies.detectability.ideal import (
     of_day,
 )
 from faultgen.studies.detectability.judged import smallest
-from faultgen.studies.detectability.limits import find_limit
-from faultgen.studies.detectability.study import (
-    Size,
-    effects_to_map,
-    run_detectability,
-    views,
-)
+from faultgen.studies.detectability.limits import Bench, find_limit
+from faultgen.studies.detectability.place import Size
+from faultgen.studies.detectability.study import effects_to_map, run_detectability
 from faultgen.studies.detectability.tables import goals, tables
+from faultgen.studies.detectability.trained import LONGEST, LearnedDetector
+from faultgen.studies.detectability.training import learned_detector
 from faultgen.studies.detectability.units import in_plant_units, shown
+from faultgen.studies.detectability.views import views
 from faultgen.studies.figures import draw
 from faultgen.studies.runner import run_study
 
@@ -176,12 +176,86 @@ def test_effects_of_sensors_have_no_place():
     names = {effect.name for effect in effects_to_map(quick=False)}
     assert {"friction_wear", "backlash", "delay"} <= names
     assert not names & {"sensor_dropout", "brake_drag", "learned_law"}
+    (chosen,) = effects_to_map(quick=True, names=["torque_offset"])
+    assert chosen.name == "torque_offset"
+    with pytest.raises(InputError, match="maps no effect 'brake_drag'; choose from friction_wear"):
+        effects_to_map(quick=False, names=["brake_drag"])
+
+
+class Odds:
+    """A posterior of two causes, whose log odds are sums of the scores."""
+
+    limit_ = 5.0
+    effects = SimpleNamespace(
+        causes=[SimpleNamespace(label="wear"), SimpleNamespace(label="temperature")]
+    )
+
+    def strongest(self, scores):
+        """The odds are sums of the scores."""
+        odds = np.maximum(scores, 0.0).sum(axis=1)
+        return odds.max(axis=1), odds
+
+
+def scored(pool):
+    """The detector of train with these scores of healthy recordings."""
+    detector = SimpleNamespace(posterior=Odds())
+    return LearnedDetector(detector, np.zeros((3, 4, 1)), 1, np.asarray(pool, float), 5.0)
+
+
+def test_days_and_delays_of_the_detector_of_train():
+    """Alarms come after the recording that reaches the limit; another temperature is none."""
+    one = scored(np.zeros((300, 2)))
+    numbers = one.recordings(4, 3 + LOGGED, np.random.default_rng(0))
+    assert all(len(set(row)) == len(row) for row in numbers.tolist())
+    for shift, alarm in (([0.62, 0.0], False), ([0.63, 0.0], True), ([0.63, 0.7], False)):
+        assert (one.days(np.array(shift), numbers) == alarm).all()
+    months = one.recordings(5, LONGEST, np.random.default_rng(1))
+    for every in (1, 2, 7, 13, 100, LONGEST):  # recordings that reach the limit
+        assert (one.delays(np.array([5.0001 / every, 0.0]), months) == every).all()
+    assert np.isinf(one.delays(np.array([4.999 / LONGEST, 0.0]), months)).all()
+
+
+def test_the_limit_of_train_is_raised_until_it_keeps_its_promise():
+    """One healthy day in thirty exceeds it, whatever the detector states; it is never lowered."""
+    rng = np.random.default_rng(2)
+    one = scored(rng.exponential(1.0, (4000, 2)) * [1.0, 0.0])
+    one.with_limit_of(600, np.random.default_rng(3))
+    numbers = one.recordings(2000, 24 + LOGGED, np.random.default_rng(4))
+    assert one.detector.posterior.limit_ > 25 and one.stated == 5.0
+    assert one.days(0.0, numbers).mean() == pytest.approx(FALSE_ALARM, abs=0.02)
+    quiet = scored(np.zeros((300, 2))).with_limit_of(20, rng)
+    assert quiet.detector.posterior.limit_ == 5.0
+
+
+def test_train_judges_cycles_as_they_are_found(tiny_robot_path, tiny_task_path):
+    """It learns, keeps quiet on what it learned, names wear, and does not see a late recording."""
+    bench = Bench.of(tiny_robot_path, tiny_task_path, STEP)
+    healthy = bench.cycle(Condition(bench.robot.friction_temperature))
+    view = View(name="torque", sensors=SENSORS["thesis"], sample_period=STEP)
+    wear = EFFECTS["friction_wear"]
+    mean = np.abs(healthy[2]).mean(axis=0)
+    rng = np.random.default_rng(5)
+    told = (bench, tiny_task_path, view, healthy, None, mean)
+    one = learned_detector(*told, [wear, EFFECTS["torque_ripple"]], rng)
+    numbers = one.recordings(60, 24 + LOGGED, rng)
+    # without differences from day to day, its own limit holds; 7 of 60 is beyond 99.5 %
+    assert one.days(0.0, numbers).sum() <= 7
+    worn = bench.worn(wear, 2, 0.1)
+    scores = one.pool[numbers[:5]]
+    scores[:, -LOGGED:] += one.shift(worn)
+    assert one.names("friction_wear", 2, scores)["named"] == 1.0
+    assert one.names("friction_wear", 1, scores)["axis_named"] == 0.0
+    # the whole recording begins some samples later: judge finds the motion, and nothing changed
+    late = np.concatenate([np.repeat(healthy[:, :1], 40, axis=1), healthy[:, :-40]], axis=1)
+    seen = np.abs(one.shift(late)).max() / np.abs(one.shift(worn)).max()
+    assert seen < 0.05
+    assert one.shift(np.zeros_like(healthy)) is None
 
 
 @pytest.mark.slow
 def test_the_study_on_a_robot_of_ones_own(tiny_robot_path, tiny_task_path, tmp_path):
     """Map, table and figures are made; a further call goes on where it was, with equal numbers."""
-    small = Size(healthy_days=15, days=12, quick=True)
+    small = Size(healthy_days=15, days=12, trained_days=20, quick=True)
     told = {"size": small, "robots": [tiny_robot_path], "tasks": [tiny_task_path]}
     result = run_detectability(tmp_path, **told)
     rows = {(row["effect"], row["axis"]): row for row in result["rows"]}
@@ -195,13 +269,23 @@ def test_the_study_on_a_robot_of_ones_own(tiny_robot_path, tiny_task_path, tmp_p
     seen = [x for x in wear["detectors"].values() if x is not None]
     assert seen and min(seen) > 0.7 * wear["ideal"]
     assert 0 < wear["life"]["exponential"] < 1
+    told_of_wear = wear["train"]
+    assert 0.7 * wear["ideal"] < told_of_wear["severity"] == wear["detectors"]["train"]
+    low, middle, high = told_of_wear["delays"]["1 x limit"]
+    assert 1 <= low <= middle <= high and middle <= LOGGED
+    assert told_of_wear["delays"]["2 x limit"][1] <= middle
+    assert told_of_wear["at_default"]["named"] > 0.9
+    (seen,) = result["false_alarms"].values()
+    assert seen["alarms"] <= seen["stated"] <= seen["days"] == 15
     with (tmp_path / "detectability.csv").open() as file:
         table = list(csv.DictReader(file))
     assert len(table) == len(rows) and float(table[0]["ideal"]) > 0
     page = tables({**result, "goals": goals(result)})
     assert "## What better logs contribute" in page and "backlash" in page
+    assert "## The detector of `faultgen train`, by axis" in page
     draw(FIGURES, result, tmp_path / "figures")
-    assert (tmp_path / "figures" / "detectability_ideal.png").is_file()
+    for name in ("ideal", "train"):
+        assert (tmp_path / "figures" / f"detectability_{name}.png").is_file()
     (gone,) = (tmp_path / "cells").glob("delay_*")
     gone.unlink()
     assert run_detectability(tmp_path, **told)["rows"] == result["rows"]
@@ -226,6 +310,11 @@ def test_the_command_gives_the_same_for_any_number_of_workers(
 def test_other_studies_take_no_sensors(tmp_path):
     done = faultgen_here("study", "isolation", "--sensors", "thesis", "-o", tmp_path / "out")
     assert done.returncode == 2 and "takes no --sensors" in done.stderr
+    done = faultgen_here("study", "isolation", "--effect", "backlash", "-o", tmp_path / "out")
+    assert done.returncode == 2 and "takes no --effect" in done.stderr
+    where = ["--task-from", tmp_path / "a.h5", "-o", tmp_path / "out"]
+    done = faultgen_here("study", "detectability", *where)
+    assert done.returncode == 2 and "--task-from needs" in done.stderr
 
 
 def test_a_robot_in_a_folder_has_its_own_sensors(tiny_robot_path, tmp_path, monkeypatch):

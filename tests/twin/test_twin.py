@@ -17,9 +17,11 @@ from faultgen.recordings.read import read_recording
 from faultgen.recordings.recording import write_recording
 from faultgen.robot import load_robot
 from faultgen.twin.alignment import KnownMotion, find_cycles
+from faultgen.twin.columns import Fault, Generated
 from faultgen.twin.disturbances import run_differences, torque_noise_of
 from faultgen.twin.likeness import likeness
 from faultgen.twin.make import furnish, make_twin
+from faultgen.twin.train import learn
 
 RUNS = 4
 
@@ -93,6 +95,20 @@ def test_other_motions_are_refused(recordings, known):
         find_cycles(replace(one, position=one.position[:60], torque=one.torque[:60]), known)
     with pytest.raises(InputError, match="has 1 axes, but the motion has 2"):
         find_cycles(replace(one, position=one.position[:, :1], torque=one.torque[:, :1]), known)
+
+
+def test_a_fault_needs_no_parameters_beside_its_defaults(recordings, known, tiny_robot):
+    """Data state only parameters that differ; a ripple without any has two periods a turn."""
+    torque = np.stack([one.torque for one in recordings])
+    fault = Fault(effect="torque_ripple", axes=(1,), largest=0.01, unit="N m")
+    nothing = np.zeros((1, *torque.shape[1:]))
+    ripple = Generated(fault=fault, change=nothing, severity=np.ones(1))
+    learned = learn(tiny_robot, known, torque, [ripple], 0.01, 0)
+    wave = np.zeros(torque.shape[1:])
+    wave[:, 0] = -np.sin(2 * known.path[:, 0] * tiny_robot.gear_ratio[0])
+    expected = learned.program.whiten(wave)
+    found = learned.posterior.effects.columns[0]
+    assert np.corrcoef(found, expected)[0, 1] > 0.99
 
 
 def test_differences_of_runs_are_measured(tiny_robot, tiny_task_path):

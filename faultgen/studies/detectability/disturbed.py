@@ -56,6 +56,8 @@ class Drawn:
     n_axes): position [rad], velocity [rad/s] and torque [N m] of the motors."""
     unknown: np.ndarray
     """The same, less their mean: where no temperature is measured."""
+    mean: np.ndarray
+    """Mean of the cycles, shape (3, samples, n_axes)."""
 
 
 def draw(bench: Bench, sensors: Sensors, rng: np.random.Generator) -> Drawn | None:
@@ -89,7 +91,8 @@ def draw(bench: Bench, sensors: Sensors, rng: np.random.Generator) -> Drawn | No
     measured = np.clip(warm + sensors.temperature_error * errors, *TEMPERATURE_RANGE)
     expected = expected_cycles(bench, measured)
     count = np.sqrt(DRAWN)
-    return Drawn((cycles - expected) / count, (cycles - cycles.mean(axis=0)) / count)
+    mean = cycles.mean(axis=0)
+    return Drawn((cycles - expected) / count, (cycles - mean) / count, mean)
 
 
 def _matched(drawn: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from faultgen.effects import EFFECTS
-from faultgen.studies.detectability.tables import best
+from faultgen.studies.detectability.tables import of_train
 from faultgen.studies.detectability.units import in_plant_units, shown
 from faultgen.studies.figures import Figures
 
@@ -88,9 +88,11 @@ def _ideal(result: dict[str, Any]) -> Figure:
     )
 
 
-def _package(result: dict[str, Any]) -> Figure:
-    return _map(result, best, "Smallest severity that the best detector of the package sees")
+def _train(result: dict[str, Any]) -> Figure:
+    return _map(
+        result, of_train, "Smallest severity that the detector of faultgen train sees (x: none)"
+    )
 
 
-FIGURES: Figures = {"detectability_ideal": _ideal, "detectability_package": _package}
+FIGURES: Figures = {"detectability_ideal": _ideal, "detectability_train": _train}
 """Function that draws each figure, by name."""

@@ -24,6 +24,7 @@ from faultgen.studies.detectability.ideal import BASELINE, DETECTED, FALSE_ALARM
 HISTORY = 24
 """Healthy cycles before a day that is judged."""
 
+_POOL = 300  # healthy cycles, of which those before a day are chosen
 _FEWEST = 5  # days for each severity
 _APART = 0.1  # memory of the temperature from one logged cycle to the next [cycles]: hours apart
 
@@ -44,6 +45,8 @@ class Judged:
     """Detectors that cannot be used, and why."""
     before: Before
     """What the cycles before leave in the logged ones."""
+    history: Features
+    """Features of healthy cycles, of which some come before each day."""
 
     def share(
         self, change: np.ndarray, days: int, rng: np.random.Generator, names: Collection[str]
@@ -72,7 +75,7 @@ class Judged:
         return {name: float(np.mean(one)) for name, one in alarms.items()}
 
     def series(self, change: np.ndarray | None, rng: np.random.Generator) -> Features:
-        """Observe some healthy cycles and then a day with a change.
+        """Put some healthy cycles before a day with a change.
 
         Args:
             change: As for `share`; None for a healthy day.
@@ -81,7 +84,9 @@ class Judged:
         Returns:
             Features of the cycles, with the shapes of `FEATURES`.
         """
-        return self.observe(HISTORY + LOGGED, rng, change)
+        day = self.observe(LOGGED, rng, change)
+        chosen = rng.choice(_POOL, HISTORY, replace=False)
+        return {name: np.concatenate([self.history[name][chosen], day[name]]) for name in day}
 
     def observe(
         self, cycles: int, rng: np.random.Generator, change: np.ndarray | None = None
@@ -141,8 +146,9 @@ def judged(
         if CYCLES in kind.rows and not kind.supervised
     }
     left_out: dict[str, str] = {}
-    ready = Judged(monitored, sensors, detectors, {}, left_out, before)
+    ready = Judged(monitored, sensors, detectors, {}, left_out, before, {})
     healthy = ready.observe(BASELINE, rng)
+    ready = replace(ready, history=ready.observe(_POOL, rng))
     for name, one in list(detectors.items()):
         try:
             fit(one, [healthy] if one.learns else [])

@@ -1,7 +1,8 @@
 """Study `detectability`: which faults can be seen in a log, on which axis, in which task?
 
 For every effect, axis and task it finds the smallest severity that is detected on 95 % of the days
-at one false alarm per month: by the ideal detector, and by every detector of the package.
+at one false alarm per month: by the ideal detector, by that of `faultgen train`, which monitors
+robots, and by those of `faultgen detect`.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import hashlib
 import io
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -22,30 +23,19 @@ from threadpoolctl import threadpool_limits
 from faultgen import plugins
 from faultgen.dataset.wear import severities
 from faultgen.effects import EFFECTS, Effect
+from faultgen.errors import InputError
 from faultgen.evaluation.places import ROBOTS, TASKS, place_name
 from faultgen.monitoring.sensors import SENSORS, Sensors
 from faultgen.provenance import provenance
-from faultgen.simulation.nominal import nominal
-from faultgen.simulation.state import Condition
-from faultgen.simulation.surrogate import SAMPLE_PERIOD, Surrogate, surrogate_file
-from faultgen.studies.chapter6_isolation.monitored import Monitored
-from faultgen.studies.detectability.disturbed import Before, disturbances, draw
-from faultgen.studies.detectability.ideal import (
-    DETECTED,
-    NEEDED,
-    MatchedFilter,
-    View,
-    matched_filter,
-    of_day,
-)
-from faultgen.studies.detectability.judged import Judged, judged, smallest
-from faultgen.studies.detectability.limits import Bench, find_limit
+from faultgen.simulation.surrogate import SAMPLE_PERIOD, surrogate_file
+from faultgen.studies.detectability.ideal import DETECTED, NEEDED, of_day
+from faultgen.studies.detectability.judged import smallest
+from faultgen.studies.detectability.limits import find_limit
+from faultgen.studies.detectability.place import FULL, Place, Size, number_of, place_of
+from faultgen.studies.detectability.views import REFERENCE, views
 from faultgen.system.files import write_text
 from faultgen.system.parallel import in_parallel
 from faultgen.system.progress import follow
-
-REFERENCE = "torque"
-"""Name of the view to which the others are compared."""
 
 QUICK_EFFECTS = ("friction_wear", "backlash", "gear_stiffness", "torque_ripple", "delay")
 SCHEDULES = ("exponential", "sigmoid")
@@ -56,90 +46,32 @@ _RATIO = 4.0  # of one to the next
 _LIFE = 1000  # cycles of a wear schedule, to find the share of the life after which wear is seen
 
 
-@dataclass(frozen=True)
-class Size:
-    """Amount of random data for each robot and task."""
-
-    healthy_days: int
-    """Days from which the thresholds of the detectors are found."""
-    days: int
-    """Days for each effect, axis and severity."""
-    quick: bool = False
-    """Whether to look at few effects only."""
-
-
-FULL = Size(healthy_days=200, days=20)
-QUICK = Size(healthy_days=60, days=20, quick=True)
-
-
-def effects_to_map(quick: bool) -> list[Effect]:
+def effects_to_map(quick: bool, names: Sequence[str] = ()) -> list[Effect]:
     """List the effects of the study.
 
     Those that only change what the sensors show have no place in the robot, and an effect that is
     another one in another unit is left out.
+
+    Args:
+        quick: Whether to look at few effects only.
+        names: Names of the effects, if not all are wanted.
+
+    Raises:
+        InputError: An effect is not among them.
     """
     chosen = [
         effect
         for effect in EFFECTS.values()
         if effect.sense is None and not effect.same_as and effect.name != "learned_law"
     ]
-    return [one for one in chosen if one.name in QUICK_EFFECTS] if quick else chosen
-
-
-def views(sensors: Sensors) -> list[View]:
-    """List what may be logged, the reference first.
-
-    Args:
-        sensors: Noise and disturbances.
-    """
-    period = sensors.sample_period or SAMPLE_PERIOD
-    found = [View(name=REFERENCE, sensors=sensors, sample_period=period)]
-    if sensors.temperature_wander > sensors.temperature_error:
-        found.append(
-            View(
-                name="without thermometer",
-                sensors=sensors,
-                sample_period=period,
-                thermometer=False,
+    known = [one.name for one in chosen]
+    for name in names:
+        if name not in known:
+            raise InputError(
+                f"study detectability: maps no effect '{name}'; choose from {', '.join(known)}"
             )
-        )
-    if not sensors.torque_colour:  # it holds for one sample period only
-        found += [
-            View(name=f"torque at {1 / p:g} Hz", sensors=sensors, sample_period=p)
-            for p in (0.001, 0.04)
-        ]
-    if sensors.quantised or sensors.position_noise > 0:
-        found.append(
-            View(name="torque and encoder", sensors=sensors, sample_period=period, encoder=True)
-        )
-    if sensors.quantised:
-        found.append(
-            View(
-                name="encoder with 10 times the counts",
-                sensors=sensors,
-                sample_period=period,
-                encoder=True,
-                finer=10.0,
-            )
-        )
-    if sensors == SENSORS["realistic"]:
-        found.append(View(name="noise of the thesis", sensors=SENSORS["thesis"]))
-    return found
-
-
-@dataclass(frozen=True, eq=False)
-class Place:
-    """What the jobs of one robot and task share."""
-
-    bench: Bench
-    """The robot at its task."""
-    healthy: np.ndarray
-    """A healthy cycle, shape (3, samples, n_axes): position [rad], velocity [rad/s] and torque
-    [N m] of the motors."""
-    filters: dict[str, MatchedFilter]
-    """The ideal detector of each view, by name."""
-    judged: Judged
-    """The detectors of the package."""
+    wanted = names or (QUICK_EFFECTS if quick else known)
+    return [one for one in chosen if one.name in wanted]
 
 
 def run_detectability(
@@ -151,6 +83,7 @@ def run_detectability(
     robots: Sequence[str] = ROBOTS,
     tasks: Sequence[str] = TASKS,
     sensors: Sensors = SENSORS["realistic"],
+    effects: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Run the study.
 
@@ -163,15 +96,17 @@ def run_detectability(
         robots: Names of robots, or paths of MJCF files or folders.
         tasks: Names of tasks, or paths of task files.
         sensors: Noise and disturbances.
+        effects: Names of the effects that are mapped. Default: all.
 
     Returns:
         Results for JSON.
 
     Raises:
-        InputError: A robot or task is unknown, or the sensors have no noise.
+        InputError: A robot, task or effect is unknown, or the sensors have no noise.
     """
     if size.quick:
         robots, tasks = robots[:1], tasks[:1]
+    mapped = [effect.name for effect in effects_to_map(size.quick, effects)]
     period = sensors.sample_period or SAMPLE_PERIOD
     jobs = []
     for robot in robots:
@@ -179,14 +114,15 @@ def run_detectability(
             surrogate = surrogate_file(
                 out / "cycles", robot, task, sample_period=period, workers=workers
             )
-            jobs += [(robot, task, surrogate, e.name) for e in effects_to_map(size.quick)]
+            jobs += [(robot, task, surrogate, effect) for effect in mapped]
     calls = (
-        delayed(_job)(out / "cells", robot, task, surrogate, effect, sensors, size, seed)
+        delayed(_job)(out / "cells", robot, task, surrogate, effect, sensors, mapped, size, seed)
         for robot, task, surrogate, effect in jobs
     )
     found = follow(in_parallel(calls, workers), "mapping", len(jobs), "effect")
     rows = [row for part in found for row in part]
     left_out = {name: why for row in rows for name, why in row.pop("left_out").items()}
+    false_alarms = {f"{r['robot']}, {r['task']}": r.pop("false_alarms") for r in rows}
     result = {
         "seed": seed,
         "size": asdict(size),
@@ -194,6 +130,7 @@ def run_detectability(
         "sensors": sensors.description,
         "views": [view.name for view in views(sensors)],
         "left_out": left_out,
+        "false_alarms": false_alarms,
         "rows": rows,
     }
     write_text(out / "detectability.csv", as_csv(result))
@@ -207,84 +144,24 @@ def _job(
     surrogate: Path,
     effect: str,
     sensors: Sensors,
+    effects: Sequence[str],
     size: Size,
     seed: int,
 ) -> list[dict[str, Any]]:
     """The rows of one effect, from a file if they have been computed before."""
     code = provenance("faultgen.studies.detectability.study", plugins.DETECTORS).key
-    told = [surrogate.name, effect, repr(sensors), repr(size), str(seed), code]
+    told = [surrogate.name, effect, repr(sensors), *effects, repr(size), str(seed), code]
     key = hashlib.sha256(" ".join(told).encode()).hexdigest()[:16]
     path = cells / f"{effect}_{key}.json"
     if path.is_file():
         rows: list[dict[str, Any]] = json.loads(path.read_text())
         return rows
     with threadpool_limits(1):  # sums in another order would differ in their last digits
-        place = place_of(robot, task, surrogate, sensors, size, seed)
+        place = place_of(robot, task, surrogate, sensors, effects, size, seed)
         rows = _rows(place, robot, task, EFFECTS[effect], size, seed)
     cells.mkdir(parents=True, exist_ok=True)
     write_text(path, json.dumps(rows) + "\n")
     return rows
-
-
-_LATEST: dict[tuple[Any, ...], Place] = {}
-"""The place of the last job, which the next one usually shares."""
-
-
-def place_of(
-    robot: str, task: str, surrogate: Path, sensors: Sensors, size: Size, seed: int
-) -> Place:
-    """Prepare a robot and task, or return that of the last call if it is the same.
-
-    Args:
-        robot: Name of the robot, or path of its MJCF file or folder.
-        task: Name of the task, or path of its file.
-        surrogate: File of its interpolated cycles.
-        sensors: Noise and disturbances.
-        size: Amount of random data.
-        seed: Root seed of all random draws.
-
-    Returns:
-        What all effects share.
-    """
-    key = (robot, task, surrogate, repr(sensors), size, seed)
-    if key not in _LATEST:
-        _LATEST.clear()
-        _LATEST[key] = _prepared(robot, task, surrogate, sensors, size, seed)
-    return _LATEST[key]
-
-
-def _prepared(
-    robot: str, task: str, surrogate: Path, sensors: Sensors, size: Size, seed: int
-) -> Place:
-    ways = views(sensors)
-    bench = Bench.of(robot, task, ways[0].sample_period)
-    period = ways[0].sample_period
-    shared = nominal(robot, task, period)
-    healthy = bench.cycle(Condition(bench.robot.friction_temperature))
-    rng = np.random.default_rng([seed, *_number(*place_name(robot, task))])
-    rng_drawn, rng_days = rng.spawn(2)
-    drawn = draw(bench, sensors, rng_drawn)
-    filters = {
-        view.name: matched_filter(
-            view,
-            bench.robot,
-            healthy,
-            disturbances(view, drawn),
-            shared.mean_torque,
-            step=bench.step,
-        )
-        for view in ways
-    }
-    cycles = Surrogate.load(surrogate)
-    before = Before.of(shared, sensors, cycles.temperatures, period)
-    ready = judged(Monitored.of(cycles), sensors, size.healthy_days, rng_days, before)
-    return Place(bench, healthy, filters, ready)
-
-
-def _number(*words: object) -> list[int]:
-    """Numbers that depend on some words, for seeds."""
-    digest = hashlib.sha256(" ".join(map(str, words)).encode()).digest()
-    return [int.from_bytes(digest[:4]), int.from_bytes(digest[4:8])]
 
 
 def _rows(
@@ -294,7 +171,7 @@ def _rows(
     where = place_name(robot, task)
     rows = []
     for axis in effect.usual_axes_on(place.bench.robot):
-        rng = np.random.default_rng([seed, *_number(*where, effect.name, axis)])
+        rng = np.random.default_rng([seed, *number_of(*where, effect.name, axis)])
         row: dict[str, Any] = {
             "robot": where[0],
             "task": where[1],
@@ -302,6 +179,7 @@ def _rows(
             "axis": axis,
             "unit": effect.units_on(place.bench.robot, axis),
             "left_out": place.judged.left_out,
+            "false_alarms": asdict(place.false_alarms),
         }
         rows.append(row | _limits(place, effect, axis, size, rng))
     return rows
@@ -320,7 +198,8 @@ def _limits(
     told: dict[str, Any] = {
         "ideal": found.severity,
         "views": {},
-        "detectors": dict.fromkeys(place.judged.threshold),
+        "train": None,
+        "detectors": dict.fromkeys(["train", *place.judged.threshold]),
         "life": dict.fromkeys(SCHEDULES),
         "why_not": None,
     }
@@ -335,7 +214,11 @@ def _limits(
         for name, one in place.filters.items()
     }
     told["life"] = {name: _life(name, effect.default, found.severity) for name in SCHEDULES}
-    told["detectors"] = tried(place, effect, axis, found.severity, size.days, rng)
+    told["train"] = place.trained.limit(
+        effect, axis, place.bench, first=found.severity, days=size.trained_days, rng=rng.spawn(1)[0]
+    )
+    told["detectors"] = {"train": told["train"]["severity"]}
+    told["detectors"] |= tried(place, effect, axis, found.severity, size.days, rng)
     return told
 
 
@@ -396,11 +279,12 @@ def as_csv(result: dict[str, Any]) -> str:
     text = io.StringIO()
     detectors = list(dict.fromkeys(name for row in result["rows"] for name in row["detectors"]))
     columns = ["robot", "task", "effect", "axis", "unit", "ideal"]
+    of_train = ["named", "axis_named", "called"]
     others = [name for name in result["views"] if name != REFERENCE]
     writer = csv.writer(text, lineterminator="\n")
     ends = [f"share of life, {name}" for name in SCHEDULES]
     writer.writerow(
-        [*columns, *(f"ideal, {name}" for name in others), *detectors, *ends, "why not"]
+        [*columns, *(f"ideal, {name}" for name in others), *detectors, *of_train, *ends, "why not"]
     )
     for row in result["rows"]:
         writer.writerow(
@@ -408,6 +292,7 @@ def as_csv(result: dict[str, Any]) -> str:
                 *(row[name] for name in columns),
                 *(row["views"].get(name) for name in others),
                 *(row["detectors"].get(name) for name in detectors),
+                *(((row["train"] or {}).get("at_limit") or {}).get(name) for name in of_train),
                 *(row["life"][name] for name in SCHEDULES),
                 row["why_not"],
             ]
