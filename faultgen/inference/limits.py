@@ -70,7 +70,8 @@ CREDIBLE = _limit("CREDIBLE", 0.95, "probability of a set of rivals", "usual")
 AGAINST = _limit(
     "AGAINST",
     3.0,
-    "logarithm of the ratio by which motions that were not fitted refute an effect",
+    "logarithm of the ratio by which motions that were not fitted refute an effect, and by which "
+    "each axis has to agree with a factor of a log of all axes, and one factor to exceed another",
     "20 to 1, usual",
 )
 OF_EVIDENCE = _limit(
@@ -194,12 +195,6 @@ LOG_CERTAIN = _limit(
     "log likelihood ratio from which sign or unit of a log is corrected",
     "odds of 400 to 1 if one log in fifty is wrong; right signs of five machines and laboratories "
     "were at 16 or more, wrong ones at 2.3 at most",
-)
-LOG_AGREES = _limit(
-    "LOG_AGREES",
-    3.0,
-    "the same of each axis for a factor of all axes, and of one factor over another",
-    "20 to 1, usual",
 )
 LOG_GAIN = _limit(
     "LOG_GAIN",

@@ -541,6 +541,7 @@ def test_angles_in_the_wrong_unit_are_told(cell, unit, limits, told):
     assert told is None or told in of_shoulder[0]
 
 
+@pytest.mark.slow
 def test_a_build_like_a_known_arm_says_so_and_keeps_it(arm_path, tmp_path):
     """The numbers stand in drives.toml with their source, and are given when built again."""
     built = build(arm_path, Drives(), "my_arm", like="manutec")

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from faultgen.discovery import Recording, Replay, replay, settled
+from faultgen.discovery import Recording, Replay, settled
 from faultgen.discovery.replay import followed
 from faultgen.discovery.replay.prescribed import prescribed
+from faultgen.discovery.replay.replay import replay
 from faultgen.discovery.replay.torque_error import relative_error
 from faultgen.effects import get_effect
 from faultgen.effects.coupling import add_coupling_friction

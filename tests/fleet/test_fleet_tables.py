@@ -166,5 +166,5 @@ def test_the_report_of_a_fleet_shows_its_robots(folder):
     text = (folder / "report.html").read_text()
     for one in open_fleet(folder).robots:
         assert one.name in text
-    assert "4 robots over 3 days; 2 of them fail" in text
+    assert "2 of 4 robots fail at the end of 3 days: " in text
     assert "data:image/png;base64" in text and "http" not in text.replace("http://www.w3.org", "")

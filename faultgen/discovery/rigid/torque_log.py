@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from faultgen.discovery.rigid.log_fit import PARTS, LogFit
-from faultgen.inference.limits import LOG_AGREES, LOG_CERTAIN, LOG_GAIN
+from faultgen.inference.limits import AGAINST, LOG_CERTAIN, LOG_GAIN
 from faultgen.recordings.checks import LATEST
 from faultgen.robot import Robot
 
@@ -181,7 +181,7 @@ def common_factor(found: Sequence[Evidence | None], factors: Sequence[Factor]) -
     able = [one for one in found if one is not None and one.is_shown]
     totals = [
         sum(one.factors[k] for one in able)
-        if len(able) > 1 and min(one.factors[k] for one in able) >= LOG_AGREES
+        if len(able) > 1 and min(one.factors[k] for one in able) >= AGAINST
         else 0.0
         for k in range(len(factors))
     ]
@@ -217,7 +217,7 @@ def own_factor(one: Evidence, factors: Sequence[Factor]) -> tuple[int, int | Non
     able.sort(key=lambda k: -one.factors[k])
     if not able:
         return None
-    close = len(able) > 1 and one.factors[able[0]] < one.factors[able[1]] + LOG_AGREES
+    close = len(able) > 1 and one.factors[able[0]] < one.factors[able[1]] + AGAINST
     return able[0], able[1] if close else None
 
 
