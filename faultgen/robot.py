@@ -116,23 +116,14 @@ class Robot:
 
     def _repr_html_(self) -> str:
         """A table of the axes, which notebooks show."""
-        rows = "".join(
-            f"<tr><td>{axis + 1}</td><td>{'slide' if self.slides[axis] else 'hinge'}</td>"
-            + "".join(f"<td>{value:.4g}</td>" for value in values)
-            + "</tr>"
-            for axis, values in enumerate(
-                zip(
-                    self.gear_ratio,
-                    *self.joint_range.T,
-                    self.motor_velocity_limit,
-                    self.motor_torque_limit,
-                    strict=True,
-                )
-            )
-        )
-        heads = ("axis", "joint", "gear ratio", "from [rad, m]", "to", "speed [rad/s]", "[N m]")
-        head = "".join(f"<th>{one}</th>" for one in heads)
-        return f"<p>{escape(repr(self))}</p><table><tr>{head}</tr>{rows}</table>"
+        from tabulate import tabulate
+
+        kinds = np.where(self.slides, "slide", "hinge")
+        numbers = (self.gear_ratio, *self.joint_range.T, self.motor_velocity_limit)
+        columns = (range(1, self.n_axes + 1), kinds, *numbers, self.motor_torque_limit)
+        head = ("axis", "joint", "gear ratio", "from [rad, m]", "to", "speed [rad/s]", "[N m]")
+        rows = list(zip(*columns, strict=True))
+        return f"<p>{escape(repr(self))}</p>{tabulate(rows, head, 'html', floatfmt='.4g')}"
 
     def __post_init__(self) -> None:
         model = self.model

@@ -19,7 +19,8 @@ from faultgen.analysis import forecast_severity, phm_score
 
 from faultgen.dataset.reader import open_dataset
 from faultgen.system.files import write_text
-from faultgen.twin.detector import Detector, load_detector, scale_of
+from faultgen.twin.detector import Detector, load_detector
+from faultgen.twin.naming import scale_of
 
 SHARES = (0.5, 0.65, 0.8, 0.95)
 QUANTILES = (0.1, 0.5, 0.9)

@@ -44,6 +44,16 @@ def _options(
     pass
 
 
+ShownRobot = Annotated[
+    str, typer.Argument(help="Name of a robot, or the path of an MJCF file or robot folder.")
+]
+ShownTask = Annotated[
+    str | None,
+    typer.Option(
+        help="Name of a task, or the path of a task file. Default: pick_and_place, or the first "
+        "task of a robot without it."
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 
 

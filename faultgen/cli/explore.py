@@ -8,24 +8,15 @@ from typing import Annotated
 
 import typer
 
-from faultgen.cli.app import Json, app
+from faultgen.cli.app import Json, ShownRobot, ShownTask, app
 from faultgen.cli.checks import existing_robot
 from faultgen.system.terminal import note, say
 
 
 @app.command()
 def explore(
-    robot: Annotated[
-        str,
-        typer.Argument(help="Name of a robot, or the path of an MJCF file or robot folder."),
-    ],
-    task: Annotated[
-        str | None,
-        typer.Option(
-            help="Name of a task, or the path of a task file. Default: pick_and_place, or the "
-            "first task of a robot without it."
-        ),
-    ] = None,
+    robot: ShownRobot,
+    task: ShownTask = None,
     port: Annotated[
         int,
         typer.Option(min=0, max=65535, help="Port of the page. Default: any free one."),

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from faultgen.cli.app import Json, app, print_json
+from faultgen.cli.app import Json, ShownRobot, ShownTask, app, print_json
 from faultgen.cli.checks import existing_robot
 from faultgen.errors import InputError
 from faultgen.system.terminal import note, say
@@ -16,17 +16,8 @@ from faultgen.system.terminal import note, say
 
 @app.command()
 def view(
-    robot: Annotated[
-        str,
-        typer.Argument(help="Name of a robot, or the path of an MJCF file or robot folder."),
-    ],
-    task: Annotated[
-        str | None,
-        typer.Option(
-            help="Name of a task, or the path of a task file. Default: pick_and_place, or the "
-            "first task of a robot without it."
-        ),
-    ] = None,
+    robot: ShownRobot,
+    task: ShownTask = None,
     effect: Annotated[
         str | None,
         typer.Option(

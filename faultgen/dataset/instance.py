@@ -5,7 +5,7 @@ every run is made by a robot of its own, whose controller knows the nominal mode
 
     parameters    Coulomb and static friction together, viscous friction, rotor inertia and gear
                   stiffness of each axis
-    masses        mass and inertia of each link and of the payload together
+    masses        mass and inertia of each link together; the payload counts as a link
     servo         gains of each servo
     noise         torque, position and velocity noise of the sensors
     payload       mass of the payload
@@ -31,7 +31,7 @@ from faultgen.monitoring.sensors import Sensors
 from faultgen.robot import Robot
 
 _PARAMETERS = ("friction_wear", "viscous_friction", "rotor_inertia", "gear_stiffness")
-_CUT = 3.0
+_CUT = 3.0  # standard deviations, beyond which are 3 in 1000 draws
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,9 @@ def draw_instance(robot: Robot, spreads: Mapping[str, float], rng: np.random.Gen
 
     n = robot.n_axes
     spec = robot.spec()
-    bodies = [body.name for body in spec.bodies if body.name and body.mass > 0]
+    rotors = {spec.joint(f"motor{axis}").parent.name for axis in range(1, n + 1)}
+    links = [body for body in spec.bodies if body.name and body.name not in rotors]
+    bodies = [body.name for body in links if body.mass > 0]
     return Instance(
         parameters={name: factors("parameters", n) for name in _PARAMETERS},
         masses=dict(zip(bodies, factors("masses", len(bodies)), strict=True)),

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from faultgen.discovery.result import AMBIGUOUS, MODEL, NONE, PARTLY
+from faultgen.system.words import in_series
 
 _MOST = 3  # effects that the sentence names
 
@@ -69,7 +70,7 @@ def _plain(effect: dict[str, Any]) -> str:
 def _listed(names: list[str], last: str) -> str:
     if len(names) > _MOST + 1:
         names = [*names[:_MOST], f"{len(names) - _MOST} others"]
-    return f" {last} ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+    return in_series(names, last)
 
 
 def _capital(text: str) -> str:

@@ -13,6 +13,7 @@ from faultgen.effects import get_effect
 from faultgen.effects.words import amount
 from faultgen.evaluation.outcomes import Isolation
 from faultgen.robot import Robot
+from faultgen.system.words import in_series
 
 _MOST = 3  # effects, or methods, that the sentence names
 
@@ -122,7 +123,7 @@ def listed_axes(axes: Collection[int]) -> str:
         return f"axis {own[0]}"
     if len(own) > 2 and own == list(range(own[0], own[-1] + 1)):
         return f"axes {own[0]} to {own[-1]}"
-    return f"axes {', '.join(map(str, own[:-1]))} and {own[-1]}"
+    return f"axes {in_series([str(axis) for axis in own])}"
 
 
 def _best(result: Isolation | None) -> str:
@@ -145,6 +146,6 @@ def _best(result: Isolation | None) -> str:
     names = [method for method, share in shares.items() if share == best]
     if len(names) > _MOST:
         names = [*names[:_MOST], f"{len(names) - _MOST} more isolators"]
-    methods = " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
     verb = "names" if len(names) == 1 else "name"
-    return f"; {methods} {verb} the worn axis in {100 * best:.0f} % of the runs with most wear"
+    share = f"{100 * best:.0f} % of the runs with most wear"
+    return f"; {in_series(names)} {verb} the worn axis in {share}"

@@ -16,6 +16,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from faultgen.mjcf.rotations import matrix_of
 from faultgen.mjcf.warnings import mujoco_warnings
 from faultgen.system.files import write_bytes, write_text
 
@@ -85,9 +86,7 @@ def add_point(body: mujoco.MjsBody, mass: float, place: np.ndarray, gyration: fl
     if not own > 0:  # the orientation does not matter
         body.mass, body.ipos, body.inertia = mass, place, np.full(3, mass * gyration**2)
         return
-    turned = np.empty(9)
-    mujoco.mju_quat2Mat(turned, np.array(body.iquat))
-    axes, before = turned.reshape(3, 3), np.array(body.ipos)
+    axes, before = matrix_of(body.iquat), np.array(body.ipos)
     centre = (own * before + mass * place) / (own + mass)
     inertia = axes @ np.diag(body.inertia) @ axes.T + mass * gyration**2 * np.eye(3)
     inertia += own * _about(before - centre) + mass * _about(place - centre)

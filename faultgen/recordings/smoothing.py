@@ -62,11 +62,11 @@ def smoothed(position: np.ndarray) -> np.ndarray:
     Returns:
         The smoothed position, same shape and unit. A position without noise stays as it is.
     """
-    return smoothings(position, (0.0,))[0]
+    return smoothed_with(position, *strengths(position, (0.0,)))
 
 
-def smoothings(position: np.ndarray, stronger: Sequence[float]) -> list[np.ndarray]:
-    """Smooth a position as far as its own noise requires, and more.
+def strengths(position: np.ndarray, stronger: Sequence[float]) -> list[float | None]:
+    """Find how strongly a position is smoothed: as far as its own noise requires, and more.
 
     The smoothed position has the smallest third differences of all that depart from the measured
     one by the noise (Whittaker 1923, with the discrepancy principle of Morozov 1966).
@@ -77,27 +77,11 @@ def smoothings(position: np.ndarray, stronger: Sequence[float]) -> list[np.ndarr
             multiplied.
 
     Returns:
-        The smoothed position for each factor, same shape and unit. A position without noise stays
-        as it is.
+        Common logarithm of the penalty for each factor, for `smoothed_with`; None for a position
+        without noise.
     """
     own = required(position)
-    if own is None:
-        return [position] * len(stronger)
-    return [smoothed_with(position, min(own + more, _RANGE[1])) for more in stronger]
-
-
-def strength_of(position: np.ndarray, more: float) -> float | None:
-    """Find the penalty with which `smoothings` smooths a position.
-
-    Args:
-        position: Shape (samples,), equally spaced in time, in any unit.
-        more: Common logarithm of the factor of the penalty.
-
-    Returns:
-        Common logarithm of the penalty of third differences; None for a position without noise.
-    """
-    own = required(position)
-    return None if own is None else min(own + more, _RANGE[1])
+    return [None if own is None else min(own + more, _RANGE[1]) for more in stronger]
 
 
 def required(position: np.ndarray) -> float | None:
@@ -123,16 +107,18 @@ def required(position: np.ndarray) -> float | None:
     return high if excess(high) <= 0 else float(brentq(excess, low, high, xtol=0.05))
 
 
-def smoothed_with(values: np.ndarray, exponent: float) -> np.ndarray:
+def smoothed_with(values: np.ndarray, exponent: float | None) -> np.ndarray:
     """Smooth values with a given penalty.
 
     Args:
         values: Shape (samples, ...), in any unit.
-        exponent: Common logarithm of the penalty of third differences.
+        exponent: Common logarithm of the penalty of third differences; None for no smoothing.
 
     Returns:
         The smoothed values, same shape and unit.
     """
+    if exponent is None:
+        return values
     system = 10.0**exponent * _penalty(len(values))
     system[-1] += 1.0
     return np.asarray(solveh_banded(system, values))

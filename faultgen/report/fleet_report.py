@@ -21,6 +21,7 @@ from faultgen.report.robot_picture import RobotPicture, robot_picture, shapes_of
 from faultgen.robot import load_robot
 from faultgen.simulation.nominal import nominal
 from faultgen.system.files import write_text
+from faultgen.system.words import in_series
 from faultgen.viewing.playback import SAMPLE_PERIOD, first_task
 
 _MOST = 12  # robots whose indicator is drawn
@@ -94,9 +95,8 @@ def summary(fleet: Fleet) -> str:
     ]
     if len(places) > _MOST_PLACES:
         named.append(f"{len(places) - _MOST_PLACES} other places")
-    shown = " and ".join(filter(None, [", ".join(named[:-1]), named[-1]]))
     verb = "fails" if len(failing) == 1 else "fail"
-    return f"{len(failing)} of {robots} {verb} at the end of {fleet.days} days: {shown}."
+    return f"{len(failing)} of {robots} {verb} at the end of {fleet.days} days: {in_series(named)}."
 
 
 def _pictures(fleet: Fleet) -> list[tuple[str, RobotPicture]]:

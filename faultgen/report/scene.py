@@ -8,6 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from faultgen.mjcf.rotations import matrix_of
 from faultgen.report.packing import packed
 from faultgen.robot import Robot
 from faultgen.viewing.painter import triangles
@@ -52,9 +53,7 @@ class Scene:
         model, camera = self.stage.model, self.stage.camera
         shapes = []
         for geom, corners in self._shapes:
-            turn = np.empty(9)
-            mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
-            placed = corners @ turn.reshape(3, 3).T + model.geom_pos[geom]
+            placed = corners @ matrix_of(model.geom_quat[geom]).T + model.geom_pos[geom]
             rgba, material = model.geom_rgba[geom], model.geom_matid[geom]
             if material >= 0 and np.allclose(rgba, [0.5, 0.5, 0.5, 1]):
                 rgba = model.mat_rgba[material]  # MuJoCo's rule for geoms with a material

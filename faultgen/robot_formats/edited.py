@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from faultgen.errors import InputError
 from faultgen.mjcf.compiling import asset_names, compiled, compiled_anyway, parsed
 from faultgen.mjcf.parsing import parse_xml
+from faultgen.mjcf.rotations import matrix_of
 from faultgen.robot_formats.joints import JointNumbers
 from faultgen.robot_formats.lumps import (
     PAYLOAD,
@@ -25,9 +26,10 @@ from faultgen.robot_formats.lumps import (
     lumps,
     own_bodies,
     pseudo_inertia,
+    rest_pose,
     rigid_body,
 )
-from faultgen.robot_formats.urdf import numbers, roll_pitch_yaw, set_inertial
+from faultgen.robot_formats.urdf import add_origin, numbers, set_inertial
 
 _SAME = 1e-9  # relative difference of numbers that are not changed
 
@@ -111,11 +113,7 @@ def _urdf_payload(
     joint = SubElement(root, "joint", {"name": f"{PAYLOAD}_fixed", "type": "fixed"})
     SubElement(joint, "parent", {"link": parent})
     SubElement(joint, "child", {"link": PAYLOAD})
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, plain.body_quat[payload])
-    rpy = roll_pitch_yaw(turn.reshape(3, 3))
-    xyz = numbers(plain.body_pos[payload])
-    SubElement(joint, "origin", {"xyz": xyz, "rpy": numbers(rpy)})
+    add_origin(joint, plain.body_pos[payload], matrix_of(plain.body_quat[payload]))
     return 1
 
 
@@ -248,12 +246,7 @@ def _changes(
     """Return the new own bodies of the links that are others in the robot than in the file."""
     names = [row.joint for row in rows]
     targets = lumps(plain, names, own_bodies(plain))
-    limited = before.jnt_limited.astype(bool)
-    pose = before.qpos0.copy()
-    for joint in np.flatnonzero(limited):
-        at = before.jnt_qposadr[joint]
-        pose[at] = np.clip(pose[at], *before.jnt_range[joint])
-    pose = _at_home(before, pose)
+    pose = rest_pose(before)
     found = {}
     for name, target, now in zip(names, targets, lumps(before, names, own, pose), strict=True):
         if not differ(target, now):
@@ -267,12 +260,6 @@ def _changes(
             )
         found[body] = new
     return found
-
-
-def _at_home(model: mujoco.MjModel, pose: np.ndarray) -> np.ndarray:
-    """The positions of the keyframe ``home``, where joints that are no axes were locked."""
-    home = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, "home")
-    return pose if home < 0 else np.array(model.key_qpos[home])
 
 
 def _stated_body(link: Element) -> np.ndarray:

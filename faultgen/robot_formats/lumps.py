@@ -14,6 +14,9 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
+from faultgen.mjcf.bodies import moving_axes
+from faultgen.mjcf.rotations import matrix_of
+
 PAYLOAD = "payload"
 """Name of the body that is not counted as part of the last link."""
 
@@ -73,9 +76,7 @@ def own_bodies(model: mujoco.MjModel) -> dict[str, np.ndarray]:
     """
     found = {}
     for body in range(1, model.nbody):
-        axes = np.empty(9)
-        mujoco.mju_quat2Mat(axes, model.body_iquat[body])
-        turned = axes.reshape(3, 3)
+        turned = matrix_of(model.body_iquat[body])
         inertia = turned @ np.diag(model.body_inertia[body]) @ turned.T
         matrix = pseudo_inertia(float(model.body_mass[body]), model.body_ipos[body], inertia)
         found[model.body(body).name] = matrix
@@ -103,17 +104,34 @@ def lumps(
     if pose is not None:
         data.qpos[:] = pose
     mujoco.mj_kinematics(model, data)
-    of_axis = {int(model.joint(name).bodyid[0]): k for k, name in enumerate(joints)}
+    links = [int(model.joint(name).bodyid[0]) for name in joints]
     found = [np.zeros((4, 4)) for _ in joints]
-    for body in range(1, model.nbody):
-        above = body
-        while above and above not in of_axis:
-            above = int(model.body_parentid[above])
+    for body, axis in enumerate(moving_axes(model, joints)):
         name = model.body(body).name
-        if above and name != PAYLOAD:
-            change = np.linalg.inv(_frame(data, above)) @ _frame(data, body)
-            found[of_axis[above]] += change @ own[name] @ change.T
+        if axis and name != PAYLOAD:
+            change = np.linalg.inv(_frame(data, links[axis - 1])) @ _frame(data, body)
+            found[axis - 1] += change @ own[name] @ change.T
     return found
+
+
+def rest_pose(model: mujoco.MjModel) -> np.ndarray:
+    """Return where joints that are no axes were locked.
+
+    Args:
+        model: The compiled model.
+
+    Returns:
+        Positions of all joints, shape (nq,): those of the keyframe ``home``; without it, those of
+        the model, within the limits.
+    """
+    home = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, "home")
+    if home >= 0:
+        return np.array(model.key_qpos[home])
+    pose = model.qpos0.copy()
+    for joint in np.flatnonzero(model.jnt_limited):
+        at = model.jnt_qposadr[joint]
+        pose[at] = np.clip(pose[at], *model.jnt_range[joint])
+    return pose
 
 
 def _frame(data: mujoco.MjData, body: int) -> np.ndarray:

@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from faultgen.errors import InputError
+from faultgen.mjcf.rotations import matrix_of
 from faultgen.robot_formats.joints import JointNumbers
 
 _ENDLESS = 1e3  # range that is written for a slide without limits [m]
@@ -79,7 +80,7 @@ def urdf_text(
         joint = SubElement(root, "joint", {"name": joint_name, "type": "fixed"})
         SubElement(joint, "parent", {"link": names[parent]})
         SubElement(joint, "child", {"link": names[body]})
-        _add_origin(joint, turned.T @ (end - start), turned.T @ turn)
+        add_origin(joint, turned.T @ (end - start), turned.T @ turn)
         if at >= 0:
             _fill_joint(joint, model, at, by_joint[joint_name])
     if "tool" not in names:
@@ -118,20 +119,21 @@ def roll_pitch_yaw(turn: np.ndarray) -> np.ndarray:
     return np.array([roll, pitch, yaw])
 
 
-def _add_origin(element: Element, place: np.ndarray, turn: np.ndarray) -> None:
+def add_origin(element: Element, place: np.ndarray, turn: np.ndarray) -> None:
+    """State where an element of a URDF is.
+
+    Args:
+        element: The element, edited in place.
+        place: In the frame of its parent [m], shape (3,).
+        turn: Rotation matrix, shape (3, 3).
+    """
     SubElement(element, "origin", {"xyz": numbers(place), "rpy": numbers(roll_pitch_yaw(turn))})
-
-
-def _matrix(quaternion: np.ndarray) -> np.ndarray:
-    matrix = np.empty(9)
-    mujoco.mju_quat2Mat(matrix, quaternion)
-    return matrix.reshape(3, 3)
 
 
 def _add_inertial(link: Element, model: mujoco.MjModel, body: int, shift: np.ndarray) -> None:
     if body == 0 or model.body_mass[body] <= 0:
         return
-    axes = _matrix(model.body_iquat[body])
+    axes = matrix_of(model.body_iquat[body])
     inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T
     set_inertial(link, float(model.body_mass[body]), model.body_ipos[body] - shift, inertia)
 
@@ -166,10 +168,10 @@ def _add_shapes(
         if shape is None:
             lost += 1
             continue
-        place, turn = model.geom_pos[geom], _matrix(model.geom_quat[geom])
+        place, turn = model.geom_pos[geom], matrix_of(model.geom_quat[geom])
         mesh = int(model.geom_dataid[geom])
         if shape == "mesh":  # MuJoCo moves the frame of a mesh to its centre
-            turn = turn @ _matrix(model.mesh_quat[mesh]).T
+            turn = turn @ matrix_of(model.mesh_quat[mesh]).T
             place = place - turn @ model.mesh_pos[mesh]
             source = spec.mesh(model.mesh(mesh).name)
             if source is None or not source.file:
@@ -177,7 +179,7 @@ def _add_shapes(
                 continue
         solid = model.geom_contype[geom] or model.geom_conaffinity[geom]
         element = SubElement(link, "collision" if solid else "visual")
-        _add_origin(element, place - shift, turn)
+        add_origin(element, place - shift, turn)
         geometry = SubElement(element, "geometry")
         size = model.geom_size[geom]
         if shape == "box":
@@ -220,7 +222,7 @@ def _add_tool(root: Element, model: mujoco.MjModel, names: list[str], shift: np.
     joint = SubElement(root, "joint", {"name": "tool_fixed", "type": "fixed"})
     SubElement(joint, "parent", {"link": names[body]})
     SubElement(joint, "child", {"link": "tool"})
-    _add_origin(joint, model.site_pos[site] - shift[body], _matrix(model.site_quat[site]))
+    add_origin(joint, model.site_pos[site] - shift[body], matrix_of(model.site_quat[site]))
 
 
 def _add_transmission(root: Element, row: JointNumbers) -> None:

@@ -32,6 +32,7 @@ from faultgen.robot_formats.joints import (
     joint_numbers,
     not_expressed,
 )
+from faultgen.robot_formats.lumps import rest_pose
 from faultgen.robot_formats.plain import plain_mjcf, plain_spec
 from faultgen.robot_formats.urdf import urdf_text
 from faultgen.system.files import write_text
@@ -212,7 +213,7 @@ def _difference(model: mujoco.MjModel, plain: mujoco.MjModel, rows: list[JointNu
         one.opt.gravity[:] = plain.opt.gravity
         one.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         data = mujoco.MjData(one)
-        _rest(one, data)
+        data.qpos[:] = rest_pose(one)
         torques = []
         for pose, speed, kick in states:
             data.qvel[:] = data.qacc[:] = 0.0
@@ -223,17 +224,6 @@ def _difference(model: mujoco.MjModel, plain: mujoco.MjModel, rows: list[JointNu
         one.dof_armature[:], one.opt.gravity[:], one.opt.disableflags = armature, gravity, flags
         found.append(np.array(torques))
     return float(np.abs(found[1] - found[0]).max() / np.abs(found[0]).max())
-
-
-def _rest(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Put joints that are no axes where the robot has them locked."""
-    home = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, "home")
-    if home >= 0:
-        data.qpos[:] = model.key_qpos[home]
-        return
-    for joint in np.flatnonzero(model.jnt_limited):
-        at = model.jnt_qposadr[joint]
-        data.qpos[at] = np.clip(data.qpos[at], *model.jnt_range[joint])
 
 
 def _headed(text: str, kind: str, limits: list[str]) -> str:

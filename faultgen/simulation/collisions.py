@@ -14,7 +14,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from faultgen.mjcf.edit import forget_defaults
+from faultgen.mjcf.bodies import moving_axes
 from faultgen.mjcf.rotors import delete_drives
 from faultgen.mjcf.warnings import mujoco_warnings
 from faultgen.robot import Robot
@@ -108,9 +108,8 @@ class Collisions:
 
 def _shaped(robot: Robot, floor: float | None) -> mujoco.MjModel:
     """The rigid arm, in which the shapes of all links can collide."""
-    spec = mujoco.MjSpec.from_string(robot.xml, assets=dict(robot.assets))
+    spec = robot.spec()
     delete_drives(spec, robot.n_axes)
-    forget_defaults(spec)
     with mujoco_warnings():
         model = spec.compile()
     kind = np.isin(model.geom_type, [int(one) for one in _SOLID])
@@ -141,11 +140,6 @@ def _shaped(robot: Robot, floor: float | None) -> mujoco.MjModel:
 
 def _links(model: mujoco.MjModel, n_axes: int) -> np.ndarray:
     """Number of the axis that moves each geom, 0 for the base, -1 for the floor, shape (ngeom,)."""
-    of_axis = {int(model.joint(f"joint{k + 1}").bodyid[0]): k + 1 for k in range(n_axes)}
-    found = []
-    for geom in range(model.ngeom):
-        body = int(model.geom_bodyid[geom])
-        while body and body not in of_axis:
-            body = int(model.body_parentid[body])
-        found.append(-1 if model.geom(geom).name == FLOOR_GEOM else of_axis.get(body, 0))
-    return np.array(found, dtype=int)
+    found = moving_axes(model, [f"joint{k + 1}" for k in range(n_axes)])[model.geom_bodyid]
+    is_floor = [model.geom(geom).name == FLOOR_GEOM for geom in range(model.ngeom)]
+    return np.where(is_floor, -1, found)

@@ -16,8 +16,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from faultgen.analysis import forecast_severity
-from faultgen.twin.detector import Detector, scale_of
+from faultgen.twin.detector import Detector
 from faultgen.twin.judge import Judge
+from faultgen.twin.naming import scale_of
 
 DAY = 86400.0
 """Seconds in a day."""
@@ -157,19 +158,28 @@ class State:
 
     def table(self) -> dict[str, Any]:
         """Return it as an entry of `TABLE`."""
-        course = self.course
-        return {
-            "robot": self.of.robot.name,
-            "program": self.of.plan.name,
-            "sentence": self.sentence(),
-            "answer": self.answer,
-            "limit": course.limit if course else None,
-            "days_until_limit": list(course.remaining) if course else None,
-        }
+        names = {"robot": self.of.robot.name, "program": self.of.plan.name}
+        return names | entry(self.sentence(), self.answer, self.course)
 
     def sentence(self) -> str:
         """Say what is known in one sentence."""
         return sentence(f"{self.of.robot.name}, {self.of.plan.name}", self.answer, self.course)
+
+
+def entry(told: str, answer: dict[str, Any] | None, course: Course | None) -> dict[str, Any]:
+    """Return what is known of a robot or of one of its programs, for the table of robots.
+
+    Args:
+        told: The sentence about it.
+        answer: To the newest recording; None if there is none.
+        course: How its fault goes on; None if no fault is named.
+    """
+    return {
+        "sentence": told,
+        "answer": answer,
+        "limit": course.limit if course else None,
+        "days_until_limit": list(course.remaining) if course else None,
+    }
 
 
 def sentence(name: str, answer: Mapping[str, Any] | None, course: Course | None) -> str:

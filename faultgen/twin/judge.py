@@ -245,18 +245,9 @@ def watch(
         raise InputError(f"{folder}: no such folder to watch")
     check_settled(settled)
     pause = pause or paused
-    judged = 0
-
-    def count(answer: dict[str, Any]) -> None:
-        nonlocal judged
-        judged += 1
-        tell(answer)
-
-    watched = Watch(one.judge, folder, count, complain, settled)
+    watched = Watch(one.judge, folder, tell, complain, settled)
     while True:
-        before = judged
-        watched.look()
-        if seen is not None and judged > before:
+        if watched.look() and seen is not None:
             seen()
         if not pause(PAUSE):
             return

@@ -21,6 +21,7 @@ from __future__ import annotations
 import json
 import tomllib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +108,6 @@ class Monitor:
             InputError: A detector or a folder is missing, or the memory is that of others.
         """
         self.out = out
-        self._new = 0
         self._complain = complain or (lambda line: None)
         detectors: dict[Path, Detector] = {}
         self.followed: list[Followed] = []
@@ -127,7 +127,7 @@ class Monitor:
                 watch = Watch(
                     judge.judge,
                     one.folder,
-                    self._teller(tell, robot.name, one.name),
+                    partial(tell, robot.name, one.name) if tell else lambda answer: None,
                     self._complain,
                     settled,
                 )
@@ -135,26 +135,13 @@ class Monitor:
                 self.followed.append(Followed(robot, one, judge))
         out.mkdir(parents=True, exist_ok=True)
 
-    def _teller(
-        self, tell: Callable[[str, str, dict[str, Any]], None] | None, robot: str, program: str
-    ) -> Callable[[dict[str, Any]], None]:
-        def told(answer: dict[str, Any]) -> None:
-            self._new += 1
-            if tell is not None:
-                tell(robot, program, answer)
-
-        return told
-
     def look(self) -> int:
         """Judge what is new in all folders.
 
         Returns:
             Number of recordings that were judged.
         """
-        self._new = 0
-        for watch in self._watches:
-            watch.look()
-        return self._new
+        return sum(watch.look() for watch in self._watches)
 
     def robots(self) -> list[RobotState]:
         """Return what is known of all robots, in the order of the configuration."""

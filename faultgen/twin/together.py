@@ -17,14 +17,26 @@ from typing import Any
 import numpy as np
 
 from faultgen.system.dates import date_of
-from faultgen.twin.detector import verdict_of, widened
-from faultgen.twin.followed import Course, RobotPlan, State, sentence
+from faultgen.twin.followed import Course, RobotPlan, State, entry, sentence
+from faultgen.twin.naming import verdict_of, widened
 
 _Z = 1.96  # standard deviations from the middle of a 95 % interval to its ends
 _EXACT = 1e-12  # width of an interval that counts as exact
 _ROUNDED = 1.0  # dates in words are rounded to this time [s]
 
 _Cause = tuple[str, tuple[int, ...]]  # effect and axes
+
+
+@dataclass(frozen=True, eq=False)
+class _Evidence:
+    """What the recordings of one program say of a cause."""
+
+    log: float
+    """Logarithm of its Bayes factor."""
+    severity: np.ndarray
+    """Quantiles 0.025, 0.5 and 0.975 of its severity, shape (3,)."""
+    unit: str
+    """Unit of the severity."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,15 +92,9 @@ class RobotState:
 
     def table(self) -> dict[str, Any]:
         """Return it as an entry of the table of robots."""
-        course = self.course
-        return {
-            "robot": self.robot.name,
-            "sentence": self.sentence(),
-            "answer": self.answer,
-            "limit": course.limit if course else None,
-            "days_until_limit": list(course.remaining) if course else None,
-            "programs": [one.table() for one in self.programs],
-        }
+        told = entry(self.sentence(), self.answer, self.course)
+        programs = [one.table() for one in self.programs]
+        return {"robot": self.robot.name, **told, "programs": programs}
 
 
 def robot_states(states: Sequence[State]) -> list[RobotState]:
@@ -116,63 +122,72 @@ def together(states: Sequence[State]) -> dict[str, Any] | None:
         An answer with the entries of that of one program, as far as they apply, and `programs`,
         the names of those whose recordings count; None if no program has an alarm.
     """
-    alarms = [one.answer for one in states if one.alarm and one.answer is not None]
+    answers = [one.answer for one in states if one.answer is not None]
+    alarms = [one for one in answers if one["alarm"]]
     if not alarms:
         return None
     since = min(alarms, key=lambda one: date_of(one["since"]))["since"]
-    evidence: dict[_Cause, list[tuple[float, np.ndarray]]] = {}
-    units: dict[_Cause, str] = {}
     programs, recordings = [], 0
+    evidence: dict[_Cause, list[_Evidence]] = {}
     for one in states:
-        if one.answer is None:
-            continue
-        dates, scores = one.of.judge.history()
-        own = scores[dates >= date_of(since) - _ROUNDED]
-        if not len(own):
+        count, own = _evidence(one, date_of(since) - _ROUNDED)
+        if not count:
             continue
         programs.append(one.of.plan.name)
-        recordings += len(own)
-        detector = one.of.detector
-        logs = detector.posterior.evidence(own)
-        newest = detector.posterior.judge(scores)  # a fault grows: its severity is the newest one
-        low, high = newest.intervals.T
-        severities = np.stack([low, newest.severities, high], axis=1)
-        best: dict[_Cause, tuple[float, np.ndarray]] = {}
-        for (effect, axes, unit), log, size in zip(
-            detector.causes(), logs, severities, strict=True
-        ):
-            key = (effect, tuple(axes))
-            units[key] = unit
-            if key not in best or log > best[key][0]:  # forms of unknown changes
-                best[key] = (float(log), size)
-        for key, told in best.items():
-            evidence.setdefault(key, []).append(told)
-    named: list[dict[str, Any]] = []
-    total = {key: sum(log for log, _ in of) for key, of in evidence.items()}
-    all_causes = np.logaddexp.reduce(list(total.values()))
-    for key, of in evidence.items():
-        effect, axes = key[0], list(key[1])
-        severity, low, high = _combined([size for _, size in of])
-        named.append(
-            {
-                "effect": effect,
-                "axes": axes,
-                "probability": float(np.exp(total[key] - all_causes)),
-                "log_odds": total[key],
-                "severity": severity,
-                "interval": list(widened(effect, severity, low, high)),
-                "unit": units[key],
-            }
-        )
-    named.sort(key=lambda one: -one["log_odds"])
-    date = max((one.answer["date"] for one in states if one.answer), key=date_of)
+        recordings += count
+        for cause, told in own.items():
+            evidence.setdefault(cause, []).append(told)
     return {
-        "date": date,
+        "date": max((one["date"] for one in answers), key=date_of),
         "since": since,
         "recordings": recordings,
         "programs": programs,
-        **verdict_of(named),
+        **verdict_of(_named(evidence)),
     }
+
+
+def _evidence(state: State, since: float) -> tuple[int, dict[_Cause, _Evidence]]:
+    """Number of recordings of a program since a date [s], and what they say of each cause."""
+    if state.answer is None:
+        return 0, {}
+    dates, scores = state.of.judge.history()
+    own, detector = scores[dates >= since], state.of.detector
+    if not len(own):
+        return 0, {}
+    logs = detector.posterior.evidence(own)
+    newest = detector.posterior.judge(scores)  # a fault grows: its severity is the newest one
+    low, high = newest.intervals.T
+    found: dict[_Cause, _Evidence] = {}
+    for (effect, axes, unit), log, *severity in zip(
+        detector.causes(), logs, low, newest.severities, high, strict=True
+    ):
+        told = _Evidence(float(log), np.array(severity), unit)
+        cause = effect, tuple(axes)
+        if cause not in found or told.log > found[cause].log:  # forms of unknown changes
+            found[cause] = told
+    return len(own), found
+
+
+def _named(evidence: dict[_Cause, list[_Evidence]]) -> list[dict[str, Any]]:
+    """What `verdict_of` asks for, from the evidence of all programs."""
+    total = {cause: sum(one.log for one in own) for cause, own in evidence.items()}
+    all_causes = np.logaddexp.reduce(list(total.values()))
+    named = []
+    for (effect, axes), own in evidence.items():
+        log = total[effect, axes]
+        severity, low, high = _combined([one.severity for one in own])
+        named.append(
+            {
+                "effect": effect,
+                "axes": list(axes),
+                "probability": float(np.exp(log - all_causes)),
+                "log_odds": log,
+                "severity": severity,
+                "interval": list(widened(effect, severity, low, high)),
+                "unit": own[-1].unit,
+            }
+        )
+    return sorted(named, key=lambda one: -float(one["log_odds"]))
 
 
 def _combined(severities: Sequence[np.ndarray]) -> tuple[float, float, float]:

@@ -78,28 +78,36 @@ class Watch:
         self._failing: set[str] = set()
         self._failed_before: set[str] = set()
 
-    def look(self) -> None:
-        """Look into the folder once, and judge what is ready."""
+    def look(self) -> int:
+        """Look into the folder once, and judge what is ready.
+
+        Returns:
+            Number of recordings that were judged, without those that were judged before.
+        """
         self._failed_before, self._failing = self._failing, set()
         try:
             paths = sorted(self._folder.iterdir(), key=_by_age)
         except OSError as error:
             self._fails(f"{self._folder}: cannot be read ({error.strerror or one_line(error)})")
-            return
-        for path in paths:
-            if path.suffix.lower() in ENDINGS and not path.name.startswith("."):
-                self._look_at(path)
+            return 0
+        judged = sum(
+            self._look_at(path)
+            for path in paths
+            if path.suffix.lower() in ENDINGS and not path.name.startswith(".")
+        )
         for path in self._seen.keys() - set(paths):
             del self._seen[path]
+        return judged
 
-    def _look_at(self, path: Path) -> None:
+    def _look_at(self, path: Path) -> bool:
+        """Judge a file if it is ready; whether that gave a new answer."""
         try:
             state = path.stat()
         except FileNotFoundError:  # removed in between
-            return
+            return False
         except OSError as error:
             self._fails(f"{path}: cannot be read ({error.strerror or one_line(error)})")
-            return
+            return False
         signature = (state.st_ino, state.st_size, state.st_mtime_ns, state.st_ctime_ns)
         seen = self._seen.get(path)
         if seen is None or seen.signature != signature:
@@ -107,22 +115,24 @@ class Watch:
             seen.is_complete = is_complete(path)
         else:
             seen.unchanged += PAUSE
-        if not seen.is_done and (seen.is_complete or seen.unchanged >= self._settled):
-            self._try(path, seen)
+        ready = not seen.is_done and (seen.is_complete or seen.unchanged >= self._settled)
+        return ready and self._try(path, seen)
 
-    def _try(self, path: Path, seen: _Seen) -> None:
+    def _try(self, path: Path, seen: _Seen) -> bool:
         try:
             answer = self._judge(path)
         except (StateFailed, StorageFailed) as error:
             self._fails(str(error))
-            return
+            return False
         except InputError as error:
             seen.is_done = True
             self._complain(str(error))
-            return
+            return False
         seen.is_done = True
-        if not answer["again"]:
-            self._tell(answer)
+        if answer["again"]:
+            return False
+        self._tell(answer)
+        return True
 
     def _fails(self, message: str) -> None:
         """Report a failure that may end by itself, unless it was reported at the last look."""

@@ -72,6 +72,8 @@ def test_factors_have_the_stated_spread_and_reach_the_model(robot):
 def test_masses_and_inertias_grow_together(robot):
     instance = draw_instance(robot, {"masses": 0.1}, np.random.default_rng(3))
     model = instance.edit(robot.spec()).compile()
+    rotors = list(robot.motors)
+    assert np.array_equal(model.dof_M0[rotors], robot.model.dof_M0[rotors])
     for name, factor in instance.masses.items():
         body = robot.model.body(name).id
         assert model.body_mass[body] == pytest.approx(factor * robot.model.body_mass[body])

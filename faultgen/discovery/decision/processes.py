@@ -8,7 +8,7 @@ catalogue has.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,6 +60,7 @@ def processes(recording: Recording, motion: Motion) -> Iterator[Process]:
         motion: Of the model on the recording's motion.
     """
     time = np.arange(len(motion.speed)) * recording.sample_period
+    late = np.concatenate([since_reversal(motion.speed[part]) for part in recording.parts])
     for axis in range(motion.speed.shape[1]):
         joint, speed, angle = (x[:, axis] for x in (motion.joint, motion.speed, motion.angle))
         turns, always = np.sign(speed), np.ones_like(speed)
@@ -71,7 +72,7 @@ def processes(recording: Recording, motion: Motion) -> Iterator[Process]:
             (speed, always),
             (motion.acceleration[:, axis] * turns, turns),  # a change of the speed
             (motion.gear[:, axis], turns),
-            (np.log1p(since_reversal(speed, recording.parts)), turns),
+            (np.log1p(late[:, axis]), turns),
             (time, turns),
         )
         for over, (x, times) in zip(OVER, variables, strict=True):
@@ -93,18 +94,18 @@ def _around(angle: np.ndarray) -> np.ndarray:
     return np.maximum(1 - np.minimum(apart, _BUMPS_OF_TURN - apart), 0)
 
 
-def since_reversal(speed: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
-    """Count the samples since an axis last turned back, or began to be recorded.
+def since_reversal(speed: np.ndarray, before: int = 0) -> np.ndarray:
+    """Count the samples since each axis last turned back in a separate recording.
 
     Args:
-        speed: Shape (samples,).
-        parts: Samples of each separate recording.
+        speed: Shape (samples, ...).
+        before: Samples that count before the first one, if an axis has not turned back yet.
 
     Returns:
-        Shape (samples,).
+        Same shape.
     """
-    number = np.arange(len(speed))
-    turned = np.zeros(len(speed), bool)
+    turned = np.zeros(speed.shape, bool)
     turned[1:] = speed[1:] * speed[:-1] <= 0
-    turned[[part.start for part in parts]] = True
-    return number - np.maximum.accumulate(np.where(turned, number, 0))
+    number = np.arange(len(speed)).reshape(-1, *[1] * (speed.ndim - 1))
+    last = np.maximum.accumulate(np.where(turned, number, -before), axis=0)
+    return np.asarray(number - last)

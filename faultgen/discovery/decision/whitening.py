@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from faultgen.discovery.decision.arrays import Arrays, jumps
+from faultgen.discovery.decision.processes import since_reversal
 from faultgen.discovery.replay.bristles import FRICTION
 from faultgen.inference.products import Products
 from faultgen.recordings.noise import Autoregression
@@ -26,6 +27,7 @@ _ORDERS = (8, 40)  # least and largest order of the autoregression
 _DECAYS = (0.03, 0.1)  # of the error of friction after a reversal [s]
 _ROUNDS = 3
 _TAILS = 5.0  # degrees of freedom of the noise (Student)
+_LONG_AGO = 10**6  # samples since a reversal before the recording: it is forgotten
 _EXACT = 1e-5  # noise over torque that simulations and columns are not exact enough to go below
 
 
@@ -129,11 +131,8 @@ def noise_of(arrays: Arrays, left: np.ndarray) -> Noise:
     drivers = [np.abs(arrays.speed), np.abs(recording.torque)]
     if arrays.bristles is not None:
         drivers.append(jumps(arrays.bristles, arrays.parts))
-    for decay in _DECAYS:
-        late = [
-            np.exp(-_since_reversal(arrays.speed[part]) * period / decay) for part in arrays.parts
-        ]
-        drivers.append(np.concatenate(late))
+    late = np.concatenate([since_reversal(arrays.speed[p], _LONG_AGO) for p in arrays.parts])
+    drivers += [np.exp(-late * period / decay) for decay in _DECAYS]
     drivers.append(arrays.smoothing)
     order = int(np.clip(round(_MEMORY / period), *_ORDERS))
     # an axis without samples has some noise
@@ -163,12 +162,3 @@ def weighed(arrays: Arrays, noise: Noise, left: np.ndarray) -> Whitened:
         _products(arrays, noise, weight),
         _products(arrays, noise, others),
     )
-
-
-def _since_reversal(speed: np.ndarray) -> np.ndarray:
-    """Samples since each axis last turned back, shape (samples, n_axes); many before that."""
-    turned = np.zeros(speed.shape, bool)
-    turned[1:] = speed[1:] * speed[:-1] <= 0
-    number = np.arange(len(speed))[:, None]
-    last = np.maximum.accumulate(np.where(turned, number, -(10**6)), axis=0)
-    return number - last

@@ -18,7 +18,7 @@ from scipy.interpolate import make_interp_spline
 from faultgen.discovery.replay.prescribed import prescribed
 from faultgen.errors import SimulationFailed
 from faultgen.recordings.recording import Recording
-from faultgen.recordings.smoothing import smoothings, strength_of
+from faultgen.recordings.smoothing import smoothed_with, strengths
 from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm, motor_torque
 from faultgen.simulation.cycle import Cycle
@@ -60,16 +60,11 @@ def followed(recording: Recording, robot: Robot, inside: np.ndarray) -> Followed
     Returns:
         The motion.
     """
-    measured = recording.joint_position(robot)
-    trials, best = _for_rigid_arm(recording, robot, inside, measured)
-    cycles = None
+    trials = _Trials.of(recording, recording.joint_position(robot))
+    best, cycles = _for_rigid_arm(recording, robot, inside, trials), None
     if not recording.link:
-        best, cycles = _with_gearboxes(recording, robot, trials, best, inside)
-    strengths = [
-        [strength_of(measured[part, axis], STRONGER[best]) for axis in range(robot.n_axes)]
-        for part in recording.parts
-    ]
-    return Followed(np.asarray(trials[best]), cycles, strengths)
+        best, cycles = _with_gearboxes(recording, robot, trials.positions, best, inside)
+    return Followed(np.asarray(trials.positions[best]), cycles, trials.strengths[best])
 
 
 def rotor_steps(robot: Robot, position: np.ndarray, period: float) -> np.ndarray:
@@ -108,20 +103,40 @@ def followed_by_rigid_arm(
     Returns:
         Joint side, shape (samples, n_axes), in [rad], or [m] for slides.
     """
-    trials, first = _for_rigid_arm(recording, robot, inside, position)
-    return np.asarray(trials[first])
+    trials = _Trials.of(recording, position)
+    return np.asarray(trials.positions[_for_rigid_arm(recording, robot, inside, trials)])
 
 
-def _for_rigid_arm(
-    recording: Recording, robot: Robot, inside: np.ndarray, position: np.ndarray
-) -> tuple[np.ndarray, int]:
-    """The position with each smoothing, and the number of the one that suits a rigid arm."""
+@dataclass(frozen=True, eq=False)
+class _Trials:
+    """A position with each smoothing of `STRONGER`."""
+
+    positions: np.ndarray
+    """Shape (trials, samples, n_axes)."""
+    strengths: list[list[list[float | None]]]
+    """As in `Followed`, for each trial."""
+
+    @classmethod
+    def of(cls, recording: Recording, position: np.ndarray) -> _Trials:
+        """Smooth a position of shape (samples, n_axes)."""
+        out = np.empty((len(STRONGER), *position.shape))
+        found: list[list[list[float | None]]] = [[] for _ in STRONGER]
+        for part in recording.parts:
+            of_axes = [strengths(own, STRONGER) for own in position[part].T]
+            for trial, (own, row) in enumerate(zip(zip(*of_axes, strict=True), found, strict=True)):
+                row.append(list(own))
+                for axis, strength in enumerate(own):
+                    out[trial, part, axis] = smoothed_with(position[part, axis], strength)
+        return cls(out, found)
+
+
+def _for_rigid_arm(recording: Recording, robot: Robot, inside: np.ndarray, trials: _Trials) -> int:
+    """The number of the smoothing that suits a rigid arm."""
     arm = Arm(robot)
-    trials = _smoothed(position, recording)
-    errors = [_rigid_error(recording, arm, one, inside) for one in trials]
+    errors = [_rigid_error(recording, arm, one, inside) for one in trials.positions]
     clearly = min(errors) < _CLEARLY * errors[0]
     best = next(k for k, one in enumerate(errors) if one <= _NEARLY * min(errors))
-    return trials, best if clearly else 0
+    return best if clearly else 0
 
 
 def _with_gearboxes(
@@ -189,15 +204,6 @@ def _logged(recording: Recording, robot: Robot, runs: Sequence[Cycle]) -> np.nda
             needed = run.motor_torque[:, axis] * robot.torque_gain[axis]
             torque[part, axis] = np.interp(times, steps, needed)
     return torque
-
-
-def _smoothed(position: np.ndarray, recording: Recording) -> np.ndarray:
-    """The position for each of `STRONGER`, shape (trials, samples, n_axes)."""
-    out = np.empty((len(STRONGER), *position.shape))
-    for part in recording.parts:
-        for axis in range(position.shape[1]):
-            out[:, part, axis] = smoothings(position[part, axis], STRONGER)
-    return out
 
 
 def _rigid_error(recording: Recording, arm: Arm, position: np.ndarray, inside: np.ndarray) -> float:

@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 from faultgen.effects.structure import MASSLESS
+from faultgen.mjcf.rotations import matrix_of
 from faultgen.simulation.arm import Arm
 
 PER_LINK = 10
@@ -45,9 +46,7 @@ def link_parameters(arm: Arm) -> np.ndarray:
     model = arm.model
     found = []
     for body in link_ids(arm):
-        turned = np.empty(9)
-        mujoco.mju_quat2Mat(turned, model.body_iquat[body])
-        frame, centre = turned.reshape(3, 3), model.body_ipos[body]
+        frame, centre = matrix_of(model.body_iquat[body]), model.body_ipos[body]
         mass = model.body_mass[body]
         inertia = frame @ np.diag(model.body_inertia[body]) @ frame.T
         inertia += mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
