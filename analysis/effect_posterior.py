@@ -23,6 +23,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_array
 
+from .day_directions import unknown_directions
 from .day_scales import LARGEST, learn_days
 from .fitted_posterior import FittedPosterior, lengths_of
 
@@ -59,6 +60,8 @@ class EffectPosterior(FittedPosterior, BaseEstimator):
         scale_errors_: Its standard deviation, shape (groups,).
         day_stds_: Standard deviation of each number from day to day, shape (numbers,).
         noise_: Variance of the noise; about 1 if the features are whitened.
+        directions_: Further differences between healthy recordings, which the known ones do not
+            describe: one standard deviation of each, shape (directions, features).
         projection_: C^-1 A', shape (features, columns).
         information_: A C^-1 A', shape (columns, columns).
         limit_: Limit of the statistic.
@@ -91,7 +94,11 @@ class EffectPosterior(FittedPosterior, BaseEstimator):
         self.count_, self.mean_ = len(x), x.mean(axis=0)
         found = learn_days(self.days, x - self.mean_)
         self.log_scales_, self.scale_errors_, self.noise_ = found
+        self.directions_ = np.zeros((0, x.shape[1]))
         self._prepare()
+        self.directions_ = self._unknown_directions(x - self.mean_)
+        if len(self.directions_):
+            self._prepare()
         self._set_limit()
         return self
 
@@ -116,6 +123,22 @@ class EffectPosterior(FittedPosterior, BaseEstimator):
         above = statistics > self.limit_
         return np.where(above.any(axis=1), 1.0 + np.argmax(above, axis=1), np.inf)
 
+    def _unknown_directions(self, apart: Floats) -> Floats:
+        """Differences between healthy recordings that are in no column of the days."""
+        sizes = np.zeros(len(self.information_))
+        for cause in self.effects.causes:
+            for form in cause.forms:
+                usual = (np.hypot(form.sizes[0], form.mean), *form.sizes[1:])
+                np.maximum.at(sizes, list(form.columns), usual)
+        rng = self._generator(2)
+
+        def simulated(sets: int) -> Floats:
+            scores = self._healthy_scores(sets, self.count_, rng)
+            return np.asarray(scores - scores.mean(axis=1, keepdims=True))
+
+        weights = unknown_directions(apart @ self.projection_, self.information_, sizes, simulated)
+        return np.asarray(weights @ self.effects.columns)
+
     def _generator(self, stream: int) -> np.random.Generator:
         seed = check_random_state(self.random_state).randint(2**31 - 1)
         return np.random.default_rng([seed, stream])
@@ -136,28 +159,34 @@ class EffectPosterior(FittedPosterior, BaseEstimator):
         self, sequences: int, length: int, shift: Floats | None, rng: np.random.Generator
     ) -> Floats:
         """Statistic after each recording of sequences of robots, shape (sequences, length)."""
-        root = self._noise_root.astype(np.float32)
-        of_days = (self.days.columns @ self.projection_).astype(np.float32)
         out = np.empty((sequences, length))
         for start in range(0, sequences, _CHUNK):
             count = min(_CHUNK, sequences - start)
-            logs = self.log_scales_ + self.scale_errors_ * rng.standard_normal(
-                (count, len(self.scale_errors_))
-            )
-            own = np.log(self.days.unlike) * rng.standard_normal((count, len(self.days.stds)))
-            logs = np.clip(logs, -LARGEST, LARGEST)[:, self.days.groups] + own
-            std = (self.days.stds * np.exp(logs)).astype(np.float32)
             # recordings, and in the last place the mean of the healthy ones
-            each = (count, length + 1)
-            noise = rng.standard_normal((*each, len(root)), dtype=np.float32)
-            daily = rng.standard_normal((*each, len(of_days)), dtype=np.float32) * std[:, None]
-            flat = noise.reshape(-1, len(root)) @ root + daily.reshape(-1, len(of_days)) @ of_days
-            scores = flat.reshape(*each, -1)
+            scores = self._healthy_scores(count, length + 1, rng)
             scores = scores[:, :-1] - scores[:, -1:] / np.float32(np.sqrt(self.count_))
             if shift is not None:
                 scores += shift.astype(np.float32)
             out[start : start + count] = self._statistics(scores)
         return out
+
+    def _healthy_scores(self, robots: int, length: int, rng: np.random.Generator) -> Floats:
+        """Draw scores of healthy recordings, shape (robots, length, columns)."""
+        columns = np.concatenate([self.days.columns, self.directions_])
+        root = self._noise_root.astype(np.float32)
+        of_days = (columns @ self.projection_).astype(np.float32)
+        errors, numbers, directions = self.scale_errors_, len(self.days.stds), len(self.directions_)
+        logs = self.log_scales_ + errors * rng.standard_normal((robots, len(errors)))
+        own = np.log(self.days.unlike) * rng.standard_normal((robots, numbers))
+        logs = np.clip(logs, -LARGEST, LARGEST)[:, self.days.groups] + own
+        # the error of a standard deviation, from as many recordings
+        found = rng.standard_normal((robots, directions)) / np.sqrt(2 * max(self.count_ - 1, 1))
+        std = np.concatenate([self.days.stds * np.exp(logs), np.exp(found)], axis=1)
+        noise = rng.standard_normal((robots, length, len(root)), dtype=np.float32)
+        daily = rng.standard_normal((robots, length, len(of_days)), dtype=np.float32)
+        daily *= std[:, None].astype(np.float32)
+        flat = noise.reshape(-1, len(root)) @ root + daily.reshape(-1, len(of_days)) @ of_days
+        return np.asarray(flat.reshape(robots, length, -1))
 
     def _statistics(self, scores: Floats) -> Floats:
         """Statistic after each recording; scores of shape (sequences, length, columns)."""

@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 _FASTER = 1.4  # ratio of the numbers of recordings that are tried, from one to the next
 _FINELY = 1.03  # the same, for the begin of an effect
-_LEARNED = ("mean_", "count_", "log_scales_", "scale_errors_", "noise_", "limit_")
+_LEARNED = ("mean_", "count_", "log_scales_", "scale_errors_", "noise_", "directions_", "limit_")
 _EDGE = 1e-9  # of information, below which it counts as none
 
 
@@ -45,6 +45,7 @@ class FittedPosterior:
     log_scales_: Floats
     scale_errors_: Floats
     noise_: float
+    directions_: Floats
     limit_: float
 
     def __init__(
@@ -65,8 +66,10 @@ class FittedPosterior:
 
     def _prepare(self) -> None:
         """Compute what follows from the scales and the noise."""
-        days, columns = self.days.columns, np.asarray(self.effects.columns, float)
-        std = self.day_stds_ = day_stds(self.days, self.log_scales_)
+        columns = np.asarray(self.effects.columns, float)
+        days = np.concatenate([self.days.columns, self.directions_])
+        self.day_stds_ = day_stds(self.days, self.log_scales_)
+        std = np.concatenate([self.day_stds_, np.ones(len(self.directions_))])
         inner = (days * std[:, None]) @ days.T * std + self.noise_ * np.eye(len(std))
         across = (days * std[:, None]) @ columns.T
         explained = days.T @ (std[:, None] * cho_solve(cho_factor(inner), across))
@@ -83,7 +86,8 @@ class FittedPosterior:
         """Return what was learned, as arrays from which `restore` makes the same estimator.
 
         Returns:
-            Each attribute by its name: numbers, and arrays of shape (features,) and (groups,).
+            Each attribute by its name: numbers, and arrays of shape (features,), (groups,) and
+            (directions, features).
         """
         self._require_fit()
         return {name: np.asarray(getattr(self, name), float) for name in _LEARNED}
@@ -107,6 +111,7 @@ class FittedPosterior:
             "mean_": (self.n_features_in_,),
             "log_scales_": self.days.spreads.shape,
             "scale_errors_": self.days.spreads.shape,
+            "directions_": (len(values["directions_"]), self.n_features_in_),
         }
         for name, value in values.items():
             if value.shape != wanted.get(name, ()):

@@ -52,9 +52,9 @@ def export(
     out: Annotated[
         Path | None,
         out_option(
-            "What to write: a folder for huggingface, lerobot and factorynet; a folder or a file "
-            "(.mcap, .rrd) for mcap and rerun; otherwise a file. Default: the name of the format, "
-            "or measured.h5, cycles.parquet or fleet_ncmapss.h5."
+            "What to write: a folder for huggingface, lerobot, factorynet and zarr; a folder or a "
+            "file (.mcap, .rrd) for mcap and rerun; otherwise a file. Default: the name of the "
+            "format, or measured.h5, cycles.parquet or fleet_ncmapss.h5."
         ),
     ] = None,
     format_: Annotated[

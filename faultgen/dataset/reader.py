@@ -32,6 +32,7 @@ from faultgen.dataset.manifest import (
     part_names,
 )
 from faultgen.dataset.merged_file import MERGED, only_in
+from faultgen.dataset.remote import is_remote, local_copy
 from faultgen.dataset.splits import PARTS, TRAIN, check_division
 from faultgen.dataset.stored_run import StoredRun
 from faultgen.errors import InputError
@@ -375,7 +376,9 @@ def open_dataset(folder: str | Path) -> Dataset:
 
     Args:
         folder: Folder that `faultgen generate` wrote, or its file ``dataset.h5``. The file can be
-            read without the rest of the folder, except its checksum ``dataset.h5.sha256``.
+            read without the rest of the folder, except its checksum ``dataset.h5.sha256``. It may
+            also be an address, such as "s3://bucket/out", of which the file of all runs is copied
+            into a cache; see `faultgen.dataset.remote`.
 
     Returns:
         The dataset.
@@ -383,7 +386,7 @@ def open_dataset(folder: str | Path) -> Dataset:
     Raises:
         InputError: This is not a dataset, or its list of runs is damaged.
     """
-    path = Path(folder)
+    path = local_copy(str(folder)) if is_remote(folder) else Path(folder)
     check_exists(path)
     if is_in_parts(path):
         raise InputError(

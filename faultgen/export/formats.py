@@ -14,6 +14,7 @@ DATASET_FORMATS = {
     "factorynet": "set points, effort, feedback and context, with the columns of FactoryNet",
     "mcap": "MCAP files, which Foxglove plays back",
     "rerun": "recordings of Rerun",
+    "zarr": "Zarr store of format 3, which clouds and xarray read in pieces",
 }
 """What each format is, by name."""
 
@@ -57,6 +58,7 @@ def _writer(name: str) -> Callable[..., dict[str, Any]]:
     from faultgen.export.lerobot import write_lerobot
     from faultgen.export.mcap_file import write_mcap
     from faultgen.export.rerun_file import write_rerun
+    from faultgen.export.zarr_store import write_zarr
 
     writers: dict[str, Callable[..., dict[str, Any]]] = {
         "lerobot": write_lerobot,
@@ -64,5 +66,6 @@ def _writer(name: str) -> Callable[..., dict[str, Any]]:
         "factorynet": write_factorynet,
         "mcap": write_mcap,
         "rerun": write_rerun,
+        "zarr": write_zarr,
     }
     return writers[name]

@@ -1,21 +1,88 @@
 """Discovery from files to files: the result, the model, the next experiment and the report.
 
 result = discover("measured.h5", "puma560", healthy="healthy.h5", out="out")
-result["summary"], result["verdict"], result["effects"]
+result.verdict, result.effects[0]["sentence"], result["gap"]["after"]
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Collection, Sequence
+from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from faultgen.discovery.examine import examine
 from faultgen.discovery.inputs import check_positive
 from faultgen.discovery.terms.candidates import check_names, names_by_use
 from faultgen.effects import EFFECTS
 from faultgen.errors import InputError
+from faultgen.system.version import __version__
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+class DiscoveryResult(dict[str, Any]):
+    """The content of ``discovery.json``, with its main entries as attributes."""
+
+    @property
+    def verdict(self) -> str:
+        """One of the six verdicts of docs/discovery.md."""
+        return str(self["verdict"])
+
+    @property
+    def summary(self) -> str:
+        """What was found, in one sentence."""
+        return str(self["summary"])
+
+    @property
+    def effects(self) -> list[dict[str, Any]]:
+        """The effects that were found, with `effect`, `axis`, `parameters` and `sentence`."""
+        return list(self["effects"])
+
+    def __repr__(self) -> str:
+        return f"<Discovery: {self.verdict}. {self.summary}>"
+
+    def _repr_html_(self) -> str:
+        """The sentence and a table of the effects, which notebooks show."""
+        from tabulate import tabulate
+
+        head = ("effect", "axis", "what", "confidence")
+        rows = [
+            (e["effect"], e["axis"], e.get("sentence", ""), e["confidence"]) for e in self.effects
+        ]
+        table = tabulate(rows, head, "html", floatfmt=".2f") if rows else ""
+        return f"<p><b>{escape(self.verdict)}</b>: {escape(self.summary)}</p>{table}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return a plain dictionary, ready for JSON."""
+        return dict(self)
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Draw the torque error of each axis: as given, calibrated, with the effects, and noise.
+
+        Args:
+            axes: Where to draw. Default: a new figure.
+
+        Returns:
+            The axes.
+        """
+        from faultgen.analysis.plots import COLOURS
+
+        if axes is None:
+            import matplotlib.pyplot as plt
+
+            axes = plt.figure().subplots()
+        rows = self["gap"]["per_axis"]
+        kinds = ("before", "calibrated", "after", "floor")
+        for place, (kind, colour) in enumerate(zip(kinds, COLOURS, strict=False)):
+            left = [row["axis"] + 0.2 * (place - 1.5) for row in rows]
+            axes.bar(left, [100 * row[kind] for row in rows], 0.2, label=kind, color=colour)
+        axes.set_xticks([row["axis"] for row in rows])
+        axes.set(xlabel="Axis", ylabel="Torque error over RMS torque [%]", title=self.verdict)
+        axes.legend()
+        return axes
 
 
 def discover(
@@ -33,7 +100,7 @@ def discover(
     low_pass: float | None = None,
     trust_log: bool = False,
     cache: str | Path | None = None,
-) -> dict[str, Any]:
+) -> DiscoveryResult:
     """Find the physical effect that a measured robot has and its model lacks.
 
     Args:
@@ -96,9 +163,9 @@ def discover(
         trust_log=trust_log,
         cache=cache,
     )
-    result["seconds"] = round(time.monotonic() - started, 1)
+    result |= {"seconds": round(time.monotonic() - started, 1), "version": __version__}
     if out is not None:
         from faultgen.report.discovery_report import write_discovery
 
         write_discovery(Path(out), result, found)
-    return result
+    return DiscoveryResult(result)

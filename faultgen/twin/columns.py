@@ -54,6 +54,7 @@ _UNLIKE = 1.5  # by how much axes differ in their days; with it, 1 % was stated 
 _UNKNOWN_SIZES = (0.01, 0.1)  # of torques of no known form, over the RMS torque of an axis
 _OFF_CENTRE = 0.2  # of an unknown payload [m]: assumed
 _KELVIN = (3.0, 10.0)  # differences of the temperature between days [K]: assumed
+_DAILY_LOAD = 0.01  # usual difference of the payload between recordings, over its mass: assumed
 _UNEVEN = 0.3  # share by which an axis may be warmer than others: assumed
 
 
@@ -151,6 +152,9 @@ class Columns:
             for term, column in zip(terms, raw, strict=True)
             if term.name in FOLLOWS
         }
+        if len(load := self._payload(robot.n_axes)):
+            usual = robot.payload_mass or payload_terms(robot, robot.n_axes)[0].step
+            self.numbers.add(load[0], _DAILY_LOAD * usual, "load at the flange")
 
     def apart(self, healthy: np.ndarray) -> np.ndarray:
         """Compare one recording with the model: two that differ by as much as noise would.

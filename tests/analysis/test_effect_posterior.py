@@ -85,6 +85,36 @@ def test_false_alarms_occur_at_the_stated_rate(known, count):
     assert alarmed > expected / 4
 
 
+def test_a_difference_between_days_that_no_column_describes_is_learned(known):
+    """Without it, recordings of a healthy robot look like an effect."""
+    effects, _ = known
+    rng = np.random.default_rng(40)
+    unknown = effects.columns[[0, 5, 10]].sum(axis=0) + rng.standard_normal(FEATURES)
+    unknown *= 8 / np.linalg.norm(unknown)
+
+    def robot(count):
+        return recordings(known, count, rng, rng.standard_normal((count, 1)) * unknown)
+
+    many, few = fitted(known, robot(100)), fitted(known, robot(3))
+    assert len(many.directions_) == 1 and len(few.directions_) == 0
+    # the part of it that effects can show, whose size is known to within its sampling error
+    weight = many.projection_
+    found, true = many.directions_[0] @ weight, unknown @ weight
+    size = np.linalg.solve(many.information_, true) @ true
+    overlap = np.linalg.solve(many.information_, true) @ found / size
+    assert abs(overlap) == pytest.approx(1.0, abs=0.3)
+    assert np.mean([many.judge(one).alarm for one in many.transform(robot(400))]) < 3 * RATE
+    blind = fitted(known, robot(100))
+    blind.restore({**blind.state(), "directions_": np.zeros((0, FEATURES))})
+    assert np.mean([blind.judge(one).alarm for one in blind.transform(robot(400))]) > 10 * RATE
+
+
+def test_no_difference_is_learned_where_there_is_none(known):
+    rng = np.random.default_rng(41)
+    found = [len(fitted(known, recordings(known, 30, rng)).directions_) for _ in range(8)]
+    assert sum(found) <= 1
+
+
 def test_an_effect_is_named_with_its_beginning_and_severity(known):
     effects, _ = known
     rng = np.random.default_rng(5)

@@ -56,6 +56,14 @@ def test_an_effect_is_named(files, tiny_robot_path, tmp_path):
     gap = result["gap"]
     assert gap["after"] < gap["before"] and gap["after"] < 1.15 * gap["floor"]
     assert json.loads((tmp_path / "discovery.json").read_text()) == result
+    assert result["version"] == faultgen.__version__
+    assert result.verdict == result["verdict"] and result.effects == [one]
+    assert repr(result) == f"<Discovery: {result.verdict}. {result.summary}>"
+    assert one["sentence"] in result._repr_html_()
+    bars = result.plot().patches  # before, calibrated, after and floor of both axes
+    assert [bar.get_height() for bar in bars[:2]] == pytest.approx(
+        [100 * row["before"] for row in gap["per_axis"]]
+    )
     robot, healthy = load_robot(tmp_path / "model.xml"), load_robot(tiny_robot_path)
     damping = [r.model.actuator_damping[r.ids("actuator", "friction")[1]] for r in (robot, healthy)]
     assert damping[0] / damping[1] == pytest.approx(1 + one["parameters"]["severity"], rel=1e-4)

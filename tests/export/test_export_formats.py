@@ -407,3 +407,27 @@ def test_joined_statistics_are_those_of_the_whole():
     whole.add("x", np.concatenate(pieces))
     for kind in ("min", "max", "mean", "std", "count"):
         np.testing.assert_allclose(together.told()["x"][kind], whole.told()["x"][kind])
+
+
+def test_zarr_holds_all_arrays_and_attributes_of_the_runs(data, dataset, tmp_path):
+    zarr = library("zarr")
+    told = export(data, "--format", "zarr", "-o", tmp_path / "data.zarr")
+    store = zarr.open_group(tmp_path / "data.zarr", mode="r")
+    assert store.metadata.zarr_format == 3
+    assert told["runs"] == len(dataset) == len(list(store["runs"].group_keys()))
+    for run in dataset:
+        copy = store["runs"][run.id]
+        with run.open() as group:
+            paths = []
+            group.visit(paths.append)
+            assert set(copy.attrs) >= set(group.attrs)
+            for path in paths:
+                if not getattr(group[path], "shape", ()):
+                    continue
+                values = group[path]
+                if values.dtype.kind in "fiub":
+                    assert np.array_equal(copy[path][...], values[...], equal_nan=True), path
+                    assert copy[path].attrs.get("units") == values.attrs.get("units")
+        torque = copy["signals/motor_torque"]
+        assert torque.shape[0] == CYCLES and torque.attrs["units"] == "N m"
+        assert copy.attrs["effect"] == run["effect"]

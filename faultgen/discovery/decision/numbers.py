@@ -56,6 +56,7 @@ KINDS = {
     "lag of the log": Kind(3.0, 1.0),
     "smoothing": Kind(1.7, 1.0, 2.0),
     "temperature": Kind(1.4, 1.0, 2.0),
+    "load at the flange": Kind(1.1, 1.0),  # of a sequence of recordings, which shows how much
     **{f"process over {over}": Kind(3.0, 0.3) for over in OVER},
 }
 """Groups of numbers by name."""
