@@ -29,7 +29,7 @@ from faultgen.discovery.decision.posterior import posterior_beside
 from faultgen.discovery.decision.with_laws import outside
 from faultgen.discovery.discover import Discovery
 from faultgen.discovery.doubts import friction_warnings, noise_warnings
-from faultgen.discovery.inputs import read_together, usable
+from faultgen.discovery.inputs import USUAL, Options, read_together, usable
 from faultgen.discovery.replay.own_servo import nearest_servo, with_own_servo
 from faultgen.discovery.replay.servo_errors import DELAY
 from faultgen.discovery.replay.servo_faults import find_servo_faults, no_servo_faults
@@ -47,15 +47,7 @@ def examine(
     robot: str | Path,
     healthy: str | Path | Sequence[str | Path] | None = None,
     validate: str | Path | None = None,
-    *,
-    workers: int = 1,
-    exclude: Collection[str] = (),
-    include: Collection[str] = (),
-    prior_scale: float | None = None,
-    white_noise: bool = False,
-    low_pass: float | None = None,
-    trust_log: bool = False,
-    cache: str | Path | None = None,
+    options: Options = USUAL,
 ) -> tuple[dict[str, Any], Discovery]:
     """Find what a measured robot has and its model lacks.
 
@@ -64,14 +56,7 @@ def examine(
         robot: Name of the robot, or path of its MJCF file or folder.
         healthy: Recordings from before the change.
         validate: Recording of other motions, which is only scored.
-        workers: Number of processes.
-        exclude: Names of effects that are not considered.
-        include: Names of effects that are considered only on request.
-        prior_scale: How uncertain the model's parameters are.
-        white_noise: Whether long-lasting errors get full weight.
-        low_pass: Cut-off frequency of a low-pass filter [Hz].
-        trust_log: Whether the recordings are taken as they are.
-        cache: Folder that keeps simulated sensitivities.
+        options: What is considered, and how.
 
     Returns:
         The content of ``discovery.json`` without the time that it took, and the discovery.
@@ -80,8 +65,11 @@ def examine(
         InputError: A recording cannot be used.
         SimulationFailed: The model diverges on the recorded motion.
     """
+    exclude: Collection[str] = options.exclude
     model, posterior = load_robot(str(robot)), posterior_beside(robot)
-    given = read_together(_paths(measured), model, _paths(healthy), low_pass, trust_log=trust_log)
+    given = read_together(
+        _paths(measured), model, _paths(healthy), options.low_pass, trust_log=options.trust_log
+    )
     recording, runs, warnings = given.recording, given.runs, given.warnings
     findings = list(given.findings)
     model, more = with_limits_of([recording, *runs], model)
@@ -105,13 +93,15 @@ def examine(
             controller = nearest_servo(before, controller, model)
         other = None
         if validate is not None:
-            other, more = usable(validate, model, low_pass, recording, trust_log=trust_log)
+            other, more = usable(
+                validate, model, options.low_pass, recording, trust_log=options.trust_log
+            )
             warnings += more
             findings += more
         seen = stage(
             "search for faults of servo and log",
             lambda: find_servo_faults(
-                recording, controller, runs, arm=model, exclude=exclude, trust_log=trust_log
+                recording, controller, runs, arm=model, exclude=exclude, trust_log=options.trust_log
             ),
             no_servo_faults(recording),
         )
@@ -130,11 +120,11 @@ def examine(
             model,
             posterior=posterior,
             exclude=exclude,
-            include=include,
-            prior_scale=prior_scale,
-            white_noise=white_noise,
-            workers=workers,
-            cache=_path(cache),
+            include=options.include,
+            prior_scale=options.prior_scale,
+            white_noise=options.white_noise,
+            workers=options.workers,
+            cache=_path(options.cache),
         ).fit(recording, runs)
         result = contents(found)
         if seen.delays and (runs or not found.problem_.replay.measured):

@@ -6,7 +6,7 @@ given.recording, given.warnings
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -29,6 +29,32 @@ from faultgen.robot import Robot
 
 LONGEST = 3600.0
 """Longest recording that can be used [s]. It is simulated again for every term."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What a discovery considers, and how; `faultgen.discover` explains each."""
+
+    workers: int = 1
+    """Number of processes."""
+    exclude: Collection[str] = ()
+    """Names of effects that are not considered."""
+    include: Collection[str] = ()
+    """Names of effects that are considered only on request."""
+    prior_scale: float | None = None
+    """How uncertain the model's parameters are, as a multiple of the default."""
+    white_noise: bool = False
+    """Whether long-lasting errors get full weight."""
+    low_pass: float | None = None
+    """Cut-off frequency of a low-pass filter [Hz]."""
+    trust_log: bool = False
+    """Whether the recordings are taken as they are."""
+    cache: str | Path | None = None
+    """Folder that keeps simulated sensitivities."""
+
+
+USUAL = Options()
+"""The defaults."""
 
 
 @dataclass(frozen=True, eq=False)

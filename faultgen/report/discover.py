@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from faultgen.discovery.examine import examine
-from faultgen.discovery.inputs import check_positive
+from faultgen.discovery.inputs import Options, check_positive
 from faultgen.discovery.terms.candidates import check_names, names_by_use
 from faultgen.effects import EFFECTS
 from faultgen.errors import InputError
@@ -81,7 +81,7 @@ class DiscoveryResult(dict[str, Any]):
             axes.bar(left, [100 * row[kind] for row in rows], 0.2, label=kind, color=colour)
         axes.set_xticks([row["axis"] for row in rows])
         axes.set(xlabel="Axis", ylabel="Torque error over RMS torque [%]", title=self.verdict)
-        axes.legend()
+        axes.legend(loc="upper right")
         return axes
 
 
@@ -149,11 +149,7 @@ def discover(
     for name, folder in (("out", out), ("cache", cache)):
         if folder is not None and Path(folder).is_file():
             raise InputError(f"{name}: must be a folder, not the file {folder}")
-    result, found = examine(
-        measured,
-        robot,
-        healthy,
-        validate,
+    options = Options(
         workers=workers,
         exclude=exclude,
         include=include,
@@ -163,6 +159,7 @@ def discover(
         trust_log=trust_log,
         cache=cache,
     )
+    result, found = examine(measured, robot, healthy, validate, options)
     result |= {"seconds": round(time.monotonic() - started, 1), "version": __version__}
     if out is not None:
         from faultgen.report.discovery_report import write_discovery
