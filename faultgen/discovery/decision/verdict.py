@@ -49,9 +49,12 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     without = difference.left(difference.exact.healthy)
     numbers = _numbers(problem, choice, empty)
     base_values = numbers.values
+    solution = _numbers(problem, choice, best).values if best.groups else base_values
+    if problem.baseline:  # differences of the day were fitted to other motions of the day
+        base_values = _closer(problem, empty, base_values)
+        solution = _closer(problem, best, solution)
     basic = build(problem, empty, base_values)
     healthy, given = gap(problem, basic.left), gap(problem, problem.residual)
-    solution = _numbers(problem, choice, best).values if best.groups else base_values
     left = difference.left(choice.found.fitted, best.change)
     shown = left + best.change  # the residual that is to be explained, less calibration
     shares = where(problem, problem.whiten(shown))
@@ -168,6 +171,13 @@ def _numbers(problem: Problem, choice: Choice, fitted: Fit) -> Calibrated:
         return Calibrated(usual(problem, choice), ())
     scales = choice.found.fitted.log_scales
     return calibrated(problem, choice.difference, scales, fitted.change)
+
+
+def _closer(problem: Problem, fitted: Fit, values: np.ndarray) -> np.ndarray:
+    """Numbers, or none if the error is smaller without them; shape (terms,)."""
+    none = np.zeros_like(values)
+    gaps = [gap(problem, build(problem, fitted, one).left)[0] for one in (values, none)]
+    return none if gaps[1] < gaps[0] else values
 
 
 def usual(problem: Problem, choice: Choice) -> np.ndarray:
