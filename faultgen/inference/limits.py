@@ -228,10 +228,10 @@ SHORTEST_DELAY = _limit(
 )
 SMALLEST_ERROR = _limit(
     "SMALLEST_ERROR",
-    5e-6,
+    2e-5,
     "amplitude [rad] from which a transmission error is told",
-    "a second of arc: no gearbox of a robot is that exact (30 to 60 is usual), and rings that "
-    "smoothing has changed look like 0.1 to 0.7 of it",
+    "four seconds of arc, about a tenth of what exact gearboxes have (30 to 60): rings that "
+    "smoothing has changed looked like up to 3.3",
 )
 SHORTEST_SHARE = _limit(
     "SHORTEST_SHARE",

@@ -61,10 +61,15 @@ def gate(problem: Problem, choice: Choice, error: float, variance: np.ndarray) -
     axes = [str(k + 1) for k in np.flatnonzero(variance > MODEL_VARIANCE)]
     if axes:
         worst = float(np.nanmax(variance))
+        remedy = (
+            "it may have changed in a way that nothing explains, or differ so from day to day: "
+            "give more healthy recordings"
+            if problem.baseline
+            else "record more kinds of motion, or give --healthy"
+        )
         lines.append(
             f"axis {', '.join(axes)}: on motions that were not fitted, the error is {worst:.2g} "
-            "times what the model expects (variances): record more kinds of motion, or give "
-            "--healthy"
+            f"times what the model expects (variances): {remedy}"
         )
     scales = choice.found.fitted.log_scales
     for name, scale in zip(KINDS, scales, strict=True):
@@ -74,25 +79,6 @@ def gate(problem: Problem, choice: Choice, error: float, variance: np.ndarray) -
                 f"as usual: {_ADVICE[name]}"
             )
     return lines
-
-
-def changed(problem: Problem, variance: np.ndarray) -> list[int]:
-    """List axes that differ from a baseline in a way that nothing explains.
-
-    The errors of a model cancel in the difference of two recordings. If it is not as expected on
-    half of the axes at most, something has changed there. On more axes it may be the day.
-
-    Args:
-        problem: The residual and the terms.
-        variance: As from `held_out`.
-
-    Returns:
-        Axes, from 1; none without a baseline.
-    """
-    if not problem.baseline:
-        return []
-    axes = [int(k) + 1 for k in np.flatnonzero(variance > MODEL_VARIANCE)]
-    return axes if 2 * len(axes) <= np.isfinite(variance).sum() else []
 
 
 def held_out(problem: Problem, choice: Choice) -> np.ndarray:

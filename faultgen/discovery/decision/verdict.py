@@ -10,7 +10,7 @@ import numpy as np
 from faultgen.discovery.calibration.model_edit import build, build_stable
 from faultgen.discovery.decision.calibrated import Calibrated, calibrated
 from faultgen.discovery.decision.choice import SURE, Choice, only
-from faultgen.discovery.decision.gate import changed, gate, held_out
+from faultgen.discovery.decision.gate import gate, held_out
 from faultgen.discovery.decision.hypotheses import UNKNOWN as UNKNOWN_FORM
 from faultgen.discovery.fit.diagnostics import where
 from faultgen.discovery.fit.fit import Fit, first_of
@@ -62,8 +62,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     noise = problem.noise.of_samples()
     effects, alternatives = _named(problem, choice, solution)
     variance = held_out(problem, choice)
-    odd = changed(problem, variance)
-    doubts = [] if odd else gate(problem, choice, healthy[0], variance)
+    doubts = gate(problem, choice, healthy[0], variance)
     known, lines = bool(effects) and not doubts, []
     built, robot, lacks = build_stable(
         problem, *(best, solution) if known else (empty, base_values)
@@ -96,11 +95,10 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     if doubts:
         verdict = MODEL
     elif not known:
-        strange = choice.unknown or odd or (refuted and is_open)
-        verdict = UNKNOWN if strange else NONE
+        verdict = UNKNOWN if choice.unknown or (refuted and is_open) else NONE
     elif choice.rivals:  # what is listed in part must be certain
         verdict = AMBIGUOUS
-    elif choice.unknown or odd:
+    elif choice.unknown:
         verdict = PARTLY
     else:
         verdict = PARTLY if is_part(before[0], after[0], of_noise) else NAMED
@@ -114,7 +112,6 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         for effect, axis, gained in choice.refuted
         if effect != UNKNOWN_FORM
     ]
-    lines += [f"axis {axis}: it has changed in a way that nothing explains" for axis in odd]
     chosen = best if known else empty
     return Answer(
         verdict=verdict,
@@ -142,7 +139,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         left_torque=built.left,
         reasons=tuple(doubts),
         residual_variance=variance,
-        strange_torque=built.left if problem.baseline else (left if known else without),
+        strange_torque=left if known else without,
     )
 
 

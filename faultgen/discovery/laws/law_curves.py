@@ -23,6 +23,7 @@ _REACHES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # of a bristle, motor angle [rad]
 _LAGS = (0.01, 0.02, 0.05, 0.1)  # [s]
 _TAPS = 12  # samples of the drive's response
 _PUSH = 0.05  # of the torque with which the response is found, over the RMS torque
+_MOVES = 0.01  # [rad or m] from which another axis moves, and does not only give way: assumed
 _WARM = 5.0  # range of temperatures that makes them worth a look [K]
 
 
@@ -248,7 +249,8 @@ class Courses:
             add("speed_lag", "", (2, 5), scale=time)
             add("torque_lag", "", (2,), scale=time)
         for other in range(1, self.replay.robot.n_axes + 1):
-            if other != axis:
+            angle = self.variable(Curve("joint_angle", other, "", (0.0,)))[rows]
+            if other != axis and len(angle) and np.ptp(angle) > _MOVES:
                 add("speed", "", (2, 5), of=other)
                 add("abs_speed", "direction", (2, 4), of=other)
                 add("joint_angle", "", (4,), of=other)
