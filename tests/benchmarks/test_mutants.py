@@ -71,7 +71,7 @@ def test_the_table_names_modules_and_tests_that_there_are():
     table = tomllib.loads((ROOT / "benchmarks" / "mutation" / "mutation.toml").read_text())
     assert table.pop("seed") >= 0
     assert table.pop("mutants") > 0
-    assert list(table) == ["physics", "isolation", "discovery", "storage", "fleet"]
+    assert list(table) == ["physics", "isolation", "discovery", "monitoring", "storage", "fleet"]
     for modules in table.values():
         for module, tests in modules.items():
             assert (ROOT / module).is_file(), module

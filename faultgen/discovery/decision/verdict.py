@@ -87,15 +87,16 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     floor = np.min([gap(problem, noise)[1], before[1], healthy[1], after[1]], axis=0)
     of_noise = float(np.sqrt(np.mean(floor[scored(problem).any(axis=0)] ** 2)))
     is_open = least**2 - of_noise**2 > CONSIDERABLE * of_noise**2
-    if refuted and is_open and not problem.baseline:
+    if refuted and is_open:
+        remedy = "more healthy recordings" if problem.baseline else "--healthy"
         doubts = [
-            "the calibrated model leaves more than noise, which no effect makes smaller on motions "
-            "that were not fitted: give --healthy, or record more kinds of motion"
+            "more than noise is left, which no effect makes smaller on motions that were not "
+            f"fitted: give {remedy}, or record more kinds of motion"
         ]
     if doubts:
         verdict = MODEL
     elif not known:
-        verdict = UNKNOWN if choice.unknown or (refuted and is_open) else NONE
+        verdict = UNKNOWN if choice.unknown else NONE
     elif choice.rivals:  # what is listed in part must be certain
         verdict = AMBIGUOUS
     elif choice.unknown:
