@@ -229,11 +229,9 @@ def test_an_axis_may_have_several_waves(monkeypatch, second):
         assert one.parameters["phase"] == pytest.approx(0.0, abs=0.1)
 
 
-@pytest.mark.parametrize(
-    ("baseline", "verdict", "good"), [(True, UNKNOWN, True), (False, MODEL, False)]
-)
+@pytest.mark.parametrize("baseline", [True, False])
 def test_an_effect_that_makes_no_error_smaller_on_other_motions_is_not_named(
-    columns, rng, monkeypatch, baseline, verdict, good
+    columns, rng, monkeypatch, baseline
 ):
     """What it explains of other motions is little beside what nothing explains there."""
     noise = rng.normal(size=(COUNT, 2))
@@ -242,13 +240,27 @@ def test_an_effect_that_makes_no_error_smaller_on_other_motions_is_not_named(
     other[SCORED] += 30.0 * np.sin(np.arange(COUNT) / 40)[SCORED, None]
     problem = replace(problem, residual=other)
     monkeypatch.setattr(verdict_module, "held_out", lambda *given: np.ones(2))
-    monkeypatch.setattr(verdict_module, "changed", lambda *given: [])
     found = told(problem, monkeypatch)
     assert found.effects == ()
     model = found.contract()["model"]
-    assert (found.verdict, model["is_good_enough"]) == (verdict, good)
+    assert (found.verdict, model["is_good_enough"]) == (MODEL, False)
     assert model["residual_variance"] == [1.0, 1.0]
-    assert bool(model["reasons"]) != good
+    assert ("healthy recordings" in model["reasons"][0]) == baseline
+
+
+@pytest.mark.parametrize("size", [900.0, -900.0])
+def test_differences_of_the_day_that_make_the_error_larger_are_not_used(
+    columns, rng, monkeypatch, size
+):
+    """They were fitted to other motions."""
+    noise = 0.1 * rng.normal(size=(COUNT, 2))
+    problem = posed(columns, [0.7, 0.0], noise, baseline=True)
+    monkeypatch.setattr(
+        verdict_module, "usual", lambda problem, _: np.full(len(problem.terms), size)
+    )
+    found = told(problem, monkeypatch)
+    assert found.calibrated <= found.before and found.verdict == NAMED
+    assert found.after <= 1.1 * found.floor
 
 
 def test_the_contract_says_that_a_good_model_is_good(columns, rng, monkeypatch):
