@@ -99,10 +99,6 @@ def test_two_effects(files, tiny_robot_path):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True,
-    reason="a lost torque constant and a moved payload explain 99 % of it and are named instead",
-)
 def test_what_is_not_in_the_catalogue_is_not_named(measured, files, tiny_robot_path):
     """With its effect taken out of the catalogue, the gap stays unexplained."""
     path = files / "heavy.h5"

@@ -26,7 +26,7 @@ from faultgen.discovery.result import (
     Answer,
     Named,
 )
-from faultgen.discovery.terms.candidates import PAYLOAD, Term, payload_of
+from faultgen.discovery.terms.candidates import INERTIA, MASSES, PAYLOAD, Term, payload_of
 from faultgen.effects import get_effect
 from faultgen.inference.limits import CONSIDERABLE, LEAST_GAIN, NAMED_SHARE
 
@@ -50,16 +50,14 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     numbers = _numbers(problem, choice, empty)
     base_values = numbers.values
     solution = _numbers(problem, choice, best).values if best.groups else base_values
-    if problem.baseline:  # differences of the day were fitted to other motions of the day
-        base_values = _closer(problem, empty, base_values)
-        solution = _closer(problem, best, solution)
+    if problem.baseline:
+        base_values = solution = _helpful(problem, best, solution)
     basic = build(problem, empty, base_values)
     healthy, given = gap(problem, basic.left), gap(problem, problem.residual)
     left = difference.left(choice.found.fitted, best.change)
     shown = left + best.change  # the residual that is to be explained, less calibration
     shares = where(problem, problem.whiten(shown))
     p_value = significance(problem, problem.whiten(without))
-    noise = problem.noise.of_samples()
     effects, alternatives = _named(problem, choice, solution)
     variance = held_out(problem, choice)
     doubts = gate(problem, choice, healthy[0], variance)
@@ -68,10 +66,14 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         problem, *(best, solution) if known else (empty, base_values)
     )
     least = min(given[0], healthy[0])
+    is_open = _beyond_noise(problem, least, _floor(problem, given, healthy))
+    # where noise alone is left, a calibrated model may have taken up the effect
+    most = 1 - LEAST_GAIN if is_open else 1.0 if problem.baseline else 1 + LEAST_GAIN
     gaps = [least, *(one.gap_after for one in effects)]
-    closing = [k for k in range(len(effects)) if gaps[k + 1] < (1 - LEAST_GAIN) * gaps[k]]
+    closing = [k for k in range(len(effects)) if gaps[k + 1] < most * gaps[k]]
     refuted = False
-    if known and not (gap(problem, built.left)[0] < least and len(closing) == len(effects)):
+    whole = min(max(most, 1.0) * least, given[0])
+    if known and not (gap(problem, built.left)[0] < whole and len(closing) == len(effects)):
         why = "because the error on motions that were not fitted is not smaller with"
         if 0 < len(closing) < len(effects):
             told = answer(problem, only(choice, closing))
@@ -81,12 +83,10 @@ def answer(problem: Problem, choice: Choice) -> Answer:
             return replace(told, verdict=verdict, lacks=(*told.lacks, line))
         lines.append(f"{_names(effects)}: not named, {why} it")
         known, refuted = False, True
-        built, robot, lacks = build_stable(problem, empty, solution)
+        built, robot, lacks = build_stable(problem, empty, base_values)
     before, after = given, gap(problem, built.left)
-    # an error holds the noise, so that the noise of an axis is no larger than any of its errors
-    floor = np.min([gap(problem, noise)[1], before[1], healthy[1], after[1]], axis=0)
+    floor = _floor(problem, given, healthy, after)
     of_noise = float(np.sqrt(np.mean(floor[scored(problem).any(axis=0)] ** 2)))
-    is_open = least**2 - of_noise**2 > CONSIDERABLE * of_noise**2
     if refuted and is_open:
         remedy = "more healthy recordings" if problem.baseline else "--healthy"
         doubts = [
@@ -171,11 +171,33 @@ def _numbers(problem: Problem, choice: Choice, fitted: Fit) -> Calibrated:
     return calibrated(problem, choice.difference, scales, fitted.change)
 
 
-def _closer(problem: Problem, fitted: Fit, values: np.ndarray) -> np.ndarray:
-    """Numbers, or none if the error is smaller without them; shape (terms,)."""
-    none = np.zeros_like(values)
-    gaps = [gap(problem, build(problem, fitted, one).left)[0] for one in (values, none)]
-    return none if gaps[1] < gaps[0] else values
+def _floor(problem: Problem, *errors: tuple[float, list[float]]) -> np.ndarray:
+    """Gap that noise alone leaves on each axis, shape (n_axes,).
+
+    Every error holds the noise, so that it is no larger than any of them.
+    """
+    noise = gap(problem, problem.noise.of_samples())
+    return np.asarray(np.min([one[1] for one in (noise, *errors)], axis=0))
+
+
+def _beyond_noise(problem: Problem, error: float, floor: np.ndarray) -> bool:
+    """Whether an error is considerably larger than noise alone."""
+    of_noise = float(np.mean(floor[scored(problem).any(axis=0)] ** 2))
+    return error**2 - of_noise > CONSIDERABLE * of_noise
+
+
+def _helpful(problem: Problem, best: Fit, values: np.ndarray) -> np.ndarray:
+    """Numbers that make the error smaller beside the effects, shape (terms,); 0 for others.
+
+    Differences of the day were fitted to other motions of the day. Those of a drive are judged by
+    its axis, and those of masses by all axes.
+    """
+    pair = [gap(problem, build(problem, best, one).left) for one in (values, 0 * values)]
+    (all_with, with_), (all_without, without) = pair
+    helps = np.array([a <= b for a, b in zip(with_, without, strict=True)])
+    own = np.minimum([term.axis for term in problem.terms], len(helps)).astype(int) - 1
+    of_arm = np.array([term.name in (INERTIA, *MASSES) for term in problem.terms], bool)
+    return np.where(np.where(of_arm, all_with <= all_without, helps[own]), values, 0.0)
 
 
 def usual(problem: Problem, choice: Choice) -> np.ndarray:

@@ -33,9 +33,10 @@ _BEYOND = 0.02  # share of the range of a variable by which other motions may le
 def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, list[Learned]]:
     """Learn laws for what an answer leaves unexplained, and put them into its model.
 
-    Where nothing is missing, nothing is learned. Effects that were named on the axis of a law that
-    is certain are left out if the law alone comes as near to the scoring motions: then they only
-    imitated it.
+    Where nothing is missing, nothing is learned. If the model is not good enough for the difference
+    to a baseline, a law that is certain makes it an unknown effect. Effects that were named on the
+    axis of a law that is certain are left out if the law alone comes as near to the scoring
+    motions: then they only imitated it.
 
     Args:
         problem: The recording and the model.
@@ -46,9 +47,13 @@ def with_laws(problem: Problem, choice: Choice, told: Answer) -> tuple[Answer, l
         The answer with the laws in its model and its gaps, and the laws. If nothing can be learned,
         the answer is unchanged.
     """
-    if told.verdict in (MODEL, NONE):  # what is left is usual, or the model's error
-        return told, []
+    if told.verdict == NONE or (told.verdict == MODEL and not problem.baseline):
+        return told, []  # what is left is usual, or the model's error
     laws = learn(problem, told.strange_torque, told.changes)
+    if told.verdict == MODEL:  # of the difference to a baseline, only a certain law says more
+        laws = [one for one in laws if one.confidence >= LAW_CERTAIN]
+        whole, laws = if_smaller(problem, told, _with(problem, told, laws), laws)
+        return (replace(whole, verdict=UNKNOWN, reasons=()), laws) if laws else (told, [])
     if told.verdict == UNKNOWN:
         return if_smaller(problem, told, _with(problem, told, laws), laws)
     # beside a part that is known, less certain laws are told as well
