@@ -85,7 +85,7 @@ LEAST_GAIN = _limit(
     "LEAST_GAIN",
     0.002,
     "share by which each effect must make the torque error on motions that were not fitted smaller "
-    "than that of the calibrated model",
+    "than that of the calibrated model, where this leaves more than noise",
     "what whitening emphasises may be rings that the model does not have: of development robots, "
     "10 of 14 true effects made it smaller by 0.4 to 84 %, 10 of 13 false ones by less than this",
 )
