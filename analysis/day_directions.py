@@ -48,9 +48,7 @@ def unknown_directions(
     if freedom < 1 or not seen.any():
         return np.zeros((0, len(sizes)))
     turn = sizes[:, None] * vectors[:, seen] / np.sqrt(values[seen])
-    limit = float(
-        np.quantile([_squares(one @ turn)[0] for one in simulated(_SETS)], _SURE)
-    )
+    limit = float(np.quantile([_squares(one @ turn)[0] for one in simulated(_SETS)], _SURE))
     _, lengths, shapes = np.linalg.svd(scores @ turn / np.sqrt(freedom), full_matrices=False)
     ratio = seen.sum() / freedom
     found = [

@@ -376,9 +376,8 @@ def open_dataset(folder: str | Path) -> Dataset:
 
     Args:
         folder: Folder that `faultgen generate` wrote, or its file ``dataset.h5``. The file can be
-            read without the rest of the folder, except its checksum ``dataset.h5.sha256``. It may
-            also be an address, such as "s3://bucket/out", of which the file of all runs is copied
-            into a cache; see `faultgen.dataset.remote`.
+            read without the rest of the folder, except its checksum ``dataset.h5.sha256``. Or an
+            address, such as "s3://bucket/out", as in `faultgen.dataset.remote`.
 
     Returns:
         The dataset.

@@ -48,10 +48,9 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     difference = choice.difference
     without = difference.left(difference.exact.healthy)
     numbers = _numbers(problem, choice, empty)
-    base_values = numbers.values
-    solution = _numbers(problem, choice, best).values if best.groups else base_values
-    if problem.baseline:
-        base_values = solution = _helpful(problem, best, solution)
+    base_values = solution = numbers.values
+    if best.groups and not problem.baseline:  # beside a baseline, both are the same
+        solution = _numbers(problem, choice, best).values
     basic = build(problem, empty, base_values)
     healthy, given = gap(problem, basic.left), gap(problem, problem.residual)
     left = difference.left(choice.found.fitted, best.change)
@@ -164,9 +163,9 @@ def _strange(choice: Choice) -> tuple[tuple[int, str], ...]:
 
 
 def _numbers(problem: Problem, choice: Choice, fitted: Fit) -> Calibrated:
-    """Calibrated numbers beside a set of effects. A baseline has the same, so that few differ."""
+    """Calibrated numbers beside a set of effects. With a baseline, few differ: those that help."""
     if problem.baseline:
-        return Calibrated(usual(problem, choice), ())
+        return Calibrated(_helpful(problem, choice.best, usual(problem, choice)), ())
     scales = choice.found.fitted.log_scales
     return calibrated(problem, choice.difference, scales, fitted.change)
 

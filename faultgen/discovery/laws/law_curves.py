@@ -249,12 +249,16 @@ class Courses:
             add("speed_lag", "", (2, 5), scale=time)
             add("torque_lag", "", (2,), scale=time)
         for other in range(1, self.replay.robot.n_axes + 1):
-            angle = self.variable(Curve("joint_angle", other, "", (0.0,)))[rows]
-            if other != axis and len(angle) and np.ptp(angle) > _MOVES:
+            if other != axis and self._moves(other, rows):
                 add("speed", "", (2, 5), of=other)
                 add("abs_speed", "direction", (2, 4), of=other)
                 add("joint_angle", "", (4,), of=other)
         return found
+
+    def _moves(self, axis: int, rows: np.ndarray) -> bool:
+        """Whether an axis moves in some samples."""
+        angle = self.variable(Curve("joint_angle", axis, "", (0.0,)))[rows]
+        return bool(len(angle) and np.ptp(angle) > _MOVES)
 
 
 def _knots(x: np.ndarray, count: int) -> tuple[float, ...]:
