@@ -21,6 +21,7 @@ from faultgen.system.files import (
     removed_on_failure,
     temporary_name,
 )
+from faultgen.system.tables import optional
 
 CACHE = "FAULTGEN_CACHE"
 """Environment variable with the folder of the cache."""
@@ -62,8 +63,6 @@ def local_copy(address: str) -> Path:
             there differs from its checksum.
         StorageFailed: The copy cannot be written.
     """
-    from faultgen.system.tables import optional  # pandas takes long to import
-
     optional("fsspec")
     place = address if address.endswith(".h5") else f"{address.rstrip('/')}/{MERGED}"
     told = b"".join(_parts(f"{place}.sha256", address))

@@ -5,12 +5,13 @@ from __future__ import annotations
 import io
 from importlib import import_module
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from faultgen.errors import InputError
 from faultgen.system.files import named_failures, write_checked
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def optional(module: str, package: str | None = None) -> Any:
