@@ -9,6 +9,10 @@ gain is 15 % off would look like a delay.
 With a healthy recording of the same motions, the errors of the two equations are subtracted. So
 all cancels that the model does not know of the controller, such as the masses within its
 feed-forward torque, and what is left is what has changed.
+
+A controller may also have learned another friction, which would look like a delay. What friction the
+robot has beyond that of the model, or of the healthy recording, is seen at its measured motion,
+whatever the servo is. The share of it that the controller knows is found by the same regression.
 """
 
 from __future__ import annotations
@@ -17,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.servo_equation import ServoSignals
 from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot
@@ -31,6 +36,9 @@ only, and more than 3 of them are then usual (28 recordings of the sealed simula
 _FEWEST = 10  # samples of a block
 _EXPLAINED = 0.3  # torque error of the servo's equation, over the torque, up to which it holds
 _BETTER = 0.9  # torque error of the equation with one of the three, over that without: assumed
+_STEPS = (0.003, 0.01, 0.03, 0.1, 0.3)
+"""Speeds over which friction may turn its sign, over the largest speed: assumed, each about three
+times the one before."""
 _SATURATED = 0.95  # of the torque limit, from which the servo gets less than it asks for: assumed
 
 
@@ -70,8 +78,54 @@ class _Equation:
         return bool(left < _EXPLAINED * size), left / max(size, 1e-12)
 
 
+def other_friction(
+    recording: Recording, robot: Robot, arm: Robot, before: Recording | None = None
+) -> np.ndarray:
+    """Find the friction that the motors bear beyond that of a model, or of an earlier recording.
+
+    It is an odd function of the motor speed. The measured motion is prescribed, so that neither the
+    servo nor its set points matter.
+
+    Args:
+        recording: The measured data, see `has_equation`.
+        robot: As for `servo_errors`.
+        arm: The model with the masses and the friction that the robot has.
+        before: A recording of the same motions, with which it is compared. None: with the model.
+
+    Returns:
+        Torque of the motors, shape (samples, n_axes), in [N m].
+
+    Raises:
+        SimulationFailed: The model diverges on the recorded motion.
+    """
+
+    def beyond(one: Recording) -> np.ndarray:
+        return np.asarray(one.torque - Replay(one, arm).torque()) / robot.torque_gain
+
+    torque = beyond(recording) - (0.0 if before is None else beyond(before))
+    torque = recording.derivatives(torque)[0]
+    signals = ServoSignals(recording, robot)
+    out = np.zeros_like(torque)
+    for axis, rows in enumerate(signals.rows):
+        if len(rows) < BLOCKS * _FEWEST:
+            continue
+        speed = signals.speed[:, axis]
+        share = speed / max(float(np.abs(speed).max()), 1e-12)
+        curves = [np.tanh(share / one) for one in _STEPS]
+        columns = np.stack([*curves, share, share * np.abs(share)], axis=1)
+        logged = signals.torque[:, axis]  # a gain of the log is no friction
+        values, _, _ = signals.regress(
+            axis, np.column_stack([columns, logged])[rows], torque[rows, axis], rows
+        )
+        out[:, axis] = columns @ values[:-1]
+    return out
+
+
 def servo_errors(
-    recording: Recording, robot: Robot, before: Recording | None = None
+    recording: Recording,
+    robot: Robot,
+    before: Recording | None = None,
+    friction: np.ndarray | None = None,
 ) -> ServoErrors:
     """Find delays, gains and offsets of the log from the equation of the servo.
 
@@ -79,6 +133,8 @@ def servo_errors(
         recording: The measured data, see `has_equation`.
         robot: The model, with the servo of the robot.
         before: A recording of the same motions, with which it is compared. None: with the model.
+        friction: From `other_friction`, of which the controller may know a share. None: it knows
+            none of it.
 
     Returns:
         What it shows; with `before`, what has changed.
@@ -101,9 +157,9 @@ def servo_errors(
         misfit[axis] = told[-1][1]
         # what an integral held before a recording began is not known
         starts = _starts(now.signals.number[rows], other is None or has_integral[axis])
-        columns = np.column_stack(
-            [-now.made.rate[rows, axis], now.signals.torque[rows, axis], np.ones(len(rows)), starts]
-        )
+        shown = [-now.made.rate[rows, axis], now.signals.torque[rows, axis], np.ones(len(rows))]
+        known = [] if friction is None else [friction[rows, axis]]
+        columns = np.column_stack([*shown, *known, starts])
         fit = _Fit(columns, target[rows])
         value[:, axis] = fit.values()[:3]
         apart = [fit.values(without=block)[:3] for block in range(BLOCKS)]

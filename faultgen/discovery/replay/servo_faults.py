@@ -31,6 +31,7 @@ from faultgen.discovery.replay.servo_errors import (
     OFFSET,
     SHOWN,
     ServoErrors,
+    other_friction,
     servo_errors,
 )
 from faultgen.effects import get_effect
@@ -140,16 +141,21 @@ def find_servo_faults(
     nothing = no_servo_faults(recording)
     if not all(has_equation(one) for one in (recording, *runs)):
         return nothing
-    limits = robot.motor_torque_limit
+    limits, before = robot.motor_torque_limit, mean_of(runs) if runs else None
+
+    def errors(one: Recording) -> ServoErrors:
+        friction = None
+        if robot.set_points[2]:
+            friction = other_friction(one, robot, robot if arm is None else arm, before)
+        return servo_errors(one, robot, before, friction)
+
+    own = errors(recording)
     if runs:
-        before = mean_of(runs)
-        own = servo_errors(recording, robot, before)
-        among = [servo_errors(run, robot, before).value for run in runs if len(runs) > 1]
+        among = [errors(run).value for run in runs if len(runs) > 1]
         value, error = own.value, own.error
         if among:
             error = np.hypot(error, np.std(among, axis=0, ddof=1))
     else:
-        own = servo_errors(recording, robot)
         if own.holds.sum() < max(_AXES, robot.n_axes / 2):
             return nothing
         value, error = _beside_others(own, limits)
