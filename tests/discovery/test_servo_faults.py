@@ -10,6 +10,7 @@ from faultgen.applied import Applied
 from faultgen.discovery.replay.own_servo import nearest_servo
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.servo_faults import find_servo_faults
+from faultgen.robot import COULOMB, STICTION
 
 
 @pytest.fixture(scope="module")
@@ -166,3 +167,22 @@ def test_masses_that_the_controller_does_not_know(puma, record, pair):
     assert not find_servo_faults(record(seed=4), other).faults
     assert nearest_servo(pair[0], puma, other) is puma
     assert nearest_servo(pair[0], other, puma) is puma
+
+
+@pytest.mark.parametrize("late", [0.0, 2e-3])
+def test_friction_that_the_controller_has_learned_is_no_delay(puma, record, late):
+    """All axes have 20 % more friction, and the controller knows it; axis 3 may be late."""
+    spec = puma.spec()
+    for axis in range(1, 7):
+        friction = spec.actuator(f"friction{axis}")
+        parameters = friction.biasprm
+        parameters[[COULOMB, STICTION]] *= 1.2
+        friction.biasprm, friction.damping = parameters, 1.2 * friction.damping
+    spec.compile()
+    worn = puma.edited(spec)
+    effects = [Applied("delay", 3, late)] if late else []
+    measured = record(*effects, robot=worn)
+    delays = find_servo_faults(measured, puma, [record(seed=2)]).delays
+    assert [one.axis for one in delays] == ([3] if late else [])
+    if late:
+        assert delays[0].severity == pytest.approx(late, rel=0.05)

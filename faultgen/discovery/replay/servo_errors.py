@@ -159,6 +159,8 @@ def servo_errors(
         starts = _starts(now.signals.number[rows], other is None or has_integral[axis])
         shown = [-now.made.rate[rows, axis], now.signals.torque[rows, axis], np.ones(len(rows))]
         known = [] if friction is None else [friction[rows, axis]]
+        if known and before is None:
+            known.append(now.signals.rate[rows, axis])
         columns = np.column_stack([*shown, *known, starts])
         fit = _Fit(columns, target[rows])
         value[:, axis] = fit.values()[:3]
