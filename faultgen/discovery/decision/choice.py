@@ -14,6 +14,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from faultgen.building.doubts import moving_mass
 from faultgen.discovery.decision.difference import Difference
+from faultgen.discovery.decision.dispersion import dispersion, of_effect
 from faultgen.discovery.decision.hypotheses import UNKNOWN, Group
 from faultgen.discovery.decision.numbers import GEARS, GENERIC
 from faultgen.discovery.fit.fit import Fit, bounds_of, fit_at, no_effect
@@ -24,13 +25,14 @@ from faultgen.effects import get_effect
 from faultgen.effects.structure import MASSLESS
 from faultgen.inference.confirm import confirmed, without_refuted
 from faultgen.inference.limits import FALSE_ALARMS, OF_MODEL, SHORTEST_SHARE, SMALLEST_ERROR
-from faultgen.inference.search import Found, search
+from faultgen.inference.search import Found, log_priors, search
 
 SURE = float(np.log((1 - FALSE_ALARMS) / FALSE_ALARMS))
 """Logarithm of the posterior odds from which an effect counts."""
 
 _AROUND = 0.2  # farthest severity of a play from its column, over it: neighbours are 25 % apart
 _FAR = 0.8  # the same of another effect that is not linear, from its linear estimate
+_SAME = 2.0  # ratio of a linear severity and a simulated one, up to which they are one: assumed
 _PROBES, _FINER = 9, 3  # severities that are simulated, and how often closer ones
 
 
@@ -62,6 +64,10 @@ class Choice:
     refuted: tuple[tuple[str, int, float], ...]
     """Effect and axis of what motions that were not fitted refute, and the logarithm of the ratio
     of the probabilities of these motions with and without it."""
+    variance: np.ndarray
+    """From `dispersion`, shape (n_axes,)."""
+    doubtful: tuple[tuple[str, int], ...] = ()
+    """Effect and axis of what would be sure if the model were exact."""
 
 
 def choose(problem: Problem, difference: Difference) -> Choice:
@@ -81,8 +87,10 @@ def choose(problem: Problem, difference: Difference) -> Choice:
         difference = replace(difference, model=replace(difference.model, groups=known.groups))
     found = search(difference.model, difference.hypotheses, sure, GENERIC)
     found, refuted = confirmed(found, others)
+    named = [one for one in difference.hypotheses if not one.unknown]
+    prior = dict(zip([one.key for one in named], log_priors(named).tolist(), strict=True))
     groups: list[Group] = []
-    odds, shares = [], []
+    odds, shares, priors = [], [], []
     rivals: list[tuple[int, Group, float]] = []
     unknown: list[tuple[int, str]] = []
     for effect in found.by_size():
@@ -92,7 +100,8 @@ def choose(problem: Problem, difference: Difference) -> Choice:
             continue
         place = len(groups)
         groups.append(difference.groups[first])
-        odds.append(effect.odds - (sure - SURE))
+        odds.append(effect.odds)
+        priors.append(prior[effect.keys[0]])
         shares.append(float(effect.probabilities[0]))
         for key, share, form in list(
             zip(effect.keys, effect.probabilities, effect.forms, strict=True)
@@ -100,6 +109,12 @@ def choose(problem: Problem, difference: Difference) -> Choice:
             rival = difference.groups[form[0]]
             if rival and key[:2] != effect.keys[0][:2]:
                 rivals.append((place, rival, float(share)))
+    best, lost = severities(problem, difference, groups, found.fitted.log_scales)
+    variance = dispersion(problem, difference, found.fitted, best.change)
+    for k, group in enumerate(groups):
+        evidence = odds[k] - priors[k] - lost[k]
+        evidence /= of_effect(problem, difference, group, variance)
+        odds[k] = evidence + priors[k] - (sure - SURE)
     choice = Choice(
         problem,
         difference,
@@ -107,13 +122,19 @@ def choose(problem: Problem, difference: Difference) -> Choice:
         tuple(groups),
         tuple(odds),
         tuple(shares),
-        severities(problem, difference, groups, found.fitted.log_scales),
+        best,
         no_effect(problem),
         tuple(rivals),
         tuple(unknown),
         tuple((one.keys[0][0], one.keys[0][1], gained) for one, gained in refuted),
+        variance,
+        tuple(
+            problem.terms[group[0]].key
+            for group, one in zip(groups, odds, strict=True)
+            if one < SURE
+        ),
     )
-    real = [k for k in range(len(groups)) if _can_be(choice, k)]
+    real = [k for k in range(len(groups)) if odds[k] >= SURE and _can_be(choice, k)]
     return choice if len(real) == len(groups) else only(choice, real)
 
 
@@ -149,14 +170,14 @@ def only(choice: Choice, kept: Sequence[int]) -> Choice:
         groups=tuple(groups),
         odds=tuple(choice.odds[k] for k in kept),
         shares=tuple(choice.shares[k] for k in kept),
-        best=severities(choice.problem, choice.difference, groups, scales),
+        best=severities(choice.problem, choice.difference, groups, scales)[0],
         rivals=tuple((kept.index(k), group, p) for k, group, p in choice.rivals if k in kept),
     )
 
 
 def severities(
     problem: Problem, difference: Difference, groups: Sequence[Group], scales: np.ndarray
-) -> Fit:
+) -> tuple[Fit, list[float]]:
     """Find the severities of effects, where need be with simulations.
 
     An effect that is far from linear is simulated at several severities. No slope leads to the
@@ -170,30 +191,36 @@ def severities(
         scales: Logarithm of the scale of each group of numbers.
 
     Returns:
-        The effects with their severities, within the bounds of the effects.
+        The effects with their severities, within the bounds of the effects; and by how much the
+        logarithm of the odds of each is less than its column promised, if the simulation explains
+        most at quite another severity than the column.
     """
     if not groups:
-        return no_effect(problem)
+        return no_effect(problem), []
     terms = [k for group in groups for k in group]
     columns = problem.raw[terms].copy()
     low, high = bounds_of(problem, terms)
     own = [problem.terms[t] for t in terms]
-    first, _ = difference.beside(columns, own, None, scales)
+    first, spread = difference.beside(columns, own, None, scales)
     size, error = np.zeros(len(terms)), np.zeros(len(terms))
+    lost = np.zeros(len(terms))
     bent = [k for k, t in enumerate(terms) if _is_bent(problem, t)]
     for k in bent:
         centre, reach = float(np.clip(first[k], low[k], high[k])), _FAR
         if get_effect(own[k].name).prior.play:
             centre, reach = own[k].step, _AROUND
-        columns[k], size[k], error[k] = _simulated(
+        columns[k], size[k], error[k], fall = _simulated(
             problem, difference, terms, columns, k, scales, centre, reach
         )
+        if not 1 / _SAME < size[k] / (first[k] or np.inf) < _SAME:  # the column does not hold there
+            lost[k] = max(0.0, 0.5 * (float(first[k] ** 2 / spread[k, k]) - fall))
     value, covariance = difference.beside(columns, own, size, scales)
     value, covariance = np.clip(value, low, high), covariance.copy()
     value[bent] = size[bent]
     covariance[bent] = covariance[:, bent] = 0.0
     covariance[bent, bent] = error[bent] ** 2
-    return fit_at(problem, tuple(groups), value, covariance)
+    places = np.cumsum([0, *(len(group) for group in groups)])[:-1]
+    return fit_at(problem, tuple(groups), value, covariance), lost[places].tolist()
 
 
 def _simulated(
@@ -205,7 +232,7 @@ def _simulated(
     scales: np.ndarray,
     centre: float,
     reach: float,
-) -> tuple[np.ndarray, float, float]:
+) -> tuple[np.ndarray, float, float, float]:
     """Find a severity by simulations of several, beside numbers and other effects.
 
     Args:
@@ -220,7 +247,7 @@ def _simulated(
 
     Returns:
         Its change of the torque per unit at this severity, shape (samples, n_axes), the severity,
-        and its standard error, from the curvature of the misfit.
+        its standard error, from the curvature of the misfit, and the fall of the misfit.
     """
     term = problem.terms[terms[place]]
     others = [k for k in range(len(terms)) if k != place]
@@ -242,7 +269,7 @@ def _simulated(
         simulate(best - width)
         simulate(best + width)
     if len(misfits) < 3:  # the simulation diverges
-        return columns[place], centre, reach * abs(centre)
+        return columns[place], centre, reach * abs(centre), np.inf
     best = min(misfits, key=lambda size: misfits[size])
     near = sorted(misfits, key=lambda size: abs(size - best))[:3]
     curved, slope, _ = np.polyfit(np.array(near) - best, [misfits[size] for size in near], 2)
@@ -251,7 +278,7 @@ def _simulated(
         simulate(best + float(np.clip(-slope / (2 * curved), -width, width)))
         best = min(misfits, key=lambda size: misfits[size])
         error = min(error, float(np.sqrt(1 / curved)))  # there the misfit is larger by 1
-    return changes[best] / best, best, error
+    return changes[best] / best, best, error, misfit_of(0 * changes[best]) - misfits[best]
 
 
 def _misfit(

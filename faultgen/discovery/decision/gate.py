@@ -1,6 +1,6 @@
 """Whether the model of the healthy robot is good enough for an answer.
 
-for line in gate(problem, choice, error, held_out(problem, choice)): print(line)
+for line in gate(problem, choice, error): print(line)
 """
 
 from __future__ import annotations
@@ -14,8 +14,6 @@ from faultgen.inference.limits import MODEL_ERROR, MODEL_VARIANCE
 from faultgen.inference.model import LARGEST
 
 _NEARLY = 0.97  # of the largest scale: it stands at its bound
-_JUMP = 25.0  # squared error over its expectation of a jump: one sample should not decide
-_FEWEST = 50  # samples of an axis that can tell
 _ADVICE = {
     "links": "state masses and centres of mass",
     "friction": "state the friction of the drives, or run `calibrate` first",
@@ -38,14 +36,13 @@ _ADVICE = {
 }
 
 
-def gate(problem: Problem, choice: Choice, error: float, variance: np.ndarray) -> list[str]:
+def gate(problem: Problem, choice: Choice, error: float) -> list[str]:
     """Say why a model is not good enough.
 
     Args:
         problem: The residual and the terms.
         choice: The chosen set and its rivals.
         error: Torque error of the calibrated model on the scoring motions, over the torque.
-        variance: As from `held_out`.
 
     Returns:
         One line for each reason, with what would help; none if the model is good enough.
@@ -56,7 +53,7 @@ def gate(problem: Problem, choice: Choice, error: float, variance: np.ndarray) -
             f"the calibrated model misses {100 * error:.0f} % of the torque on motions that were "
             "not fitted: check masses, gear ratios and the unit of the torque, or use --healthy"
         )
-    variance = variance.copy()
+    variance = choice.variance.copy()
     variance[[axis - 1 for axis, _ in choice.unknown]] = np.nan  # nothing foretells that torque
     axes = [str(k + 1) for k in np.flatnonzero(variance > MODEL_VARIANCE)]
     if axes:
@@ -79,33 +76,3 @@ def gate(problem: Problem, choice: Choice, error: float, variance: np.ndarray) -
                 f"as usual: {_ADVICE[name]}"
             )
     return lines
-
-
-def held_out(problem: Problem, choice: Choice) -> np.ndarray:
-    """Compare the whitened error on the scoring motions with what the model says it should be.
-
-    Args:
-        problem: The residual and the terms.
-        choice: The chosen set and its rivals.
-
-    Returns:
-        Mean square over its expectation, which is that of the noise and of the numbers' errors;
-        shape (n_axes,), nan for an axis that is not compared there.
-    """
-    difference, fitted = choice.difference, choice.found.fitted
-    columns = [difference.numbers.columns[k] for k in difference.numbers.known]
-    left = difference.left(fitted, choice.best.change)
-    white = difference.noise.whiten(left, difference.parts)
-    inside = difference.comparable & problem.samples(problem.scoring)[:, None]
-    out = np.full(left.shape[1], np.nan)
-    for axis in range(left.shape[1]):
-        rows = inside[:, axis] & (white[:, axis] != 0)
-        if rows.sum() < _FEWEST:
-            continue
-        acts = [k for k, one in enumerate(columns) if one[:, axis].any()]
-        own = np.array([columns[k][:, axis] for k in acts]).reshape(len(acts), len(left))
-        own = difference.noise.whiten_axis(own, axis + 1, difference.parts)[:, rows].astype(float)
-        expected = 1 + np.sum(own * (fitted.covariance[np.ix_(acts, acts)] @ own), axis=0)
-        squares = np.minimum(white[rows, axis] ** 2, _JUMP * expected)
-        out[axis] = squares.mean() / expected.mean()
-    return out

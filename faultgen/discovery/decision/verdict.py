@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from faultgen.discovery.calibration.compared import compared
 from faultgen.discovery.calibration.model_edit import build, build_stable
 from faultgen.discovery.decision.calibrated import Calibrated, calibrated
 from faultgen.discovery.decision.choice import SURE, Choice, only
-from faultgen.discovery.decision.gate import gate, held_out
+from faultgen.discovery.decision.gate import gate
 from faultgen.discovery.decision.hypotheses import UNKNOWN as UNKNOWN_FORM
 from faultgen.discovery.fit.diagnostics import where
 from faultgen.discovery.fit.fit import Fit, first_of
@@ -28,7 +29,7 @@ from faultgen.discovery.result import (
 )
 from faultgen.discovery.terms.candidates import INERTIA, MASSES, PAYLOAD, Term, payload_of
 from faultgen.effects import get_effect
-from faultgen.inference.limits import CONSIDERABLE, LEAST_GAIN, NAMED_SHARE
+from faultgen.inference.limits import CONSIDERABLE, NAMED_SHARE
 
 _WIDE = 1.96  # standard errors that contain a normal value with 95 % probability
 _DRAWS = 1999  # of the bootstrap
@@ -57,29 +58,31 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     shown = left + best.change  # the residual that is to be explained, less calibration
     shares = where(problem, problem.whiten(shown))
     p_value = significance(problem, problem.whiten(without))
-    effects, alternatives = _named(problem, choice, solution)
-    variance = held_out(problem, choice)
-    doubts = gate(problem, choice, healthy[0], variance)
+    lefts = [
+        build(problem, first_of(problem, best, k + 1), solution).left
+        for k in range(len(best.groups))
+    ]
+    effects, alternatives = _named(problem, choice, lefts)
+    doubts = gate(problem, choice, healthy[0])
     known, lines = bool(effects) and not doubts, []
     built, robot, lacks = build_stable(
         problem, *(best, solution) if known else (empty, base_values)
     )
     least = min(given[0], healthy[0])
     is_open = _beyond_noise(problem, least, _floor(problem, given, healthy))
-    # where noise alone is left, a calibrated model may have taken up the effect
-    most = 1 - LEAST_GAIN if is_open else 1.0 if problem.baseline else 1 + LEAST_GAIN
-    gaps = [least, *(one.gap_after for one in effects)]
-    closing = [k for k in range(len(effects)) if gaps[k + 1] < most * gaps[k]]
+    first = basic.left if healthy[0] <= given[0] else problem.residual
+    pairs = zip(lefts, [first, *lefts], strict=False)
+    closing = [k for k, (own, other) in enumerate(pairs) if not _is_worse(problem, own, other)]
     refuted = False
-    whole = min(max(most, 1.0) * least, given[0])
-    if known and not (gap(problem, built.left)[0] < whole and len(closing) == len(effects)):
-        why = "because the error on motions that were not fitted is not smaller with"
+    if known and not (gap(problem, built.left)[0] < given[0] and len(closing) == len(effects)):
+        why = "because the error on motions that were not fitted is larger with"
         if 0 < len(closing) < len(effects):
             told = answer(problem, only(choice, closing))
             verdict = PARTLY if told.verdict == NAMED else told.verdict
             others = _names([one for k, one in enumerate(effects) if k not in closing])
-            line = f"{others}: not named, {why} all effects that were found"
-            return replace(told, verdict=verdict, lacks=(*told.lacks, line))
+            return replace(
+                told, verdict=verdict, lacks=(*told.lacks, f"{others}: not named, {why} it")
+            )
         lines.append(f"{_names(effects)}: not named, {why} it")
         known, refuted = False, True
         built, robot, lacks = build_stable(problem, empty, base_values)
@@ -112,6 +115,12 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         for effect, axis, gained in choice.refuted
         if effect != UNKNOWN_FORM
     ]
+    lines += [
+        f"{effect} of axis {axis} is not named: it would be certain if the model were exact, but "
+        "the error on motions that were not fitted is larger than the model expects, or a "
+        "simulation of the effect does not explain what its linear signature does"
+        for effect, axis in choice.doubtful
+    ]
     chosen = best if known else empty
     return Answer(
         verdict=verdict,
@@ -138,7 +147,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         calibration=_told(problem, chosen, built.changes),
         left_torque=built.left,
         reasons=tuple(doubts),
-        residual_variance=variance,
+        residual_variance=choice.variance,
         strange_torque=left if known else without,
     )
 
@@ -177,6 +186,20 @@ def _floor(problem: Problem, *errors: tuple[float, list[float]]) -> np.ndarray:
     """
     noise = gap(problem, problem.noise.of_samples())
     return np.asarray(np.min([one[1] for one in (noise, *errors)], axis=0))
+
+
+def _is_worse(problem: Problem, left: np.ndarray, other: np.ndarray) -> bool:
+    """Whether an error is larger than another one on the scoring motions, beyond its interval."""
+    recording, inside = problem.recording, scored(problem)
+    size = np.sqrt(np.mean(recording.torque**2, axis=0))
+    size = np.where(size > 0, size, np.inf)
+    own, of_other = (
+        np.sqrt(np.sum(np.where(inside, one / size, 0.0) ** 2, axis=1, keepdims=True))
+        for one in (left, other)
+    )
+    parts = [problem.parts[p] for p in problem.scoring]
+    rows = np.asarray(inside.any(axis=1, keepdims=True))
+    return bool(compared(own, of_other, rows, parts, recording.sample_period).worse[0])
 
 
 def _beyond_noise(problem: Problem, error: float, floor: np.ndarray) -> bool:
@@ -276,9 +299,12 @@ def is_part(before: float, after: float, floor: float) -> bool:
 
 
 def _named(
-    problem: Problem, choice: Choice, solution: np.ndarray
+    problem: Problem, choice: Choice, lefts: Sequence[np.ndarray]
 ) -> tuple[tuple[Named, ...], tuple[tuple[str, int, float], ...]]:
-    """Effects of the answer, and their alternatives with probabilities."""
+    """Effects of the answer, and their alternatives with probabilities.
+
+    `lefts` are the errors with the first effects, of which each has one more.
+    """
     best = choice.best
     effects, others = [], []
     for place, (group, value, covariance) in enumerate(best.members()):
@@ -288,7 +314,6 @@ def _named(
             for at, rival, share in choice.rivals
             if at == place
         ]
-        left = build(problem, first_of(problem, best, place + 1), solution).left
         severity, error = _severity(problem, group, value, covariance)
         effect = get_effect(problem.terms[group[0]].name)
         parameters = _parameters(problem, best, place)
@@ -302,7 +327,7 @@ def _named(
                 (max(severity - _WIDE * error, least), min(severity + _WIDE * error, most)),
                 parameters,
                 there * choice.shares[place],
-                gap(problem, left)[0],
+                gap(problem, lefts[place])[0],
             )
         )
     own = {(one.effect, one.axis) for one in effects}

@@ -10,9 +10,11 @@ With a healthy recording of the same motions, the errors of the two equations ar
 all cancels that the model does not know of the controller, such as the masses within its
 feed-forward torque, and what is left is what has changed.
 
-A controller may also have learned another friction, which would look like a delay. What friction the
-robot has beyond that of the model, or of the healthy recording, is seen at its measured motion,
-whatever the servo is. The share of it that the controller knows is found by the same regression.
+A controller may also have learned another friction, which would look like a delay. The friction
+that the robot has beyond that of the model, or of the healthy recording, is seen at its measured
+motion, whatever the servo is. The share of it that the controller knows is found by the same
+regression. Without a healthy recording, the controller may also know less viscous friction than the
+model; a delay must then show in more than a torque that follows the commanded speed.
 """
 
 from __future__ import annotations
