@@ -24,6 +24,7 @@ SEEDS = {
     "development2": 1_000_000,
     "report2": 2_000_000,
     "report3": 3_000_000,
+    "report4": 4_000_000,
 }
 """First seed of each set. What is tuned is tuned on development seeds; each report laboratory is
 for one frozen run."""
