@@ -284,9 +284,10 @@ def page() -> str:
     ]
     rows = []
     for name, effect in EFFECTS.items():
+        unit = effect.unit.replace(" (0.1 = 10 % more)", "")
         cells = [
             f"[`{name}`](#{name})",
-            f"{effect.unit.replace(' (0.1 = 10 % more)', '')}; {effect.smallest:g} to {effect.largest:g}",
+            f"{unit}; {effect.smallest:g} to {effect.largest:g}",
             CASES[name].equation,
         ]
         rows.append([cell.replace("|", "\\|") for cell in cells])
