@@ -67,8 +67,8 @@ This page shows what each effect changes in a robot, and how it shows in the rec
 Use it to choose an effect, its severity and its unit. The catalogue has {count} effects. Each is \
 a change of the robot or of its sensors with a severity s; severity 0 is the healthy robot. The \
 table has the unit of s with its range (a fraction of 0.1 is 10 % more), and the equation in the \
-symbols of [physics](physics.md). `faultgen effects` also prints the source of each effect, and the \
-element of the model that carries it.
+symbols of [physics](physics.md). `faultgen effects` also prints the source of each effect, and \
+the element of the model that carries it.
 
 The pictures compare an IRB 6700 that has the effect with a healthy one in the same motion. The \
 left half is the logged motor torque of both robots. The right half is what the effect changes; a \
