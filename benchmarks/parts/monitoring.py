@@ -32,14 +32,13 @@ _LIVES = (
 
 
 def growth(told: dict[str, Any]) -> str:
-    """Time and memory for many robots."""
-    rows = [
-        ["reading one", f"{told['ms_reading']:.0f} ms"],
-        ["judging it with all before it", f"{told['ms_judging']:.0f} ms"],
-        ["all recordings, on one core", f"{told['hours_for_all']:.1f} h"],
-        ["file of the memory", f"{told['memory_file_MiB']:.0f} MiB"],
-    ]
-    return table([f"{told['robots']} robots, {told['recordings']} recordings of each", ""], rows)
+    """Time and memory for many robots, as a sentence."""
+    return (
+        f"With {told['robots']} robots and {told['recordings']} recordings of each, reading one "
+        f"takes {told['ms_reading']:.0f} ms, judging it with all before it {told['ms_judging']:.0f} "
+        f"ms, and all of them {told['hours_for_all']:.1f} h on one core. The file of the memory has "
+        f"{told['memory_file_MiB']:.0f} MiB."
+    )
 
 
 def lives(told: dict[str, Any]) -> str:
