@@ -35,9 +35,9 @@ def growth(told: dict[str, Any]) -> str:
     """Time and memory for many robots, as a sentence."""
     return (
         f"With {told['robots']} robots and {told['recordings']} recordings of each, reading one "
-        f"takes {told['ms_reading']:.0f} ms, judging it with all before it {told['ms_judging']:.0f} "
-        f"ms, and all of them {told['hours_for_all']:.1f} h on one core. The file of the memory has "
-        f"{told['memory_file_MiB']:.0f} MiB."
+        f"takes {told['ms_reading']:.0f} ms, judging it with all before it "
+        f"{told['ms_judging']:.0f} ms, and all of them {told['hours_for_all']:.1f} h on one core. "
+        f"The file of the memory has {told['memory_file_MiB']:.0f} MiB."
     )
 
 
