@@ -24,7 +24,6 @@ import typer
 from pages.effect_cases import CASES, MOTIONS, Case
 
 from faultgen.effects import EFFECTS, Applied, Effect
-from faultgen.evaluation.markdown import table
 from faultgen.monitoring.sensors import Measured
 from faultgen.robot import Robot, load_robot
 from faultgen.simulation.cycle import Cycle
@@ -65,8 +64,8 @@ INTRODUCTION = """\
 
 This page shows what each effect changes in a robot, and how it shows in the recorded signals. \
 Use it to choose an effect, its severity and its unit. The catalogue has {count} effects. Each is \
-a change of the robot or of its sensors with a severity s; severity 0 is the healthy robot. The \
-table has the unit of s with its range (a fraction of 0.1 is 10 % more), and the equation in the \
+a change of the robot or of its sensors with a severity s; severity 0 is the healthy robot. Each \
+entry has the unit of s with its range (a fraction of 0.1 is 10 % more), and the equation in the \
 symbols of [physics](physics.md). `faultgen effects` also prints the source of each effect, and \
 the element of the model that carries it.
 
@@ -278,24 +277,14 @@ def _digits(values: np.ndarray) -> list[float]:
 
 def page() -> str:
     """docs/effects.md, from the catalogue and `CASES`."""
-    lines = [
-        *INTRODUCTION.format(count=len(EFFECTS)).splitlines(),
-        "",
-    ]
-    rows = []
+    lines = INTRODUCTION.format(count=len(EFFECTS)).splitlines()
     for name, effect in EFFECTS.items():
         unit = effect.unit.replace(" (0.1 = 10 % more)", "")
-        cells = [
-            f"[`{name}`](#{name})",
-            f"{unit}; {effect.smallest:g} to {effect.largest:g}",
-            CASES[name].equation,
-        ]
-        rows.append([cell.replace("|", "\\|") for cell in cells])
-    lines.append(table(["effect", "severity, range", "equation"], rows))
-    for name, effect in EFFECTS.items():
+        span = f"{effect.smallest:g} to {effect.largest:g}"
         given = ", ".join(f"`{key}` = {value}" for key, value in effect.parameters.items())
         text = f"{effect.description[0].upper()}{effect.description[1:]}."
         lines += ["", f"## {name}", "", text, f"Shows as: {effect.signature}."]
+        lines += [f"Severity: {unit}; {span}. Equation: {CASES[name].equation}."]
         lines += [f"Parameters: {given}."] if given else []
         lines += ["", f"![{name}](figures/effects/{name}.png)"]
     return "\n".join(lines) + "\n"
