@@ -113,7 +113,7 @@ def device(told: dict[str, Any]) -> str:
     one, every = (told["processors"][name] for name in ("one_core", "all_cores"))
     cores = told["processors"]["cores"]
     rows = []
-    for row in told["speed"][1::2]:
+    for row in told["speed"]:
         rate = row["steps_per_second_without_host"]
         cells = [row["worlds"], f"{rate / 1e6:.3g} million"]
         cells += [f"{rate / base:.{0 if rate > 10 * base else 1}f}" for base in (one, every)]
