@@ -65,9 +65,9 @@ INTRODUCTION = """\
 This page shows what each effect changes in a robot, and how it shows in the recorded signals. \
 Use it to choose an effect, its severity and its unit. The catalogue has {count} effects. Each is \
 a change of the robot or of its sensors with a severity s; severity 0 is the healthy robot. Each \
-entry has the unit of s with its range (a fraction of 0.1 is 10 % more), and the equation in the \
-symbols of [physics](physics.md). `faultgen effects` also prints the source of each effect, and \
-the element of the model that carries it.
+entry says what changes and how it shows, the unit of s with its range (a fraction of 0.1 is 10 % \
+more), and the equation in the symbols of [physics](physics.md). `faultgen effects` also prints \
+the source of each effect, and the element of the model that carries it.
 
 The pictures compare an IRB 6700 that has the effect with a healthy one in the same motion. The \
 left half is the logged motor torque of both robots. The right half is what the effect changes; a \
@@ -283,7 +283,7 @@ def page() -> str:
         span = f"{effect.smallest:g} to {effect.largest:g}"
         given = ", ".join(f"`{key}` = {value}" for key, value in effect.parameters.items())
         text = f"{effect.description[0].upper()}{effect.description[1:]}."
-        lines += ["", f"## {name}", "", text, f"Shows as: {effect.signature}."]
+        lines += ["", f"## {name}", "", f"{text} It shows as {effect.signature}."]
         lines += [f"Severity: {unit}; {span}. Equation: {CASES[name].equation}."]
         lines += [f"Parameters: {given}."] if given else []
         lines += ["", f"![{name}](figures/effects/{name}.png)"]
