@@ -283,7 +283,7 @@ def page() -> str:
         span = f"{effect.smallest:g} to {effect.largest:g}"
         given = ", ".join(f"`{key}` = {value}" for key, value in effect.parameters.items())
         text = f"{effect.description[0].upper()}{effect.description[1:]}."
-        lines += ["", f"## {name}", "", f"{text} It shows as {effect.signature}."]
+        lines += ["", f"## {name}", "", f"{text} Shows as: {effect.signature}."]
         lines += [f"Severity: {unit}; {span}. Equation: {CASES[name].equation}."]
         lines += [f"Parameters: {given}."] if given else []
         lines += ["", f"![{name}](figures/effects/{name}.png)"]
