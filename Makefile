@@ -52,7 +52,7 @@ lint: install
 	ln -s ../../../analysis ../../../robots build/typed/faultgen/
 	$(BIN)/mypy
 
-# Hours: see "Mutation run" in docs/methods.md. Name modules to run a part: MODULES="faultgen/dataset/wear.py"
+# Hours: see "Mutation run" in benchmarks/README.md. Name modules to run a part: MODULES="faultgen/dataset/wear.py"
 mutation: install
 	$(BIN)/python -m benchmarks.mutation.run $(MODULES) --save benchmarks/results/mutation.json
 

@@ -24,7 +24,6 @@ import typer
 from pages.effect_cases import CASES, MOTIONS, Case
 
 from faultgen.effects import EFFECTS, Applied, Effect
-from faultgen.evaluation.markdown import table
 from faultgen.monitoring.sensors import Measured
 from faultgen.robot import Robot, load_robot
 from faultgen.simulation.cycle import Cycle
@@ -60,26 +59,20 @@ SHOWN = {
     "velocity": "logged speed [rad/s]",
 }
 """What is drawn, with units."""
-CAPTIONS = {
-    "gap": "change of the motor torque (faulty minus healthy)",
-    "against": "additional motor torque against the motion",
-    "velocity": "logged speed of both robots",
-}
-"""What the right half of a picture shows, in words."""
 INTRODUCTION = """\
 # The effects
 
-**Question.** What does each effect change in a robot, and how does it show in the recorded signals?
-
-**Short answer.** The catalogue has {count} effects. Each is a change of the robot or of its \
-sensors with a severity s; severity 0 is the healthy robot. The table has the unit of s with its \
-range, and the equation in the symbols of [physics](physics.md). Each entry below has the element \
-of the model that carries the effect ("{{i}}" is the number of the axis), its source, and a picture.
+This page shows what each effect changes in a robot, and how it shows in the recorded signals. \
+Use it to choose an effect, its severity and its unit. The catalogue has {count} effects. Each is \
+a change of the robot or of its sensors with a severity s; severity 0 is the healthy robot. Each \
+entry says what changes and how it shows, the unit of s with its range (a fraction of 0.1 is 10 % \
+more), and the equation in the symbols of [physics](physics.md). `faultgen effects` also prints \
+the source of each effect, and the element of the model that carries it.
 
 The pictures compare an IRB 6700 that has the effect with a healthy one in the same motion. The \
-left half is the logged motor torque of both robots. The severity is large enough to be seen. \
-`benchmarks/pages/effect_signatures.py` writes the page, and `faultgen effects --gallery` one with \
-small pictures of all effects."""
+left half is the logged motor torque of both robots. The right half is what the effect changes; a \
+gap of torque is that of the faulty robot minus that of the healthy one. The severity is large \
+enough to be seen. `faultgen effects --gallery` writes a page with small pictures of all effects."""
 
 
 def motion_of(robot: Robot, name: str) -> Motion:
@@ -284,28 +277,16 @@ def _digits(values: np.ndarray) -> list[float]:
 
 def page() -> str:
     """docs/effects.md, from the catalogue and `CASES`."""
-    lines = [
-        *INTRODUCTION.format(count=len(EFFECTS)).splitlines(),
-        "",
-    ]
-    rows = []
+    lines = INTRODUCTION.format(count=len(EFFECTS)).splitlines()
     for name, effect in EFFECTS.items():
-        cells = [
-            f"[`{name}`](#{name})",
-            f"{effect.unit}; {effect.smallest:g} to {effect.largest:g}",
-            CASES[name].equation,
-        ]
-        rows.append([cell.replace("|", "\\|") for cell in cells])
-    lines.append(table(["effect", "severity, range", "equation"], rows))
-    for name, effect in EFFECTS.items():
+        unit = effect.unit.replace(" (0.1 = 10 % more)", "")
+        span = f"{effect.smallest:g} to {effect.largest:g}"
         given = ", ".join(f"`{key}` = {value}" for key, value in effect.parameters.items())
         text = f"{effect.description[0].upper()}{effect.description[1:]}."
-        lines += ["", f"## {name}", "", text, f"Shows as: {effect.signature}."]
-        lines += [f"Parameters and their defaults: {given}."] if given else []
-        lines += [f"Element: {effect.element}. Source: {effect.source}."]
-        case = CASES[name]
-        caption = f"Right: {CAPTIONS[case.gap]}, against {QUANTITIES[case.over]}."
-        lines += ["", f"![{name}](figures/effects/{name}.png)", "", f"*{caption}*"]
+        lines += ["", f"## {name}", "", f"{text} Shows as: {effect.signature}."]
+        lines += [f"Severity: {unit}; {span}. Equation: {CASES[name].equation}."]
+        lines += [f"Parameters: {given}."] if given else []
+        lines += ["", f"![{name}](figures/effects/{name}.png)"]
     return "\n".join(lines) + "\n"
 
 

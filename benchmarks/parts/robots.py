@@ -8,13 +8,18 @@ from parts.part import Part, table
 
 
 def known_drives(told: dict[str, Any]) -> str:
-    """Assumed over known numbers of each arm, from masses and from the payload alone."""
+    """Factors between assumed and known numbers, from masses and from the payload alone."""
     classes = told["classes"]
+
+    def factors(rows: list[list[str]]) -> list[list[str]]:
+        return [row for row in rows if row[0].startswith(("typical", "largest"))]
+
     return (
-        table(told["head"], told["rows"])
-        + '\n\nNumbers of `--like "… kg"` over known numbers, with classes that were made of the '
-        "other arms with six axes. The last row is what a build assumes without `--like` for a "
-        "model that states masses, but no limits:\n\n" + table(classes["head"], classes["rows"])
+        table(["factor", *told["head"][1:]], factors(told["rows"]))
+        + '\n\nTypical factors of `--like "… kg"`, with classes that were made of the other arms '
+        "with six axes. The last row is what a build assumes without `--like` for a model that "
+        "states masses, but no limits:\n\n"
+        + table(["factor", *classes["head"][1:]], factors(classes["rows"]))
     )
 
 
