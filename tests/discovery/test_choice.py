@@ -113,6 +113,25 @@ def test_an_effect_that_is_not_linear_is_simulated_at_its_severity(rng):
     np.testing.assert_allclose(fit.change, torque(term, fit.values[0]))
 
 
+def test_what_no_simulation_explains_counts_less_than_its_linear_signature_promises(rng):
+    """Its torque is largest at 0.1; the column would explain five times as much at 0.6."""
+    shape = 3 * rng.normal(size=(COUNT, 2))
+
+    def torque(term, value):
+        return value * np.exp(-value / 0.1) * shape
+
+    term = Term("gear_stiffness", 1, 0.02, 1e-6)
+    residual = 0.5 * shape + rng.normal(size=(COUNT, 2))
+    problem = written_down([term], [torque(term, 0.02) / 0.02], residual, baseline=True)
+    problem = simulated(problem, torque)
+    difference = difference_between(problem)
+    fit = severities(problem, difference, [(0,)], difference.model.healthy.log_scales)
+    explained = 0.5 * np.sum(residual**2) - 0.5 * np.sum((residual - fit.change) ** 2)
+    linear = 0.5 * np.sum(residual * shape) ** 2 / np.sum(shape**2)
+    assert fit.lost[0] == pytest.approx(linear - explained, rel=0.2)
+    assert fit.lost[0] > 0.5 * linear
+
+
 def test_severities_stay_within_the_bounds_of_their_effects(rng):
     shape = 3 * rng.normal(size=(COUNT, 2))
     term = Term("load_friction", 1, 0.03, 1e-6)  # none that is negative

@@ -1,6 +1,5 @@
 """The verdict on a residual and its numbers: on torques that are written down."""
 
-from dataclasses import replace
 from importlib import import_module
 
 import numpy as np
@@ -230,22 +229,34 @@ def test_an_axis_may_have_several_waves(monkeypatch, second):
 
 
 @pytest.mark.parametrize("baseline", [True, False])
-def test_an_effect_that_makes_no_error_smaller_on_other_motions_is_not_named(
+def test_an_effect_that_makes_the_error_on_other_motions_larger_is_not_named(
     columns, rng, monkeypatch, baseline
 ):
-    """What it explains of other motions is little beside what nothing explains there."""
-    noise = rng.normal(size=(COUNT, 2))
-    problem = posed(columns, [0.7, 0.0], noise, baseline=baseline)
-    other = problem.residual.copy()
-    other[SCORED] += 30.0 * np.sin(np.arange(COUNT) / 40)[SCORED, None]
-    problem = replace(problem, residual=other)
-    monkeypatch.setattr(verdict_module, "held_out", lambda *given: np.ones(2))
+    """It has the other sign there, and its probability is not asked: the model is not good."""
+    choice_module = import_module("faultgen.discovery.decision.choice")
+    monkeypatch.setattr(choice_module, "confirmed", lambda found, _: (found, ()))
+    problem = posed(columns, [0.7, 0.0], rng.normal(size=(COUNT, 2)), baseline=baseline)
+    problem.residual[SCORED] *= -1
     found = told(problem, monkeypatch)
-    assert found.effects == ()
+    assert found.effects == () and found.alternatives[0][:2] == ("torque_offset", 1)
     model = found.contract()["model"]
     assert (found.verdict, model["is_good_enough"]) == (MODEL, False)
-    assert model["residual_variance"] == [1.0, 1.0]
     assert ("healthy recordings" in model["reasons"][0]) == baseline
+    assert any("error on motions that were not fitted is larger" in one for one in found.lacks)
+
+
+def test_errors_of_other_motions_make_an_effect_doubtful(columns, rng, monkeypatch):
+    """The evidence is divided by the dispersion, and a line tells what is not certain any more."""
+    noise = rng.normal(size=(COUNT, 2))
+    problem = posed(columns, [0.25, 0.0], noise, baseline=True)
+    sure = choose(problem, difference_between(problem))
+    assert sure.groups and sure.variance == pytest.approx(1.0, abs=0.2)
+    problem.residual[SCORED] *= 4
+    wide = choose(problem, difference_between(problem))
+    assert (wide.variance > 8).all()  # 16 less what is taken for single jumps
+    assert wide.groups == () and wide.doubtful == (("torque_offset", 1),)
+    (line,) = (one for one in told(problem, monkeypatch).lacks if "not named" in one)
+    assert line.startswith("torque_offset of axis 1") and "if the model were exact" in line
 
 
 @pytest.mark.parametrize("size", [900.0, -900.0])

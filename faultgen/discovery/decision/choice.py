@@ -109,10 +109,10 @@ def choose(problem: Problem, difference: Difference) -> Choice:
             rival = difference.groups[form[0]]
             if rival and key[:2] != effect.keys[0][:2]:
                 rivals.append((place, rival, float(share)))
-    best, lost = severities(problem, difference, groups, found.fitted.log_scales)
+    best = severities(problem, difference, groups, found.fitted.log_scales)
     variance = dispersion(problem, difference, found.fitted, best.change)
     for k, group in enumerate(groups):
-        evidence = odds[k] - priors[k] - lost[k]
+        evidence = odds[k] - priors[k] - best.lost[k]
         evidence /= of_effect(problem, difference, group, variance)
         odds[k] = evidence + priors[k] - (sure - SURE)
     choice = Choice(
@@ -170,14 +170,14 @@ def only(choice: Choice, kept: Sequence[int]) -> Choice:
         groups=tuple(groups),
         odds=tuple(choice.odds[k] for k in kept),
         shares=tuple(choice.shares[k] for k in kept),
-        best=severities(choice.problem, choice.difference, groups, scales)[0],
+        best=severities(choice.problem, choice.difference, groups, scales),
         rivals=tuple((kept.index(k), group, p) for k, group, p in choice.rivals if k in kept),
     )
 
 
 def severities(
     problem: Problem, difference: Difference, groups: Sequence[Group], scales: np.ndarray
-) -> tuple[Fit, list[float]]:
+) -> Fit:
     """Find the severities of effects, where need be with simulations.
 
     An effect that is far from linear is simulated at several severities. No slope leads to the
@@ -191,12 +191,10 @@ def severities(
         scales: Logarithm of the scale of each group of numbers.
 
     Returns:
-        The effects with their severities, within the bounds of the effects; and by how much the
-        logarithm of the odds of each is less than its column promised, if the simulation explains
-        most at quite another severity than the column.
+        The effects with their severities, within the bounds of the effects.
     """
     if not groups:
-        return no_effect(problem), []
+        return no_effect(problem)
     terms = [k for group in groups for k in group]
     columns = problem.raw[terms].copy()
     low, high = bounds_of(problem, terms)
@@ -220,7 +218,8 @@ def severities(
     covariance[bent] = covariance[:, bent] = 0.0
     covariance[bent, bent] = error[bent] ** 2
     places = np.cumsum([0, *(len(group) for group in groups)])[:-1]
-    return fit_at(problem, tuple(groups), value, covariance), lost[places].tolist()
+    found = fit_at(problem, tuple(groups), value, covariance)
+    return replace(found, lost=tuple(lost[places].tolist()))
 
 
 def _simulated(

@@ -27,6 +27,9 @@ class Fit:
     """Covariance of the values. Shape (terms, terms)."""
     change: np.ndarray
     """Change of the torque by the effects, shape (samples, n_axes)."""
+    lost: tuple[float, ...] = ()
+    """By how much the logarithm of the odds of each effect is less than its linear signature
+    promised, where a simulation explains most at quite another severity; () if none was found."""
 
     @property
     def terms(self) -> list[int]:
