@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from faultgen.discovery.calibration.compared import compared
 from faultgen.discovery.calibration.model_edit import build, build_stable
 from faultgen.discovery.decision.calibrated import Calibrated, calibrated
 from faultgen.discovery.decision.choice import SURE, Choice, only
@@ -58,11 +57,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     shown = left + best.change  # the residual that is to be explained, less calibration
     shares = where(problem, problem.whiten(shown))
     p_value = significance(problem, problem.whiten(without))
-    lefts = [
-        build(problem, first_of(problem, best, k + 1), solution).left
-        for k in range(len(best.groups))
-    ]
-    effects, alternatives = _named(problem, choice, lefts)
+    effects, alternatives = _named(problem, choice, solution)
     doubts = gate(problem, choice, healthy[0])
     known, lines = bool(effects) and not doubts, []
     built, robot, lacks = build_stable(
@@ -70,12 +65,11 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     )
     least = min(given[0], healthy[0])
     is_open = _beyond_noise(problem, least, _floor(problem, given, healthy))
-    first = basic.left if healthy[0] <= given[0] else problem.residual
-    pairs = zip(lefts, [first, *lefts], strict=False)
-    closing = [k for k, (own, other) in enumerate(pairs) if not _is_worse(problem, own, other)]
+    gaps = [least, *(one.gap_after for one in effects)]
+    closing = [k for k in range(len(effects)) if gaps[k + 1] < gaps[k]]
     refuted = False
     if known and not (gap(problem, built.left)[0] < given[0] and len(closing) == len(effects)):
-        why = "because the error on motions that were not fitted is larger with"
+        why = "because the error on motions that were not fitted is not smaller with"
         if 0 < len(closing) < len(effects):
             told = answer(problem, only(choice, closing))
             verdict = PARTLY if told.verdict == NAMED else told.verdict
@@ -127,7 +121,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         effects=effects if known else (),
         alternatives=alternatives
         if known
-        else tuple((one.effect, one.axis, one.confidence) for one in effects),
+        else tuple((one.effect, one.axis, one.confidence) for one in effects if not refuted),
         before=before[0],
         calibrated=healthy[0],
         after=after[0],
@@ -186,20 +180,6 @@ def _floor(problem: Problem, *errors: tuple[float, list[float]]) -> np.ndarray:
     """
     noise = gap(problem, problem.noise.of_samples())
     return np.asarray(np.min([one[1] for one in (noise, *errors)], axis=0))
-
-
-def _is_worse(problem: Problem, left: np.ndarray, other: np.ndarray) -> bool:
-    """Whether an error is larger than another one on the scoring motions, beyond its interval."""
-    recording, inside = problem.recording, scored(problem)
-    size = np.sqrt(np.mean(recording.torque**2, axis=0))
-    size = np.where(size > 0, size, np.inf)
-    own, of_other = (
-        np.sqrt(np.sum(np.where(inside, one / size, 0.0) ** 2, axis=1, keepdims=True))
-        for one in (left, other)
-    )
-    parts = [problem.parts[p] for p in problem.scoring]
-    rows = np.asarray(inside.any(axis=1, keepdims=True))
-    return bool(compared(own, of_other, rows, parts, recording.sample_period).worse[0])
 
 
 def _beyond_noise(problem: Problem, error: float, floor: np.ndarray) -> bool:
@@ -299,12 +279,9 @@ def is_part(before: float, after: float, floor: float) -> bool:
 
 
 def _named(
-    problem: Problem, choice: Choice, lefts: Sequence[np.ndarray]
+    problem: Problem, choice: Choice, solution: np.ndarray
 ) -> tuple[tuple[Named, ...], tuple[tuple[str, int, float], ...]]:
-    """Effects of the answer, and their alternatives with probabilities.
-
-    `lefts` are the errors with the first effects, of which each has one more.
-    """
+    """Effects of the answer, and their alternatives with probabilities."""
     best = choice.best
     effects, others = [], []
     for place, (group, value, covariance) in enumerate(best.members()):
@@ -314,6 +291,7 @@ def _named(
             for at, rival, share in choice.rivals
             if at == place
         ]
+        left = build(problem, first_of(problem, best, place + 1), solution).left
         severity, error = _severity(problem, group, value, covariance)
         effect = get_effect(problem.terms[group[0]].name)
         parameters = _parameters(problem, best, place)
@@ -327,7 +305,7 @@ def _named(
                 (max(severity - _WIDE * error, least), min(severity + _WIDE * error, most)),
                 parameters,
                 there * choice.shares[place],
-                gap(problem, lefts[place])[0],
+                gap(problem, left)[0],
             )
         )
     own = {(one.effect, one.axis) for one in effects}
