@@ -275,13 +275,20 @@ def _digits(values: np.ndarray) -> list[float]:
     return [round(float(one), places) + 0.0 for one in values]
 
 
+_OF_ROBOT = {"width": "the Stribeck velocity [rad/s]", "temperature": "that of the robot [°C]"}
+"""Defaults that depend on the robot."""
+
+
 def page() -> str:
     """docs/effects.md, from the catalogue and `CASES`."""
     lines = INTRODUCTION.format(count=len(EFFECTS)).splitlines()
     for name, effect in EFFECTS.items():
         unit = effect.unit.replace(" (0.1 = 10 % more)", "")
         span = f"{effect.smallest:g} to {effect.largest:g}"
-        given = ", ".join(f"`{key}` = {value}" for key, value in effect.parameters.items())
+        given = ", ".join(
+            f"`{key}` = {_OF_ROBOT[key] if value is None else value}"
+            for key, value in effect.parameters.items()
+        )
         text = f"{effect.description[0].upper()}{effect.description[1:]}."
         lines += ["", f"## {name}", "", f"{text} Shows as: {effect.signature}."]
         lines += [f"Severity: {unit}; {span}. Equation: {CASES[name].equation}."]
