@@ -63,16 +63,15 @@ INTRODUCTION = """\
 # The effects
 
 This page shows what each effect changes in a robot, and how it shows in the recorded signals. \
-Use it to choose an effect, its severity and its unit. The catalogue has {count} effects. Each is \
-a change of the robot or of its sensors with a severity s; severity 0 is the healthy robot. Each \
-entry says what changes and how it shows, the unit of s with its range (a fraction of 0.1 is 10 % \
-more), and the equation in the symbols of [physics](physics.md). `faultgen effects` also prints \
-the source of each effect, and the element of the model that carries it.
+Use it to choose an effect, its severity s and its unit. The catalogue has {count} effects. \
+A severity of 0 is the healthy robot, and a fraction of 0.1 is 10 % more. Each entry states the \
+unit and the range of s, and the equation in the symbols of [physics](physics.md). \
+`faultgen effects` also prints the source of each effect.
 
-The pictures compare an IRB 6700 that has the effect with a healthy one in the same motion. The \
-left half is the logged motor torque of both robots. The right half is what the effect changes; a \
-gap of torque is that of the faulty robot minus that of the healthy one. The severity is large \
-enough to be seen. `faultgen effects --gallery` writes a page with small pictures of all effects."""
+The pictures compare an IRB 6700 that has the effect with a healthy one in the same motion. On the \
+left is the logged motor torque of both robots, on the right what the effect changes: a gap is the \
+torque of the faulty robot minus that of the healthy one. `faultgen effects --gallery` writes a \
+page with small pictures of all effects."""
 
 
 def motion_of(robot: Robot, name: str) -> Motion:
