@@ -96,7 +96,8 @@ def choose(problem: Problem, difference: Difference) -> Choice:
     for effect in found.by_size():
         first = effect.forms[0][0]
         if effect.keys[0][0] == UNKNOWN:
-            unknown.append((effect.keys[0][1], difference.over[first]))
+            if effect.odds >= SURE + OF_MODEL:
+                unknown.append((effect.keys[0][1], difference.over[first]))
             continue
         place = len(groups)
         groups.append(difference.groups[first])
