@@ -23,7 +23,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.servo_equation import ServoSignals
 from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot
@@ -72,6 +71,16 @@ class _Equation:
         free = np.abs(self.made.torque) < _SATURATED * robot.motor_torque_limit
         self.rows = [rows[free[rows, k]] for k, rows in enumerate(self.signals.rows)]
 
+    def friction(self, axis: int, beyond: np.ndarray) -> np.ndarray:
+        """The part of a torque of an axis that is an odd function of its motor speed."""
+        speed, rows = self.signals.speed[:, axis], self.rows[axis]
+        share = speed / max(float(np.abs(speed).max()), 1e-12)
+        steps = [np.tanh(share / one) for one in _STEPS]
+        logged = self.signals.torque[:, axis]  # a gain of the log is no friction
+        columns = np.stack([*steps, share, share * np.abs(share), logged], axis=1)
+        values, _, _ = self.signals.regress(axis, columns[rows], beyond[rows, axis], rows)
+        return np.asarray(columns[:, :-1] @ values[:-1])
+
     def holds(self, axis: int, rows: np.ndarray) -> tuple[bool, float]:
         """Whether it explains the logged torque of an axis, and what it leaves of it."""
         size = self.signals.torque[rows, axis].std()
@@ -80,54 +89,11 @@ class _Equation:
         return bool(left < _EXPLAINED * size), left / max(size, 1e-12)
 
 
-def other_friction(
-    recording: Recording, robot: Robot, arm: Robot, before: Recording | None = None
-) -> np.ndarray:
-    """Find the friction that the motors bear beyond that of a model, or of an earlier recording.
-
-    It is an odd function of the motor speed. The measured motion is prescribed, so that neither the
-    servo nor its set points matter.
-
-    Args:
-        recording: The measured data, see `has_equation`.
-        robot: As for `servo_errors`.
-        arm: The model with the masses and the friction that the robot has.
-        before: A recording of the same motions, with which it is compared. None: with the model.
-
-    Returns:
-        Torque of the motors, shape (samples, n_axes), in [N m].
-
-    Raises:
-        SimulationFailed: The model diverges on the recorded motion.
-    """
-
-    def beyond(one: Recording) -> np.ndarray:
-        return np.asarray(one.torque - Replay(one, arm).torque()) / robot.torque_gain
-
-    torque = beyond(recording) - (0.0 if before is None else beyond(before))
-    torque = recording.derivatives(torque)[0]
-    signals = ServoSignals(recording, robot)
-    out = np.zeros_like(torque)
-    for axis, rows in enumerate(signals.rows):
-        if len(rows) < BLOCKS * _FEWEST:
-            continue
-        speed = signals.speed[:, axis]
-        share = speed / max(float(np.abs(speed).max()), 1e-12)
-        curves = [np.tanh(share / one) for one in _STEPS]
-        columns = np.stack([*curves, share, share * np.abs(share)], axis=1)
-        logged = signals.torque[:, axis]  # a gain of the log is no friction
-        values, _, _ = signals.regress(
-            axis, np.column_stack([columns, logged])[rows], torque[rows, axis], rows
-        )
-        out[:, axis] = columns @ values[:-1]
-    return out
-
-
 def servo_errors(
     recording: Recording,
     robot: Robot,
     before: Recording | None = None,
-    friction: np.ndarray | None = None,
+    beyond: np.ndarray | None = None,
 ) -> ServoErrors:
     """Find delays, gains and offsets of the log from the equation of the servo.
 
@@ -135,8 +101,9 @@ def servo_errors(
         recording: The measured data, see `has_equation`.
         robot: The model, with the servo of the robot.
         before: A recording of the same motions, with which it is compared. None: with the model.
-        friction: From `other_friction`, of which the controller may know a share. None: it knows
-            none of it.
+        beyond: Torque that the motors bear at the measured motion beyond that of the model, or of
+            `before`, shape (samples, n_axes), in [N m]. The controller may know a share of the
+            friction in it. None: it knows none.
 
     Returns:
         What it shows; with `before`, what has changed.
@@ -146,6 +113,8 @@ def servo_errors(
     n = robot.n_axes
     value, error = np.zeros((3, n)), np.full((3, n), np.inf)
     holds, helps, misfit = np.zeros(n, bool), np.zeros((3, n), bool), np.full(n, np.inf)
+    if beyond is not None:
+        beyond = recording.derivatives(beyond)[0]
     has_integral = now.made.integral > 0
     for axis in range(n):
         rows, target = now.rows[axis], now.lacks[:, axis]
@@ -160,11 +129,18 @@ def servo_errors(
         # what an integral held before a recording began is not known
         starts = _starts(now.signals.number[rows], other is None or has_integral[axis])
         shown = [-now.made.rate[rows, axis], now.signals.torque[rows, axis], np.ones(len(rows))]
-        known = [] if friction is None else [friction[rows, axis]]
-        if known and before is None:
-            known.append(now.signals.rate[rows, axis])
-        columns = np.column_stack([*shown, *known, starts])
-        fit = _Fit(columns, target[rows])
+        if beyond is not None:
+            # without a healthy recording, viscous friction of the controller is not known either
+            known = [] if other is not None else [now.signals.rate[rows, axis]]
+            friction = now.friction(axis, beyond)
+            columns = np.column_stack([*shown, friction[rows], *known, starts])
+            share = _Fit(columns, target[rows]).values()[len(shown)]
+            shown += known
+            if 0 <= share <= 1:
+                shown.append(friction[rows])
+            else:  # a controller knows none of it, or all
+                target = target - np.clip(share, 0, 1) * friction
+        fit = _Fit(np.column_stack([*shown, starts]), target[rows])
         value[:, axis] = fit.values()[:3]
         apart = [fit.values(without=block)[:3] for block in range(BLOCKS)]
         error[:, axis] = np.sqrt((BLOCKS - 1) * np.var(apart, axis=0))

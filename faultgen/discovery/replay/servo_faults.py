@@ -31,7 +31,6 @@ from faultgen.discovery.replay.servo_errors import (
     OFFSET,
     SHOWN,
     ServoErrors,
-    other_friction,
     servo_errors,
 )
 from faultgen.effects import get_effect
@@ -143,11 +142,15 @@ def find_servo_faults(
         return nothing
     limits, before = robot.motor_torque_limit, mean_of(runs) if runs else None
 
+    def beyond(one: Recording) -> np.ndarray:
+        torque = Replay(one, robot if arm is None else arm).torque()
+        return np.asarray(one.torque - torque) / robot.torque_gain
+
+    known = bool(robot.set_points[2])  # what a controller knows is in its feed-forward torque
+    base = 0.0 if before is None or not known else beyond(before)
+
     def errors(one: Recording) -> ServoErrors:
-        friction = None
-        if robot.set_points[2]:
-            friction = other_friction(one, robot, robot if arm is None else arm, before)
-        return servo_errors(one, robot, before, friction)
+        return servo_errors(one, robot, before, beyond(one) - base if known else None)
 
     own = errors(recording)
     if runs:
