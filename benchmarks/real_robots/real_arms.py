@@ -31,7 +31,8 @@ from faultgen.discovery.calibration.compared import compared
 from faultgen.discovery.inputs import usable
 from faultgen.discovery.laws.friction_law import with_friction_law
 from faultgen.discovery.replay.replay import Replay
-from faultgen.discovery.rigid.classical import CUT_OFF, Coupling, Regression, identify
+from faultgen.discovery.rigid.base_parameters import identify
+from faultgen.discovery.rigid.regression import CUT_OFF, Coupling, Regression
 from faultgen.mjcf.edit import mjcf_text
 from faultgen.recordings.recording import Recording, low_passed, write_recording
 from faultgen.robot import Robot, load_robot

@@ -19,8 +19,9 @@ from faultgen.discovery.calibration.result import Calibrated
 from faultgen.discovery.inputs import usable
 from faultgen.discovery.laws.friction_law import with_friction_law
 from faultgen.discovery.posterior_of import posterior_of
-from faultgen.discovery.rigid.classical import Regression, identify
+from faultgen.discovery.rigid.base_parameters import identify
 from faultgen.discovery.rigid.drives import Drives
+from faultgen.discovery.rigid.regression import Regression
 from faultgen.discovery.terms.candidates import (
     Term,
     applied,

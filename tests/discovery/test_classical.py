@@ -7,15 +7,10 @@ import pytest
 
 from faultgen.discovery.laws.friction_law import with_friction_law
 from faultgen.discovery.replay.replay import Replay
-from faultgen.discovery.rigid.classical import (
-    DRIVE,
-    Coupling,
-    Regression,
-    held_out_error,
-    identify,
-)
+from faultgen.discovery.rigid.base_parameters import held_out_error, identify
 from faultgen.discovery.rigid.drives import Drives
 from faultgen.discovery.rigid.physical import Spread, fit
+from faultgen.discovery.rigid.regression import DRIVE, Coupling, Regression
 from faultgen.discovery.terms.candidates import INERTIA
 from faultgen.discovery.terms.regressor import link_parameters, link_regressor
 from faultgen.effects.coupling import add_coupling_friction

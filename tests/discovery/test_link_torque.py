@@ -10,7 +10,8 @@ import faultgen
 from faultgen.discovery import check_recording, read_recording, settled, write_recording
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import kept_in
-from faultgen.discovery.rigid.classical import DRIVE, Regression, held_out_error
+from faultgen.discovery.rigid.base_parameters import held_out_error
+from faultgen.discovery.rigid.regression import DRIVE, Regression
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
 from faultgen.recordings.several import check_same_motion

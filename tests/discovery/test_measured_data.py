@@ -12,7 +12,8 @@ from faultgen.discovery import check_recording, settled
 from faultgen.discovery.accept import accepted
 from faultgen.discovery.laws.friction_law import with_friction_law
 from faultgen.discovery.replay.replay import replay
-from faultgen.discovery.rigid.classical import DRIVE, Coupling, Regression, identify
+from faultgen.discovery.rigid.base_parameters import identify
+from faultgen.discovery.rigid.regression import DRIVE, Coupling, Regression
 from faultgen.recordings.recording import write_recording
 from faultgen.robot import load_robot
 

@@ -17,8 +17,8 @@ from faultgen.discovery.calibration.result import at_bound
 from faultgen.discovery.calibration.weak_axes import AGAIN, GIVEN, repaired, weak_axes, with_choices
 from faultgen.discovery.decision.calibrated import calibrated
 from faultgen.discovery.fit.bounded import bounded_minimum
-from faultgen.discovery.rigid.classical import possible_regression
 from faultgen.discovery.rigid.drives import Drives, built
+from faultgen.discovery.rigid.regression import possible_regression
 from faultgen.discovery.terms.candidates import Term
 from faultgen.effects import EFFECTS
 from faultgen.effects.spreads import SPREADS

@@ -5,7 +5,7 @@
 
 Two models are made from two thirds of the recording and judged on the rest:
 
-1. Classical identification (`classical`), which needs no simulation and can be none.
+1. Classical identification (`regression`), which needs no simulation and can be none.
 2. The *physical* model (`physical`): the same regression, solved for links that can exist.
 
 The physical model is made again from the whole recording. It gets more freedom until no axis is
@@ -34,14 +34,10 @@ from faultgen.discovery.calibration.result import (
 from faultgen.discovery.calibration.weak_axes import repaired, weak_axes, with_choices
 from faultgen.discovery.laws.friction_law import with_friction_law
 from faultgen.discovery.replay.own_servo import with_own_servo
-from faultgen.discovery.rigid.classical import (
-    Coupling,
-    Regression,
-    held_out_error,
-    possible_regression,
-)
+from faultgen.discovery.rigid.base_parameters import held_out_error
 from faultgen.discovery.rigid.drives import GAIN, Drives
 from faultgen.discovery.rigid.physical import fit
+from faultgen.discovery.rigid.regression import Coupling, Regression, possible_regression
 from faultgen.discovery.terms.candidates import INERTIA, NUMBERS, check_names
 from faultgen.effects.coupling import coupled_axes
 from faultgen.errors import InputError, SimulationFailed

@@ -13,9 +13,9 @@ import numpy as np
 from joblib import delayed
 
 from faultgen.discovery.calibration.held_out import HeldOut
-from faultgen.discovery.rigid.classical import Regression
 from faultgen.discovery.rigid.drives import GAIN
 from faultgen.discovery.rigid.physical import Spread, fit
+from faultgen.discovery.rigid.regression import Regression
 from faultgen.discovery.terms.candidates import INERTIA
 from faultgen.robot import Robot
 from faultgen.system.parallel import in_parallel

@@ -15,7 +15,8 @@ from faultgen.discovery.calibration.compared import Compared, compared
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.samples import samples_of
 from faultgen.discovery.replay.torque_error import relative_error
-from faultgen.discovery.rigid.classical import Regression, identify
+from faultgen.discovery.rigid.base_parameters import identify
+from faultgen.discovery.rigid.regression import Regression
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot

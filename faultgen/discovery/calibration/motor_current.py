@@ -18,9 +18,9 @@ from dataclasses import replace
 import numpy as np
 
 from faultgen.discovery.laws.friction_law import with_friction_law
-from faultgen.discovery.rigid.classical import Regression
 from faultgen.discovery.rigid.drives import GAIN, Drives
 from faultgen.discovery.rigid.physical import Spread, fit
+from faultgen.discovery.rigid.regression import Regression
 from faultgen.discovery.terms.candidates import INERTIA
 from faultgen.effects import get_effect
 from faultgen.errors import InputError

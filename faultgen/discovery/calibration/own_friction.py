@@ -16,9 +16,9 @@ from dataclasses import replace
 import numpy as np
 
 from faultgen.discovery.laws.friction_law import with_friction_law
-from faultgen.discovery.rigid.classical import Regression, possible_regression
 from faultgen.discovery.rigid.drives import GAIN, NAMES, Drives, built
 from faultgen.discovery.rigid.physical import Physical, Spread, fit
+from faultgen.discovery.rigid.regression import Regression, possible_regression
 from faultgen.discovery.terms.candidates import INERTIA
 from faultgen.recordings.checks import without_friction
 from faultgen.recordings.recording import Recording

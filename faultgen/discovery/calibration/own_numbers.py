@@ -14,9 +14,9 @@ from dataclasses import replace
 
 from faultgen.discovery.calibration.held_out import EQUAL, HeldOut
 from faultgen.discovery.replay.replay import Replay
-from faultgen.discovery.rigid.classical import possible_regression
 from faultgen.discovery.rigid.drives import GAIN
 from faultgen.discovery.rigid.physical import Physical, Spread, fit
+from faultgen.discovery.rigid.regression import possible_regression
 from faultgen.errors import SimulationFailed
 from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot

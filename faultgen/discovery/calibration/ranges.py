@@ -14,8 +14,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from faultgen.discovery.rigid.classical import STATIC
 from faultgen.discovery.rigid.drives import Drives
+from faultgen.discovery.rigid.regression import STATIC
 from faultgen.discovery.terms.candidates import Term
 from faultgen.effects.spreads import SPREADS, TORQUE_CONSTANT
 from faultgen.recordings.checks import without_friction

@@ -10,8 +10,8 @@ import numpy as np
 
 from faultgen.discovery.calibration.compared import BAD, Compared
 from faultgen.discovery.calibration.weak_axes import AGAIN, GIVEN
-from faultgen.discovery.rigid.classical import Coupling
 from faultgen.discovery.rigid.drives import GAIN, NAMES, Drives
+from faultgen.discovery.rigid.regression import Coupling
 from faultgen.robot import Robot
 
 _ROUNDING = 1e-9  # relative change of a number that a file may cause

@@ -19,8 +19,8 @@ import numpy as np
 from faultgen.discovery.calibration.held_out import HeldOut
 from faultgen.discovery.fit.bounded import bounded_minimum
 from faultgen.discovery.replay.samples import samples_of
-from faultgen.discovery.rigid.classical import DRIVE
 from faultgen.discovery.rigid.drives import Drives, built
+from faultgen.discovery.rigid.regression import DRIVE
 from faultgen.effects.spreads import SPREADS
 from faultgen.robot import Robot
 

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from faultgen.discovery.laws.friction_law import set_bristles
-from faultgen.discovery.rigid.classical import DRIVE
+from faultgen.discovery.rigid.regression import DRIVE
 from faultgen.discovery.terms.candidates import Term
 from faultgen.discovery.terms.inertia import apply_inertia
 from faultgen.effects.coupling import add_coupling_friction

@@ -18,14 +18,9 @@ from functools import cached_property
 import numpy as np
 
 from faultgen.discovery.fit.bounded import bounded_minimum
-from faultgen.discovery.rigid.classical import (
-    DRIVE,
-    Products,
-    Regression,
-    axis_weights,
-    identify,
-)
+from faultgen.discovery.rigid.base_parameters import Products, axis_weights, identify
 from faultgen.discovery.rigid.drives import GAIN, NAMES, Drives, built
+from faultgen.discovery.rigid.regression import DRIVE, Regression
 from faultgen.discovery.terms.candidates import INERTIA, Term
 from faultgen.discovery.terms.inertia import (
     PAIRS,
