@@ -34,7 +34,8 @@ from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.rigid.base_parameters import identify
 from faultgen.discovery.rigid.regression import CUT_OFF, Coupling, Regression
 from faultgen.mjcf.edit import mjcf_text
-from faultgen.recordings.recording import Recording, low_passed, write_recording
+from faultgen.recordings.low_pass import low_passed
+from faultgen.recordings.recording import Recording, write_recording
 from faultgen.robot import Robot, load_robot
 
 TX40_RATIOS = (32.0, 32.0, 45.0, -48.0, 45.0, 32.0)

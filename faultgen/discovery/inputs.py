@@ -16,8 +16,9 @@ from faultgen.discovery.accept import accepted, current_signs
 from faultgen.discovery.calibration.motor_current import constants_of, in_torque
 from faultgen.errors import InputError
 from faultgen.recordings.log_faults import new_faults, repaired
+from faultgen.recordings.low_pass import low_passed
 from faultgen.recordings.read import read_recording
-from faultgen.recordings.recording import OPTIONAL, LogFault, Recording, TorqueConstants, low_passed
+from faultgen.recordings.recording import OPTIONAL, LogFault, Recording, TorqueConstants
 from faultgen.recordings.several import (
     check_distinct,
     check_own_noise,

@@ -32,7 +32,7 @@ from faultgen.discovery.terms.candidates import (
 from faultgen.discovery.terms.inertia import inertia_terms
 from faultgen.effects import get_effect
 from faultgen.errors import InputError
-from faultgen.recordings.recording import low_passed
+from faultgen.recordings.low_pass import low_passed
 from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot, load_robot
 
 

@@ -13,7 +13,7 @@ from faultgen.discovery.inputs import read_together
 from faultgen.discovery.replay.samples import rolling
 from faultgen.errors import InputError
 from faultgen.recordings.from_runs import recording_of
-from faultgen.recordings.recording import low_passed
+from faultgen.recordings.low_pass import low_passed
 from faultgen.report import discovery_report
 from faultgen.robot import load_robot
 
