@@ -1,8 +1,8 @@
 """Motions: the joint angles over one cycle of a task.
 
-`plan` turns a task into a motion. It finds joint angles for all poses by inverse kinematics, lays a
-path through each move, and gives each path a jerk-limited timing (Ruckig) that keeps motor speed,
-joint acceleration and motor torque within the limits of the robot.
+`plan` turns a task into a motion. It lays a path through each move (`joint_paths`) and gives each
+path a jerk-limited timing (`timing`) that keeps motor speed, joint acceleration and motor torque
+within the limits of the robot.
 
     motion = plan(load_task("irb6700", "spot_weld"), load_robot("irb6700"))
     q, qd, qdd = motion(times)
@@ -15,14 +15,14 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation, RotationSpline
 
 from faultgen.errors import InputError
 from faultgen.monitoring.reductions import SPEED_WINDOW
 from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm, motor_torque
+from faultgen.simulation.joint_paths import configuration, path_of, resting
 from faultgen.simulation.timing import GRID, LONGEST, TORQUE_SHARE, JointPath, Timing, timed
-from faultgen.tasks import Move, Pose, Task
+from faultgen.tasks import Move, Task
 
 _TICK = 0.02  # a cycle lasts a whole number of these [s], so that samples fall alike in each
 _SAME = 1e-6  # difference of equal joint angles [rad]
@@ -114,7 +114,7 @@ def plan(task: Task, robot: Robot) -> Motion:
     arm = Arm(robot)
     pieces: list[_Piece] = []
     clock = 0.0
-    start = here = _configuration(task.start, arm, task, np.zeros(robot.n_axes), "start")
+    start = here = configuration(task.start, arm, task, np.zeros(robot.n_axes), "start")
     for number, move in enumerate(task.move, start=1):
         is_last = number == len(task.move)
         piece: _Piece | None
@@ -124,7 +124,7 @@ def plan(task: Task, robot: Robot) -> Motion:
                 _check_end(task, here, start, _SAME)
         else:
             _check_planned(move, task, number)
-            there = _configuration(move, arm, task, here, f"move {number}")
+            there = configuration(move, arm, task, here, f"move {number}")
             if is_last:
                 _check_end(task, there, start, _NEAR)
                 there = start
@@ -165,7 +165,7 @@ def _planned(
     """A move with its timing, if it goes anywhere, and the joint angles at its end."""
     if np.abs(there - here).max() <= 1e-9 and not move.via:
         return None, there
-    path, length, there = _path(move, arm, here, there, task, number)
+    path, length, there = path_of(move, arm, here, there, task, number)
     timing, duration = timed(move, path, length, arm, f"task {task.name}, move {number}")
     return _Piece(clock, duration, path, timing), there
 
@@ -174,7 +174,7 @@ def _rest(pieces: list[_Piece], clock: float, here: np.ndarray, dwell: float, la
     """Add the pause after a move, and return the time at its end [s]."""
     rest = np.ceil((clock + dwell) / _TICK - 1e-9) * _TICK - clock if last else dwell
     if rest > 0:
-        pieces.append(_Piece(clock, rest, _hold(here), _still))
+        pieces.append(_Piece(clock, rest, resting(here), _still))
         clock += rest
     return clock
 
@@ -255,98 +255,6 @@ def _check_sampled(arm: Arm, curve: CubicSpline, where: str) -> None:
             )
 
 
-def _configuration(pose: Pose, arm: Arm, task: Task, before: np.ndarray, where: str) -> np.ndarray:
-    """Joint angles of a pose."""
-    robot = arm.robot
-    for name in ("joints", "near"):
-        value = getattr(pose, name)
-        if value is not None and len(value) != robot.n_axes:
-            raise InputError(f"task {task.name}, {where}: '{name}' needs {robot.n_axes} angles")
-    if pose.joints is not None:
-        angles = robot.from_degrees(pose.joints)
-    else:
-        if pose.position is None or pose.rpy is None:
-            raise InputError(
-                f"task {task.name}, {where}: give 'position' and 'rpy', or give 'joints'"
-            )
-        near = before if pose.near is None else robot.from_degrees(pose.near)
-        turned = Rotation.from_euler("xyz", pose.rpy, degrees=True)
-        try:
-            angles = arm.inverse_kinematics(np.array(pose.position), turned, near)
-        except InputError as error:
-            raise InputError(f"task {task.name}, {where}: {error}") from None
-    outside = robot.out_of_range(angles)
-    if outside:
-        raise InputError(f"task {task.name}, {where}: {outside[0]}")
-    return angles
-
-
-def _path(
-    move: Move, arm: Arm, here: np.ndarray, there: np.ndarray, task: Task, number: int
-) -> tuple[JointPath, float, np.ndarray]:
-    """Path q(s) with its derivatives, s from 0 to 1, length of the tool's path [m], and its end.
-
-    An arm of more than six axes reaches a pose of the tool with many joint angles. There, a line or
-    spline ends with those to which it leads, except the last move, which ends at the start.
-    """
-    if move.path == "joint":
-        change = there - here
-
-        def straight(s: np.ndarray, order: int) -> np.ndarray:
-            if order == 0:
-                return here + s[:, None] * change
-            return np.broadcast_to(change if order == 1 else 0 * change, (len(s), len(change)))
-
-        return straight, 0.0, there
-    if move.path == "line" and move.via:
-        raise InputError(f"task {task.name}, move {number}: a line has no 'via'; use a spline")
-    first, turned_first = arm.tool_pose(here)
-    last, turned_last = arm.tool_pose(there)
-    points, turns = [first], [turned_first]
-    for pose in move.via:
-        if pose.position is None or pose.rpy is None:
-            raise InputError(f"task {task.name}, move {number}: 'via' needs 'position' and 'rpy'")
-        points.append(np.array(pose.position))
-        turns.append(Rotation.from_euler("xyz", pose.rpy, degrees=True))
-    points.append(last)
-    turns.append(turned_last)
-    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    knots = np.concatenate([[0], np.cumsum(chords)])
-    closed = len(points) > 2 and np.allclose(first, last, atol=1e-9)
-    points[-1] = points[0] if closed else points[-1]
-    curve = CubicSpline(knots, np.array(points), bc_type="periodic" if closed else "natural")
-    turn = RotationSpline(knots, Rotation.concatenate(turns))
-    fine = np.linspace(0, knots[-1], 4001)
-    way = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(curve(fine), axis=0), axis=1))])
-    count = max(12, int(way[-1] / 0.01))
-    s = np.linspace(0, 1, count + 1)
-    angles = [here]
-    for value in s[1:]:
-        knot = np.interp(value * way[-1], way, fine)
-        point, turned = curve(knot), turn(knot)
-        try:
-            angles.append(arm.inverse_kinematics(point, turned, angles[-1], is_close=True))
-        except InputError as error:
-            raise InputError(f"task {task.name}, move {number}: {error}") from None
-    if len(there) > 6 and number < len(task.move):
-        there = angles[-1]
-    if np.abs(angles[-1] - there).max() > 1e-3:
-        raise InputError(
-            f"task {task.name}, move {number}: the path ends at other joint angles than those of "
-            "the pose; change 'near' or use path = \"joint\""
-        )
-    angles[-1] = there
-    spline = CubicSpline(s, np.array(angles))
-    return (lambda at, order: spline(at, order)), float(way[-1]), there
-
-
-def _hold(angles: np.ndarray) -> JointPath:
-    def path(s: np.ndarray, order: int) -> np.ndarray:
-        return np.broadcast_to(angles if order == 0 else 0 * angles, (len(s), len(angles)))
-
-    return path
-
-
 def _still(times: np.ndarray) -> np.ndarray:
     return np.zeros((3, len(times)))
 
@@ -386,7 +294,7 @@ def shifted(motion: Motion, robot: Robot, shift: np.ndarray, speed: float) -> Mo
     period = float(np.ceil(end / _TICK - 1e-9) * _TICK)
     if period > end + 1e-9:
         rest = pieces[-1].path(pieces[-1].timing(np.array([pieces[-1].duration]))[0], 0)[0]
-        pieces.append(_Piece(end, period - end, _hold(rest), _still))
+        pieces.append(_Piece(end, period - end, resting(rest), _still))
     new = Motion(robot, motion.task, round(period / _TICK) * _TICK, tuple(pieces))
     q, qd, qdd = new(np.arange(0, new.period, GRID))
     low, high = robot.joint_range.T
