@@ -127,6 +127,27 @@ def input_path(folder: Path, planned: Mapping[str, Any], what: str) -> str:
     return given if same else str(copy)
 
 
+def existing_input(path: str, what: str) -> str:
+    """Return the path or name of a file from which a run was made, if it is there.
+
+    Args:
+        path: From `input_path`.
+        what: "robot", "task" or "sensors", for the message.
+
+    Returns:
+        The path or name.
+
+    Raises:
+        InputError: The file is gone, and the dataset has no copy of it.
+    """
+    if os.path.isabs(path) and not os.path.exists(path):
+        raise InputError(
+            f"{path}: the {what} from which the dataset was made is no longer there, and there is "
+            f"no copy of it in {INPUTS}/ beside the dataset"
+        )
+    return path
+
+
 def _copy(folder: Path, checksum: str, name: str) -> Path:
     return folder / INPUTS / checksum[:_DIGITS] / name
 

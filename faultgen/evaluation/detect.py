@@ -21,8 +21,9 @@ from faultgen.errors import InputError
 from faultgen.evaluation.calls import alarms
 from faultgen.evaluation.detectors import DETECTORS, RUN_LENGTH
 from faultgen.evaluation.isolate import LEVELS, cuts, require_cycles
+from faultgen.evaluation.measurement_noise import noise_of
 from faultgen.evaluation.methods import CYCLES, Detector, needed, with_methods
-from faultgen.evaluation.observed_runs import division_of, noise_of, places
+from faultgen.evaluation.observed_runs import division_of, places
 from faultgen.evaluation.outcomes import method_tables, other_effects, tested_on
 from faultgen.evaluation.shares import share
 from faultgen.provenance import provenance

@@ -20,8 +20,9 @@ from faultgen.errors import InputError
 from faultgen.evaluation.calls import axis_of
 from faultgen.evaluation.calls import isolate as ask
 from faultgen.evaluation.isolators import ISOLATORS
+from faultgen.evaluation.measurement_noise import noise_of
 from faultgen.evaluation.methods import Isolator, needed, with_methods
-from faultgen.evaluation.observed_runs import division_of, noise_of, places
+from faultgen.evaluation.observed_runs import division_of, places
 from faultgen.evaluation.outcomes import Isolation, Outcomes
 from faultgen.provenance import provenance
 from faultgen.system.progress import follow

@@ -1,26 +1,34 @@
-"""Runs of a dataset, reduced to the numbers that isolators and detectors use."""
+"""Runs of a dataset, reduced to the numbers that isolators and detectors use.
+
+`places` groups the runs by robot and task. Each group fits methods to those of its runs from which
+they may learn.
+"""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from faultgen.dataset.inputs import INPUTS
+from faultgen.dataset.inputs import INPUTS, existing_input
 from faultgen.dataset.reader import Dataset
 from faultgen.dataset.splits import LEARNED_FROM, TEST
 from faultgen.dataset.stored_run import StoredRun
 from faultgen.errors import InputError
 from faultgen.evaluation.calls import create, fit, learn
 from faultgen.evaluation.features import HOURLY_FEATURES, SIGNALS, Features, features
+from faultgen.evaluation.measurement_noise import (
+    measured_cycles,
+    noise_of,
+    sensors_of,
+    speed_window_of,
+)
 from faultgen.evaluation.methods import LabelledRun, M, Method, Setting
 from faultgen.evaluation.wear_model import WearModel, wear_model, wear_points
-from faultgen.monitoring.reductions import SPEED_WINDOW, Limits, mean_abs_torque
-from faultgen.monitoring.sensors import Measured, Sensors, get_sensors, measure
+from faultgen.monitoring.reductions import Limits
+from faultgen.monitoring.sensors import Sensors, get_sensors
 from faultgen.robot import load_robot
 from faultgen.simulation.nominal import nominal
 from faultgen.simulation.operation import Operation
@@ -33,67 +41,6 @@ WEAR = "friction_wear"
 _REFERENCE_DRAWS = 10
 _REFERENCE_SEED = 10_000_000  # far from the seeds of tests
 _TRAINING_DRAWS = 3  # of each labelled run, if its noise is drawn anew
-
-
-def noise_of(dataset: Dataset, sensors: str | None) -> tuple[str, bool]:
-    """Determine which noise is used, and whether it is drawn anew.
-
-    Args:
-        dataset: The dataset.
-        sensors: Preset of the noise. None: 'thesis' for a dataset without noise, otherwise the
-            noise of the dataset.
-
-    Returns:
-        Name of the noise, and whether it is drawn anew.
-
-    Raises:
-        InputError: The dataset has no runs, or another motion would be needed.
-    """
-    if not dataset.runs:
-        raise InputError(f"{dataset.path}: no runs in it; finish it with faultgen generate")
-    stored = _sensors_of(dataset, dataset.runs)
-    redraw = sensors is not None or set(stored) == {"none"}
-    chosen = "thesis" if set(stored) == {"none"} else "/".join(sorted(stored))
-    if sensors is not None:
-        chosen = sensors
-    moving = [name for name, one in stored.items() if one.changes_motion]
-    if sensors is not None and moving:
-        raise InputError(
-            f"sensors '{sensors}': the dataset's '{moving[0]}' runs differ in their motion, which "
-            "new noise does not undo; leave --sensors out"
-        )
-    if redraw and get_sensors(chosen).changes_motion:
-        raise InputError(
-            f"sensors '{chosen}' change the motion: generate a dataset with them instead, "
-            "with several repetitions"
-        )
-    return chosen, redraw
-
-
-def _sensors_of(dataset: Dataset, runs: Iterable[StoredRun]) -> dict[str, Sensors]:
-    """Sensors of some runs, by name or path."""
-    found = {}
-    for name, run in {run["sensors"]: run for run in reversed(list(runs))}.items():
-        path = _input(dataset, run, "sensors")
-        found[name] = get_sensors(path)
-        if dataset.planned[run.id].get("sensors_sha256", "") not in ("", found[name].sha256):
-            raise InputError(f"{path}: the sensors have changed since the dataset was made")
-    return found
-
-
-def _input(dataset: Dataset, run: StoredRun, what: str) -> str:
-    """Name or path of the robot, task or sensors of a run.
-
-    Raises:
-        InputError: It is gone, and the dataset has no copy of it.
-    """
-    path = dataset.input_of(run, what)
-    if os.path.isabs(path) and not os.path.exists(path):
-        raise InputError(
-            f"{path}: the {what} from which the dataset was made is no longer there, and there is "
-            f"no copy of it in {INPUTS}/ beside the dataset"
-        )
-    return path
 
 
 _Fitted = tuple[dict[str, Any], dict[str, list[str]]]
@@ -122,9 +69,7 @@ class Place:
     """Part of every run of the dataset in the division by which methods are tested; empty: none."""
     others: list[Place] = field(default_factory=list)
     """The other robots and tasks of the dataset."""
-    _fitted: dict[tuple[str, ...], tuple[dict[str, Any], dict[str, list[str]]]] = field(
-        default_factory=dict
-    )
+    _fitted: dict[tuple[str, ...], _Fitted] = field(default_factory=dict)
     _reference: dict[tuple[str, ...], list[Features]] = field(default_factory=dict)
 
     @property
@@ -154,14 +99,14 @@ class Place:
             return
         position = bool({"motor_position", "angle_histogram"} & set(names))
         for number in range(seed, seed + seeds):
-            measured = _measured(run, self.sensors, number, position=position)
+            measured = measured_cycles(run, self.sensors, number, position=position)
             yield features(
                 measured,
                 names,
                 run.read("cycle/temperature"),
                 terms=self.model.friction_terms,
                 limits=self.limits,
-                window=_speed_window(run),
+                window=speed_window_of(run),
             )
 
     def _stored(self, run: StoredRun, names: Collection[str]) -> Features:
@@ -357,56 +302,6 @@ def _lacks(name: str) -> str:
     return f"no {_stored_as(name)} in the files, not thinned"
 
 
-def one_series(run: StoredRun) -> np.ndarray:
-    """Return the mean |torque| of each cycle, with a draw of the thesis' noise if it has none.
-
-    Returns:
-        Shape (cycles, n_axes), in [N m].
-    """
-    if run["sensors"] != "none":
-        return run.read("monitoring/mean_abs_torque")
-    measured = _measured(run, get_sensors("thesis"), 1000)
-    window = _speed_window(run)
-    return np.array([mean_abs_torque(m.motor_velocity, m.motor_torque, window) for m in measured])
-
-
-def _measured(
-    run: StoredRun, sensors: Sensors, number: int, *, position: bool = False
-) -> list[Measured]:
-    """Every cycle of a run with new noise; the position is 0 unless it is asked for."""
-    clean = "signals" if run["sensors"] == "none" else "truth"
-    names = [f"{clean}/motor_velocity", f"{clean}/motor_torque"]
-    names += [f"{clean}/motor_position"] if position else []
-    if run["thin"] != 1 or any(name not in run for name in names):
-        raise InputError(
-            f"{run.path}: new noise needs {' and '.join(names)}, not thinned; generate with "
-            f"signals = {names}".replace("'", '"')
-        )
-    velocity, torque, *more = (run.read(name).astype(float) for name in names)
-    angle = more[0] if more else np.zeros_like(velocity)
-    # a stream of its own for each run and seed, so that answers are independent
-    rng = np.random.default_rng([number, int(run.id, 16)])
-    return [
-        measure(
-            sensors,
-            angle[k],
-            velocity[k],
-            torque[k],
-            gear_ratio=run["gear_ratio"],
-            encoder_counts=run["encoder_counts"],
-            mean_torque=run["nominal_mean_torque"],
-            sample_period=run["sample_period"],
-            rng=rng,
-        )
-        for k in range(len(torque))
-    ]
-
-
-def _speed_window(run: StoredRun) -> ArrayLike:
-    """The speed window in which the run's own mean torque was computed."""
-    return run.attributes.get("speed_window", SPEED_WINDOW)
-
-
 def division_of(methods: Iterable[type[Method]], split: str | None) -> str | None:
     """Determine by which division methods are tested.
 
@@ -447,7 +342,9 @@ def places(dataset: Dataset, sensors: str | None = None, split: str | None = Non
         groups.setdefault((run["robot"], run["task"], operation), []).append(run)
     found = []
     for (robot, task, operation), runs in groups.items():
-        robot_path, task_path = (_input(dataset, runs[0], what) for what in ("robot", "task"))
+        robot_path, task_path = (
+            existing_input(dataset.input_of(runs[0], what), what) for what in ("robot", "task")
+        )
         model = _model(robot_path, task_path, operation, runs)
         first = runs[0]
         preset = get_sensors(chosen) if redraw else None
@@ -457,7 +354,7 @@ def places(dataset: Dataset, sensors: str | None = None, split: str | None = Non
             n_axes=len(model.turning),
             samples=len(first.read("time")) * int(first["thin"]),
             temperature_varies=preset is None
-            and any(one.changes_motion for one in _sensors_of(dataset, runs).values()),
+            and any(one.changes_motion for one in sensors_of(dataset, runs).values()),
             reference_temperature=operation.temperature
             or load_robot(robot_path).friction_temperature,
             directions=model.directions,
@@ -486,4 +383,4 @@ def _model(
         simulate_at(robot_path, task_path, period, condition, operation=operation)
         for condition in conditions
     ]
-    return wear_model(robot, np.stack(cycles), _speed_window(runs[0]))
+    return wear_model(robot, np.stack(cycles), speed_window_of(runs[0]))

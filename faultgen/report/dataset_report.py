@@ -16,8 +16,8 @@ from faultgen.analysis.transfer_entropy import net_transfer_entropy
 from faultgen.dataset.reader import Dataset, open_dataset
 from faultgen.dataset.stored_run import StoredRun
 from faultgen.evaluation.isolate import TooFewCycles, isolate
+from faultgen.evaluation.measurement_noise import one_series
 from faultgen.evaluation.methods import Isolator
-from faultgen.evaluation.observed_runs import one_series
 from faultgen.evaluation.outcomes import Isolation, table
 from faultgen.evaluation.summary import Worst, summary, worst_runs
 from faultgen.report.chart import SYMBOLS, Chart, axes, library, line, square_map
