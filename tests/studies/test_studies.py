@@ -16,15 +16,12 @@ from faultgen.monitoring.sensors import get_sensors
 from faultgen.robot import STRIBECK_VELOCITY, load_robot
 from faultgen.simulation.motion import plan
 from faultgen.simulation.surrogate import surrogate_file
+from faultgen.studies.chapter3_detection.alarms import Scored, scores, separate_alarms, threshold
 from faultgen.studies.chapter3_detection.detectors import (
     DETECTORS,
     ChartOfQ,
     DivergenceEWMA,
     Divergences,
-    Scored,
-    scores,
-    separate_alarms,
-    threshold,
 )
 from faultgen.studies.chapter3_detection.hourly_torque import hourly_monitored
 from faultgen.studies.chapter3_detection.study import first_run, found

@@ -24,14 +24,8 @@ from faultgen.evaluation.places import place_name
 from faultgen.evaluation.shares import share
 from faultgen.monitoring.sensors import SENSORS
 from faultgen.simulation.surrogate import surrogate_file
-from faultgen.studies.chapter3_detection.detectors import (
-    DETECTORS,
-    Divergences,
-    Scored,
-    scores,
-    separate_alarms,
-    threshold,
-)
+from faultgen.studies.chapter3_detection.alarms import Scored, scores, separate_alarms, threshold
+from faultgen.studies.chapter3_detection.detectors import DETECTORS, Divergences
 from faultgen.studies.chapter3_detection.hourly_torque import (
     HourlyMonitored,
     HourlyTorque,
