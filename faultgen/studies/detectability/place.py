@@ -105,21 +105,9 @@ def place_of(
         What all effects share.
     """
     key = (robot, task, surrogate, repr(sensors), tuple(effects), size, seed)
-    if key not in _LATEST:
-        _LATEST.clear()
-        _LATEST[key] = _prepared(robot, task, surrogate, sensors, effects, size, seed)
-    return _LATEST[key]
-
-
-def _prepared(
-    robot: str,
-    task: str,
-    surrogate: Path,
-    sensors: Sensors,
-    effects: Sequence[str],
-    size: Size,
-    seed: int,
-) -> Place:
+    if key in _LATEST:
+        return _LATEST[key]
+    _LATEST.clear()
     ways = views(sensors)
     bench = Bench.of(robot, task, ways[0].sample_period)
     period = ways[0].sample_period
@@ -162,7 +150,8 @@ def _prepared(
         alarms=int((tops > limit).sum()),
         raised=limit / trained.stated,
     )
-    return Place(bench, healthy, filters, trained, told, ready)
+    _LATEST[key] = Place(bench, healthy, filters, trained, told, ready)
+    return _LATEST[key]
 
 
 def number_of(*words: object) -> list[int]:
