@@ -19,16 +19,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 from sklearn.base import BaseEstimator
-from sklearn.covariance import ledoit_wolf
 from sklearn.utils.validation import check_is_fitted
 
-from .operating_condition import ROUNDING, Condition, least_squares_kernel
+from .operating_condition import Condition
+from .severity_estimator import SeverityEstimator
 
 Floats = NDArray[np.float64]
-
-_SMALLEST = 1e-9  # standard error of a severity; healthy cycles without any spread have none
-_PARTS = 10  # of the healthy cycles that are left out in turn
-_ROUNDS = 6  # of covariance and severity, which depend on each other; more change next to nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,35 +177,20 @@ class ChangeIsolator(BaseEstimator):
                 raise ValueError(f"condition must be a feature's index, got {self.condition}")
             self._predictor = Condition(cycles, directions, self.condition)
             healthy = [self._with_powers(run) for run in healthy]
-            cycles = np.vstack(healthy)
-        self.mean_ = cycles.mean(axis=0)
-        self.scale_ = cycles.std(axis=0)
-        still = self.scale_ <= ROUNDING * np.abs(cycles).max(axis=0)
-        self.scale_[still] = 1.0
-        self._still = still if not still.all() else np.zeros_like(still)
-        # of features in units of their healthy spread
-        scaled = self._covariance((cycles - self.mean_) / self.scale_)
-        self._scaled_covariance = scaled
-        self.covariance_ = scaled * np.outer(self.scale_, self.scale_)
-        self._directions = self._scaled(directions)
-        # what moves by less than rounding cannot be observed
-        self._directions[np.sqrt((self._directions**2).sum(axis=1)) < 1e-9] = 0.0
-        self._spread = self._scaled(
-            np.zeros((len(directions), 1, directions.shape[1]))
-            if self.spread is None
-            else np.asarray(self.spread, float)
+        self._estimator = SeverityEstimator(
+            healthy,
+            directions,
+            None if self.spread is None else np.asarray(self.spread, float),
+            covariance=self.covariance,
+            window=self.window,
         )
-        told = (least_squares_kernel(self._directions, scaled) * self._directions).sum(axis=1)
-        self._seen = told > 1 - 1e-6
-        self._parts = self._left_out([(run - self.mean_) / self.scale_ for run in healthy])
-        self._moments: dict[int, list[tuple[int, Floats]]] = {}
-        self._healthy_errors: dict[int, Floats] = {}
-        self._healthy_kernel: Floats | None = None
-        self._healthy_kernel = self._kernel(np.zeros(len(directions)))
-        self.severity_error_ = self.standard_error(np.zeros(len(directions)))
+        self.mean_ = self._estimator.mean
+        self.scale_ = self._estimator.scale
+        self.covariance_ = self._estimator.covariance
+        self.severity_error_ = self._estimator.healthy_error
         self._windows = max(len(cycles) / self.window, 4.0)
         # one-sided, shared out among the axes; few independent healthy windows widen the tail
-        share = self.false_alarm / max(int(self._seen.sum()), 1)
+        share = self.false_alarm / max(int(self._estimator.observable.sum()), 1)
         self.limit_ = float(stats.t.isf(share, self._windows - 1))
         return self
 
@@ -225,14 +206,14 @@ class ChangeIsolator(BaseEstimator):
             is .86 instead of .9.
         """
         check_is_fitted(self)
-        margin, n_axes = stats.norm.isf(1 - power), len(self._directions)
+        margin, n_axes = stats.norm.isf(1 - power), len(self.severity_error_)
         found = np.full(n_axes, np.inf)
-        for axis in np.flatnonzero(self._seen):
+        for axis in np.flatnonzero(self._estimator.observable):
             severity = np.zeros(n_axes)
             for _ in range(100):  # both errors depend on the severity
-                kernel = self._kernel(severity)
+                kernel = self._estimator.kernel(severity)
                 error = self.standard_error(severity)[axis]
-                own = severity[axis] ** 2 * self._misfit(kernel)[axis, axis]
+                own = severity[axis] ** 2 * self._estimator.misfit(kernel)[axis, axis]
                 before = severity[axis]
                 severity[axis] = self.limit_ * error + margin * np.sqrt(error**2 + own)
                 if abs(severity[axis] - before) <= 1e-6 * before:
@@ -251,7 +232,7 @@ class ChangeIsolator(BaseEstimator):
         Returns:
             Standard error, shape (n_axes,); inf if an axis cannot be observed.
         """
-        error: Floats = self._errors(np.asarray(severity, float), self.window)[0]
+        error: Floats = self._estimator.errors(np.asarray(severity, float), self.window)[0]
         return error
 
     def estimate(self, x: ArrayLike, severity: ArrayLike | None = None) -> Floats:
@@ -266,9 +247,10 @@ class ChangeIsolator(BaseEstimator):
             Severity, shape (cycles, n_axes); nan if an axis cannot be observed.
         """
         check_is_fitted(self)
-        deviation = (self._with_powers(np.asarray(x, float)) - self.mean_) / self.scale_
-        at = np.zeros(len(self._directions)) if severity is None else np.asarray(severity, float)
-        return deviation @ self._kernel(at).T
+        deviation = self._estimator.deviation(self._with_powers(np.asarray(x, float)))
+        healthy = np.zeros(len(self.severity_error_))
+        at = healthy if severity is None else np.asarray(severity, float)
+        return deviation @ self._estimator.kernel(at).T
 
     def isolate(self, x: ArrayLike) -> Answer:
         """Determine which axes are worn now.
@@ -290,7 +272,7 @@ class ChangeIsolator(BaseEstimator):
             raise ValueError(f"x must have shape (cycles > 1, {features}), got {x.shape}")
         recent = x[-self.window :]
         recent = self._with_powers(recent[np.isfinite(recent).all(axis=1)])
-        n_axes, length = len(self._directions), len(recent)
+        n_axes, length = len(self.severity_error_), len(recent)
         if length < 2:
             nothing = np.full(n_axes, np.nan)
             return Answer(
@@ -300,18 +282,13 @@ class ChangeIsolator(BaseEstimator):
                 probability=np.full(n_axes, self.prior),
                 z=np.zeros(n_axes),
             )
-        deviation = (recent - self.mean_) / self.scale_
-        mean, end = _weights(length, self.window) @ deviation
-        severity = np.zeros(n_axes)
-        for _ in range(_ROUNDS):
-            kernel = self._kernel(severity)
-            severity = np.maximum(np.nan_to_num(kernel @ mean), 0.0)
-            # what may be chance says nothing of a direction; most healthy cycles then share K
-            severity[severity < 2 * self.severity_error_] = 0.0
+        estimator, seen = self._estimator, self._estimator.observable
+        mean, end = estimator.summaries(recent)
+        severity, kernel = estimator.solve(mean)
         now = kernel @ end
         outside = 1.0 if self._predictor is None else self._predictor.outside(recent)
-        errors = self._errors(severity, length) * outside
-        misfit = np.nan_to_num(self._misfit(kernel))
+        errors = estimator.errors(severity, length) * outside
+        misfit = np.nan_to_num(estimator.misfit(kernel))
         # squares of estimates are too large by their variance
         squared = np.maximum(severity**2 - errors[0] ** 2, 0.0)
         # whether an axis is worn is asked of a healthy one: its own direction adds no error
@@ -320,14 +297,14 @@ class ChangeIsolator(BaseEstimator):
         half = stats.t.isf(0.025, self._windows - 1) * np.sqrt(
             errors[1] ** 2 + misfit @ np.maximum(np.nan_to_num(now), 0.0) ** 2
         )
-        z = np.where(self._seen, kernel @ mean / healthy_error, 0.0)
+        z = np.where(seen, kernel @ mean / healthy_error, 0.0)
         interval = np.stack([np.maximum(now - half, 0.0), np.maximum(now + half, 0.0)], axis=1)
         probability = self._probability(kernel @ mean, healthy_error)
         return Answer(
-            worn=self._seen & (z > self.limit_),
+            worn=seen & (z > self.limit_),
             severity=np.maximum(now, 0.0),
-            interval=np.where(self._seen[:, None], interval, np.nan),
-            probability=np.where(self._seen, probability, self.prior),
+            interval=np.where(seen[:, None], interval, np.nan),
+            probability=np.where(seen, probability, self.prior),
             z=z,
         )
 
@@ -356,63 +333,6 @@ class ChangeIsolator(BaseEstimator):
     def _with_powers(self, x: Floats) -> Floats:
         return x if self._predictor is None else np.hstack([x, self._predictor.powers(x)])
 
-    def _scaled(self, vectors: Floats) -> Floats:
-        """Vectors in feature space, in units of the healthy spread; zero along the powers."""
-        full = np.zeros((*vectors.shape[:-1], len(self.scale_)))
-        full[..., : vectors.shape[-1]] = vectors
-        full[..., self._still] = 0.0  # how much a feature varies that never did is not known
-        return full / self.scale_
-
-    def _covariance(self, features: Floats) -> Floats:
-        """Covariance of features in units of their healthy spread."""
-        if self.covariance == "diagonal":
-            return np.diag(np.maximum(features.var(axis=0), 1e-12))
-        return ledoit_wolf(features)[0] + 1e-9 * np.eye(features.shape[1])
-
-    def _left_out(self, runs: list[Floats]) -> list[tuple[Floats, Floats]]:
-        """For each part of the healthy cycles: the part, centred, and the rest's covariance."""
-        n = sum(map(len, runs))
-        blocks = []
-        for run in runs:
-            count = min(len(run) // self.window, max(round(_PARTS * len(run) / n), 1))
-            blocks += np.array_split(run, count)
-        parts = []
-        for index, block in enumerate(blocks):
-            others = np.vstack(blocks[:index] + blocks[index + 1 :])
-            parts.append((block - others.mean(axis=0), self._covariance(others)))
-        return parts
-
-    def _kernel(self, severity: Floats, covariance: Floats | None = None) -> Floats:
-        """K, shape (n_axes, features); nan if an axis cannot be observed."""
-        if covariance is None and not severity.any() and self._healthy_kernel is not None:
-            return self._healthy_kernel
-        vectors = (severity[:, None, None] * self._spread).reshape(-1, len(self.scale_))
-        healthy = self._scaled_covariance if covariance is None else covariance
-        kernel = least_squares_kernel(self._directions, healthy + vectors.T @ vectors)
-        kernel[~self._seen] = np.nan
-        return kernel
-
-    def _misfit(self, kernel: Floats) -> Floats:
-        """Variance in an axis' estimate that the direction of another causes, at severity 1."""
-        return (np.einsum("af,bvf->abv", kernel, self._spread) ** 2).sum(axis=2)
-
-    def _errors(self, severity: Floats, length: int) -> Floats:
-        """Standard errors of mean and end over `length` cycles, from healthy ones, (2, n_axes)."""
-        if not severity.any() and length in self._healthy_errors:
-            return self._healthy_errors[length]
-        if length not in self._moments:
-            weights = _weights(length, self.window)
-            self._moments[length] = [_moments(block, weights) for block, _ in self._parts]
-        variance = np.zeros((2, len(severity)))
-        for (_, covariance), (_, moments) in zip(self._parts, self._moments[length], strict=True):
-            kernel = self._kernel(severity, covariance)
-            variance += np.einsum("af,wfg,ag->wa", kernel, moments, kernel)
-        variance /= sum(count for count, _ in self._moments[length])
-        error = np.where(self._seen, np.sqrt(np.maximum(variance, _SMALLEST**2)), np.inf)
-        if not severity.any():
-            self._healthy_errors[length] = error
-        return error
-
     def _probability(self, mean: Floats, error: Floats) -> Floats:
         """Posterior of 'worn' against 'healthy', with a half-normal prior and a Gaussian error."""
         with np.errstate(invalid="ignore"):
@@ -427,20 +347,3 @@ class ChangeIsolator(BaseEstimator):
             )
             odds = np.log(self.prior / (1 - self.prior)) + log_ratio
             return 1 / (1 + np.exp(-np.clip(odds, -700, 700)))
-
-
-def _weights(length: int, window: int) -> Floats:
-    """Weights of cycles: their mean, and the end of a line through `window // 2`; (2, length)."""
-    line = min(length, max(window // 2, 2))
-    t = np.arange(line) - (line - 1) / 2
-    weights = np.zeros((2, length))
-    weights[0] = 1 / length
-    weights[1, length - line :] = 1 / line + t * t[-1] / (t @ t)
-    return weights
-
-
-def _moments(x: Floats, weights: Floats) -> tuple[int, Floats]:
-    """Windows in a series, and sums of products of their weighted sums, (weights, f, f)."""
-    windows = np.lib.stride_tricks.sliding_window_view(x, weights.shape[1], axis=0)
-    sums = np.einsum("cfk,wk->wcf", windows, weights)
-    return len(windows), sums.transpose(0, 2, 1) @ sums
