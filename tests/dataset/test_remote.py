@@ -1,4 +1,4 @@
-"""Datasets at addresses: memory, and HTTP on the loopback interface."""
+"""Datasets at addresses: memory, and HTTP and an object store on the loopback interface."""
 
 import functools
 import http.server
@@ -88,6 +88,28 @@ def test_a_dataset_is_read_over_http(whole, tmp_path):
         dataset = open_dataset(f"http://127.0.0.1:{server.server_port}/out")
         assert len(dataset) == len(whole)
         server.shutdown()
+
+
+def test_a_dataset_is_read_from_an_object_store(whole, monkeypatch):
+    pytest.importorskip("s3fs")
+    server = pytest.importorskip("moto.server").ThreadedMotoServer(ip_address="127.0.0.1", port=0)
+    server.start()
+    try:
+        host, port = server.get_host_and_port()
+        monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
+        for name in ("ACCESS_KEY_ID", "SECRET_ACCESS_KEY"):
+            monkeypatch.setenv(f"AWS_{name}", "test")
+        monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+        files = fsspec.filesystem("s3", skip_instance_cache=True)
+        files.mkdir("robots")
+        for name in (whole.file.name, whole.file.name + ".sha256"):
+            copy = name.replace(whole.file.stem, "dataset")
+            files.put(str(whole.file.with_name(name)), f"robots/out/{copy}")
+        assert len(open_dataset("s3://robots/out")) == len(whole)
+        with pytest.raises(InputError, match="there is no s3://robots/nothing/dataset.h5"):
+            open_dataset("s3://robots/nothing")
+    finally:
+        server.stop()
 
 
 def test_paths_are_no_addresses(tmp_path):
