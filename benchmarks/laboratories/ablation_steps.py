@@ -23,9 +23,11 @@ from faultgen.discovery.decision.difference import model_of
 from faultgen.discovery.decision.hypotheses import Effects
 from faultgen.discovery.decision.numbers import GENERIC, KINDS, Numbers
 from faultgen.discovery.decision.whitening import whitened
+from faultgen.inference.hypotheses import Hypothesis
+from faultgen.inference.limits import HEALTHY
 from faultgen.inference.model import Model
 from faultgen.inference.products import Products
-from faultgen.inference.search import HEALTHY, Hypothesis, log_priors, search
+from faultgen.inference.search import log_priors, search
 
 STEPS = {
     "A": "true columns, noise and standard deviations, on the samples that discovery uses",

@@ -12,10 +12,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from faultgen.inference.hypotheses import SingleEffect
 from faultgen.inference.limits import AGAINST, OF_EVIDENCE
 from faultgen.inference.model import LARGEST, Fitted, Group, Model
 from faultgen.inference.products import ROUNDING, Products
-from faultgen.inference.search import Found, SingleEffect
+from faultgen.inference.search import Found
 
 _EXACT = Group("", 1.01, float(np.exp(-LARGEST)))  # the smallest scale, which is known
 
@@ -62,8 +63,11 @@ def confirmed(
         whole = log_predictive(found.fitted, held_out)
         gained = []
         for k in range(len(found.effects)):
-            others = [one for j, one in enumerate(found.effects) if j != k]
-            gained.append(whole - log_predictive(_with(found.fitted, others), held_out))
+            without = _with(found.fitted, [one for j, one in enumerate(found.effects) if j != k])
+            # numbers that stand for the effect are wide; as wide, they allow for errors of its law
+            wide = replace(found.fitted, log_scales=without.log_scales)
+            best = max(whole, log_predictive(wide, held_out))
+            gained.append(best - log_predictive(without, held_out))
         allowed = [-AGAINST - OF_EVIDENCE * max(one.odds, 0.0) for one in found.effects]
         worst = int(np.argmin(np.subtract(gained, allowed)))
         if gained[worst] >= allowed[worst]:

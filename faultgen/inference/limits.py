@@ -57,8 +57,9 @@ OF_MODEL = _limit(
 LAW_ERROR = _limit(
     "LAW_ERROR",
     0.03,
-    "share of what a known effect explains that a further or unknown one has to exceed, and that "
-    "the error of its law may shift to a rival of the same law on the same axis",
+    "share of what a known effect, or a law with its numbers, explains that a further or unknown "
+    "effect has to exceed, and that the error of a law may shift to a rival of the same law on the "
+    "same axis",
     "real effects differ from their laws by some 17 %, of which the square is left over; assumed",
 )
 FORM_ERROR = _limit(

@@ -18,48 +18,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from faultgen.inference.limits import CREDIBLE, FORM_ERROR, HEALTHY, LAW_ERROR, MOST_EFFECTS
+from faultgen.inference.hypotheses import Hypothesis, SingleEffect
+from faultgen.inference.law_error import Kin, law_errors, of_kin, shared_error, shifted
+from faultgen.inference.limits import FORM_ERROR, HEALTHY, LAW_ERROR, MOST_EFFECTS
 from faultgen.inference.model import Fitted, Model
 
 _LISTED = 12  # hypotheses whose scales are found again; the others are far behind
-
-
-@dataclass(frozen=True)
-class Hypothesis:
-    """One effect at one place."""
-
-    key: tuple
-    """What it is, such as effect, axis and order."""
-    family: str
-    """Hypotheses of one family, such as one effect on all axes, share a prior probability."""
-    forms: tuple[tuple[int, ...], ...]
-    """Columns of each form, from 0. They share the hypothesis' prior probability."""
-    place: int = 0
-    """Where it acts, such as an axis."""
-    unknown: bool = False
-    """Whether it is an effect of no known form."""
-    kin: str = ""
-    """Hypotheses of one kin at one place change the same law: together they can imitate each other,
-    as different laws of friction can; empty for others."""
-
-
-@dataclass(frozen=True, eq=False)
-class SingleEffect:
-    """One effect, as a distribution over the hypotheses."""
-
-    odds: float
-    """Logarithm of the posterior odds that it is there."""
-    keys: tuple[tuple, ...]
-    """Keys of the hypotheses that are not far behind, the best one first."""
-    probabilities: np.ndarray
-    """Their posterior probabilities, given that the effect is there; shape (keys,)."""
-    forms: tuple[tuple[int, ...], ...]
-    """The best form of each."""
-
-    @property
-    def credible(self) -> int:
-        """Count the first hypotheses that together have 95 % probability."""
-        return int(np.searchsorted(np.cumsum(self.probabilities), CREDIBLE) + 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +88,8 @@ def search(
     share = len(_families(named)) + 1
     while True:
         left = [one for one in named if one.key not in taken]
-        best, after = _next(exact, left, known, fitted, np.log((share - 1) / share))
+        kin = of_kin(named, found)
+        best, after = _next(exact, left, known, fitted, np.log((share - 1) / share), kin)
         any_, with_any = _next(
             model, [one for one in unknown if one.key not in taken], known, rough, -np.log(share)
         )
@@ -143,7 +108,9 @@ def search(
             return _again(exact, named, Found(tuple(found), rejected, fitted), sure)
         if is_sure:
             with_best = model.fit([*known, *best.forms[0]], rough)
-            errors = _law_errors(model, with_best, best.forms[0], any_.forms[:1])
+            own = model.count + np.array(best.forms[0])
+            value = with_best.values[-len(own) :]
+            errors = law_errors(model, with_best.log_scales, own, value, any_.forms[:1])
             gained = with_any.log_evidence - with_best.log_evidence - float(errors.sum())
             if not (is_there and gained > sure):
                 any_, with_any = best, with_best
@@ -152,34 +119,6 @@ def search(
         known += any_.forms[0]
         rough = with_any
         fitted = after if any_ is best else exact.fit(known, fitted)
-
-
-def _law_errors(
-    model: Model, fitted: Fitted, form: Sequence[int], others: Sequence[Sequence[int]]
-) -> np.ndarray:
-    """What the error of an effect's law lets others explain beside it.
-
-    Args:
-        model: Numbers and effects.
-        fitted: The model with the effect as its last one.
-        form: Columns of the effect.
-        others: Columns of each form of others.
-
-    Returns:
-        Half of the squared residual that each may explain, shape (forms,): `LAW_ERROR` of that of
-        the effect, of which numbers take the same part as of the other one.
-    """
-    effects = model.products.only(np.arange(model.count, len(model.std)))
-    raw = effects.scaled(model.std[model.count :]).gram
-    left = np.diag(model.without_numbers(fitted.log_scales).gram)
-    own = np.array(form)
-    value = fitted.values[-len(own) :] / model.std[model.count + own]
-    explained = 0.5 * float(value @ raw[np.ix_(own, own)] @ value)
-    whole = np.diag(raw)
-    sizes = [(left[list(one)].sum(), whole[list(one)].sum()) for one in others]
-    # what changes no sample that is used, as on an axis that rests, explains nothing
-    parts = [of_left / of_whole if of_whole > 0 else 0.0 for of_left, of_whole in sizes]
-    return LAW_ERROR * explained * np.array(parts)
 
 
 def _misfits(
@@ -208,7 +147,9 @@ def _beside(
     if not forms:
         return 0.0
     factors = exact.bayes_factors(fitted.log_scales, forms, [*known, *form])
-    return float((factors - _law_errors(exact, fitted, form, forms)).max())
+    own = exact.count + np.array(form)
+    value = fitted.values[-len(own) :]
+    return float((factors - law_errors(exact, fitted.log_scales, own, value, forms)).max())
 
 
 def _again(exact: Model, named: Sequence[Hypothesis], found: Found, sure: float) -> Found:
@@ -225,7 +166,8 @@ def _again(exact: Model, named: Sequence[Hypothesis], found: Found, sure: float)
         beside = exact.fit(known, fitted)
         left = [one for one in named if one.key not in taken]
         share = len(_families(named)) + 1
-        best, after = _next(exact, left, known, beside, np.log((share - 1) / share))
+        kin = of_kin(named, others)
+        best, after = _next(exact, left, known, beside, np.log((share - 1) / share), kin)
         larger = [one.odds for one in others if one.odds > best.odds]
         stays = best.odds >= sure + LAW_ERROR * sum(larger)
         effects[place] = best if stays else None
@@ -246,6 +188,7 @@ def _next(
     known: Sequence[int],
     fitted: Fitted,
     log_share: float,
+    kin: Kin | None = None,
 ) -> tuple[SingleEffect, Fitted]:
     """One more effect beside those that are known, and the model with it.
 
@@ -255,6 +198,7 @@ def _next(
         known: Columns of the known effects.
         fitted: The model with them.
         log_share: Logarithm of the prior probability of all hypotheses, given that there is one.
+        kin: The known effects by their laws.
     """
     if not hypotheses:
         return SingleEffect(-np.inf, (), np.zeros(0), ()), fitted
@@ -271,7 +215,8 @@ def _next(
     again = {}
     for k in dict.fromkeys(candidates):
         made = model.fit([*known, *forms[k]], fitted)
-        again[k] = made.log_evidence - fitted.log_evidence, made
+        law = shifted(model, made, hypotheses[owner[k]], forms[k], kin or {})
+        again[k] = made.log_evidence - fitted.log_evidence - law, made
     evidence = np.full(len(hypotheses), -np.inf)
     best = dict.fromkeys(range(len(hypotheses)), -1)
     for h in range(len(hypotheses)):
@@ -287,7 +232,12 @@ def _next(
     same = [
         hypotheses[h].kin == first.kin != "" and hypotheses[h].place == first.place for h in order
     ]
-    errors = np.where(same, LAW_ERROR, FORM_ERROR) * max(float(evidence[order[0]]), 0.0)
+    errors = np.full(len(order), FORM_ERROR * max(float(evidence[order[0]]), 0.0))
+    leading, fit = forms[best[order[0]]], again[best[order[0]]][1]
+    for place, h in enumerate(order):
+        if same[place] and place:
+            other = again[best[h]][1]
+            errors[place] = shared_error(model, leading, fit, forms[best[h]], other)
     weights = evidence[order] + prior[order]
     weights = (weights - weights[0]) / (1 + errors)
     falling = np.argsort(-weights, kind="stable")

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from faultgen.recordings.noise import ORDER, Autoregression, autoregression, typical
+from faultgen.recordings.varying_noise import VaryingNoise
 
 _FEWEST = 50  # samples from which a level is found
 _ROUNDS = 3  # in which colour and level, and variance and weights, are fitted in turn
@@ -34,6 +35,8 @@ class Noise:
     level: np.ndarray
     """Level of each sample; its mean square over the samples that are used is 1. Shape (samples,
     n_axes)."""
+    before: VaryingNoise | None = None
+    """Noise whose colour changes with time; both hold for its innovations. None: there is none."""
 
     @property
     def deviation(self) -> np.ndarray:
@@ -51,6 +54,8 @@ class Noise:
             Same shape as x, without unit. The first samples of each part, as many as the order of
             the autoregression, are 0, and so are parts that are not longer.
         """
+        if self.before is not None:
+            x = self.before.whiten(x, parts)
         return self.colour.whiten(x / self.level.astype(x.dtype), parts)
 
     def whiten_axis(self, x: np.ndarray, axis: int, parts: Sequence[slice]) -> np.ndarray:
@@ -68,7 +73,8 @@ class Noise:
 
     def of_axis(self, axis: int) -> Noise:
         """Return the noise of one axis, counted from 1."""
-        return Noise(self.colour.of_axis(axis), self.level[:, axis - 1 : axis])
+        before = None if self.before is None else self.before.of_axis(axis)
+        return Noise(self.colour.of_axis(axis), self.level[:, axis - 1 : axis], before)
 
     def of_samples(self) -> np.ndarray:
         """Standard deviation of the noise in each sample, shape (samples, n_axes).
@@ -76,7 +82,8 @@ class Noise:
         Returns:
             Shape (samples, n_axes).
         """
-        return self.deviation * self.level
+        size = self.deviation * self.level
+        return size if self.before is None else size * self.before.growth[self.before.frame]
 
     def plain(self) -> Noise:
         """Return white noise of the same deviation and information.
@@ -108,14 +115,16 @@ class Noise:
         """Return the noise with other noise on some axes.
 
         Args:
-            other: The other noise, of the same order and number of samples.
+            other: The other noise, of the same order and number of samples, of one colour.
             axes: Axes on which the other noise is used, a mask of shape (n_axes,).
 
         Returns:
             The combined noise.
         """
         return Noise(
-            self.colour.replaced(other.colour, axes), np.where(axes, other.level, self.level)
+            self.colour.replaced(other.colour, axes),
+            np.where(axes, other.level, self.level),
+            None if self.before is None else self.before.without(axes),
         )
 
 
@@ -125,6 +134,7 @@ def levelled(
     parts: Sequence[slice],
     drivers: Sequence[np.ndarray],
     order: int = ORDER,
+    before: VaryingNoise | None = None,
 ) -> Noise:
     """Estimate the colour and the level of noise.
 
@@ -135,6 +145,7 @@ def levelled(
         drivers: Quantities with which the variance may grow, such as speed and load; not negative,
             each of the same shape as the residual.
         order: Order of the autoregression.
+        before: Noise whose colour changes with time, which is known.
 
     Returns:
         The noise.
@@ -142,13 +153,15 @@ def levelled(
     Raises:
         InputError: An axis has fewer than 50 usable samples.
     """
+    if before is not None:
+        residual = before.whiten(residual, parts)
     level = np.ones(residual.shape)
     for _ in range(_ROUNDS):
         colour = autoregression(residual / level, inside, parts, order)
         level = level * level_of(colour.whiten(residual / level, parts), inside, parts, drivers)
         level /= np.sqrt(np.sum(level**2 * inside, axis=0) / np.maximum(inside.sum(axis=0), 1))
         level = np.maximum(level, _LEAST)
-    return Noise(autoregression(residual / level, inside, parts, order), level)
+    return Noise(autoregression(residual / level, inside, parts, order), level, before)
 
 
 def level_of(

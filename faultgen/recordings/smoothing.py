@@ -124,6 +124,23 @@ def smoothed_with(values: np.ndarray, exponent: float | None) -> np.ndarray:
     return np.asarray(solveh_banded(system, values))
 
 
+def kept(exponent: float | None, frequency: np.ndarray, period: float) -> np.ndarray:
+    """Compute the share of a wave that smoothing keeps, far from the ends.
+
+    Args:
+        exponent: Common logarithm of the penalty of third differences; None for no smoothing.
+        frequency: Any shape, in [Hz].
+        period: Time between samples [s].
+
+    Returns:
+        The share, same shape.
+    """
+    if exponent is None:
+        return np.ones(np.shape(frequency))
+    roughness = (2 - 2 * np.cos(2 * np.pi * np.asarray(frequency) * period)) ** _ORDER
+    return np.asarray(1 / (1 + 10.0**exponent * roughness))
+
+
 def _penalty(count: int) -> np.ndarray:
     """Squared third differences as a symmetric matrix in upper banded form."""
     weights = np.diff(np.eye(_ORDER + 1), _ORDER, axis=0)[0]

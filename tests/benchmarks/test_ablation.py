@@ -16,9 +16,9 @@ from laboratories.make import draw_session, model_for, record
 from laboratories.recorded import as_recorded, number_products, true_scales
 from laboratories.setup import Setup, set_up
 
+from faultgen.inference.hypotheses import Hypothesis
 from faultgen.inference.model import Group, Model
 from faultgen.inference.products import Products
-from faultgen.inference.search import Hypothesis
 
 WEAR = Effect("friction_wear", 1, 0.2)
 SECONDS = 3.0

@@ -280,16 +280,16 @@ def against_healthy(shared, robot, name):
 
 @pytest.mark.slow
 def test_noise_that_two_recordings_share_is_reckoned_with(shared, tiny_robot_path):
-    """Their difference has none of it; the answer is that of recordings with their own noise.
+    """Their difference has none of it; no effect is named, as with noise of their own.
 
     This play is too small to be told in the noise. A difference without any noise shows it, and
     small errors of simulation beside it, which made it an unknown effect.
     """
     own, none = against_healthy(shared, tiny_robot_path, "own_noise")
     result, effects = against_healthy(shared, tiny_robot_path, "play")
-    assert (result["verdict"], effects) == (own["verdict"], none) == ("no missing effect", [])
-    (warning,) = own["warnings"]
-    assert "how much friction differs from day to day" in warning
+    assert (result["verdict"], effects) == ("no missing effect", [])
+    assert none == []  # noise of the positions of its own makes the model not good enough
+    assert any("how much friction differs from day to day" in one for one in own["warnings"])
     (warning,) = [one for one in result["warnings"] if "day to day" not in one]
     assert "axis 1, 2: the recording and its baseline differ by far less" in warning
     assert "paired = false" in warning

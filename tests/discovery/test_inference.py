@@ -9,10 +9,11 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from faultgen.inference.confirm import confirmed, log_predictive, without_refuted
+from faultgen.inference.hypotheses import Hypothesis
 from faultgen.inference.limits import AGAINST
 from faultgen.inference.model import Group, Model, log_bayes_factors
 from faultgen.inference.products import Products
-from faultgen.inference.search import Hypothesis, search
+from faultgen.inference.search import search
 
 SAMPLES, AXES = 300, 2
 

@@ -77,7 +77,11 @@ def test_numbers_of_the_model_have_their_columns(replay, signatures):
             continue
         at = found.which.index(which)
         assert found.which.count(which) == 1
-        assert found.kinds[at] == kind_of(term) and found.std[at] == term.prior_std
+        assert found.kinds[at] == kind_of(term)
+        if found.kinds[at] == "gain":  # logs are less exact than drives
+            assert found.std[at] > term.prior_std
+        else:
+            assert found.std[at] == term.prior_std
     friction = [k for k, t in enumerate(terms) if t.name == "coulomb_friction"]
     at = found.which.index(("coulomb_friction", 1, ()))
     np.testing.assert_array_equal(found.columns[at], raw[friction[0]])

@@ -17,12 +17,14 @@ from faultgen.discovery.decision.numbers import GENERIC, SMOOTHING, Numbers, num
 from faultgen.discovery.decision.posterior import Posterior
 from faultgen.discovery.laws.friction_forms import USUAL, forms_of
 from faultgen.discovery.replay.formulas import Formulas
+from faultgen.discovery.replay.position_noise import position_noise
 from faultgen.discovery.replay.replay import Replay, settled
 from faultgen.discovery.replay.samples import enough
 from faultgen.discovery.terms.candidates import Term
 from faultgen.inference.limits import UNRESOLVED
 from faultgen.inference.model import Group as Kind
 from faultgen.recordings.noise_level import Noise
+from faultgen.recordings.varying_noise import VaryingNoise
 
 REST = 0.02
 """Speed of an axis at rest, over its largest."""
@@ -58,6 +60,8 @@ class Posed:
     """These axes, a mask of shape (n_axes,)."""
     white: bool = False
     """Whether errors that last get full weight, as if the noise were white."""
+    steady: bool = False
+    """Whether the noise is taken as of one colour, whatever positions bring in."""
     posterior: Posterior | None = None
     """What recordings of the healthy robot tell of the numbers of its model."""
 
@@ -121,6 +125,14 @@ class Arrays:
         ]
         squares = (column.astype(float) ** 2 for column in columns)
         return np.sqrt(sum(squares, np.zeros(self.residual.shape)))
+
+    def of_positions(self, order: int) -> VaryingNoise | None:
+        """Compute the noise that measured positions bring in; see `position_noise`.
+
+        Args:
+            order: Of the autoregression.
+        """
+        return None if self.posed.steady else position_noise(self.posed.replay, order)
 
     @property
     def std(self) -> np.ndarray:

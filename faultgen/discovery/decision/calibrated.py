@@ -73,7 +73,7 @@ def calibrated(
         back = (~fit.arm & weak[fit.axes]) | (fit.arm & (more != _KEPT[0])) | (more == _KEPT[-1])
     values = np.zeros(len(problem.terms))
     scale = np.array([problem.terms[t].prior_std for t in fit.terms])
-    values[fit.terms] = fit.values(back) / scale
+    values[fit.terms] = fit.exact(fit.values(back)) / scale
     if not kept:
         return Calibrated(values, ())
     told = ", ".join(str(k + 1) for k in np.flatnonzero(weak))
@@ -101,8 +101,8 @@ class _Fit:
         ]
         self._problem = problem
         self.terms = np.array([terms[numbers.which[k] or ()] for k in chosen], int)
-        names = [problem.terms[t].name for t in self.terms]
-        self.arm = np.isin(names, _ARM)
+        self.names = np.array([problem.terms[t].name for t in self.terms])
+        self.arm = np.isin(self.names, _ARM)
         n_axes = problem.robot.n_axes  # a payload is one more link
         self.axes = np.array([min(problem.terms[t].axis, n_axes) for t in self.terms], int) - 1
         groups = [numbers.group[k] for k in chosen]
@@ -140,6 +140,23 @@ class _Fit:
         right = sum(self._right[k] for k in kept)
         low, high = np.where(back, 0.0, self._low), np.where(back, 0.0, self._high)
         return bounded_minimum(gram, right, low, high)
+
+    def exact(self, values: np.ndarray) -> np.ndarray:
+        """Take numbers that a log multiplies by its gain out of it.
+
+        A log of the torque t and its changes c v, of a constant that has lost the share s, is
+        (t + c v) / (1 - s). Fitted is t + t s' + c w, so that s = s' / (1 + s'), v = w / (1 + s').
+
+        Args:
+            values: As fitted, shape (numbers,).
+
+        Returns:
+            Same shape. Links, whose torque is in several logs, take the mean gain.
+        """
+        gains = self.names == "torque_constant"
+        logs = np.ones(self._problem.robot.n_axes)
+        logs[self.axes[gains]] += values[gains]
+        return values / np.where(self.arm, logs.mean(), logs[self.axes])
 
     def is_worse(self, back: np.ndarray) -> np.ndarray:
         """Axes on which each group is foretold worse by the numbers of the others, (n_axes,)."""

@@ -17,9 +17,9 @@ from faultgen.discovery.decision.hypotheses import PLAY_SPREAD, Group, size_of
 from faultgen.discovery.decision.numbers import GENERIC, Numbers
 from faultgen.discovery.decision.whitening import whitened
 from faultgen.discovery.terms.candidates import Term
+from faultgen.inference.hypotheses import Hypothesis
 from faultgen.inference.model import Fitted, Model
 from faultgen.inference.products import Products
-from faultgen.inference.search import Hypothesis
 from faultgen.recordings.noise_level import Noise
 
 
@@ -101,22 +101,31 @@ class Difference:
         scaled = [(size[k] * numbers.columns[k]).astype(np.float32) for k in numbers.known]
         return self.whiten(np.array(scaled, np.float32).reshape(-1, *self.residual.shape))
 
-    def left(self, fitted: Fitted, change: np.ndarray | float = 0.0) -> np.ndarray:
+    def left(self, fitted: Fitted, change: np.ndarray | None = None) -> np.ndarray:
         """Compute the torque that numbers of known form leave.
 
         Args:
             fitted: A fit of these numbers.
-            change: Change of the torque by effects, shape (samples, n_axes).
+            change: Change of the torque by effects, shape (samples, n_axes), as a simulation has
+                it. The numbers are fitted again beside it, because those of the fit stand beside
+                effects that are linear in their severities. None: there are no effects.
 
         Returns:
             Shape (samples, n_axes).
         """
         known = self.numbers.known
         if not known:
-            return self.residual - change
+            return self.residual if change is None else self.residual - change
         columns = np.array([self.numbers.columns[k] for k in known])
-        values = fitted.values[: len(known)].astype(np.float32)
-        return self.residual - change - np.tensordot(values, columns, axes=1)
+        if change is None:
+            values = fitted.values[: len(known)].astype(np.float32)
+            return self.residual - np.tensordot(values, columns, axes=1)
+        target = self.residual - change
+        size = (np.exp(fitted.log_scales)[self.numbers.group] * self.numbers.std)[known]
+        white = self.white_numbers(fitted.log_scales).reshape(len(known), -1).astype(float)
+        right = white @ self.whiten(target).ravel().astype(float)
+        values = size * np.linalg.solve(white @ white.T + np.eye(len(known)), right)
+        return np.asarray(target - np.tensordot(values.astype(np.float32), columns, axes=1))
 
     def beside(
         self,

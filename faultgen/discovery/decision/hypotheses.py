@@ -17,8 +17,8 @@ from faultgen.discovery.decision.numbers import Numbers, is_number
 from faultgen.discovery.decision.processes import OVER
 from faultgen.discovery.replay.elastic import STIFFNESS
 from faultgen.discovery.terms.candidates import INERTIA, PAYLOAD, Term
-from faultgen.effects import get_effect
-from faultgen.inference.search import Hypothesis
+from faultgen.effects import EFFECTS, get_effect
+from faultgen.inference.hypotheses import Hypothesis
 
 UNKNOWN = "unknown"
 """Name of the hypothesis that an effect of no catalogue acts on an axis."""
@@ -80,9 +80,18 @@ class Effects:
     def hypotheses(self) -> list[Hypothesis]:
         """The hypotheses, in the order in which they were added."""
         return [
-            Hypothesis(key, key[0], tuple(own), key[1], key[0] == UNKNOWN, _kin(key[0]))
+            Hypothesis(
+                key, key[0], tuple(own), key[1], key[0] == UNKNOWN, _kin(key[0]), self._same(key)
+            )
             for key, own in self._forms.items()
         ]
+
+    def _same(self, key: tuple) -> tuple[int, ...]:
+        """Numbers of the law that an effect changes on its axis."""
+        kin = _kin(key[0])
+        known = [self._numbers.which[k] for k in self._numbers.known] if kin else []
+        own = [k for k, which in enumerate(known) if which is not None and which[1] == key[1]]
+        return tuple(k for k in own if _kin((known[k] or key)[0]) == kin)
 
     def _add(self, key: tuple, columns: Sequence[np.ndarray], group: Group) -> int:
         first = len(self.columns)
@@ -180,7 +189,7 @@ def size_of(term: Term) -> tuple[float, float]:
 
 def _kin(name: str) -> str:
     """Effects that change the same law."""
-    return "" if name == UNKNOWN else get_effect(name).prior.group
+    return get_effect(name).prior.group if name in EFFECTS else ""
 
 
 def _key(term: Term) -> tuple:

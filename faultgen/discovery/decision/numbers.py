@@ -43,9 +43,9 @@ KINDS = {
     "friction at low speed": Kind(1.4, 0.5, 2.0),
     "friction between motions": Kind(2.0, 1.0, 2.0),
     "form of friction": Kind(1.7, 0.1, 1.7),
-    "form on one axis": Kind(1.7, 0.2, 1.5),
+    "form on one axis": Kind(3.0, 0.04, 1.5),
     "rotor inertia": Kind(1.2, 0.01, 1.5),
-    "gain": Kind(1.2, 0.5, 2.0),
+    "gain": Kind(3.0, 0.2, 2.0),
     "offset": Kind(1.7, 1.0, 1.7),
     "zero": Kind(1.7, 0.02, 1.5),
     "stiffness": Kind(1.2, 0.05, 1.5),
@@ -84,7 +84,8 @@ _OF = {
     "encoder_offset": "zero",
     "stiffness_hardening": "hardening",
 }
-_COMMON, _SINGLE = 0.1, 0.002  # forms, over Coulomb friction: of all axes, and of one
+_COMMON, _SINGLE = 0.1, 0.01  # forms, over Coulomb friction: of all axes, and of one
+_GAIN = 0.005  # of the log of a torque: some drives state currents times a rounded constant
 _ONLY = 0.05  # the same of an axis without others, in which a form could not be told from a fault
 _BETWEEN, _MOTIONS = 0.003, 8  # friction between motions of one recording, and how many at most
 _LOW = 0.3  # fall of friction of a model without any, over Coulomb friction
@@ -219,7 +220,8 @@ def numbers_of(
         if kind is None or which in seen or abs(term.step) > steps[which]:
             continue
         seen.add(which)
-        out.add(column, term.prior_std, kind, which)
+        std = max(term.prior_std, _GAIN) if kind == "gain" else term.prior_std
+        out.add(column, std, kind, which)
         if kind == "friction":
             _add_by_motion(out, column, recording.parts)
         if kind.startswith("friction"):

@@ -31,6 +31,7 @@ def with_own_noise(posed: Posed, noise: Noise) -> Posed:
     if not shared.any():
         return posed
     alone = replace(posed, residual=healthy - posed.base, baseline=False, groups=None, warmer=None)
+    alone = replace(alone, steady=True)
     own = whitened(arrays_of(alone, only_numbers=True)).noise
     # what neither the model nor the samples before foretell of the healthy one
     plainly = autoregression(healthy, np.ones(healthy.shape, bool), recording.parts)

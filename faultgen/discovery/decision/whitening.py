@@ -138,7 +138,8 @@ def noise_of(arrays: Arrays, left: np.ndarray) -> Noise:
     # an axis without samples has some noise
     seen = np.where(arrays.inside.any(axis=0), arrays.inside, True)
     least = _EXACT * np.sqrt(np.mean(recording.torque**2, axis=0)) + 1e-12
-    noise = levelled(left, seen, arrays.parts, drivers, order).at_least(least)
+    before = arrays.of_positions(order)
+    noise = levelled(left, seen, arrays.parts, drivers, order, before).at_least(least)
     if posed.own_noise is not None and posed.shared is not None:
         noise = noise.replaced(posed.own_noise.of_order(order), posed.shared)
     return noise.plain() if posed.white else noise

@@ -72,10 +72,13 @@ class Replay:
         """How the robot's links came from those to which terms refer; None if they are the same."""
         self.load: SmoothedLoad | None = None
         """What loads on the rotors change; None where they change the torque by themselves."""
+        self.strengths: list[list[float | None]] = []
+        """Common logarithm of the penalty with which the measured position of each axis of each
+        separate recording was smoothed; empty where the rotors are not on measured positions."""
         self._cycles: list[Cycle] | None = None
         if measured:
             found = followed(recording, robot, settled(recording, robot))
-            self.wanted = found.position
+            self.wanted, self.strengths = found.position, found.strengths
             if not recording.link:
                 self.load = SmoothedLoad(recording, robot, found.strengths)
             # simulated there without a temperature

@@ -25,7 +25,7 @@ import numpy as np
 
 from faultgen.mjcf.dcmotor import INTEGRAL_GAIN, POSITION_GAIN, VELOCITY_GAIN
 from faultgen.recordings.recording import Recording
-from faultgen.recordings.smoothing import smoothed_with
+from faultgen.recordings.smoothing import kept, smoothed_with
 from faultgen.robot import Robot
 from faultgen.simulation.arm import Arm
 
@@ -80,16 +80,34 @@ class SmoothedLoad:
                 out[part, axis] = slow + self._answer(own - slow, axis)
         return out
 
+    def transfer(self, axis: int, strength: float | None, frequency: np.ndarray) -> np.ndarray:
+        """Compute how much of a load is seen at some frequencies.
+
+        Args:
+            axis: Of the load, from 0.
+            strength: Common logarithm of the penalty of smoothing; None for none.
+            frequency: Shape (frequencies,), in [Hz]; the first one is 0.
+
+        Returns:
+            S + (1 - S) T, complex, same shape.
+        """
+        slow = kept(strength, frequency, self.period)
+        return slow + (1 - slow) * self._answered(axis, frequency)
+
+    def _answered(self, axis: int, frequency: np.ndarray) -> np.ndarray:
+        """The transfer T at some frequencies, of which the first is 0."""
+        s = 2j * np.pi * frequency[1:]
+        kp, ki, kd = self._gains[axis]
+        servo = kp + ki / s + kd * s
+        gear, link = self._damping[axis] * s + self._stiffness[axis], self._links[axis] * s**2
+        rotor = self._inertia[axis] * s**2 + gear * link / (gear + link)
+        return np.concatenate([[1.0], servo / (servo + rotor)])
+
     def _answer(self, load: np.ndarray, axis: int) -> np.ndarray:
         """Torque of the servo that a fast load calls for, same shape."""
         count = len(load)
         padded = np.concatenate([load, np.zeros_like(load)])
         spectrum = np.fft.rfft(padded, axis=0)
-        s = 2j * np.pi * np.fft.rfftfreq(len(padded), self.period)[1:]
-        kp, ki, kd = self._gains[axis]
-        servo = kp + ki / s + kd * s
-        gear, link = self._damping[axis] * s + self._stiffness[axis], self._links[axis] * s**2
-        rotor = self._inertia[axis] * s**2 + gear * link / (gear + link)
-        answer = np.concatenate([[1.0], servo / (servo + rotor)])
+        answer = self._answered(axis, np.fft.rfftfreq(len(padded), self.period))
         answer = answer.reshape(-1, *[1] * (load.ndim - 1))
         return np.asarray(np.fft.irfft(spectrum * answer, len(padded), axis=0)[:count])
