@@ -130,23 +130,26 @@ def autoregression(
     axes = residual.shape[1]
     coefficients, innovation = np.zeros((axes, order)), np.zeros(axes)
     for axis in range(axes):
-        rows, targets = [], []
-        for part in parts:
-            x, use = residual[part, axis], inside[part, axis]
-            if len(x) <= order:
-                continue
-            windows = sliding_window_view(x, order + 1)
-            whole = sliding_window_view(use, order + 1).all(axis=1)
-            rows.append(windows[whole, -2::-1])
-            targets.append(windows[whole, -1])
-        if sum(len(target) for target in targets) < FEWEST:
+        for own in dict.fromkeys((order, min(order, ORDER))):  # short motions show a low order only
+            rows, targets = [], []
+            for part in parts:
+                x, use = residual[part, axis], inside[part, axis]
+                if len(x) <= own:
+                    continue
+                windows = sliding_window_view(x, own + 1)
+                whole = sliding_window_view(use, own + 1).all(axis=1)
+                rows.append(windows[whole, -2::-1])
+                targets.append(windows[whole, -1])
+            if sum(len(target) for target in targets) >= FEWEST:
+                break
+        else:
             raise InputError(
                 f"axis {axis + 1}: fewer than {FEWEST} samples in which it moves; record longer, "
                 "or at a higher rate"
             )
         design, target = np.concatenate(rows), np.concatenate(targets)
-        coefficients[axis], *_ = np.linalg.lstsq(design, target, rcond=None)
-        new = target - design @ coefficients[axis]
+        coefficients[axis, :own], *_ = np.linalg.lstsq(design, target, rcond=None)
+        new = target - design @ coefficients[axis, :own]
         innovation[axis] = typical(new)
     return Autoregression(coefficients, innovation)
 

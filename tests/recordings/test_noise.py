@@ -59,3 +59,12 @@ def test_noise_of_two_recordings_is_their_own_or_shared(motion, memory, size):
     assert is_same_noise(worn - against, motion + mixed - against, parts).tolist() == [True, False]
     smooth = np.sin(np.outer(np.arange(6000) * 0.004, [0.7, 1.3]))
     assert not is_same_noise(1.05 * smooth, smooth, parts).any()  # there is none at all
+
+
+def test_motions_that_are_shorter_than_the_order_show_a_lower_one():
+    """As in recordings that move one axis after another."""
+    residual = np.random.default_rng(0).normal(0.0, 0.2, (600, 1))
+    inside = (np.arange(600) % 60 < 20)[:, None]  # 20 samples in a row
+    noise = autoregression(residual, inside, [slice(0, 600)], 30)
+    assert noise.coefficients.shape == (1, 30) and not noise.coefficients[:, 8:].any()
+    assert noise.innovation[0] == pytest.approx(0.2, rel=0.2)
