@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.terms.candidates import applied
 from faultgen.effects import get_effect
 from faultgen.recordings.recording import Recording
 from faultgen.simulation.motion import plan
+from faultgen.simulation.plant import assemble
 from faultgen.simulation.servo import control_signal
 from faultgen.simulation.stepping import simulate
 from faultgen.tasks import load_task
@@ -18,6 +20,23 @@ NOISE = 0.01
 """Noise of the torque over its mean size."""
 PERIOD = 0.004
 """Time between samples [s]."""
+
+
+def logged(robot, changes, seconds, period):
+    """What a robot logs of the start of `pick_and_place` with terms in it, without noise."""
+    timestep = robot.model.opt.timestep
+    control = control_signal(plan(load_task(robot.name, "pick_and_place"), robot), timestep)
+    control = control[: round(seconds / timestep)]
+    plant = assemble(robot, applied(changes))
+    (run,) = simulate(robot, control, [plant], sample_period=period, lead_in=0.0)
+    return Recording(
+        source="test",
+        robot=robot.name,
+        side="motor",
+        sample_period=period,
+        position=run.motor_position,
+        torque=run.motor_torque,
+    )
 
 
 def record(robot, task, seed, effects=(), spread=0.01, noise=NOISE):

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from recorded import logged
 
 from faultgen.discovery.replay.followed import rotor_steps
 from faultgen.discovery.replay.position_noise import position_noise
@@ -15,11 +16,6 @@ from faultgen.recordings.recording import Recording
 from faultgen.recordings.smoothing import noise_of_position, smoothed_with
 from faultgen.recordings.varying_noise import VaryingNoise
 from faultgen.robot import COULOMB, STICTION, load_robot
-from faultgen.simulation.motion import plan
-from faultgen.simulation.plant import assemble
-from faultgen.simulation.servo import control_signal
-from faultgen.simulation.stepping import simulate
-from faultgen.tasks import load_task
 
 SECONDS, PERIOD, ORDER = 6.0, 0.004, 20
 POSITION, TORQUE = 5e-4, 1e-3  # noise of encoders [rad] and of torques, over those of the motion
@@ -40,23 +36,7 @@ def robot():
 @pytest.fixture(scope="module")
 def clean(robot) -> Recording:
     """What the robot logs, without noise."""
-    timestep = robot.model.opt.timestep
-    control = control_signal(plan(load_task(robot.name, "pick_and_place"), robot), timestep)
-    (run,) = simulate(
-        robot,
-        control[: round(SECONDS / timestep)],
-        [assemble(robot, ())],
-        sample_period=PERIOD,
-        lead_in=0.0,
-    )
-    return Recording(
-        source="test",
-        robot=robot.name,
-        side="motor",
-        sample_period=PERIOD,
-        position=run.motor_position,
-        torque=run.motor_torque,
-    )
+    return logged(robot, [], SECONDS, PERIOD)
 
 
 def noisy(recording: Recording, seed: int) -> Recording:

@@ -6,20 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from recorded import logged
 
 from faultgen.discovery.replay.formulas import Formulas
 from faultgen.discovery.replay.replay import Replay, settled
 from faultgen.discovery.replay.smoothed_load import SmoothedLoad
-from faultgen.discovery.terms.candidates import Term, applied, effect_terms, periodic_terms
+from faultgen.discovery.terms.candidates import Term, effect_terms, periodic_terms
 from faultgen.mjcf.dcmotor import INTEGRAL_GAIN, POSITION_GAIN, VELOCITY_GAIN
 from faultgen.recordings.recording import Recording
 from faultgen.robot import load_robot
 from faultgen.simulation.arm import Arm
-from faultgen.simulation.motion import plan
-from faultgen.simulation.plant import assemble
-from faultgen.simulation.servo import control_signal
-from faultgen.simulation.stepping import simulate
-from faultgen.tasks import load_task
 
 SECONDS, PERIOD = 3.0, 0.002
 
@@ -28,23 +24,6 @@ SECONDS, PERIOD = 3.0, 0.002
 def robot():
     """The PUMA 560."""
     return load_robot("puma560")
-
-
-def logged(robot, changes) -> Recording:
-    """What the robot logs of its motion with terms in it, without noise."""
-    timestep = robot.model.opt.timestep
-    control = control_signal(plan(load_task(robot.name, "pick_and_place"), robot), timestep)
-    control = control[: round(SECONDS / timestep)]
-    plant = assemble(robot, applied(changes))
-    (run,) = simulate(robot, control, [plant], sample_period=PERIOD, lead_in=0.0)
-    return Recording(
-        source="test",
-        robot=robot.name,
-        side="motor",
-        sample_period=PERIOD,
-        position=run.motor_position,
-        torque=run.motor_torque,
-    )
 
 
 def with_noise(recording: Recording) -> Recording:
@@ -56,7 +35,8 @@ def with_noise(recording: Recording) -> Recording:
 def found(robot, term: Term, size: float, *, as_seen: bool) -> float:
     """Size of a term over the true one: a fit of its signature to what the model leaves."""
     healthy, worn = (
-        Replay(with_noise(logged(robot, changes)), robot) for changes in ([], [(term, size)])
+        Replay(with_noise(logged(robot, changes, SECONDS, PERIOD)), robot)
+        for changes in ([], [(term, size)])
     )
     rows, axis = settled(worn.recording, robot)[:, term.axis - 1], term.axis - 1
     if not as_seen:
@@ -80,7 +60,7 @@ def test_slow_friction_is_seen_as_it_is(robot):
 
 
 def test_positions_without_noise_change_nothing(robot):
-    recording = logged(robot, [])
+    recording = logged(robot, [], SECONDS, PERIOD)
     load = np.random.default_rng(2).normal(size=recording.torque.shape)
     whole = SmoothedLoad(recording, robot, [[None] * robot.n_axes])
     assert np.array_equal(whole.seen(load), load)
@@ -88,7 +68,7 @@ def test_positions_without_noise_change_nothing(robot):
 
 def test_where_nothing_is_left_of_fast_motion_the_answer_of_the_servo_is_seen(robot):
     """A load of one frequency, against the transfer function of servo and rotor."""
-    recording, axis = logged(robot, []), 1
+    recording, axis = logged(robot, [], SECONDS, PERIOD), 1
     times = np.arange(len(recording.torque)) * PERIOD
     frequency = 2 * np.pi * 40.0
     load = np.zeros(recording.torque.shape)

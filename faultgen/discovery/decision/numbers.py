@@ -85,7 +85,8 @@ _OF = {
     "stiffness_hardening": "hardening",
 }
 _COMMON, _SINGLE = 0.1, 0.01  # forms, over Coulomb friction: of all axes, and of one
-_GAIN = 0.005  # of the log of a torque: some drives state currents times a rounded constant
+# gain of the log of a torque: some drives state currents times a rounded constant; assumed
+_GAIN = 0.005
 _ONLY = 0.05  # the same of an axis without others, in which a form could not be told from a fault
 _BETWEEN, _MOTIONS = 0.003, 8  # friction between motions of one recording, and how many at most
 _LOW = 0.3  # fall of friction of a model without any, over Coulomb friction

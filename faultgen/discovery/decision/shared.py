@@ -30,8 +30,8 @@ def with_own_noise(posed: Posed, noise: Noise) -> Posed:
     shared = shared_noise(recording.torque, healthy, recording.parts)
     if not shared.any():
         return posed
-    alone = replace(posed, residual=healthy - posed.base, baseline=False, groups=None, warmer=None)
-    alone = replace(alone, steady=True)
+    alone = replace(posed, residual=healthy - posed.base, baseline=False, groups=None)
+    alone = replace(alone, warmer=None, steady=True)
     own = whitened(arrays_of(alone, only_numbers=True)).noise
     # what neither the model nor the samples before foretell of the healthy one
     plainly = autoregression(healthy, np.ones(healthy.shape, bool), recording.parts)

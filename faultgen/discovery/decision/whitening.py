@@ -21,6 +21,7 @@ from faultgen.discovery.replay.bristles import FRICTION
 from faultgen.inference.products import Products
 from faultgen.recordings.noise import Autoregression
 from faultgen.recordings.noise_level import Noise, levelled
+from faultgen.recordings.varying_noise import VaryingNoise
 
 _MEMORY = 0.08  # of the noise [s]: a period of the slowest arm that rings behind its gearboxes
 _ORDERS = (8, 40)  # least and largest order of the autoregression
@@ -58,9 +59,10 @@ def whitened(arrays: Arrays) -> Whitened:
     size = np.where(size > 0, size, 1.0)
     white = Autoregression(np.zeros((len(size), 0)), np.ones(len(size)))
     noise = Noise(white, np.broadcast_to(size, arrays.residual.shape))
+    before = arrays.of_positions(_order(arrays))
     for _ in range(_ROUNDS):
         left = _unexplained(arrays, noise)
-        noise = noise_of(arrays, left)
+        noise = noise_of(arrays, left, before)
     return weighed(resolved(arrays, noise), noise, left)
 
 
@@ -119,12 +121,19 @@ def _products(
     return Products(gram, right, energy, int(np.count_nonzero(weight)))
 
 
-def noise_of(arrays: Arrays, left: np.ndarray) -> Noise:
+def _order(arrays: Arrays) -> int:
+    """Order of the autoregressions."""
+    period = arrays.posed.replay.recording.sample_period
+    return int(np.clip(round(_MEMORY / period), *_ORDERS))
+
+
+def noise_of(arrays: Arrays, left: np.ndarray, before: VaryingNoise | None) -> Noise:
     """Estimate the noise from what a fit leaves.
 
     Args:
         arrays: Columns of numbers and effects beside a residual.
         left: What the fit leaves, shape (samples, n_axes).
+        before: The noise that positions bring in.
     """
     posed, recording = arrays.posed, arrays.posed.replay.recording
     period = recording.sample_period
@@ -134,11 +143,10 @@ def noise_of(arrays: Arrays, left: np.ndarray) -> Noise:
     late = np.concatenate([since_reversal(arrays.speed[p], _LONG_AGO) for p in arrays.parts])
     drivers += [np.exp(-late * period / decay) for decay in _DECAYS]
     drivers.append(arrays.smoothing)
-    order = int(np.clip(round(_MEMORY / period), *_ORDERS))
+    order = _order(arrays)
     # an axis without samples has some noise
     seen = np.where(arrays.inside.any(axis=0), arrays.inside, True)
     least = _EXACT * np.sqrt(np.mean(recording.torque**2, axis=0)) + 1e-12
-    before = arrays.of_positions(order)
     noise = levelled(left, seen, arrays.parts, drivers, order, before).at_least(least)
     if posed.own_noise is not None and posed.shared is not None:
         noise = noise.replaced(posed.own_noise.of_order(order), posed.shared)

@@ -64,14 +64,13 @@ def position_noise(replay: Replay, order: int) -> VaryingNoise | None:
         of_position, of_torque = noises(recording, robot, part)
         poses = recording.joint_position(robot)[part]
         for start in range(0, len(poses), length):
-            frame[part.start + start : part.start + start + length] = len(white)
+            frame[part.start + start : part.stop] = len(white)  # or until the next frame
             pose = poses[min(start + length // 2, len(poses) - 1)]
             torque = needed.torque(pose, seen) * unit[:, None]
             power = np.abs(torque * (smooth * of_position)[:, None, :]) ** 2
             covariance = np.fft.irfft(power.sum(axis=2), _COUNT, axis=0)
             covariances.append(covariance[: order + 1])
             white.append(of_torque**2)
-        frame[part.stop :] = len(white)  # of the next separate recording
     return VaryingNoise.of_covariances(np.array(covariances), np.array(white), frame)
 
 
