@@ -326,7 +326,7 @@ def test_laws_of_friction_are_judged_only_where_the_motion_is_resolved(replay, s
     rough = np.zeros(base.shape)
     rough[: len(base) // 2, 0] = 1.0
     found.numbers.add(rough, 1.0, "smoothing")
-    noise = noise_of(found, left)
+    noise = noise_of(found, left, None)
     takes = np.sqrt(np.sum(np.square(only(found.numbers, "smoothing")), axis=0))
     np.testing.assert_allclose(found.smoothing, takes, rtol=1e-5)
     unclear = takes >= noise.of_samples()
