@@ -17,12 +17,7 @@ from faultgen.discovery.decision.near import moved_by, near_model
 from faultgen.discovery.decision.numbers import is_number
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.samples import counted, cut, samples_of
-from faultgen.discovery.replay.sensitivities import (
-    are_alone,
-    impossible,
-    own_sensitivities,
-    sensitivities,
-)
+from faultgen.discovery.replay.sensitivities import impossible, sensitivities
 from faultgen.discovery.replay.suited import suited_replays
 from faultgen.discovery.terms.candidates import (
     HIDDEN_BEHIND_GEARS,
@@ -116,19 +111,8 @@ def signatures(
         terms = [term for term in terms if term.name not in HIDDEN_BEHIND_GEARS]
     terms = _on_used_axes(terms, recording)
     scanned = _on_used_axes(scanned_terms(robot, exclude), recording)
-    alone = are_alone(replay, terms)
-    own = [term for term, is_alone in zip(terms, alone, strict=True) if is_alone]
-    terms = [term for term, is_alone in zip(terms, alone, strict=True) if not is_alone]
-    if replay.measured:  # one formula for all plays
-        base, raw = sensitivities(replay, [*terms, *scanned], workers=workers, cache=cache)
-        raw, of_scanned = raw[: len(terms)], raw[len(terms) :]
-    else:
-        base, raw = sensitivities(replay, terms, workers=workers, cache=cache)
-        of_scanned = own_sensitivities(replay, scanned, base, workers=workers, cache=cache)
-    notes = impossible(replay, terms, raw)
-    of_own = own_sensitivities(replay, own, base, workers=workers, cache=cache)
-    raw = np.concatenate([raw, of_own, of_scanned])
-    terms += own
+    base, raw = sensitivities(replay, [*terms, *scanned], workers=workers, cache=cache)
+    notes = impossible(replay, terms, raw[: len(terms)])
     commanded = commanded and moved_by(commanded, moved)
     return Signatures(given, replay, commanded, before, base, terms, scanned, raw, moved, notes)
 

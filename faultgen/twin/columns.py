@@ -142,7 +142,7 @@ class Columns:
         self._replay = Replay(recording, robot)
         terms = [t for t in effect_terms(robot) + inertia_terms(robot) if is_number(t)]
         self._base, raw = sensitivities(self._replay, terms)
-        self._formulas = Formulas(self._replay)
+        self._formulas = Formulas.of(self._replay)
         self.numbers: Numbers = numbers_of(
             self._formulas, forms_of(self._formulas), terms, raw, self._base, baseline=True
         )

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from independent import from_busy_move, integrate
+from replayed import replay
 from sealed.cases import make_case, make_recordings, read_truth, write_truth
 from sealed.effects import CATALOGUE, Effect, apply_effect, context, unchanging
 from sealed.limits import combos, torque_of, typical_temperatures
@@ -19,7 +20,6 @@ from sealed.robots import baseline, random_robot
 from sealed.unlisted import UNLISTED
 
 from faultgen.discovery import check_recording, read_recording
-from faultgen.discovery.replay.replay import replay
 from faultgen.effects import EFFECTS
 from faultgen.recordings.recording import Recording
 from faultgen.robot import load_robot

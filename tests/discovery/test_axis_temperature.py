@@ -6,11 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from replayed import replay
 
 from faultgen.discovery import read_recording, write_recording
 from faultgen.discovery.fit.diagnostics import regimes
 from faultgen.discovery.fit.problem import Kinematics
-from faultgen.discovery.replay.replay import Replay, replay
+from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import kept_in, sensitivities
 from faultgen.discovery.terms.candidates import Term
 from faultgen.effects import Applied

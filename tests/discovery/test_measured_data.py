@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from real_robots import measured_data, real_arms
+from replayed import replay
 
 from faultgen import discover
 from faultgen.discovery import check_recording, settled
 from faultgen.discovery.accept import accepted
 from faultgen.discovery.laws.friction_law import with_friction_law
-from faultgen.discovery.replay.replay import replay
 from faultgen.discovery.rigid.base_parameters import identify
 from faultgen.discovery.rigid.regression import DRIVE, Coupling, Regression
 from faultgen.recordings.recording import write_recording

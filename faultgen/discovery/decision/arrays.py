@@ -158,7 +158,7 @@ def arrays_of(posed: Posed, *, only_numbers: bool = False) -> Arrays:
         only_numbers: Whether there are no hypotheses.
     """
     recording = posed.replay.recording
-    formulas = Formulas(posed.replay)
+    formulas = Formulas.of(posed.replay)
     forms = None if recording.link else forms_of(formulas)
     numbers = numbers_of(
         formulas, forms, posed.terms, posed.raw, posed.base, baseline=posed.baseline

@@ -57,8 +57,7 @@ def kicks(
     if replay is None:
         return terms, np.zeros((0, *posed.base.shape))
     exact = difference.exact
-    # where rotors follow commands, only plays were simulated together
-    for name in NAMES if posed.replay.measured else PLAYS:
+    for name in NAMES:
         own = [one for one in difference.hypotheses if one.family == name and name not in exclude]
         odds = {
             one.place: exact.bayes_factors(exact.healthy.log_scales, one.forms).max() for one in own

@@ -22,7 +22,7 @@ from faultgen.discovery.laws.friction_discrepancy import (
 )
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.samples import counted
-from faultgen.discovery.replay.sensitivities import own_sensitivities, sensitivities
+from faultgen.discovery.replay.sensitivities import sensitivities
 from faultgen.discovery.terms.candidates import Term
 from faultgen.discovery.terms.inertia import (
     PAIRS,
@@ -161,17 +161,14 @@ def _simulated(
     replay: Replay, terms: Sequence[Term], workers: int, cache: Path | None
 ) -> tuple[np.ndarray, list[_Column]]:
     """Torque of the model, shape (samples, n_axes), and its change per unit of each term."""
-    alone = {term: EFFECTS[term.name].prior.own_axis_only for term in terms}
-    others = [term for term in terms if not alone[term]]
-    base, told = sensitivities(replay, others, workers=workers, cache=cache)
-    columns: dict[Term, _Column] = {
-        term: (None, change) for term, change in zip(others, told, strict=True)
-    }
-    own = [term for term in terms if alone[term]]
-    told = own_sensitivities(replay, own, base, workers=workers, cache=cache)
-    for term, change in zip(own, told, strict=True):
-        columns[term] = term.axis - 1, change[:, term.axis - 1].copy()
-    return base, [columns[term] for term in terms]
+    base, told = sensitivities(replay, terms, workers=workers, cache=cache)
+    columns: list[_Column] = [
+        (term.axis - 1, change[:, term.axis - 1].copy())
+        if EFFECTS[term.name].prior.own_axis_only
+        else (None, change)
+        for term, change in zip(terms, told, strict=True)
+    ]
+    return base, columns
 
 
 def _of_links(

@@ -184,3 +184,57 @@ def _friction(
         out[done:last] = torque[wanted[done:last] - start]
         done = last
     return out
+
+
+@dataclass(frozen=True, eq=False)
+class Bending:
+    """Friction of the model about a motion, linear in small changes of the speed.
+
+    Arrays have shape (steps, n_axes). With the deflection u of the bristles before a step of
+    length h, and the change v of the speed at its end, a backward step gives
+
+        u' = (u + h gain v) / (1 + h rate),     friction = damping v + stiffness u
+    """
+
+    gain: np.ndarray
+    """Rate of the deflection per change of the speed."""
+    rate: np.ndarray
+    """Rate at which a deflection is lost [1/s]."""
+    damping: np.ndarray
+    """[N m s/rad]."""
+    stiffness: np.ndarray
+    """[N m/rad]."""
+
+
+def bending(robot: Robot, rotors: np.ndarray, every: int) -> Bending:
+    """Linearize the friction of a model about the motion of its rotors.
+
+    Args:
+        robot: The model.
+        rotors: Position of the rotors at every step of the simulation, shape (steps, n_axes), in
+            [rad].
+        every: Steps of the simulation in a step of the result.
+    """
+    laws, _ = _laws(robot, ())
+    s0, s1, coulomb, static, width, _, exponent = np.stack([law.numbers for law in laws], axis=1)
+    s1, width = np.where(s0 > 0, s1, 0.0), np.where(width > 0, width, 1.0)
+    timestep = robot.model.opt.timestep
+    speed = np.gradient(rotors, timestep, axis=0)
+    share = np.exp(-(np.abs(speed / width) ** exponent))
+    holds = np.maximum(coulomb + (static - coulomb) * share, _NOTHING)
+    rate = s0 * np.abs(speed) / holds
+    stays = np.exp(-rate * timestep)
+    comes = speed * np.where(rate > 0, -np.expm1(-rate * timestep), timestep)
+    comes /= np.where(rate > 0, rate, 1.0)
+    bends, bent = np.empty_like(speed), np.zeros(len(laws))
+    for k in range(len(speed)):
+        bends[k] = bent
+        bent = stays[k] * bent + comes[k]
+    # d(|w| / g) / dw
+    slope = -(static - coulomb) * share * exponent * np.abs(speed / width) ** (exponent - 1) / width
+    of_speed = np.sign(speed) * (1 - np.abs(speed) * slope / holds) / holds
+    gain = (1 - s0 * bends * of_speed)[::every]
+    rate, h = rate[::every], every * timestep
+    viscous = robot.model.actuator_damping[robot.ids("actuator", "friction")]
+    share = (s0 - s1 * rate) / (1 + h * rate)
+    return Bending(gain, rate, share * h * gain + s1 * gain + viscous, share)

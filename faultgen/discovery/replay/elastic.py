@@ -121,7 +121,7 @@ class GearLaws:
 
 
 class Newmark:
-    """Integration with constant mean acceleration."""
+    """Integration with constant mean acceleration, about rotors that are held."""
 
     def __init__(
         self,
@@ -136,54 +136,71 @@ class Newmark:
         Args:
             inertia: Of the arm at each of its poses, shape (poses, n_axes, n_axes).
             held: Steps for which a pose counts.
-            stiffness: Of the arm on its gearboxes, shape (n_axes, n_axes).
-            damping: The same.
+            stiffness: Of the arm on its gearboxes, same shape.
+            damping: Same shape.
             h: Step [s].
         """
-        self._held, self._h = held, h
-        self._inverse = np.linalg.inv(4 / h**2 * inertia + 2 / h * damping + stiffness)
-        self._flexible = np.linalg.inv(stiffness)
-        parts = [4 / h**2 * inertia + 2 / h * damping, 4 / h * inertia + damping, inertia]
-        parts.append(np.broadcast_to(np.eye(len(stiffness)), inertia.shape))
-        self._next = self._inverse @ np.concatenate(parts, axis=2)
+        self._held, self._h, self._first = held, h, 0
+        self._flexible = np.linalg.inv(stiffness[0])
         self._state: np.ndarray | None = None
+        self._solve(inertia, damping, stiffness)
+
+    def _solve(self, inertia: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) -> None:
+        """Prepare the poses from the first one on."""
+        h = self._h
+        self._inverse = np.linalg.inv(4 / h**2 * inertia + 2 / h * damping + stiffness)
+        parts = [4 / h**2 * inertia + 2 / h * damping, 4 / h * inertia + damping, inertia]
+        parts.append(np.broadcast_to(np.eye(inertia.shape[1]), inertia.shape))
+        self._next = self._inverse @ np.concatenate(parts, axis=2)
+
+    def _prepare(self, first: int, count: int) -> None:
+        """Prepare some steps."""
+
+    def _begin(self, place: np.ndarray, push: np.ndarray) -> None:
+        """Begin with moves under forces."""
+
+    def _react(self, step: int, place: np.ndarray, push: np.ndarray) -> None:
+        """Add forces that follow from the moves before a step."""
+
+    def _moved(self, step: int, before: np.ndarray, place: np.ndarray, rate: np.ndarray) -> None:
+        """Take note of a step."""
+
+    def _seen(self, place: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        """What is returned of a step, shape (rows, causes): the moves, then their rates."""
+        return np.concatenate([place, rate])
 
     def advance(
         self, first: int, force: np.ndarray, solved: Sequence[Nonlinear], wanted: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    ) -> np.ndarray:
         """Advance by some steps.
 
         Args:
             first: Number of the first step.
-            force: Forces on the joints by the causes that do not depend on the answer, shape
-                (steps, n_axes, causes), in [N m].
+            force: Forces by the causes that do not depend on the answer, shape (steps, moves,
+                causes), in [N m].
             solved: The other causes, which come before them.
-            wanted: Steps of which the moves are returned, counted from the first.
+            wanted: Steps of which something is returned, counted from the first.
 
         Returns:
-            Moves of the joints by all causes, and their rates, shape (wanted, n_axes, causes).
+            Moves by all causes, then their rates, shape (wanted, 2 moves, causes).
         """
         h, n = self._h, force.shape[1]
+        self._prepare(first, len(force))
         ends = np.cumsum([one.count for one in solved])
         groups = [(one, slice(end - one.count, end)) for one, end in zip(solved, ends, strict=True)]
         groups = [(one, own) for one, own in groups if one.count]
         others = slice(int(ends[-1]), int(ends[-1]) + force.shape[2])
         keep = np.zeros(len(force), bool)
         keep[wanted] = True
-        places = np.empty((int(keep.sum()), n, others.stop))
-        rates, done, known = np.empty_like(places), 0, -1
+        known, seen = -1, []
         starts = self._state is None
         state = np.zeros((4 * n, others.stop)) if self._state is None else self._state
         self._state = state
-        place, rate, change, push = (
-            state[:n],
-            state[n : 2 * n],
-            state[2 * n : 3 * n],
-            state[3 * n :],
-        )
+        place, rate, change, push = np.split(state, 4)
         for k in range(len(force)):
             step = first + k
-            pose = step // self._held
+            pose = (step - self._first) // self._held
+            push[:, : others.start] = 0
             push[:, others] = force[k]
             if pose != known:
                 known = pose
@@ -193,13 +210,16 @@ class Newmark:
                 place[:] = self._flexible @ push
                 for one, own in groups:
                     one.start(step, place[:, own], self._flexible)
+                self._begin(place, push)
             else:
+                self._react(step, place, push)
                 new = self._next[pose] @ state
                 old = place * (-4 / h**2)
                 old -= 4 / h * rate
                 old -= change
                 for one, own in groups:
                     one.step(step, new[:, own], old[:, own])
+                before = place.copy()
                 place[:] = new
                 new *= 4 / h**2
                 new += old  # the acceleration
@@ -207,11 +227,11 @@ class Newmark:
                 change *= h / 2
                 rate += change
                 change[:] = new
+                self._moved(step, before, place, rate)
             if keep[k]:
-                places[done], rates[done] = place, rate
-                done += 1
+                seen.append(self._seen(place, rate))
         index = np.cumsum(keep)[wanted] - 1
-        return places[index], rates[index]
+        return np.array(seen)[index]
 
 
 def interpolated(values: np.ndarray, at: np.ndarray) -> np.ndarray:

@@ -29,16 +29,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from faultgen.discovery.replay.behind_gears import (
+    GEAR_DAMPING,
+    IN_GEAR,
+    WAVE,
+    BehindGears,
+    Linear,
+    linear,
+    poses_of,
+    sine,
+    steps_of,
+    wave,
+)
 from faultgen.discovery.replay.bristles import FRICTION, friction_columns
-from faultgen.discovery.replay.elastic import LAWS, GearLaws, Newmark, Nonlinear, interpolated
-from faultgen.discovery.replay.loose import LOOSE, LooseTools, Slide
+from faultgen.discovery.replay.elastic import LAWS
+from faultgen.discovery.replay.loose import LOOSE
 from faultgen.discovery.replay.prescribed import STIFFER
 from faultgen.discovery.terms.candidates import INERTIA, MASSES, Term
 from faultgen.discovery.terms.inertia import slopes_of
 from faultgen.discovery.terms.regressor import LinkMotion, link_motion
 from faultgen.effects.friction import QUADRATIC_SPEED
 from faultgen.effects.structure import is_loaded
-from faultgen.effects.transmission import REFERENCE_TWIST
 from faultgen.robot import COULOMB
 from faultgen.simulation.arm import Arm
 
@@ -46,12 +57,6 @@ if TYPE_CHECKING:
     from faultgen.discovery.replay.replay import Replay
     from faultgen.simulation.cycle import Cycle
 
-GEAR_DAMPING = "gear_damping"
-"""Term of the damping of a gearbox, a fraction of that of the model. It is no effect."""
-
-_STEP = 1e-3  # of the integration [s]: some 30 steps in a period of a resonance of 30 Hz
-_POSE = 0.01  # time in which the inertia of the arm counts as constant [s]
-_CHUNK = 2000  # steps of which the causes are in memory
 _SHIFT = 1e-3  # of a position, for the slope of the torque of the arm [rad]
 
 
@@ -85,15 +90,29 @@ class Formulas:
         """Prepare the formulas.
 
         Args:
-            replay: The model with its rotors on their measured positions.
+            replay: The model on a motion.
         """
-        self.replay, self.robot = replay, replay.robot
-        self._stiffness = self.robot.model.tendon_stiffness[self.robot.ids("tendon", "gearbox")]
-        self._damping = self.robot.model.tendon_damping[self.robot.ids("tendon", "gearbox")]
+        self.given = replay
+        self.follows = not replay.measured
+        """Whether a servo reacts to the causes; otherwise, rotors are on measured positions."""
+        self.replay, self.robot = replay.held() if self.follows else replay, replay.robot
+        self.stiffness = self.robot.model.tendon_stiffness[self.robot.ids("tendon", "gearbox")]
+        self.damping = self.robot.model.tendon_damping[self.robot.ids("tendon", "gearbox")]
         if replay.recording.link:
-            self._stiffness, self._damping = STIFFER * self._stiffness, STIFFER**0.5 * self._damping
+            self.stiffness, self.damping = STIFFER * self.stiffness, STIFFER**0.5 * self.damping
         self._of_links: dict[int, LinkMotion] = {}
-        self._turns = self.robot.gearing.matrix / self.robot.gear_ratio[:, None]
+        self._linear: dict[int, Linear] = {}
+
+    @classmethod
+    def of(cls, replay: Replay) -> Formulas:
+        """Return the formulas of a replay, which are prepared once.
+
+        Args:
+            replay: The model on a motion.
+        """
+        if replay.formulas is None or replay.formulas.given is not replay:
+            replay.formulas = cls(replay)
+        return replay.formulas
 
     def columns(self, terms: Sequence[Term]) -> dict[Term, np.ndarray]:
         """Compute the change of the torque per unit of each term that has a formula.
@@ -106,24 +125,27 @@ class Formulas:
             its unit.
         """
         recording = self.replay.recording
-        at_rotor = [term for term in terms if term.name in _AT_ROTOR and not recording.link]
-        rubs = [] if recording.link else [term for term in terms if self._rubs(term)]
+        link = recording.link
+        rotors = [] if link else [term for term in terms if term.name in _AT_ROTOR]
+        rotors += [] if link else [term for term in terms if self._rubs(term)]
         in_gear = [term for term in terms if term.name in LAWS]
         in_gear += [term for term in terms if self._slides(term)]
-        in_gear += [term for term in terms if term.name in (GEAR_DAMPING, *_IN_GEAR)]
+        in_gear += [term for term in terms if term.name in (GEAR_DAMPING, *IN_GEAR)]
         links = [term for term in terms if term.name in (INERTIA, *MASSES, *_AT_JOINT)]
-        out = {term: np.zeros(recording.torque.shape, np.float32) for term in at_rotor}
-        for number, part in enumerate(recording.parts if at_rotor else ()):
-            seen = self._at_samples(number)
-            for term in at_rotor:
-                change = _AT_ROTOR[term.name](self, seen, term)
-                if term.name not in _OF_LOG:
-                    change = change / self.robot.torque_gain[term.axis - 1]
-                out[term][part, term.axis - 1] = change
-        if rubs:
-            out |= self._friction(rubs)
-        if in_gear or links:
-            out |= self._behind_gears(in_gear, links)
+        out: dict[Term, np.ndarray] = {}
+        if self.follows:  # late set points are no late log
+            rotors = [term for term in rotors if term.name != "delay"]
+            if rotors or in_gear or links:
+                out = self._behind_gears(in_gear, links, rotors)
+        else:
+            for number, part in enumerate(recording.parts if rotors else ()):
+                needed = self._at_rotors(number, rotors, self.steps(number))
+                for term, change in needed.items():
+                    out.setdefault(term, np.zeros(recording.torque.shape, np.float32))[part] = (
+                        change
+                    )
+            if in_gear or links:
+                out |= self._behind_gears(in_gear, links, ())
         load = self.replay.load
         if load is not None:
             for term in out:
@@ -141,37 +163,48 @@ class Formulas:
         """Whether a term is friction on rotors whose law does not change with the temperature."""
         return term.name in FRICTION and not self.replay.by_temperature(())
 
-    def _friction(self, terms: Sequence[Term]) -> dict[Term, np.ndarray]:
-        """Change of the motor torque by terms of friction on the rotors."""
-        recording = self.replay.recording
-        out: dict[Term, np.ndarray] = {}
-        for number, part in enumerate(recording.parts):
-            at, rotors = self._steps(number), self.replay.rotors[number]
-            gear = self._runs[number].gear_torque[at]
-            for term, column in friction_columns(self.robot, terms, rotors, at, gear).items():
-                out.setdefault(term, np.zeros(recording.torque.shape, np.float32))[part] = column
+    def _at_rotors(
+        self, number: int, terms: Sequence[Term], at: np.ndarray
+    ) -> dict[Term, np.ndarray]:
+        """Change of the logged torque of held rotors at some steps, shape (steps, n_axes)."""
+        out, seen = {}, self._at_steps(number, at)
+        for term in terms:
+            if term.name not in _AT_ROTOR:
+                continue
+            change = _AT_ROTOR[term.name](self, seen, term)
+            if term.name not in _OF_LOG:
+                change = change / self.robot.torque_gain[term.axis - 1]
+            out[term] = np.zeros((len(at), self.robot.n_axes), np.float32)
+            out[term][:, term.axis - 1] = change
+        rubs = [term for term in terms if term.name in FRICTION]
+        if rubs:
+            rotors = self.replay.rotors[number]
+            out |= friction_columns(self.robot, rubs, rotors, at, seen.gear)
         return out
 
     @property
-    def _runs(self) -> list[Cycle]:
+    def runs(self) -> list[Cycle]:
+        """The unchanged model at every step of each separate recording."""
         return self.replay.cycles
 
-    def _steps(self, number: int) -> np.ndarray:
+    def steps(self, number: int) -> np.ndarray:
         """Steps of the simulation at which a separate recording has its samples."""
         part = self.replay.recording.parts[number]
         timestep = self.robot.model.opt.timestep
         times = np.arange(part.stop - part.start) * self.replay.recording.sample_period
-        last = len(self._runs[number].motor_position) - 1
+        last = len(self.runs[number].motor_position) - 1
         return np.minimum(np.round(times / timestep).astype(int), last)
 
     @cached_property
     def motion(self) -> Motion:
         """Of all separate recordings, one after the other."""
-        motions = [vars(self._at_samples(k)) for k in range(len(self.replay.recording.parts))]
+        motions = [
+            vars(self._at_steps(k, self.steps(k))) for k in range(len(self.replay.recording.parts))
+        ]
         return Motion(**{name: np.concatenate([m[name] for m in motions]) for name in motions[0]})
 
-    def _at_samples(self, number: int) -> Motion:
-        run, at = self._runs[number], self._steps(number)
+    def _at_steps(self, number: int, at: np.ndarray) -> Motion:
+        run = self.runs[number]
         timestep = self.robot.model.opt.timestep
         return Motion(
             angle=run.motor_position[at],
@@ -204,22 +237,34 @@ class Formulas:
         return float(self.robot.model.dof_M0[self.robot.motors[axis - 1]])
 
     @cached_property
-    def _arm(self) -> Arm:
+    def arm(self) -> Arm:
+        """The rigid arm."""
         return Arm(self.robot)
 
     def _joints(self, number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position, velocity and acceleration of the joints at the samples."""
-        timestep, at = self.robot.model.opt.timestep, self._steps(number)
-        joint = self._runs[number].joint_position
+        timestep, at = self.robot.model.opt.timestep, self.steps(number)
+        joint = self.runs[number].joint_position
         before, after = _beside(at, len(joint))
         less, more = (_slope(joint, steps, timestep) for steps in (before, after))
         acceleration = (more - less) / ((after - before)[:, None] * timestep)
         return joint[at], _slope(joint, at, timestep), acceleration
 
-    def _links(self, number: int) -> LinkMotion:
+    def linear(self, number: int) -> Linear:
+        """How the torque of the joints changes with small changes of their motion."""
+        if number not in self._linear:
+            h = steps_of(timestep := self.robot.model.opt.timestep) * timestep
+            joint = self.runs[number].joint_position[:: steps_of(timestep)]
+            speed = np.gradient(joint, h, axis=0)
+            rows = slice(None, None, poses_of(h))
+            motion = (joint[rows], speed[rows], np.gradient(speed, h, axis=0)[rows])
+            self._linear[number] = linear(self.arm, *motion)
+        return self._linear[number]
+
+    def links(self, number: int) -> LinkMotion:
         """Motion of the links at the samples."""
         if number not in self._of_links:
-            self._of_links[number] = link_motion(self._arm, *self._joints(number))
+            self._of_links[number] = link_motion(self.arm, *self._joints(number))
         return self._of_links[number]
 
     def _loads(self, number: int, terms: Sequence[Term], slopes: np.ndarray) -> np.ndarray:
@@ -237,7 +282,7 @@ class Formulas:
         out = np.zeros((len(q), self.robot.n_axes, len(terms)))
         masses = [k for k, term in enumerate(terms) if term.name not in _AT_JOINT]
         if masses:
-            out[:, :, masses] = self._links(number).regressor() @ slopes
+            out[:, :, masses] = self.links(number).regressor() @ slopes
         for k, term in enumerate(terms):
             if term.name not in _AT_JOINT:
                 continue
@@ -246,87 +291,58 @@ class Formulas:
             else:  # the true angle is the logged one plus the offset
                 shift = _SHIFT * np.eye(self.robot.n_axes)[term.axis - 1]
                 more, less = (
-                    self._arm.inverse_dynamics(q + side * shift, qd, qdd) for side in (1, -1)
+                    self.arm.inverse_dynamics(q + side * shift, qd, qdd) for side in (1, -1)
                 )
                 out[:, :, k] = (more - less) / (2 * _SHIFT)
         return out
 
     def _behind_gears(
-        self, in_gear: Sequence[Term], links: Sequence[Term]
+        self, in_gear: Sequence[Term], links: Sequence[Term], rotors: Sequence[Term]
     ) -> dict[Term, np.ndarray]:
-        """Change of the torque by terms that act behind the gearboxes, motor side."""
-        recording, ratio = self.replay.recording, self.robot.gear_ratio
-        terms = [*in_gear, *links]
-        out = np.zeros((*recording.torque.shape, len(terms)), np.float32)
+        """Change of the torque by terms that act behind the gearboxes, and on rotors with a servo.
+
+        It is that of the motors, or of the gearboxes if their torque is measured.
+        """
+        recording = self.replay.recording
         slopes = slopes_of(
             self.robot, [term for term in links if term.name not in _AT_JOINT], self.replay.moved
         )
+        out: dict[Term, np.ndarray] = {}
         for number, part in enumerate(recording.parts):
             loads = self._loads(number, links, slopes)
-            gear = self._gear_changes(number, in_gear, loads)
-            if not recording.link:
-                gear /= ratio[:, None]
-                run, at = self._runs[number], self._steps(number)
-                for k, term in enumerate(in_gear):
-                    if term.name == "transmission_error":
-                        order, phase = _wave(term)
-                        own = term.axis - 1
-                        slope = order * np.cos(order * run.motor_position[at, own] + phase)
-                        gear[:, own, k] += run.gear_torque[at, own] * slope
-                gear /= self.robot.torque_gain[:, None]
-            out[part] = gear
-        return {term: out[..., k] for k, term in enumerate(terms)}
-
-    def _gear_changes(self, number: int, in_gear: Sequence[Term], loads: np.ndarray) -> np.ndarray:
-        """Change of the gear torques at the samples: (samples, n_axes, terms), joint side [N m]."""
-        run, timestep = self._runs[number], self.robot.model.opt.timestep
-        every = max(1, round(_STEP / timestep))
-        h = every * timestep
-        angle, joint = run.motor_position[::every], run.joint_position[::every]
-        twist = angle / self.robot.gear_ratio - joint @ self._turns.T
-        rate = np.gradient(twist, h, axis=0)
-        count, n = twist.shape
-        samples = np.minimum(np.round(self._steps(number) / every).astype(int), count - 1)
-        # numbers of the samples at the steps, not whole
-        times = np.arange(count) * h / self.replay.recording.sample_period
-        pull = self._turns.T * self._stiffness
-        laws = GearLaws([t for t in in_gear if t.name in LAWS], twist, pull, self._turns)
-        solved: list[Nonlinear] = [laws]
-        loose = [term for term in in_gear if term.name == LOOSE]
-        if loose:
-            slide = Slide.of(self.robot, self._links(number)).at(times)
-            solved.append(LooseTools(slide, loose, h))
-        sizes = np.array([term.step for term in in_gear[: laws.count + len(loose)]])
-        others = in_gear[len(sizes) :]
-        axes = np.array([term.axis - 1 for term in others], int)
-        errors = np.empty((count, len(others)))
-        for k, (term, own) in enumerate(zip(others, axes, strict=True)):
-            if term.name == GEAR_DAMPING:
-                errors[:, k] = self._damping[own] / self._stiffness[own] * rate[:, own]
-            else:
-                errors[:, k] = _IN_GEAR[term.name](twist[:, own], angle[:, own], term)
-        held = max(1, round(_POSE / h))
-        inertia = np.stack([self._arm.inertia(q) for q in joint[::held]])
-        damping = (self._turns.T * self._damping) @ self._turns
-        system = Newmark(inertia, held, pull @ self._turns, damping, h)
-        out = np.zeros((len(samples), n, len(in_gear) + loads.shape[2]), np.float32)
-        to_twist, to_rate = (one[:, None] * self._turns for one in (self._stiffness, self._damping))
-        for start in range(0, count, _CHUNK):
-            rows = slice(start, min(start + _CHUNK, count))
-            # a load turns the joint back: the gearbox has to carry it
-            force = [pull[:, axes] * errors[rows, None], -interpolated(loads, times[rows])]
-            inside = slice(*np.searchsorted(samples, [start, rows.stop]))
-            wanted = samples[inside]
-            moved, turning = system.advance(
-                start, np.concatenate(force, axis=2), solved, wanted - start
-            )
-            change = -(to_twist @ moved) - to_rate @ turning
-            for own, of, first in ((laws.axes, laws.errors, 0), (axes, errors, len(sizes))):
-                places = first + np.arange(len(own))
-                change[:, own, places] += self._stiffness[own] * of[wanted]
-            change[:, :, : len(sizes)] /= sizes
-            out[inside] = change
+            pushes = self._at_rotors(number, rotors, self._every(number)) if rotors else {}
+            causes = BehindGears(self, number, in_gear, loads, self._needed(number, pushes))
+            change = causes.changes()
+            if not recording.link and not self.follows:
+                change = self._of_motors(number, change, in_gear)
+            for k, term in enumerate([*in_gear, *links, *pushes]):
+                out.setdefault(term, np.zeros(recording.torque.shape, np.float32))[part] = change[
+                    ..., k
+                ]
         return out
+
+    def _every(self, number: int) -> np.ndarray:
+        """Steps of the simulation at which the causes are integrated."""
+        every = steps_of(self.robot.model.opt.timestep)
+        return np.arange(0, len(self.runs[number].motor_position), every)
+
+    def _needed(self, number: int, pushes: dict[Term, np.ndarray]) -> np.ndarray:
+        """Torque that causes take from rotors, shape (steps, n_axes, causes), in [N m]."""
+        if not pushes:
+            return np.zeros((len(self._every(number)), self.robot.n_axes, 0))
+        return np.stack([*pushes.values()], axis=2) * self.robot.torque_gain[:, None]
+
+    def _of_motors(self, number: int, gear: np.ndarray, in_gear: Sequence[Term]) -> np.ndarray:
+        """Change of the torque of held motors by a change of the gear torques, same shape."""
+        out = gear / self.robot.gear_ratio[:, None]
+        run, at = self.runs[number], self.steps(number)
+        for k, term in enumerate(in_gear):
+            if term.name == WAVE:
+                order, phase = wave(term)
+                own = term.axis - 1
+                slope = order * np.cos(order * run.motor_position[at, own] + phase)
+                out[:, own, k] += run.gear_torque[at, own] * slope
+        return np.asarray(out / self.robot.torque_gain[:, None])
 
 
 def _beside(at: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -338,17 +354,6 @@ def _slope(values: np.ndarray, at: np.ndarray, timestep: float) -> np.ndarray:
     """Central differences over time at some steps, as those of `numpy.gradient`."""
     before, after = _beside(at, len(values))
     return np.asarray((values[after] - values[before]) / ((after - before)[:, None] * timestep))
-
-
-def _wave(term: Term) -> tuple[float, float]:
-    """Order, per turn of the motor, and phase of a periodic effect."""
-    given = dict(term.parameters)
-    return given["order"], given["phase"]
-
-
-def _sine(angle: np.ndarray, term: Term) -> np.ndarray:
-    order, phase = _wave(term)
-    return np.sin(order * angle + phase)
 
 
 _AT_ROTOR: dict[str, Callable[[Formulas, Motion, Term], np.ndarray]] = {
@@ -370,7 +375,7 @@ _AT_ROTOR: dict[str, Callable[[Formulas, Motion, Term], np.ndarray]] = {
         of.inertia(term.axis) * seen.acceleration[:, term.axis - 1]
     ),
     "delay": lambda of, seen, term: -seen.rate[:, term.axis - 1],
-    "torque_ripple": lambda of, seen, term: -_sine(seen.angle[:, term.axis - 1], term),
+    "torque_ripple": lambda of, seen, term: -sine(seen.angle[:, term.axis - 1], term),
 }
 """Change of the motor torque of the term's axis per unit of the term. Set points that come late
 have no part in a measured motion; what shows is a log whose torque is later than its position."""
@@ -378,11 +383,5 @@ have no part in a measured motion; what shows is a log whose torque is later tha
 _OF_LOG = ("torque_constant", "delay")
 """Those that change the log of a torque, and no torque. The others are in the log as the drives
 state torque; see `Robot.torque_gain`."""
-
-_IN_GEAR: dict[str, Callable[[np.ndarray, np.ndarray, Term], np.ndarray]] = {
-    "stiffness_hardening": lambda twist, angle, term: twist**3 / REFERENCE_TWIST**2,
-    "transmission_error": lambda twist, angle, term: _sine(angle, term),
-}
-"""Error of the gearbox per unit of the term, of its twist and the angle of the motor [rad]."""
 
 _AT_JOINT = ("gravity_spring", "encoder_offset")

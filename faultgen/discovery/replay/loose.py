@@ -14,7 +14,7 @@ and inertia take at x. `faultgen.effects.loose` is the same in a simulation.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -69,6 +69,11 @@ class Slide:
         """Interpolate to times, as numbers of samples that need not be whole."""
         parts = (interpolated(one, times) for one in (self.reach, self.moved, self.force))
         return Slide(self.mass, *parts)
+
+    def among(self, moves: int) -> Slide:
+        """Return the same for a system of moves of which the joints are the first."""
+        more = ((0, 0), (0, moves - self.reach.shape[1]), (0, 0))
+        return replace(self, reach=np.pad(self.reach, more), moved=np.pad(self.moved, more))
 
 
 class LooseTools:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
@@ -23,6 +23,9 @@ from faultgen.simulation.cycle import Cycle
 from faultgen.simulation.plant import Plant, assemble
 from faultgen.simulation.servo import control_signal
 from faultgen.simulation.stepping import simulate
+
+if TYPE_CHECKING:
+    from faultgen.discovery.replay.formulas import Formulas
 
 SETTLING = 0.3
 """Time that the simulation needs to settle after an axis begins to turn [s]: assumed."""
@@ -76,6 +79,8 @@ class Replay:
         """Common logarithm of the penalty with which the measured position of each axis of each
         separate recording was smoothed; empty where the rotors are not on measured positions."""
         self._cycles: list[Cycle] | None = None
+        self.formulas: Formulas | None = None
+        """Those of this replay, or of the one that it was copied from; see `Formulas.of`."""
         if measured:
             found = followed(recording, robot, settled(recording, robot))
             self.wanted, self.strengths = found.position, found.strengths
@@ -192,7 +197,14 @@ class Replay:
 
     def __getstate__(self) -> dict[str, Any]:
         """What other processes get; they simulate with changes."""
-        return {**vars(self), "_cycles": None}
+        return {**vars(self), "_cycles": None, "formulas": None}
+
+    def held(self) -> Replay:
+        """Return the same motion with rotors that are held on the simulated motion of the model."""
+        other = copy.copy(self)
+        other._cycles = list(self._commanded((), None, self.robot.model.opt.timestep))
+        other.measured, other.rotors = True, [run.motor_position for run in other._cycles]
+        return other
 
     def position(self, changes: Changes = ()) -> np.ndarray:
         """Simulate the position on the recorded motion.
@@ -220,7 +232,7 @@ class Replay:
         """Simulate each separate recording."""
         if self.measured:
             return self._prescribed(changes) if changes else self.cycles
-        return self._commanded(changes, disturbance)
+        return self._commanded(changes, disturbance, self._every * self.robot.model.opt.timestep)
 
     @property
     def _every(self) -> int:
@@ -260,15 +272,15 @@ class Replay:
         for plant, rotors in zip(self._plants(changes), self.rotors, strict=True):
             yield prescribed(self.robot, plant, rotors)
 
-    def _commanded(self, changes: Changes, disturbance: np.ndarray | None) -> Iterator[Cycle]:
+    def _commanded(
+        self, changes: Changes, disturbance: np.ndarray | None, period: float
+    ) -> Iterator[Cycle]:
         """Simulate each separate recording with a servo that follows commands."""
-        robot, recording = self.robot, self.recording
-        period = self._every * robot.model.opt.timestep
-        of_parts = zip(self._plants(changes), self.controls, recording.parts, strict=True)
+        of_parts = zip(self._plants(changes), self.controls, self.recording.parts, strict=True)
         for plant, control, part in of_parts:
             if disturbance is not None:
                 control = self._pushed(control, disturbance[part])
-            yield from simulate(robot, control, [plant], sample_period=period, lead_in=0.0)
+            yield from simulate(self.robot, control, [plant], sample_period=period, lead_in=0.0)
 
     def _plants(self, changes: Changes) -> Iterator[Plant]:
         """The robot with changes in each separate recording."""
@@ -335,39 +347,6 @@ def _whole(steps: float) -> int:
     """Number of simulation steps per sample, or 1 if it is not a whole number."""
     whole = round(steps)
     return whole if whole >= 1 and abs(steps - whole) < 1e-6 else 1
-
-
-def replay(
-    recording: Recording,
-    robot: Robot,
-    effects: Sequence[tuple[str, int, float]] = (),
-    *,
-    measured: bool = True,
-) -> np.ndarray:
-    """Simulate a recorded motion once.
-
-    Args:
-        recording: The measured data.
-        robot: The model without the effects.
-        effects: Effects to put into the model: name, axis from 1, severity.
-        measured: Whether the rotors are on their measured positions. Otherwise the servo of the
-            model follows the commanded ones.
-
-    Returns:
-        Torque that the robot would have logged, on the recording's side, shape (samples, n_axes),
-        in [N m], or [N] for slides.
-
-    Raises:
-        InputError: An effect or axis does not exist.
-        SimulationFailed: The simulation diverged.
-    """
-    changes = [(Term(name, axis, 0.0, 0.0), severity) for name, axis, severity in effects]
-    try:
-        return Replay(recording, robot, measured=measured).torque(changes)
-    except SimulationFailed as error:
-        if isinstance(error.__cause__, InputError):  # the caller asked for what cannot be
-            raise error.__cause__ from None
-        raise
 
 
 def settled(recording: Recording, robot: Robot) -> np.ndarray:

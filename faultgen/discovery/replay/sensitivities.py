@@ -1,9 +1,8 @@
 """How each term changes the measured torque: by formula, or by a simulation with the term.
 
-Where the rotors are on their measured positions, terms have a formula (see `formulas`). Where
-they follow commands, the servo reacts to an effect, and its reaction is part of the measurement:
-there, every term is simulated in closed loop. Robots of one type that run one program share their
-sensitivities, which can be kept in a folder.
+Terms have a formula (see `formulas`), unless the model's friction follows the temperature. Then
+terms of friction are simulated. Robots of one type that run one program share what is simulated,
+which can be kept in a folder.
 """
 
 from __future__ import annotations
@@ -20,8 +19,6 @@ from joblib import delayed
 from faultgen.discovery.replay.formulas import Formulas
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.terms.candidates import Term
-from faultgen.effects import get_effect
-from faultgen.effects.prior import Prior
 from faultgen.effects.temperature import friction_ratios
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.provenance import provenance
@@ -66,15 +63,15 @@ def sensitivities(
     Raises:
         SimulationFailed: The unchanged model diverged.
     """
-    by_term = _by_formula(replay, terms)
-    simulated = [(t,) for t in terms if t.name != TEMPERATURE and t not in by_term]
+    by_term = Formulas.of(replay).columns(terms)
+    simulated = [t for t in terms if t.name != TEMPERATURE and t not in by_term]
     if base is None:
-        base, *moved = _runs(replay, [(), *simulated], workers, cache)
+        base, *moved = _runs(replay, [None, *simulated], workers, cache)
     else:
         moved = _runs(replay, simulated, workers, cache)
     if not np.isfinite(base).all():
         raise SimulationFailed("the model diverges on the recorded motion")
-    for (term,), run in zip(simulated, moved, strict=True):
+    for term, run in zip(simulated, moved, strict=True):
         if np.isfinite(run).all():
             by_term[term] = (run - base) / term.step
     return base, _in_order(replay, terms, by_term)
@@ -101,28 +98,6 @@ def impossible(replay: Replay, terms: Sequence[Term], raw: np.ndarray) -> list[s
     return list(told.values())
 
 
-def are_alone(replay: Replay, terms: Sequence[Term]) -> list[bool]:
-    """Tell which terms change the torque of their own axis only, so that axes share a simulation.
-
-    If the rotors follow measured positions, whatever acts on a rotor is answered by its own servo,
-    and no other axis notices. Periodic effects hardly move other axes in any case.
-
-    Args:
-        replay: The recording and the model.
-        terms: Terms to probe.
-
-    Returns:
-        Whether each term may go to `own_sensitivities`.
-    """
-    alone = []
-    for term in terms:
-        prior = get_effect(term.name).prior if term.is_effect else Prior()
-        of_rotor = prior.at_motor and prior.own_axis_only or term.name == TEMPERATURE
-        of_turn = prior.use == "periodic" and prior.own_axis_only
-        alone.append(replay.measured and of_rotor or of_turn)
-    return alone
-
-
 def _in_order(replay: Replay, terms: Sequence[Term], known: dict[Term, np.ndarray]) -> np.ndarray:
     """Column of each term; 0 if it could not be simulated. Shape (terms, samples, n_axes)."""
     shape = replay.recording.torque.shape
@@ -135,67 +110,16 @@ def _in_order(replay: Replay, terms: Sequence[Term], known: dict[Term, np.ndarra
     return out
 
 
-def own_sensitivities(
-    replay: Replay,
-    terms: Sequence[Term],
-    base: np.ndarray,
-    *,
-    workers: int = 1,
-    cache: Path | None = None,
-) -> np.ndarray:
-    """Simulate the change of the torque with terms that hardly change any axis but their own.
-
-    Terms that differ only in the axis are simulated together: the first of each axis, the second,
-    and so on, if an axis has several with the same parameters.
-
-    Args:
-        replay: The recording and the model.
-        terms: Terms to probe.
-        base: Torque of the unchanged model, shape (samples, n_axes).
-        workers: Number of processes. It has no effect on the result.
-        cache: Folder as in `sensitivities`.
-
-    Returns:
-        Shape (terms, samples, n_axes), per unit of each term. Only the term's own axis is not zero.
-    """
-    known = _by_formula(replay, terms)
-    of_axis: dict[tuple, list[Term]] = {}
-    for term in terms:
-        if term.name != TEMPERATURE and term not in known:
-            of_axis.setdefault((term.key, term.parameters), []).append(term)
-    together: dict[tuple, list[Term]] = {}
-    for alike in of_axis.values():
-        for place, term in enumerate(alike):
-            together.setdefault((term.name, term.parameters, place), []).append(term)
-    groups = [tuple(group) for group in together.values()]
-    for group, run in zip(groups, _runs(replay, groups, workers, cache), strict=True):
-        runs = [run] * len(group)
-        if not np.isfinite(run).all():  # perhaps because of one axis
-            runs = _runs(replay, [(term,) for term in group], workers, cache)
-        for term, own in zip(group, runs, strict=True):
-            axis = term.axis - 1
-            if np.isfinite(own).all():
-                known[term] = np.zeros(base.shape, np.float32)
-                known[term][:, axis] = (own - base)[:, axis] / term.step
-    return _in_order(replay, terms, known)
-
-
-def _by_formula(replay: Replay, terms: Sequence[Term]) -> dict[Term, np.ndarray]:
-    """Columns that need no simulation of their own."""
-    return Formulas(replay).columns(terms) if replay.measured else {}
-
-
 def _runs(
-    replay: Replay, groups: Sequence[tuple[Term, ...]], workers: int, cache: Path | None
+    replay: Replay, terms: Sequence[Term | None], workers: int, cache: Path | None
 ) -> list[np.ndarray]:
-    """Torque of the model with each group of terms in it."""
+    """Torque of the model with each term in it; with none for None."""
     keys = [
-        repr([(term.name, term.axis, term.step, term.parameters) for term in group]).encode()
-        for group in groups
+        repr(term and (term.name, term.axis, term.step, term.parameters)).encode() for term in terms
     ]
     return kept_runs(
         [kept_in(cache, replay, key) for key in keys],
-        [delayed(_one)(replay, group) for group in groups],
+        [delayed(_one)(replay, term) for term in terms],
         workers,
     )
 
@@ -249,9 +173,9 @@ def _by_temperature(replay: Replay, axis: int, known: dict[Term, np.ndarray]) ->
     return change
 
 
-def _one(replay: Replay, terms: Sequence[Term]) -> np.ndarray:
+def _one(replay: Replay, term: Term | None) -> np.ndarray:
     try:
-        return replay.torque([(term, term.step) for term in terms])
+        return replay.torque([(term, term.step)] if term else ())
     except SimulationFailed:
         return np.full_like(replay.recording.torque, np.nan)
 
