@@ -147,10 +147,10 @@ class Formulas:
             if in_gear or links:
                 out |= self._behind_gears(in_gear, links, ())
         load = self.replay.load
-        if load is not None:
-            for term in out:
-                if term.name not in _OF_LOG:
-                    out[term] = load.seen(out[term])
+        loads = [term for term in out if term.name not in _OF_LOG]
+        if load is not None and loads:
+            seen = load.seen(np.stack([out[term] for term in loads], axis=2))
+            out |= {term: seen[..., k] for k, term in enumerate(loads)}
         scale = 1.0 if recording.side == "motor" or recording.link else self.robot.gear_ratio
         return {term: (column * scale).astype(np.float32) for term, column in out.items()}
 

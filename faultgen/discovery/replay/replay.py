@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from faultgen.discovery.replay.followed import followed, rotor_steps
+from faultgen.discovery.replay.followed import Followed, followed, rotor_steps
 from faultgen.discovery.replay.prescribed import TURN, prescribed, stiffen
 from faultgen.discovery.replay.smoothed_load import SmoothedLoad
 from faultgen.discovery.terms.candidates import INERTIA, Term, applied
@@ -82,7 +83,7 @@ class Replay:
         self.formulas: Formulas | None = None
         """Those of this replay, or of the one that it was copied from; see `Formulas.of`."""
         if measured:
-            found = followed(recording, robot, settled(recording, robot))
+            found = _followed(recording, robot)
             self.wanted, self.strengths = found.position, found.strengths
             if not recording.link:
                 self.load = SmoothedLoad(recording, robot, found.strengths)
@@ -341,6 +342,20 @@ class Replay:
         except ValueError as error:  # of MuJoCo's compiler
             line = one_line(error)
             raise SimulationFailed(f"MuJoCo cannot compile the changed model: {line}") from None
+
+
+_KEPT: deque[tuple[Recording, str, Followed]] = deque(maxlen=4)
+# a comparison of two recordings needs each with its model several times
+
+
+def _followed(recording: Recording, robot: Robot) -> Followed:
+    """The smoothed motion of a recording; its arrays must not be changed."""
+    for known, content, found in _KEPT:
+        if known is recording and content == robot.sha256:
+            return found
+    found = followed(recording, robot, settled(recording, robot))
+    _KEPT.append((recording, robot.sha256, found))
+    return found
 
 
 def _whole(steps: float) -> int:

@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from faultgen.mjcf.dcmotor import INTEGRAL_GAIN, POSITION_GAIN, VELOCITY_GAIN
 from faultgen.recordings.recording import Recording
@@ -71,13 +72,15 @@ class SmoothedLoad:
             Change of the compared torque, same shape and unit.
         """
         out = np.array(load, float)
+        flat = out.reshape(*out.shape[:2], -1)
         for part, strengths in zip(self.parts, self.strengths, strict=True):
             for axis in range(out.shape[1]) if axes is None else axes:
-                strength, own = strengths[axis], out[part, axis]
-                if strength is None or not own.any():
+                strength, own = strengths[axis], flat[part, axis]
+                there = np.flatnonzero(own.any(axis=0))
+                if strength is None or not len(there):
                     continue
-                slow = smoothed_with(own, strength)
-                out[part, axis] = slow + self._answer(own - slow, axis)
+                slow = smoothed_with(own[:, there], strength)
+                own[:, there] = slow + self._answer(own[:, there] - slow, axis)
         return out
 
     def transfer(self, axis: int, strength: float | None, frequency: np.ndarray) -> np.ndarray:
@@ -104,10 +107,9 @@ class SmoothedLoad:
         return np.concatenate([[1.0], servo / (servo + rotor)])
 
     def _answer(self, load: np.ndarray, axis: int) -> np.ndarray:
-        """Torque of the servo that a fast load calls for, same shape."""
+        """Torque of the servo that fast loads call for; both of shape (samples, loads)."""
         count = len(load)
-        padded = np.concatenate([load, np.zeros_like(load)])
-        spectrum = np.fft.rfft(padded, axis=0)
-        answer = self._answered(axis, np.fft.rfftfreq(len(padded), self.period))
-        answer = answer.reshape(-1, *[1] * (load.ndim - 1))
-        return np.asarray(np.fft.irfft(spectrum * answer, len(padded), axis=0)[:count])
+        padded = next_fast_len(2 * count, real=True)
+        spectrum = np.fft.rfft(load, padded, axis=0)
+        answer = self._answered(axis, np.fft.rfftfreq(padded, self.period))[:, None]
+        return np.asarray(np.fft.irfft(spectrum * answer, padded, axis=0)[:count])
