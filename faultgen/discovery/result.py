@@ -92,7 +92,11 @@ class Answer:
     lacks: tuple[str, ...]
     """One line for each found change that this model does not contain."""
     calibration: dict[str, dict[str, float]]
-    """Differences of the robot's own numbers from the model, by name and axis."""
+    """Differences of the robot's own numbers from the model, by name and axis; empty with a
+    baseline."""
+    of_day: tuple[tuple[str, int, float, float], ...]
+    """Effect, axis, severity and standard error of differences from the baseline that may be those
+    of another day; empty without a baseline."""
     left_torque: np.ndarray
     """Torque of the gap that the model does not explain, shape (samples, n_axes)."""
     reasons: tuple[str, ...]
@@ -148,6 +152,15 @@ class Answer:
                 for one in self.where
             ],
             "calibration": self.calibration,
+            "from_day_to_day": [
+                {
+                    "effect": name,
+                    "axis": axis,
+                    "parameters": {"severity": value, "unit": get_effect(name).unit},
+                    "interval": {"severity": [value - 1.96 * error, value + 1.96 * error]},
+                }
+                for name, axis, value, error in self.of_day
+            ],
             "next_experiment": None,
             "unexplained": self.unexplained(),
             "model": {

@@ -28,7 +28,7 @@ from faultgen.discovery.result import (
 )
 from faultgen.discovery.terms.candidates import INERTIA, MASSES, PAYLOAD, Term, payload_of
 from faultgen.effects import get_effect
-from faultgen.inference.limits import CONSIDERABLE, NAMED_SHARE
+from faultgen.inference.limits import CONSIDERABLE, DAY_SHOWN, NAMED_SHARE
 
 _WIDE = 1.96  # standard errors that contain a normal value with 95 % probability
 _DRAWS = 1999  # of the bootstrap
@@ -138,7 +138,8 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         changes=built.changes,
         robot=robot,
         lacks=(*lacks, *doubts, *lines, *numbers.lines),
-        calibration=_told(problem, chosen, built.changes),
+        calibration={} if problem.baseline else _told(problem, chosen, built.changes),
+        of_day=_of_day(problem, choice, base_values) if problem.baseline else (),
         left_torque=built.left,
         reasons=tuple(doubts),
         residual_variance=choice.variance,
@@ -343,11 +344,28 @@ def _told(
     """Calibrated numbers that differ from the model by more than half their prior_std."""
     named = {problem.terms[t].key for t in fitted.terms}
     told: dict[str, dict[str, float]] = {}
-    if problem.baseline:
-        return told
     for term, value in changes:
         if not term.is_effect or term.parameters or term.key in named:
             continue
         if abs(value) > 0.5 * term.prior_std:
             told.setdefault(term.name, {})[str(term.axis)] = value
     return told
+
+
+def _of_day(
+    problem: Problem, choice: Choice, values: np.ndarray
+) -> tuple[tuple[str, int, float, float], ...]:
+    """Numbers that differ from the baseline by more than their errors, the clearest first.
+
+    They could be effects, but for what a robot may differ by from day to day.
+    """
+    fitted, numbers = choice.found.fitted, choice.difference.numbers
+    error = {numbers.which[k]: fitted.errors[place] for place, k in enumerate(numbers.known)}
+    named = {problem.terms[t].key for t in choice.best.terms}
+    told = []
+    for term, value in zip(problem.terms, values.tolist(), strict=True):
+        size, its = float(value * term.prior_std), float(error.get((*term.key, term.parameters), np.inf))
+        is_plain = term.is_effect and not term.parameters and term.key not in named
+        if is_plain and abs(size) > DAY_SHOWN * its:
+            told.append((term.name, term.axis, size, its))
+    return tuple(sorted(told, key=lambda one: -abs(one[2]) / one[3]))
