@@ -86,7 +86,8 @@ def formulas(curve: Curve) -> Iterator[Formula]:
         for k in range(1, 7):
             turn = 2 * np.pi * k * x / curve.scale
             order = round(2 * np.pi * k / curve.scale)
-            text = "{0:.3g}" + f" cos({order} x) + " + "{1:.3g}" + f" sin({order} x)"
+            of = "x" if order == 1 else f"{order} x"
+            text = "{0:.3g}" + f" cos({of}) + " + "{1:.3g}" + f" sin({of})"
             yield Formula(text, np.stack([np.cos(turn), np.sin(turn)]), x)
         return
     if curve.times:
