@@ -193,7 +193,7 @@ def test_samples_that_are_late_by_different_times_are_smoothed_more(
     noisy = replace(clean, position=clean.position + speed * late[:, None], reference_position=None)
 
     def error():
-        torque = Replay(noisy, tiny_robot).torque()
+        torque = Replay(replace(noisy), tiny_robot).torque()  # which was not smoothed before
         return relative_error((noisy.torque - torque) ** 2, noisy, settled(clean, tiny_robot))
 
     more = error()

@@ -121,6 +121,17 @@ def test_delay_gain_and_offset_are_told_apart(puma, record, pair):
     assert set(told(some)) == {("torque_constant", 3)} and not some.are_all
 
 
+@pytest.mark.parametrize("gain", [0.85, 1.2])
+def test_a_log_that_is_wrong_on_both_days_has_not_changed(puma, pair, gain):
+    """Where friction and payload differ, the logs differ by more than the servo explains."""
+    both = []
+    for one in pair:
+        for axis in range(1, 7):
+            one = logged(one, axis, gain)
+        both.append(one)
+    assert not find_servo_faults(both[1], puma, both[:1]).faults
+
+
 def test_without_a_baseline_a_gain_is_that_of_one_axis(puma, record):
     """A gain that all axes have is the unit of the log, which is not found here."""
     measured = record(seed=4)

@@ -364,7 +364,10 @@ def _of_day(
     named = {problem.terms[t].key for t in choice.best.terms}
     told = []
     for term, value in zip(problem.terms, values.tolist(), strict=True):
-        size, its = float(value * term.prior_std), float(error.get((*term.key, term.parameters), np.inf))
+        size, its = (
+            float(value * term.prior_std),
+            float(error.get((*term.key, term.parameters), np.inf)),
+        )
         is_plain = term.is_effect and not term.parameters and term.key not in named
         if is_plain and abs(size) > DAY_SHOWN * its:
             told.append((term.name, term.axis, size, its))

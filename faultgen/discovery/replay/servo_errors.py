@@ -8,7 +8,9 @@ gain is 15 % off would look like a delay.
 
 With a healthy recording of the same motions, the errors of the two equations are subtracted. So
 all cancels that the model does not know of the controller, such as the masses within its
-feed-forward torque, and what is left is what has changed.
+feed-forward torque, and what is left is what has changed. A log that is wrong on both days does not
+cancel where the torques differ. Its gain in the healthy recording is taken into account if that
+explains more, because there it cannot be told from masses that the controller does not know.
 
 A controller may also have learned another friction, which would look like a delay. The friction
 that the robot has beyond that of the model, or of the healthy recording, is seen at its measured
@@ -19,6 +21,7 @@ model; a delay must then show in more than a torque that follows the commanded s
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,6 +84,13 @@ class _Equation:
         values, _, _ = self.signals.regress(axis, columns[rows], beyond[rows, axis], rows)
         return np.asarray(columns[:, :-1] @ values[:-1])
 
+    def gain(self, axis: int, rows: np.ndarray) -> float:
+        """Share of the logged torque of an axis that is too much."""
+        shown = (-self.made.rate[rows, axis], self.signals.torque[rows, axis])
+        return float(
+            self.signals.regress(axis, np.stack(shown, axis=1), self.lacks[rows, axis], rows)[0][1]
+        )
+
     def holds(self, axis: int, rows: np.ndarray) -> tuple[bool, float]:
         """Whether it explains the logged torque of an axis, and what it leaves of it."""
         size = self.signals.torque[rows, axis].std()
@@ -129,18 +139,17 @@ def servo_errors(
         # what an integral held before a recording began is not known
         starts = _starts(now.signals.number[rows], other is None or has_integral[axis])
         shown = [-now.made.rate[rows, axis], now.signals.torque[rows, axis], np.ones(len(rows))]
+        friction = None
         if beyond is not None:
-            # without a healthy recording, viscous friction of the controller is not known either
-            known = [] if other is not None else [now.signals.rate[rows, axis]]
-            friction = now.friction(axis, beyond)
-            columns = np.column_stack([*shown, friction[rows], *known, starts])
-            share = _Fit(columns, target[rows]).values()[len(shown)]
-            shown += known
-            if 0 <= share <= 1:
-                shown.append(friction[rows])
-            else:  # a controller knows none of it, or all
-                target = target - np.clip(share, 0, 1) * friction
-        fit = _Fit(np.column_stack([*shown, starts]), target[rows])
+            friction = now.friction(axis, beyond)[rows]
+        # without a healthy recording, viscous friction of the controller is not known either
+        known = [now.signals.rate[rows, axis]] if other is None and beyond is not None else []
+        targets = [target[rows]]
+        if other is not None:  # a log that is wrong on both days shows where the torques differ
+            differs = now.signals.torque[rows, axis] - other.signals.torque[rows, axis]
+            targets.append(targets[0] - other.gain(axis, rows) * differs)
+        fits = [_fitted(one, shown, known, friction, starts) for one in targets]
+        fit = min(fits, key=_Fit.left)
         value[:, axis] = fit.values()[:3]
         apart = [fit.values(without=block)[:3] for block in range(BLOCKS)]
         error[:, axis] = np.sqrt((BLOCKS - 1) * np.var(apart, axis=0))
@@ -153,6 +162,25 @@ def servo_errors(
         if one.effect == DELAY and before is None:  # the model has it
             value[0, one.axis - 1] -= one.severity
     return ServoErrors(value, error, holds, helps, misfit)
+
+
+def _fitted(
+    target: np.ndarray,
+    shown: Sequence[np.ndarray],
+    known: Sequence[np.ndarray],
+    friction: np.ndarray | None,
+    starts: np.ndarray,
+) -> _Fit:
+    """The fit of what is shown beside the friction that a controller knows a share of."""
+    columns = [*shown, *known]
+    if friction is not None:
+        fit = _Fit(np.column_stack([*shown, friction, *known, starts]), target)
+        share = fit.values()[len(shown)]
+        if 0 <= share <= 1:
+            columns.append(friction)
+        else:  # a controller knows none of it, or all
+            target = target - np.clip(share, 0, 1) * friction
+    return _Fit(np.column_stack([*columns, starts]), target)
 
 
 def _starts(number: np.ndarray, apart: bool) -> np.ndarray:
