@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultgen.discovery.replay.formulas import Motion
+from faultgen.discovery.replay.motion import Motion
 from faultgen.recordings.recording import Recording
 
 _IN_TURN = ("motor angle", "motor angle, by direction")

@@ -7,7 +7,7 @@ Where the servo follows commands, its rotors move, too, and rotors have causes o
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,10 +16,9 @@ from faultgen.discovery.replay.elastic import LAWS, GearLaws, Newmark, Nonlinear
 from faultgen.discovery.replay.loose import LOOSE, LooseTools, Slide
 from faultgen.discovery.terms.candidates import Term
 from faultgen.effects.transmission import REFERENCE_TWIST
-
-if TYPE_CHECKING:
-    from faultgen.discovery.replay.formulas import Formulas
-    from faultgen.simulation.arm import Arm
+from faultgen.robot import Robot
+from faultgen.simulation.arm import Arm
+from faultgen.simulation.cycle import Cycle
 
 GEAR_DAMPING = "gear_damping"
 """Term of the damping of a gearbox, a fraction of that of the model. It is no effect."""
@@ -50,6 +49,30 @@ Linear = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Changes of the torque of joints, from `linear`."""
 
 
+@dataclass(frozen=True, eq=False)
+class Course:
+    """A separate recording, and the unchanged model on its motion."""
+
+    robot: Robot
+    """The model."""
+    run: Cycle
+    """What it logs at every step of a simulation."""
+    steps: np.ndarray
+    """Steps at which the recording has its samples, shape (samples,)."""
+    period: float
+    """Time between samples [s]."""
+    stiffness: np.ndarray
+    """Of the gearboxes, shape (n_axes,), in [N m/rad]."""
+    damping: np.ndarray
+    """Of the gearboxes, shape (n_axes,), in [N m s/rad]."""
+    linear: Linear
+    """Changes of the torque of the joints, at the poses of the integration."""
+    follows: bool
+    """Whether a servo reacts; otherwise rotors are held on their motion."""
+    slide: Callable[[], Slide]
+    """Gives the motion of a loose tool at the samples."""
+
+
 class BehindGears:
     """The causes in a separate recording.
 
@@ -58,18 +81,12 @@ class BehindGears:
     """
 
     def __init__(
-        self,
-        formulas: Formulas,
-        number: int,
-        in_gear: Sequence[Term],
-        loads: np.ndarray,
-        rotors: np.ndarray,
+        self, course: Course, in_gear: Sequence[Term], loads: np.ndarray, rotors: np.ndarray
     ) -> None:
         """Prepare the causes.
 
         Args:
-            formulas: The motion.
-            number: Of the separate recording, from 0.
+            course: The motion.
             in_gear: Terms of gearboxes and loose tools, in this order.
             loads: Torque that each further cause puts on the joints at the samples, shape (samples,
                 n_axes, causes), in [N m].
@@ -77,30 +94,30 @@ class BehindGears:
                 integration, shape (steps, n_axes, causes), in [N m]. None has a part where rotors
                 are held.
         """
-        robot, run = formulas.robot, formulas.runs[number]
+        robot, run = course.robot, course.run
         timestep = robot.model.opt.timestep
         every = steps_of(timestep)
-        self._h = h = every * timestep
-        self._of, self._loads, self._rotors = formulas, loads, rotors
+        h = every * timestep
+        self._course, self._loads, self._rotors = course, loads, rotors
         angle, joint = run.motor_position[::every], run.joint_position[::every]
         turns = robot.gearing.matrix / robot.gear_ratio[:, None]
         twist = angle / robot.gear_ratio - joint @ turns.T
         rate = np.gradient(twist, h, axis=0)
         self._count = len(twist)
-        at = np.round(formulas.steps(number) / every).astype(int)
+        at = np.round(course.steps / every).astype(int)
         self._samples = np.minimum(at, self._count - 1)
         # numbers of the samples at the steps, not whole
-        self._times = np.arange(self._count) * h / formulas.replay.recording.sample_period
-        self._turns = relative(robot) if formulas.follows else turns
-        stiffness, damping = formulas.stiffness, formulas.damping
+        self._times = np.arange(self._count) * h / course.period
+        self._turns = relative(robot) if course.follows else turns
+        stiffness, damping = course.stiffness, course.damping
         self._pull = self._turns.T * stiffness
         laws = [term for term in in_gear if term.name in LAWS]
         self._laws = GearLaws(laws, twist, self._pull, self._turns)
         self._solved: list[Nonlinear] = [self._laws]
         loose = [term for term in in_gear if term.name == LOOSE]
         if loose:
-            slide = Slide.of(robot, formulas.links(number)).at(self._times)
-            self._solved.append(LooseTools(slide.among(len(self._pull)), loose, h))
+            slide = course.slide().at(self._times).among(len(self._pull))
+            self._solved.append(LooseTools(slide, loose, h))
         self._sizes = np.array([term.step for term in in_gear[: len(laws) + len(loose)]])
         others = in_gear[len(self._sizes) :]
         self._axes = np.array([term.axis - 1 for term in others], int)
@@ -115,8 +132,8 @@ class BehindGears:
                 order, phase = wave(term)
                 slope = order * np.cos(order * angle[:, own] + phase)
                 self._pushes[:, k] = run.gear_torque[::every, own] * slope
-        held, arm = poses_of(h), formulas.linear(number)
-        if formulas.follows:
+        held, arm = poses_of(h), course.linear
+        if course.follows:
             self._system: Newmark = Servo(robot, arm, held, run.motor_position, every)
         else:
             inertia, of_speed, of_place = arm
@@ -131,7 +148,7 @@ class BehindGears:
             Shape (samples, n_axes, causes), in [N m]: of the gear torque, joint side, where rotors
             are held; of the logged torque of the motors where they follow commands.
         """
-        n = self._of.robot.n_axes
+        n = self._course.robot.n_axes
         causes = len(self._sizes) + sum(
             one.shape[-1] for one in (self._errors, self._loads, self._rotors)
         )
@@ -141,18 +158,18 @@ class BehindGears:
             inside = slice(*np.searchsorted(self._samples, [start, rows.stop]))
             wanted = self._samples[inside]
             seen = self._system.advance(start, self._force(rows), self._solved, wanted - start)
-            change = seen if self._of.follows else self._of_gears(seen, wanted)
+            change = seen if self._course.follows else self._of_gears(seen, wanted)
             change[:, :, : len(self._sizes)] /= self._sizes
             out[inside] = change
         return out
 
     def _force(self, rows: slice) -> np.ndarray:
         """Forces on the moves by all causes but the solved ones, shape (steps, moves, causes)."""
-        n = self._of.robot.n_axes
+        n = self._course.robot.n_axes
         of_errors = self._pull[:, self._axes] * self._errors[rows, None]
         # a load turns the joint back: the gearbox has to carry it
         of_loads = -interpolated(self._loads, self._times[rows])
-        if not self._of.follows:
+        if not self._course.follows:
             return np.concatenate([of_errors, of_loads], axis=2)
         of_errors[:, n + self._axes, np.arange(len(self._axes))] -= self._pushes[rows]
         of_rotors = -self._rotors[rows]
@@ -167,10 +184,10 @@ class BehindGears:
 
     def _of_gears(self, seen: np.ndarray, wanted: np.ndarray) -> np.ndarray:
         """Change of the gear torques where rotors are held, shape (wanted, n_axes, causes)."""
-        stiffness = self._of.stiffness
+        stiffness = self._course.stiffness
         moved, turning = np.split(seen, 2, axis=1)
         change = -((stiffness[:, None] * self._turns) @ moved)
-        change -= (self._of.damping[:, None] * self._turns) @ turning
+        change -= (self._course.damping[:, None] * self._turns) @ turning
         for own, of, first in (
             (self._laws.axes, self._laws.errors, 0),
             (self._axes, self._errors, len(self._sizes)),
@@ -217,7 +234,15 @@ def wave(term: Term) -> tuple[float, float]:
 
 
 def sine(angle: np.ndarray, term: Term) -> np.ndarray:
-    """Compute the wave of a periodic effect at angles of the motor [rad]."""
+    """Compute the wave of a periodic effect.
+
+    Args:
+        angle: Of the motor, shape (samples,), in [rad].
+        term: The effect.
+
+    Returns:
+        Same shape.
+    """
     order, phase = wave(term)
     return np.asarray(np.sin(order * angle + phase))
 

@@ -22,8 +22,8 @@ adds no damping. tests/discovery/test_formulas.py compares every formula with th
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -34,6 +34,7 @@ from faultgen.discovery.replay.behind_gears import (
     IN_GEAR,
     WAVE,
     BehindGears,
+    Course,
     Linear,
     linear,
     poses_of,
@@ -43,7 +44,8 @@ from faultgen.discovery.replay.behind_gears import (
 )
 from faultgen.discovery.replay.bristles import FRICTION, friction_columns
 from faultgen.discovery.replay.elastic import LAWS
-from faultgen.discovery.replay.loose import LOOSE
+from faultgen.discovery.replay.loose import LOOSE, Slide
+from faultgen.discovery.replay.motion import Motion, beside, slope
 from faultgen.discovery.replay.prescribed import STIFFER
 from faultgen.discovery.terms.candidates import INERTIA, MASSES, Term
 from faultgen.discovery.terms.inertia import slopes_of
@@ -58,29 +60,6 @@ if TYPE_CHECKING:
     from faultgen.simulation.cycle import Cycle
 
 _SHIFT = 1e-3  # of a position, for the slope of the torque of the arm [rad]
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """What effects on the rotors need to know about a motion.
-
-    Arrays have shape (samples, n_axes).
-    """
-
-    angle: np.ndarray
-    """Of the motors [rad]."""
-    speed: np.ndarray
-    """Of the motors [rad/s]."""
-    acceleration: np.ndarray
-    """Of the motors [rad/s^2]."""
-    joint: np.ndarray
-    """Position of the joints [rad]."""
-    gear: np.ndarray
-    """Torque of the gearboxes, joint side [N m]."""
-    torque: np.ndarray
-    """Logged torque of the motors [N m]."""
-    rate: np.ndarray
-    """Its rate of change [N m/s]."""
 
 
 class Formulas:
@@ -110,9 +89,11 @@ class Formulas:
         Args:
             replay: The model on a motion.
         """
-        if replay.formulas is None or replay.formulas.given is not replay:
-            replay.formulas = cls(replay)
-        return replay.formulas
+        for known in _KEPT:
+            if known.given is replay:
+                return known
+        _KEPT.append(cls(replay))
+        return _KEPT[-1]
 
     def columns(self, terms: Sequence[Term]) -> dict[Term, np.ndarray]:
         """Compute the change of the torque per unit of each term that has a formula.
@@ -188,7 +169,14 @@ class Formulas:
         return self.replay.cycles
 
     def steps(self, number: int) -> np.ndarray:
-        """Steps of the simulation at which a separate recording has its samples."""
+        """Find the steps of the simulation at which a separate recording has its samples.
+
+        Args:
+            number: Of the separate recording, from 0.
+
+        Returns:
+            Shape (samples,).
+        """
         part = self.replay.recording.parts[number]
         timestep = self.robot.model.opt.timestep
         times = np.arange(part.stop - part.start) * self.replay.recording.sample_period
@@ -209,11 +197,11 @@ class Formulas:
         return Motion(
             angle=run.motor_position[at],
             speed=run.motor_velocity[at],
-            acceleration=_slope(run.motor_velocity, at, timestep),
+            acceleration=slope(run.motor_velocity, at, timestep),
             joint=run.joint_position[at],
             gear=run.gear_torque[at],
             torque=run.motor_torque[at],
-            rate=_slope(run.motor_torque, at, timestep),
+            rate=slope(run.motor_torque, at, timestep),
         )
 
     def friction(self, name: str, axis: int) -> float:
@@ -245,13 +233,20 @@ class Formulas:
         """Position, velocity and acceleration of the joints at the samples."""
         timestep, at = self.robot.model.opt.timestep, self.steps(number)
         joint = self.runs[number].joint_position
-        before, after = _beside(at, len(joint))
-        less, more = (_slope(joint, steps, timestep) for steps in (before, after))
+        before, after = beside(at, len(joint))
+        less, more = (slope(joint, steps, timestep) for steps in (before, after))
         acceleration = (more - less) / ((after - before)[:, None] * timestep)
-        return joint[at], _slope(joint, at, timestep), acceleration
+        return joint[at], slope(joint, at, timestep), acceleration
 
     def linear(self, number: int) -> Linear:
-        """How the torque of the joints changes with small changes of their motion."""
+        """Compute how the torque of the joints changes with small changes of their motion.
+
+        Args:
+            number: Of the separate recording, from 0.
+
+        Returns:
+            As `behind_gears.linear`, shape (poses, n_axes, n_axes).
+        """
         if number not in self._linear:
             h = steps_of(timestep := self.robot.model.opt.timestep) * timestep
             joint = self.runs[number].joint_position[:: steps_of(timestep)]
@@ -311,7 +306,8 @@ class Formulas:
         for number, part in enumerate(recording.parts):
             loads = self._loads(number, links, slopes)
             pushes = self._at_rotors(number, rotors, self._every(number)) if rotors else {}
-            causes = BehindGears(self, number, in_gear, loads, self._needed(number, pushes))
+            needed = self._needed(number, pushes)
+            causes = BehindGears(self._course(number), in_gear, loads, needed)
             change = causes.changes()
             if not recording.link and not self.follows:
                 change = self._of_motors(number, change, in_gear)
@@ -320,6 +316,20 @@ class Formulas:
                     ..., k
                 ]
         return out
+
+    def _course(self, number: int) -> Course:
+        """What the integration needs to know of a separate recording."""
+        return Course(
+            self.robot,
+            self.runs[number],
+            self.steps(number),
+            self.replay.recording.sample_period,
+            self.stiffness,
+            self.damping,
+            self.linear(number),
+            self.follows,
+            lambda: Slide.of(self.robot, self.links(number)),
+        )
 
     def _every(self, number: int) -> np.ndarray:
         """Steps of the simulation at which the causes are integrated."""
@@ -345,15 +355,8 @@ class Formulas:
         return np.asarray(out / self.robot.torque_gain[:, None])
 
 
-def _beside(at: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """The steps before and after steps, of `count` steps."""
-    return np.maximum(at - 1, 0), np.minimum(at + 1, count - 1)
-
-
-def _slope(values: np.ndarray, at: np.ndarray, timestep: float) -> np.ndarray:
-    """Central differences over time at some steps, as those of `numpy.gradient`."""
-    before, after = _beside(at, len(values))
-    return np.asarray((values[after] - values[before]) / ((after - before)[:, None] * timestep))
+_KEPT: deque[Formulas] = deque(maxlen=2)
+# of a recording and its baseline: each is needed several times
 
 
 _AT_ROTOR: dict[str, Callable[[Formulas, Motion, Term], np.ndarray]] = {

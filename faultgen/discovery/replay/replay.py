@@ -6,7 +6,7 @@ import copy
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
@@ -24,9 +24,6 @@ from faultgen.simulation.cycle import Cycle
 from faultgen.simulation.plant import Plant, assemble
 from faultgen.simulation.servo import control_signal
 from faultgen.simulation.stepping import simulate
-
-if TYPE_CHECKING:
-    from faultgen.discovery.replay.formulas import Formulas
 
 SETTLING = 0.3
 """Time that the simulation needs to settle after an axis begins to turn [s]: assumed."""
@@ -80,8 +77,6 @@ class Replay:
         """Common logarithm of the penalty with which the measured position of each axis of each
         separate recording was smoothed; empty where the rotors are not on measured positions."""
         self._cycles: list[Cycle] | None = None
-        self.formulas: Formulas | None = None
-        """Those of this replay, or of the one that it was copied from; see `Formulas.of`."""
         if measured:
             found = _followed(recording, robot)
             self.wanted, self.strengths = found.position, found.strengths
@@ -198,7 +193,7 @@ class Replay:
 
     def __getstate__(self) -> dict[str, Any]:
         """What other processes get; they simulate with changes."""
-        return {**vars(self), "_cycles": None, "formulas": None}
+        return {**vars(self), "_cycles": None}
 
     def held(self) -> Replay:
         """Return the same motion with rotors that are held on the simulated motion of the model."""
