@@ -97,7 +97,7 @@ def signatures(
         InputError: Too little of the recording can be used.
         SimulationFailed: The model diverges on the recorded motion.
     """
-    given, commanded = suited_replays(recording, robot)
+    given, commanded = suited_replays(recording, robot, baseline)
     before = None if baseline is None else Replay(baseline, robot, measured=given.measured)
     moved: dict[tuple, float] = {}
     if given.measured and before is None:

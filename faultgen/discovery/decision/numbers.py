@@ -18,6 +18,7 @@ from faultgen.discovery.replay.bristles import DAMPED, EXPONENT
 from faultgen.discovery.replay.elastic import STIFFNESS
 from faultgen.discovery.replay.formulas import GEAR_DAMPING, Formulas
 from faultgen.discovery.terms.candidates import INERTIA, PAYLOAD, Term
+from faultgen.effects.spreads import SPREADS
 from faultgen.inference.model import Group
 from faultgen.recordings.recording import Recording
 from faultgen.recordings.smoothing import required, smoothed_with
@@ -84,6 +85,7 @@ _OF = {
     "encoder_offset": "zero",
     "stiffness_hardening": "hardening",
 }
+_WHOLE = ("coulomb_friction", "static_friction", "viscous_friction")  # all friction of an axis
 _COMMON, _SINGLE = 0.1, 0.01  # forms, over Coulomb friction: of all axes, and of one
 # gain of the log of a torque: some drives state currents times a rounded constant; assumed
 _GAIN = 0.005
@@ -215,6 +217,7 @@ def numbers_of(
         steps[which] = min(abs(term.step), steps.get(which, np.inf))
     seen = set()
     shared: dict[str, np.ndarray] = {}
+    whole: dict[int, np.ndarray] = {}
     for term, column in zip(terms, raw, strict=True):
         which = (*term.key, term.parameters)
         kind = kind_of(term)
@@ -227,6 +230,10 @@ def numbers_of(
             _add_by_motion(out, column, recording.parts)
         if kind.startswith("friction"):
             shared[term.name] = shared.get(term.name, 0.0) + column
+        if term.name in _WHOLE and baseline:
+            whole[term.axis] = whole.get(term.axis, 0.0) + column
+    for axis, column in whole.items():  # warmth and lubricant change all friction of an axis
+        out.add(column, SPREADS["coulomb_friction"].std, "friction", ("friction", axis, ()))
     for column in shared.values():
         out.add(column, _common(recording), "form of friction")
     _add_gears(out, formulas)

@@ -28,20 +28,25 @@ def suited_replay(recording: Recording, robot: Robot) -> Replay:
     return suited_replays(recording, robot)[0]
 
 
-def suited_replays(recording: Recording, robot: Robot) -> tuple[Replay, Replay | None]:
+def suited_replays(
+    recording: Recording, robot: Robot, baseline: Recording | None = None
+) -> tuple[Replay, Replay | None]:
     """Return the replay whose torque is nearer to the recorded one, and one on commands beside it.
 
     Measured positions need no servo. But their noise, differentiated twice, can be much larger than
-    all that a servo does. This shows in the torque: see `followed.unexplained`.
+    all that a servo does. This shows in the torque: see `followed.unexplained`. Two recordings of
+    one program have the same commands, so that no model has a part in the difference of their
+    torques.
 
     Args:
         recording: The measured data.
         robot: The model.
+        baseline: The recording with which it is compared.
 
     Returns:
         The replay on measured positions, or on commanded ones if they were recorded and explain the
-        torque clearly better. Beside measured ones, the replay on commanded ones, unless these
-        explain the torque clearly worse.
+        torque clearly better; with a baseline, unless they explain it clearly worse. Beside
+        measured ones, the replay on commanded ones, unless these explain the torque clearly worse.
     """
     measured = Replay(recording, robot)
     if recording.reference_position is None or recording.link:
@@ -57,6 +62,8 @@ def suited_replays(recording: Recording, robot: Robot) -> tuple[Replay, Replay |
             return np.inf
 
     of_commanded, of_measured = error(commanded), error(measured)
-    if of_commanded < _CLEARLY * of_measured:
+    follows = _CLEARLY * of_commanded < of_measured
+    same = baseline is not None and baseline.reference_position is not None
+    if of_commanded < _CLEARLY * of_measured or (follows and same):
         return commanded, None
-    return measured, commanded if _CLEARLY * of_commanded < of_measured else None
+    return measured, commanded if follows else None
