@@ -184,8 +184,8 @@ def discover(
             f"also possible: {one['effect']} on axis {one['axis']}; "
             f"confidence {one['confidence']:.2f}"
         )
-    for one in result["from_day_to_day"]:
-        say(f"perhaps a difference between days: {one['sentence']}")
+    for one in result["usual_differences"]:
+        say(f"as a healthy robot may differ: {one['sentence']}")
     if result["next_experiment"]:
         say(f"to distinguish these effects, run the task {out / 'next_experiment.toml'}")
     if result["unexplained"]:

@@ -61,7 +61,7 @@ def add_words(result: dict[str, Any], robot: Robot, baseline: bool) -> None:
         baseline: Whether severities are differences from a healthy recording.
     """
     than = THAN_BEFORE if baseline else THAN_MODEL
-    for one in [*result["effects"], *result["from_day_to_day"]]:
+    for one in [*result["effects"], *result["usual_differences"]]:
         if one["effect"] != LEARNED:
             given = one["parameters"]
             others = {k: v for k, v in given.items() if k not in ("severity", "unit")}

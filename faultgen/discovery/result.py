@@ -94,9 +94,9 @@ class Answer:
     calibration: dict[str, dict[str, float]]
     """Differences of the robot's own numbers from the model, by name and axis; empty with a
     baseline."""
-    of_day: tuple[tuple[str, int, float, float], ...]
-    """Effect, axis, severity and standard error of differences from the baseline that may be those
-    of another day; empty without a baseline."""
+    usual: tuple[tuple[str, int, float, float], ...]
+    """Effect, axis, severity and standard error of clear differences from the model, or from the
+    baseline, that a healthy robot may have."""
     left_torque: np.ndarray
     """Torque of the gap that the model does not explain, shape (samples, n_axes)."""
     reasons: tuple[str, ...]
@@ -152,14 +152,14 @@ class Answer:
                 for one in self.where
             ],
             "calibration": self.calibration,
-            "from_day_to_day": [
+            "usual_differences": [
                 {
                     "effect": name,
                     "axis": axis,
                     "parameters": {"severity": value, "unit": get_effect(name).unit},
                     "interval": {"severity": [value - 1.96 * error, value + 1.96 * error]},
                 }
-                for name, axis, value, error in self.of_day
+                for name, axis, value, error in self.usual
             ],
             "next_experiment": None,
             "unexplained": self.unexplained(),

@@ -25,12 +25,12 @@ def summary(result: dict[str, Any], baseline: bool) -> str:
         probability.
     """
     found, verdict = [words_of(one) for one in result["effects"]], result["verdict"]
-    if verdict == NONE and result.get("from_day_to_day"):
-        (first, *_) = result["from_day_to_day"]
-        return (
-            f"No effect is certain: {words_of(first)}, which may be a difference between days. "
-            "Further healthy recordings would tell."
-        )
+    if verdict == NONE and result.get("usual_differences"):
+        (first, *_) = result["usual_differences"]
+        may = "which may be a difference between days. Further healthy recordings would tell."
+        if not baseline:
+            may = "which a healthy robot may have. A healthy recording (--healthy) would tell."
+        return f"No effect is certain: {words_of(first)}, {may}"
     if verdict == NONE:
         return (
             "Nothing has changed since the healthy recording, as far as the noise lets see."

@@ -136,10 +136,10 @@ CONSIDERABLE = _limit(
     "squared error beyond that of noise, over that of noise, from which a gap is open",
     "assumed",
 )
-DAY_SHOWN = _limit(
-    "DAY_SHOWN",
+USUAL_SHOWN = _limit(
+    "USUAL_SHOWN",
     3.0,
-    "standard errors from which a difference that may be one of another day is told",
+    "standard errors from which a difference that a healthy robot may have is told",
     "usual; nothing is named by it",
 )
 CURVE_GAIN = _limit(

@@ -203,7 +203,7 @@ def test_nothing_found_beside_a_healthy_recording():
     given = {"verdict": "no missing effect", "effects": [], "alternatives": [], "unexplained": ""}
     assert summary(given, baseline=True).startswith("Nothing has changed since the healthy")
     day = [{"effect": "coulomb_friction", "axis": 4, "sentence": "axis 4 has more friction"}]
-    assert summary({**given, "from_day_to_day": day}, baseline=True) == (
+    assert summary({**given, "usual_differences": day}, baseline=True) == (
         "No effect is certain: axis 4 has more friction, which may be a difference between days. "
         "Further healthy recordings would tell."
     )

@@ -28,7 +28,7 @@ from faultgen.discovery.result import (
 )
 from faultgen.discovery.terms.candidates import INERTIA, MASSES, PAYLOAD, Term, payload_of
 from faultgen.effects import get_effect
-from faultgen.inference.limits import CONSIDERABLE, DAY_SHOWN, NAMED_SHARE
+from faultgen.inference.limits import CONSIDERABLE, NAMED_SHARE, USUAL_SHOWN
 
 _WIDE = 1.96  # standard errors that contain a normal value with 95 % probability
 _DRAWS = 1999  # of the bootstrap
@@ -139,7 +139,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         robot=robot,
         lacks=(*lacks, *doubts, *lines, *numbers.lines),
         calibration={} if problem.baseline else _told(problem, chosen, built.changes),
-        of_day=_of_day(problem, choice, base_values) if problem.baseline else (),
+        usual=_usual_differences(problem, choice, base_values),
         left_torque=built.left,
         reasons=tuple(doubts),
         residual_variance=choice.variance,
@@ -352,12 +352,12 @@ def _told(
     return told
 
 
-def _of_day(
+def _usual_differences(
     problem: Problem, choice: Choice, values: np.ndarray
 ) -> tuple[tuple[str, int, float, float], ...]:
-    """Numbers that differ from the baseline by more than their errors, the clearest first.
+    """Numbers that differ from the model, or the baseline, by more than their errors.
 
-    They could be effects, but for what a robot may differ by from day to day.
+    The clearest comes first. They could be effects, but for what a healthy robot may differ by.
     """
     fitted, numbers = choice.found.fitted, choice.difference.numbers
     error = {numbers.which[k]: fitted.errors[place] for place, k in enumerate(numbers.known)}
@@ -369,6 +369,6 @@ def _of_day(
             float(error.get((*term.key, term.parameters), np.inf)),
         )
         is_plain = term.is_effect and not term.parameters and term.key not in named
-        if is_plain and abs(size) > DAY_SHOWN * its:
+        if is_plain and abs(size) > USUAL_SHOWN * its:
             told.append((term.name, term.axis, size, its))
     return tuple(sorted(told, key=lambda one: -abs(one[2]) / one[3]))
