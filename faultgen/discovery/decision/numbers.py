@@ -41,6 +41,7 @@ class Kind:
 KINDS = {
     "links": Kind(1.1, 0.01, 1.5),  # a wider one would hide a payload
     "friction": Kind(1.4, 0.5, 2.0),  # 2 % from day to day; a UR10e has 0.5 to 5 %
+    "all friction of an axis": Kind(1.4, 0.5, 2.0),  # between days only
     "friction at low speed": Kind(1.4, 0.5, 2.0),
     "friction between motions": Kind(2.0, 1.0, 2.0),
     "form of friction": Kind(1.7, 0.1, 1.7),
@@ -85,7 +86,12 @@ _OF = {
     "encoder_offset": "zero",
     "stiffness_hardening": "hardening",
 }
-_WHOLE = ("coulomb_friction", "static_friction", "viscous_friction")  # all friction of an axis
+ALL_FRICTION = "friction"
+"""Name of the number that is all friction of an axis between two days."""
+
+PARTS_OF_FRICTION = ("coulomb_friction", "static_friction", "viscous_friction")
+"""Terms that make it up."""
+
 _COMMON, _SINGLE = 0.1, 0.01  # forms, over Coulomb friction: of all axes, and of one
 # gain of the log of a torque: some drives state currents times a rounded constant; assumed
 _GAIN = 0.005
@@ -230,10 +236,11 @@ def numbers_of(
             _add_by_motion(out, column, recording.parts)
         if kind.startswith("friction"):
             shared[term.name] = shared.get(term.name, 0.0) + column
-        if term.name in _WHOLE and baseline:
+        if term.name in PARTS_OF_FRICTION and baseline:
             whole[term.axis] = whole.get(term.axis, 0.0) + column
     for axis, column in whole.items():  # warmth and lubricant change all friction of an axis
-        out.add(column, SPREADS["coulomb_friction"].std, "friction", ("friction", axis, ()))
+        std = SPREADS["coulomb_friction"].std
+        out.add(column, std, "all friction of an axis", (ALL_FRICTION, axis, ()))
     for column in shared.values():
         out.add(column, _common(recording), "form of friction")
     _add_gears(out, formulas)

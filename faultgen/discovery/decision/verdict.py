@@ -12,6 +12,7 @@ from faultgen.discovery.decision.calibrated import Calibrated, calibrated
 from faultgen.discovery.decision.choice import SURE, Choice, only
 from faultgen.discovery.decision.gate import gate
 from faultgen.discovery.decision.hypotheses import UNKNOWN as UNKNOWN_FORM
+from faultgen.discovery.decision.numbers import ALL_FRICTION, PARTS_OF_FRICTION
 from faultgen.discovery.fit.diagnostics import where
 from faultgen.discovery.fit.fit import Fit, first_of
 from faultgen.discovery.fit.gap import gap, scored
@@ -203,6 +204,24 @@ def _helpful(problem: Problem, best: Fit, values: np.ndarray) -> np.ndarray:
     return np.where(np.where(of_arm, all_with <= all_without, helps[own]), values, 0.0)
 
 
+def _of_terms(choice: Choice) -> dict[tuple, tuple[float, float]]:
+    """Value and standard error of each number that is a term, by name, axis and parameters.
+
+    Those of the friction of an axis include what all its friction differs by.
+    """
+    fitted, numbers = choice.found.fitted, choice.difference.numbers
+    values, covariance = fitted.model.at(fitted.log_scales, fitted.effects)
+    places = {numbers.which[k]: [place] for place, k in enumerate(numbers.known)}
+    for which, own in places.items():
+        if which and which[0] in PARTS_OF_FRICTION:
+            own += places.get((ALL_FRICTION, *which[1:]), [])
+    return {
+        which: (float(values[own].sum()), float(np.sqrt(covariance[np.ix_(own, own)].sum())))
+        for which, own in places.items()
+        if which
+    }
+
+
 def usual(problem: Problem, choice: Choice) -> np.ndarray:
     """Compute by how much numbers differ between recording and baseline, beside the effects.
 
@@ -213,9 +232,7 @@ def usual(problem: Problem, choice: Choice) -> np.ndarray:
     Returns:
         Value of every term in prior standard deviations, shape (terms,); 0 for effects.
     """
-    values = choice.found.fitted.values
-    numbers = choice.difference.numbers
-    value = {numbers.which[k]: values[place] for place, k in enumerate(numbers.known)}
+    value = {which: of for which, (of, _) in _of_terms(choice).items()}
     out = np.zeros(len(problem.terms))
     seen = set()
     for k, term in enumerate(problem.terms):
@@ -359,8 +376,7 @@ def _usual_differences(
 
     The clearest comes first. They could be effects, but for what a healthy robot may differ by.
     """
-    fitted, numbers = choice.found.fitted, choice.difference.numbers
-    error = {numbers.which[k]: fitted.errors[place] for place, k in enumerate(numbers.known)}
+    error = {which: of for which, (_, of) in _of_terms(choice).items()}
     named = {problem.terms[t].key for t in choice.best.terms}
     told = []
     for term, value in zip(problem.terms, values.tolist(), strict=True):
