@@ -8,9 +8,9 @@ gain is 15 % off would look like a delay.
 
 With a healthy recording of the same motions, the errors of the two equations are subtracted. So
 all cancels that the model does not know of the controller, such as the masses within its
-feed-forward torque, and what is left is what has changed. A log that is wrong on both days does not
-cancel where the torques differ. Its gain in the healthy recording is taken into account if that
-explains more, because there it cannot be told from masses that the controller does not know.
+feed-forward torque, and what is left is what has changed. The gain of a log that is wrong on both
+days does not cancel where the torques differ: it is a share of this difference, which is taken into
+account if that leaves less than the three.
 
 A controller may also have learned another friction, which would look like a delay. The friction
 that the robot has beyond that of the model, or of the healthy recording, is seen at its measured
@@ -40,6 +40,7 @@ only, and more than 3 of them are then usual (28 recordings of the sealed simula
 _FEWEST = 10  # samples of a block
 _EXPLAINED = 0.3  # torque error of the servo's equation, over the torque, up to which it holds
 _BETTER = 0.9  # torque error of the equation with one of the three, over that without: assumed
+_WRONG = 0.25  # share of a log that may be too much on both days: assumed
 _STEPS = (0.003, 0.01, 0.03, 0.1, 0.3)
 """Speeds over which friction may turn its sign, over the largest speed: assumed, each about three
 times the one before."""
@@ -83,13 +84,6 @@ class _Equation:
         columns = np.stack([*steps, share, share * np.abs(share), logged], axis=1)
         values, _, _ = self.signals.regress(axis, columns[rows], beyond[rows, axis], rows)
         return np.asarray(columns[:, :-1] @ values[:-1])
-
-    def gain(self, axis: int, rows: np.ndarray) -> float:
-        """Share of the logged torque of an axis that is too much."""
-        shown = (-self.made.rate[rows, axis], self.signals.torque[rows, axis])
-        return float(
-            self.signals.regress(axis, np.stack(shown, axis=1), self.lacks[rows, axis], rows)[0][1]
-        )
 
     def holds(self, axis: int, rows: np.ndarray) -> tuple[bool, float]:
         """Whether it explains the logged torque of an axis, and what it leaves of it."""
@@ -147,7 +141,10 @@ def servo_errors(
         targets = [target[rows]]
         if other is not None:  # a log that is wrong on both days shows where the torques differ
             differs = now.signals.torque[rows, axis] - other.signals.torque[rows, axis]
-            targets.append(targets[0] - other.gain(axis, rows) * differs)
+            own = _Fit(np.column_stack([differs, shown[0], shown[2], starts]), targets[0])
+            share = own.values()[0]
+            if abs(share) < _WRONG:
+                targets.append(targets[0] - share * differs)
         fits = [_fitted(one, shown, known, friction, starts) for one in targets]
         fit = min(fits, key=_Fit.left)
         value[:, axis] = fit.values()[:3]
