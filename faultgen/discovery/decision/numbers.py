@@ -40,8 +40,9 @@ class Kind:
 
 KINDS = {
     "links": Kind(1.1, 0.01, 1.5),  # a wider one would hide a payload
-    "friction": Kind(1.4, 0.5, 2.0),  # 2 % from day to day; a UR10e has 0.5 to 5 %
-    "all friction of an axis": Kind(1.4, 0.5, 2.0),  # between days only
+    # 2 % from day to day, half of its variance in all friction of an axis; a UR10e has 0.5 to 5 %
+    "friction": Kind(1.4, 0.35, 2.0),
+    "all friction of an axis": Kind(1.4, 0.35, 2.0),  # between days only
     "friction at low speed": Kind(1.4, 0.5, 2.0),
     "friction between motions": Kind(2.0, 1.0, 2.0),
     "form of friction": Kind(1.7, 0.1, 1.7),
