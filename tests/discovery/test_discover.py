@@ -290,7 +290,10 @@ def test_noise_that_two_recordings_share_is_reckoned_with(shared, tiny_robot_pat
 @pytest.mark.slow
 def test_what_is_larger_than_shared_noise_is_named(shared, tiny_robot_path):
     result, effects = against_healthy(shared, tiny_robot_path, "worn")
-    assert (result["verdict"], effects) == ("named", [("viscous_friction", 2)]), result
+    assert effects == [("viscous_friction", 2)]
+    # one day may change all friction of an axis: Coulomb friction and wear are not excluded
+    assert {one["axis"] for one in result["alternatives"]} <= {2}
+    assert all("friction" in one["effect"] for one in result["alternatives"])
     low, high = result["effects"][0]["interval"]["severity"]
     assert low < 0.3 < high < 1.3 * low  # as if each had noise of its own
 
