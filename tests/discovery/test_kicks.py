@@ -1,4 +1,4 @@
-"""Effects that kick the rotor are simulated with the servo, one at a time."""
+"""Effects that kick the rotor are computed with the answer of the servo."""
 
 from dataclasses import replace
 

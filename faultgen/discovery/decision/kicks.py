@@ -1,9 +1,8 @@
-"""Effects that kick a rotor faster than smoothed positions show, simulated with the servo.
+"""Effects that kick a rotor faster than smoothed positions show, with the answer of the servo.
 
 A play is crossed within some hundredths of a second. The rotor jerks, and the motor answers as its
-servo does. On a smoothed motion, all of the kick would be torque of the motor. Several plays in one
-simulation shake the arm, and move the strokes of each other. So the axes on which such an effect is
-most probable are simulated once more, one effect at a time, in closed loop.
+servo does. On a smoothed motion, all of the kick would be torque of the motor. So on the axes on
+which such an effect is most probable, its change of the torque is computed once more with a servo.
 
 terms, columns = kicks(posed, difference, commanded)
 """
@@ -22,11 +21,10 @@ from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.replay.sensitivities import sensitivities
 from faultgen.discovery.terms.candidates import Term
 
-PLAYS = ("backlash",)
-NAMES = (*PLAYS, "stiffness_hardening")
+NAMES = ("backlash", "stiffness_hardening")
 """Effects that kick."""
 
-_MOST = 2  # axes of one effect that are simulated once more
+_MOST = 2  # axes of one effect on which it is computed once more
 
 
 def kicks(
@@ -38,7 +36,7 @@ def kicks(
     exclude: Collection[str] = (),
     cache: Path | None = None,
 ) -> tuple[list[Term], np.ndarray]:
-    """Simulate effects that kick, on the axes on which each is most probable.
+    """Compute effects that kick with the servo, on the axes on which each is most probable.
 
     Args:
         posed: The recording and what may differ.
@@ -50,11 +48,10 @@ def kicks(
 
     Returns:
         Further terms, and the change of the torque per unit of each, shape (terms, samples,
-        n_axes). There are none without commands.
+        n_axes). There are none without commands, nor where all signatures have the servo in them.
     """
-    replay = commanded if posed.replay.measured else posed.replay
     terms: list[Term] = []
-    if replay is None:
+    if commanded is None:
         return terms, np.zeros((0, *posed.base.shape))
     exact = difference.exact
     for name in NAMES:
@@ -64,10 +61,10 @@ def kicks(
         }
         likely = sorted(odds, key=lambda axis: -odds[axis])[:_MOST]
         terms += [
-            replace(term, commanded=posed.replay.measured)
+            replace(term, commanded=True)
             for term in posed.terms
             if term.name == name and term.axis in likely and odds[term.axis] > 0
         ]
     if not terms:
         return terms, np.zeros((0, *posed.base.shape))
-    return terms, sensitivities(replay, terms, workers=workers, cache=cache)[1]
+    return terms, sensitivities(commanded, terms, workers=workers, cache=cache)[1]
