@@ -25,8 +25,8 @@ PERIOD = 0.004
 def logged(robot, changes, seconds, period):
     """What a robot logs of the start of `pick_and_place` with terms in it, without noise."""
     timestep = robot.model.opt.timestep
-    control = control_signal(plan(load_task(robot.name, "pick_and_place"), robot), timestep)
-    control = control[: round(seconds / timestep)]
+    motion = plan(load_task(robot.name, "pick_and_place"), robot)
+    control = control_signal(motion, timestep)[: round(seconds / timestep)]
     plant = assemble(robot, applied(changes))
     (run,) = simulate(robot, control, [plant], sample_period=period, lead_in=0.0)
     return Recording(
@@ -36,6 +36,7 @@ def logged(robot, changes, seconds, period):
         sample_period=period,
         position=run.motor_position,
         torque=run.motor_torque,
+        reference_position=motion(np.arange(len(run.motor_torque)) * period)[0],
     )
 
 

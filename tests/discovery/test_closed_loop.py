@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from recorded import logged
 
 from faultgen.discovery.replay.bristles import FRICTION, bending
 from faultgen.discovery.replay.formulas import Formulas
@@ -13,13 +14,7 @@ from faultgen.discovery.replay.replay import Replay, settled
 from faultgen.discovery.terms.candidates import Term, effect_terms, periodic_terms
 from faultgen.discovery.terms.inertia import inertia_terms
 from faultgen.mjcf.dcmotor import set_servo
-from faultgen.recordings.recording import Recording
 from faultgen.robot import load_robot
-from faultgen.simulation.motion import plan
-from faultgen.simulation.plant import assemble
-from faultgen.simulation.servo import control_signal
-from faultgen.simulation.stepping import simulate
-from faultgen.tasks import load_task
 
 SECONDS = 3.0
 PERIOD = 0.002
@@ -35,20 +30,7 @@ def replay(request) -> Replay:
             drive = spec.actuator(f"drive{axis}")
             set_servo(drive, drive.gainprm[4], 8.0 * drive.gainprm[4], drive.gainprm[6])
         robot = robot.edited(spec)
-    timestep = robot.model.opt.timestep
-    motion = plan(load_task(robot.name, "pick_and_place"), robot)
-    control = control_signal(motion, timestep)[: round(SECONDS / timestep)]
-    (run,) = simulate(robot, control, [assemble(robot)], sample_period=PERIOD, lead_in=0.0)
-    recording = Recording(
-        source="test",
-        robot=robot.name,
-        side="motor",
-        sample_period=PERIOD,
-        position=run.motor_position,
-        torque=run.motor_torque,
-        reference_position=motion(np.arange(len(run.motor_torque)) * PERIOD)[0],
-    )
-    return Replay(recording, robot, measured=False)
+    return Replay(logged(robot, [], SECONDS, PERIOD), robot, measured=False)
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ from importlib import import_module
 
 import numpy as np
 import pytest
+from recorded import logged
 
 from faultgen.discovery.laws.friction_discrepancy import (
     discrepancy_sensitivities,
@@ -19,14 +20,8 @@ from faultgen.discovery.terms.candidates import INERTIA, Term, effect_terms, per
 from faultgen.discovery.terms.inertia import inertia_terms, slopes_of
 from faultgen.discovery.terms.regressor import link_regressor
 from faultgen.effects import get_effect
-from faultgen.recordings.recording import Recording
 from faultgen.robot import load_robot
 from faultgen.simulation.arm import Arm
-from faultgen.simulation.motion import plan
-from faultgen.simulation.plant import assemble
-from faultgen.simulation.servo import control_signal
-from faultgen.simulation.stepping import simulate
-from faultgen.tasks import load_task
 
 SECONDS = 3.0
 SIMULATES = import_module("faultgen.discovery.replay.replay")
@@ -36,19 +31,7 @@ SIMULATES = import_module("faultgen.discovery.replay.replay")
 def replay(request) -> Replay:
     """A healthy robot on its own motion, at 500 Hz."""
     robot = load_robot(request.param)
-    timestep = robot.model.opt.timestep
-    control = control_signal(plan(load_task(robot.name, "pick_and_place"), robot), timestep)
-    control = control[: round(SECONDS / timestep)]
-    (run,) = simulate(robot, control, [assemble(robot)], sample_period=0.002, lead_in=0.0)
-    recording = Recording(
-        source="test",
-        robot=robot.name,
-        side="motor",
-        sample_period=0.002,
-        position=run.motor_position,
-        torque=run.motor_torque,
-    )
-    return Replay(recording, robot, measured=True)
+    return Replay(logged(robot, [], SECONDS, 0.002), robot)
 
 
 SMALL = {
