@@ -19,7 +19,8 @@ from faultgen.simulation.arm import Arm
 
 _ROUNDS = 100
 _DONE = 1e-9  # change of the twist at which the search ends [rad, joint side], or [m]
-_MOVING = 0.01  # share of the speed limit from which a robot counts as moving: assumed
+MOVING = 0.01
+"""Share of the speed limit from which a rotor counts as moving: assumed."""
 
 
 def start_on_reference(robot: Robot, batch: Batch, control: np.ndarray) -> None:
@@ -76,7 +77,7 @@ class _Start:
         self.motors, self.joints = robot.addresses(model)
         at = robot.model.actuator_ctrladr[robot.ids("actuator", "drive")]
         motor, speed = control[0, at], control[0, at + 1]
-        self.is_moving = np.abs(speed) > _MOVING * robot.motor_velocity_limit
+        self.is_moving = np.abs(speed) > MOVING * robot.motor_velocity_limit
         change = (control[1:2, at + 1] - speed).sum(axis=0) / robot.model.opt.timestep
         self.acceleration = np.where(self.is_moving, change, 0.0)
         self.data = mujoco.MjData(model)

@@ -139,7 +139,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         changes=built.changes,
         robot=robot,
         lacks=(*lacks, *doubts, *lines, *numbers.lines),
-        calibration={} if problem.baseline else _told(problem, chosen, built.changes),
+        calibration=_told(problem, chosen, built.changes),
         usual=_usual_differences(problem, choice, base_values),
         left_torque=built.left,
         reasons=tuple(doubts),
@@ -380,10 +380,8 @@ def _usual_differences(
     named = {problem.terms[t].key for t in choice.best.terms}
     told = []
     for term, value in zip(problem.terms, values.tolist(), strict=True):
-        size, its = (
-            float(value * term.prior_std),
-            float(error.get((*term.key, term.parameters), np.inf)),
-        )
+        size = float(value * term.prior_std)
+        its = error.get((*term.key, term.parameters), np.inf)
         is_plain = term.is_effect and not term.parameters and term.key not in named
         if is_plain and abs(size) > USUAL_SHOWN * its:
             told.append((term.name, term.axis, size, its))

@@ -100,7 +100,8 @@ class BehindGears:
         h = every * timestep
         self._course, self._loads, self._rotors = course, loads, rotors
         angle, joint = run.motor_position[::every], run.joint_position[::every]
-        turns = robot.gearing.matrix / robot.gear_ratio[:, None]
+        both = relative(robot)
+        turns = both[:, : robot.n_axes]
         twist = angle / robot.gear_ratio - joint @ turns.T
         rate = np.gradient(twist, h, axis=0)
         self._count = len(twist)
@@ -108,7 +109,7 @@ class BehindGears:
         self._samples = np.minimum(at, self._count - 1)
         # numbers of the samples at the steps, not whole
         self._times = np.arange(self._count) * h / course.period
-        self._turns = relative(robot) if course.follows else turns
+        self._turns = both if course.follows else turns
         stiffness, damping = course.stiffness, course.damping
         self._pull = self._turns.T * stiffness
         laws = [term for term in in_gear if term.name in LAWS]
@@ -129,9 +130,7 @@ class BehindGears:
             else:
                 self._errors[:, k] = IN_GEAR[term.name](twist[:, own], angle[:, own], term)
             if term.name == WAVE:  # the rotor feels the slope of the error, too
-                order, phase = wave(term)
-                slope = order * np.cos(order * angle[:, own] + phase)
-                self._pushes[:, k] = run.gear_torque[::every, own] * slope
+                self._pushes[:, k] = wave_torque(run.gear_torque[::every, own], angle[:, own], term)
         held, arm = poses_of(h), course.linear
         if course.follows:
             self._system: Newmark = Servo(robot, arm, held, run.motor_position, every)
@@ -214,23 +213,54 @@ def linear(
     """
     inertia = np.stack([arm.inertia(q) for q in position])
     of_speed, of_place = np.empty_like(inertia), np.empty_like(inertia)
-    for k, shift in enumerate(_SHIFT * np.eye(position.shape[1])):
-        place, rate = (
-            [
-                arm.inverse_dynamics(position + side * a, velocity + side * b, acceleration)
-                for side in (1, -1)
-            ]
-            for a, b in ((shift, 0 * shift), (0 * shift, shift))
-        )
-        of_place[:, :, k] = (place[0] - place[1]) / (2 * _SHIFT)
-        of_speed[:, :, k] = (rate[0] - rate[1]) / (2 * _SHIFT)
+    motion = (position, velocity, acceleration)
+    for k in range(position.shape[1]):
+        of_place[:, :, k] = slope_along(arm, motion, 0, k)
+        of_speed[:, :, k] = slope_along(arm, motion, 1, k)
     return inertia, of_speed, of_place
+
+
+def slope_along(
+    arm: Arm, motion: tuple[np.ndarray, np.ndarray, np.ndarray], which: int, axis: int
+) -> np.ndarray:
+    """Compute how the torque of joints changes with one quantity of one joint.
+
+    Args:
+        arm: The rigid arm.
+        motion: Position, velocity and acceleration, each of shape (poses, n_axes).
+        which: 0 for the position, 1 for the velocity.
+        axis: Of the joint, from 0.
+
+    Returns:
+        Shape (poses, n_axes), in [N m] per unit of the quantity.
+    """
+    torques = []
+    for side in (1, -1):
+        moved = [one.copy() for one in motion]
+        moved[which][:, axis] += side * _SHIFT
+        torques.append(arm.inverse_dynamics(*moved))
+    return np.asarray((torques[0] - torques[1]) / (2 * _SHIFT))
 
 
 def wave(term: Term) -> tuple[float, float]:
     """Return order, per turn of the motor, and phase of a periodic effect."""
     given = dict(term.parameters)
     return given["order"], given["phase"]
+
+
+def wave_torque(gear: np.ndarray, angle: np.ndarray, term: Term) -> np.ndarray:
+    """Compute what a unit of a transmission error adds to the torque that a rotor needs.
+
+    Args:
+        gear: Torque of the gearbox, shape (samples,), in [N m].
+        angle: Of the motor, same shape, in [rad].
+        term: The effect.
+
+    Returns:
+        Same shape, in [N m]: the work of the gearbox along the error is that of the rotor.
+    """
+    order, phase = wave(term)
+    return np.asarray(gear * (order * np.cos(order * angle + phase)))
 
 
 def sine(angle: np.ndarray, term: Term) -> np.ndarray:

@@ -172,18 +172,26 @@ def _friction(
         speed = speeds[start : start + _CHUNK] @ levers
         holds = coulomb + (static - coulomb) * np.exp(-(np.abs(speed / width) ** exponent))
         rate = stiffness * np.abs(speed) / np.maximum(holds, _NOTHING)
-        stays = np.exp(-rate * timestep)
-        comes = speed * np.where(rate > 0, -np.expm1(-rate * timestep), timestep)
-        comes /= np.where(rate > 0, rate, 1.0)
-        bends = np.empty_like(speed)
-        for k in range(len(speed)):
-            bends[k] = bent
-            bent = stays[k] * bent + comes[k]
+        bends, bent = _bends(speed, rate, bent, timestep)
         torque = stiffness * bends + damping * (speed - rate * bends) + constant
         last = int(np.searchsorted(wanted, start + len(speed)))
         out[done:last] = torque[wanted[done:last] - start]
         done = last
     return out
+
+
+def _bends(
+    speed: np.ndarray, rate: np.ndarray, bent: np.ndarray, timestep: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Deflections before each step, shape (steps, laws), and the one after the last step."""
+    stays = np.exp(-rate * timestep)
+    comes = speed * np.where(rate > 0, -np.expm1(-rate * timestep), timestep)
+    comes /= np.where(rate > 0, rate, 1.0)
+    bends = np.empty_like(speed)
+    for k in range(len(speed)):
+        bends[k] = bent
+        bent = stays[k] * bent + comes[k]
+    return bends, bent
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,13 +231,7 @@ def bending(robot: Robot, rotors: np.ndarray, every: int) -> Bending:
     share = np.exp(-(np.abs(speed / width) ** exponent))
     holds = np.maximum(coulomb + (static - coulomb) * share, _NOTHING)
     rate = s0 * np.abs(speed) / holds
-    stays = np.exp(-rate * timestep)
-    comes = speed * np.where(rate > 0, -np.expm1(-rate * timestep), timestep)
-    comes /= np.where(rate > 0, rate, 1.0)
-    bends, bent = np.empty_like(speed), np.zeros(len(laws))
-    for k in range(len(speed)):
-        bends[k] = bent
-        bent = stays[k] * bent + comes[k]
+    bends, _ = _bends(speed, rate, np.zeros(len(laws)), timestep)
     # d(|w| / g) / dw
     slope = -(static - coulomb) * share * exponent * np.abs(speed / width) ** (exponent - 1) / width
     of_speed = np.sign(speed) * (1 - np.abs(speed) * slope / holds) / holds

@@ -24,9 +24,9 @@ from faultgen.discovery.replay.bristles import bending
 from faultgen.discovery.replay.elastic import Newmark
 from faultgen.mjcf.dcmotor import BRISTLE_STIFFNESS, INTEGRAL_GAIN, POSITION_GAIN, VELOCITY_GAIN
 from faultgen.robot import Robot
+from faultgen.simulation.starting import MOVING
 
 _RIGID = 1e9  # stiffness of a servo with an integral against a constant torque, over its own
-_MOVING = 0.01  # share of the speed limit from which a rotor counts as moving: assumed
 
 
 class Servo(Newmark):
@@ -70,7 +70,7 @@ class Servo(Newmark):
         self._damping += (turns.T * model.tendon_damping[gears]) @ turns + np.diag(servo[1])
         self._friction = bending(robot, rotors, every)
         speed = np.abs(rotors[1] - rotors[0]) / model.opt.timestep
-        rests = speed <= _MOVING * robot.motor_velocity_limit
+        rests = speed <= MOVING * robot.motor_velocity_limit
         bristles = model.actuator_dynprm[robot.ids("actuator", "friction"), BRISTLE_STIFFNESS]
         self._bristles = np.where(rests, bristles, 0.0)[:, None]
         carry = np.where(self._ki > 0, _RIGID * self._kp, self._bristles)[:, 0]
@@ -101,14 +101,15 @@ class Servo(Newmark):
         rotors = push[self._n :]
         rotors -= self._friction.stiffness[step][:, None] * self._bent
         if self._ki.any():
-            rotors -= self._ki * (self._total + self._h / 2 * place[self._n :])
+            self._before = place[self._n :].copy()
+            rotors -= self._ki * (self._total + self._h / 2 * self._before)
 
-    def _moved(self, step: int, before: np.ndarray, place: np.ndarray, rate: np.ndarray) -> None:
+    def _moved(self, step: int, place: np.ndarray, rate: np.ndarray) -> None:
         h, friction = self._h, self._friction
         self._bent += h * friction.gain[step][:, None] * rate[self._n :]
         self._bent /= 1 + h * friction.rate[step][:, None]
         if self._ki.any():
-            self._total += h / 2 * (before + place)[self._n :]
+            self._total += h / 2 * (self._before + place[self._n :])
 
     def _seen(self, place: np.ndarray, rate: np.ndarray) -> np.ndarray:
         moved, turning = place[self._n :], rate[self._n :]

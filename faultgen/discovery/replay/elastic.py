@@ -162,7 +162,7 @@ class Newmark:
     def _react(self, step: int, place: np.ndarray, push: np.ndarray) -> None:
         """Add forces that follow from the moves before a step."""
 
-    def _moved(self, step: int, before: np.ndarray, place: np.ndarray, rate: np.ndarray) -> None:
+    def _moved(self, step: int, place: np.ndarray, rate: np.ndarray) -> None:
         """Take note of a step."""
 
     def _seen(self, place: np.ndarray, rate: np.ndarray) -> np.ndarray:
@@ -219,7 +219,6 @@ class Newmark:
                 old -= change
                 for one, own in groups:
                     one.step(step, new[:, own], old[:, own])
-                before = place.copy()
                 place[:] = new
                 new *= 4 / h**2
                 new += old  # the acceleration
@@ -227,7 +226,7 @@ class Newmark:
                 change *= h / 2
                 rate += change
                 change[:] = new
-                self._moved(step, before, place, rate)
+                self._moved(step, place, rate)
             if keep[k]:
                 seen.append(self._seen(place, rate))
         index = np.cumsum(keep)[wanted] - 1

@@ -39,8 +39,9 @@ from faultgen.discovery.replay.behind_gears import (
     linear,
     poses_of,
     sine,
+    slope_along,
     steps_of,
-    wave,
+    wave_torque,
 )
 from faultgen.discovery.replay.bristles import FRICTION, friction_columns
 from faultgen.discovery.replay.elastic import LAWS
@@ -58,8 +59,6 @@ from faultgen.simulation.arm import Arm
 if TYPE_CHECKING:
     from faultgen.discovery.replay.replay import Replay
     from faultgen.simulation.cycle import Cycle
-
-_SHIFT = 1e-3  # of a position, for the slope of the torque of the arm [rad]
 
 
 class Formulas:
@@ -248,8 +247,9 @@ class Formulas:
             As `behind_gears.linear`, shape (poses, n_axes, n_axes).
         """
         if number not in self._linear:
-            h = steps_of(timestep := self.robot.model.opt.timestep) * timestep
-            joint = self.runs[number].joint_position[:: steps_of(timestep)]
+            timestep = self.robot.model.opt.timestep
+            every = steps_of(timestep)
+            h, joint = every * timestep, self.runs[number].joint_position[::every]
             speed = np.gradient(joint, h, axis=0)
             rows = slice(None, None, poses_of(h))
             motion = (joint[rows], speed[rows], np.gradient(speed, h, axis=0)[rows])
@@ -284,11 +284,7 @@ class Formulas:
             if term.name == "gravity_spring":
                 out[:, term.axis - 1, k] = q[:, term.axis - 1]
             else:  # the true angle is the logged one plus the offset
-                shift = _SHIFT * np.eye(self.robot.n_axes)[term.axis - 1]
-                more, less = (
-                    self.arm.inverse_dynamics(q + side * shift, qd, qdd) for side in (1, -1)
-                )
-                out[:, :, k] = (more - less) / (2 * _SHIFT)
+                out[:, :, k] = slope_along(self.arm, (q, qd, qdd), 0, term.axis - 1)
         return out
 
     def _behind_gears(
@@ -348,10 +344,9 @@ class Formulas:
         run, at = self.runs[number], self.steps(number)
         for k, term in enumerate(in_gear):
             if term.name == WAVE:
-                order, phase = wave(term)
                 own = term.axis - 1
-                slope = order * np.cos(order * run.motor_position[at, own] + phase)
-                out[:, own, k] += run.gear_torque[at, own] * slope
+                gear_torque, angle = run.gear_torque[at, own], run.motor_position[at, own]
+                out[:, own, k] += wave_torque(gear_torque, angle, term)
         return np.asarray(out / self.robot.torque_gain[:, None])
 
 
