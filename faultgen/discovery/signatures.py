@@ -44,7 +44,8 @@ class Signatures:
     """The recording and the model at which columns are taken: the given one, or one with links and
     stiffness that are nearer to the recording; see `near_model`."""
     commanded: Replay | None
-    """The same robot, whose servo follows the commands; None if it does so badly."""
+    """The same robot, whose servo follows the commands; None if it does so badly, or if `replay`
+    follows them itself."""
     before: Replay | None
     """The baseline and the model of `replay`; None without a baseline."""
     base: np.ndarray

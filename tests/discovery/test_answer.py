@@ -198,7 +198,7 @@ def test_the_numbers_of_an_answer_agree(posed, baseline):
         k
         for k, t in enumerate(problem.terms)  # the law of a play is not straight
         if t.is_effect and not t.parameters and not get_effect(t.name).prior.play
-        if not t.commanded  # nor simulated again
+        if not t.commanded  # nor is it taken on the same motion with the answer of the servo
         if problem.raw[k].any()
     ]
     seen = set()

@@ -24,7 +24,9 @@ from faultgen.discovery.terms.candidates import Term
 NAMES = ("backlash", "stiffness_hardening")
 """Effects that kick."""
 
-_MOST = 2  # axes of one effect on which it is computed once more
+# axes of one effect on which it is computed once more: the right one need not be the first on
+# smoothed positions, and each costs time; assumed
+_MOST = 2
 
 
 def kicks(
@@ -41,7 +43,8 @@ def kicks(
     Args:
         posed: The recording and what may differ.
         difference: The same, as the inference sees it.
-        commanded: The model whose servo follows the commands; None if it does so badly.
+        commanded: The model whose servo follows the commands; None if it does so badly, or if all
+            signatures are already taken with it.
         workers: Number of processes. It has no effect on the result.
         exclude: Effects that are not considered.
         cache: Folder in which simulations are kept.
