@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 ROUNDING = 1e-13
 """Share by which a matrix is raised: products of single columns are not exact."""
@@ -61,6 +61,24 @@ class Products:
         Returns:
             Shape (columns,).
         """
+        return np.asarray(cho_solve(self._factor(), self.right))
+
+    def posterior(self, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Values of the columns, each with a prior standard deviation of 1.
+
+        Args:
+            normal: Standard normal numbers, shape (draws, columns).
+
+        Returns:
+            Their mean, shape (columns,), and draws from their distribution, (draws, columns).
+        """
+        factor, _ = half = self._factor()
+        mean = np.asarray(cho_solve(half, self.right))
+        return mean, mean + solve_triangular(factor, normal.T, lower=False).T
+
+    def _factor(self) -> tuple[np.ndarray, bool]:
+        """Factor of the precision of the values, an upper triangle."""
         # products of single precision may lack a little to be positive
         gram = self.gram + (1 + ROUNDING * np.trace(self.gram)) * np.eye(len(self.right))
-        return np.asarray(cho_solve(cho_factor(gram), self.right))
+        factor, lower = cho_factor(gram)
+        return factor, lower

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from faultgen.discovery.decision import arrays
 from faultgen.discovery.decision.arrays import Posed, arrays_of, jumps
@@ -280,6 +281,21 @@ def test_the_noise_of_a_difference_is_found(measured, replay, signatures):
         assert told == pytest.approx(level, rel=0.1)
 
 
+def test_slow_noise_keeps_its_size_beside_many_numbers(replay, signatures):
+    """What a fit of hundreds of columns takes of it is put back: below 2 Hz the variance is 1."""
+    base, period = signatures[2], replay.recording.sample_period
+    slow = np.fft.rfftfreq(len(base), period) < 2.0
+    found = []
+    for seed in range(6):
+        white = np.random.default_rng(seed).standard_normal(base.shape)
+        noise = 0.02 * np.abs(base).mean(axis=0) * lfilter([1.0], [1.0, -0.95], white, axis=0)
+        told = difference_of(posed_for(replay, signatures, noise))
+        left = told.noise.whiten(noise, told.parts) * told.inside
+        power = np.abs(np.fft.rfft(left, axis=0)) ** 2 / told.inside.sum(axis=0)
+        found.append(power[slow].mean())
+    assert np.mean(found) == pytest.approx(1.0, abs=0.25)  # about three deviations of the mean
+
+
 def test_values_that_the_model_was_moved_by_are_part_of_the_difference(replay, signatures):
     """The error of the given model counts, not that of the near one."""
     base = signatures[2]
@@ -328,7 +344,7 @@ def test_laws_of_friction_are_judged_only_where_the_motion_is_resolved(replay, s
     rough = np.zeros(base.shape)
     rough[: len(base) // 2, 0] = 1.0
     found.numbers.add(rough, 1.0, "smoothing")
-    noise = noise_of(found, left, None)
+    noise = noise_of(found, left[None], None)
     takes = np.sqrt(np.sum(np.square(only(found.numbers, "smoothing")), axis=0))
     np.testing.assert_allclose(found.smoothing, takes, rtol=1e-5)
     unclear = takes >= noise.of_samples()

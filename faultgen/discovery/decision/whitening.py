@@ -3,13 +3,15 @@
 white = whitened(arrays)
 white.noise, white.products
 
-Numbers and effects of known form and usual sizes are fitted, and what they leave is noise. Its
-level may grow with speed, load and jumps of friction, and after reversals, where the friction of a
-real robot and the smoothed motion are not exact.
+Numbers and effects of known form and usual sizes are fitted, and what they leave is noise. So many
+of them also take up slow noise; how much they took is drawn from the posterior of their values and
+put back. The level of noise may grow with speed, load and jumps of friction, and after reversals,
+where the friction of a real robot and the smoothed motion are not exact.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -27,6 +29,7 @@ _MEMORY = 0.08  # of the noise [s]: a period of the slowest arm that rings behin
 _ORDERS = (8, 40)  # least and largest order of the autoregression
 _DECAYS = (0.03, 0.1)  # of the error of friction after a reversal [s]
 _ROUNDS = 3
+_DRAWS, _SEED = 4, 0  # of what the fit took of the noise; the mean of more changes it little
 _TAILS = 5.0  # degrees of freedom of the noise (Student)
 _LONG_AGO = 10**6  # samples since a reversal before the recording: it is forgotten
 _EXACT = 1e-5  # noise over torque that simulations and columns are not exact enough to go below
@@ -60,9 +63,10 @@ def whitened(arrays: Arrays) -> Whitened:
     white = Autoregression(np.zeros((len(size), 0)), np.ones(len(size)))
     noise = Noise(white, np.broadcast_to(size, arrays.residual.shape))
     before = arrays.of_positions(_order(arrays))
+    rng = np.random.default_rng(_SEED)
     for _ in range(_ROUNDS):
-        left = _unexplained(arrays, noise)
-        noise = noise_of(arrays, left, before)
+        left, draws = _unexplained(arrays, noise, rng)
+        noise = noise_of(arrays, draws, before)
     return weighed(resolved(arrays, noise), noise, left)
 
 
@@ -94,12 +98,24 @@ def resolved(arrays: Arrays, noise: Noise) -> Arrays:
     return replace(arrays, effects=effects)
 
 
-def _unexplained(arrays: Arrays, noise: Noise) -> np.ndarray:
-    """What torques of known form leave of the residual, shape (samples, n_axes)."""
+def _unexplained(
+    arrays: Arrays, noise: Noise, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """What torques of known form leave of the residual.
+
+    Their mean leaves less than the noise, since it took part of it. A draw of their values from
+    the posterior leaves as much as the noise (the expectation of an EM step).
+
+    Returns:
+        With their mean, shape (samples, n_axes); with draws, (draws, samples, n_axes).
+    """
     known = np.flatnonzero(arrays.of_known_form)
     std = arrays.std[known]
-    value = _products(arrays, noise, arrays.inside, known).scaled(std).ridge() * std
-    return arrays.residual - np.tensordot(value.astype(np.float32), arrays.columns[known], axes=1)
+    products = _products(arrays, noise, arrays.inside, known).scaled(std)
+    mean, draws = products.posterior(rng.standard_normal((_DRAWS, len(known))))
+    values = (np.concatenate([mean[None], draws]) * std).astype(np.float32)
+    left = arrays.residual - np.tensordot(values, arrays.columns[known], axes=1)
+    return left[0], left[1:]
 
 
 def _products(
@@ -132,7 +148,7 @@ def noise_of(arrays: Arrays, left: np.ndarray, before: VaryingNoise | None) -> N
 
     Args:
         arrays: Columns of numbers and effects beside a residual.
-        left: What the fit leaves, shape (samples, n_axes).
+        left: What each draw of a fit leaves, shape (draws, samples, n_axes).
         before: The noise that positions bring in.
     """
     posed, recording = arrays.posed, arrays.posed.replay.recording
@@ -147,10 +163,33 @@ def noise_of(arrays: Arrays, left: np.ndarray, before: VaryingNoise | None) -> N
     # an axis without samples has some noise
     seen = np.where(arrays.inside.any(axis=0), arrays.inside, True)
     least = _EXACT * np.sqrt(np.mean(recording.torque**2, axis=0)) + 1e-12
-    noise = levelled(left, seen, arrays.parts, drivers, order, before).at_least(least)
+    noise = _of_draws(left, seen, arrays.parts, drivers, order, before).at_least(least)
     if posed.own_noise is not None and posed.shared is not None:
         noise = noise.replaced(posed.own_noise.of_order(order), posed.shared)
     return noise.plain() if posed.white else noise
+
+
+def _of_draws(
+    draws: np.ndarray,
+    inside: np.ndarray,
+    parts: Sequence[slice],
+    drivers: Sequence[np.ndarray],
+    order: int,
+    before: VaryingNoise | None,
+) -> Noise:
+    """Noise of some draws together, as `levelled` estimates that of one residual."""
+    count, samples, axes = draws.shape
+    if before is not None:
+        draws = before.whiten(draws, parts)
+    noise = levelled(
+        draws.reshape(-1, axes),
+        np.tile(inside, (count, 1)),
+        [slice(k * samples + p.start, k * samples + p.stop) for k in range(count) for p in parts],
+        [np.tile(driver, (count, 1)) for driver in drivers],
+        order,
+    )
+    level = noise.level.reshape(draws.shape)
+    return Noise(noise.colour, np.sqrt(np.mean(level**2, axis=0)), before)
 
 
 def weighed(arrays: Arrays, noise: Noise, left: np.ndarray) -> Whitened:
