@@ -115,8 +115,8 @@ def autoregression(
     """Fit an autoregression to the error that remains.
 
     Args:
-        residual: Shape (samples, n_axes), in any unit.
-        inside: Samples that may be used, same shape.
+        residual: Shape (samples, n_axes), in any unit; or draws of it, (draws, samples, n_axes).
+        inside: Samples that may be used, shape (samples, n_axes).
         parts: Samples of each separate recording.
         order: Order of the autoregression.
 
@@ -127,20 +127,21 @@ def autoregression(
     Raises:
         InputError: An axis has fewer than 50 usable samples.
     """
-    axes = residual.shape[1]
+    axes = residual.shape[-1]
     coefficients, innovation = np.zeros((axes, order)), np.zeros(axes)
     for axis in range(axes):
         for own in dict.fromkeys((order, min(order, ORDER))):  # short motions show a low order only
-            rows, targets = [], []
+            rows, targets, count = [], [], 0
             for part in parts:
-                x, use = residual[part, axis], inside[part, axis]
-                if len(x) <= own:
+                x, use = residual[..., part, axis], inside[part, axis]
+                if len(use) <= own:
                     continue
-                windows = sliding_window_view(x, own + 1)
+                windows = sliding_window_view(x, own + 1, axis=-1)
                 whole = sliding_window_view(use, own + 1).all(axis=1)
-                rows.append(windows[whole, -2::-1])
-                targets.append(windows[whole, -1])
-            if sum(len(target) for target in targets) >= FEWEST:
+                rows.append(windows[..., whole, -2::-1].reshape(-1, own))
+                targets.append(windows[..., whole, -1].ravel())
+                count += int(whole.sum())
+            if count >= FEWEST:
                 break
         else:
             raise InputError(

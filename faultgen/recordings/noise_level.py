@@ -139,11 +139,12 @@ def levelled(
     """Estimate the colour and the level of noise.
 
     Args:
-        residual: What no effect explains, shape (samples, n_axes), in any unit.
-        inside: Samples that may be used, same shape.
+        residual: What no effect explains, shape (samples, n_axes), in any unit; or draws of it,
+            (draws, samples, n_axes).
+        inside: Samples that may be used, shape (samples, n_axes).
         parts: Samples of each separate recording.
         drivers: Quantities with which the variance may grow, such as speed and load; not negative,
-            each of the same shape as the residual.
+            each of shape (samples, n_axes).
         order: Order of the autoregression.
         before: Noise whose colour changes with time, which is known.
 
@@ -155,7 +156,7 @@ def levelled(
     """
     if before is not None:
         residual = before.whiten(residual, parts)
-    level = np.ones(residual.shape)
+    level = np.ones(inside.shape)
     for _ in range(_ROUNDS):
         colour = autoregression(residual / level, inside, parts, order)
         level = level * level_of(colour.whiten(residual / level, parts), inside, parts, drivers)
@@ -170,25 +171,27 @@ def level_of(
     """Estimate the level of innovations in each sample.
 
     Args:
-        white: Innovations, shape (samples, n_axes), in any unit.
-        inside: Samples that may be used, same shape.
+        white: Innovations, shape (samples, n_axes), in any unit; or draws of them.
+        inside: Samples that may be used, shape (samples, n_axes).
         parts: Samples of each separate recording.
         drivers: Quantities with which the variance may grow, as for `levelled`.
 
     Returns:
-        The level, in the unit of the innovations, same shape.
+        The level, in the unit of the innovations, shape (samples, n_axes).
     """
-    level = np.ones(white.shape)
-    for axis in range(white.shape[1]):
+    level = np.ones(inside.shape)
+    for axis in range(inside.shape[1]):
         rows = inside[:, axis]
         features = _features([driver[:, axis] for driver in drivers])
         for _ in range(2):
             for part in parts:
                 use = rows[part]
                 if use.sum() >= _FEWEST:
-                    level[part, axis] *= typical((white[part, axis] / level[part, axis])[use])
-            u = white[:, axis] / level[:, axis]
-            growth = _growth(features[rows], u[rows] ** 2)
+                    innovation = white[..., part, axis] / level[part, axis]
+                    level[part, axis] *= typical(innovation[..., use])
+            squares = (white[..., axis] / level[:, axis]) ** 2
+            squares = squares.reshape(-1, len(rows)).mean(axis=0)  # of all draws
+            growth = _growth(features[rows], squares[rows])
             if growth is None:
                 break
             level[:, axis] *= np.sqrt(features @ growth)

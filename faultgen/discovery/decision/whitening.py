@@ -11,7 +11,6 @@ where the friction of a real robot and the smoothed motion are not exact.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -163,33 +162,10 @@ def noise_of(arrays: Arrays, left: np.ndarray, before: VaryingNoise | None) -> N
     # an axis without samples has some noise
     seen = np.where(arrays.inside.any(axis=0), arrays.inside, True)
     least = _EXACT * np.sqrt(np.mean(recording.torque**2, axis=0)) + 1e-12
-    noise = _of_draws(left, seen, arrays.parts, drivers, order, before).at_least(least)
+    noise = levelled(left, seen, arrays.parts, drivers, order, before).at_least(least)
     if posed.own_noise is not None and posed.shared is not None:
         noise = noise.replaced(posed.own_noise.of_order(order), posed.shared)
     return noise.plain() if posed.white else noise
-
-
-def _of_draws(
-    draws: np.ndarray,
-    inside: np.ndarray,
-    parts: Sequence[slice],
-    drivers: Sequence[np.ndarray],
-    order: int,
-    before: VaryingNoise | None,
-) -> Noise:
-    """Noise of some draws together, as `levelled` estimates that of one residual."""
-    count, samples, axes = draws.shape
-    if before is not None:
-        draws = before.whiten(draws, parts)
-    noise = levelled(
-        draws.reshape(-1, axes),
-        np.tile(inside, (count, 1)),
-        [slice(k * samples + p.start, k * samples + p.stop) for k in range(count) for p in parts],
-        [np.tile(driver, (count, 1)) for driver in drivers],
-        order,
-    )
-    level = noise.level.reshape(draws.shape)
-    return Noise(noise.colour, np.sqrt(np.mean(level**2, axis=0)), before)
 
 
 def weighed(arrays: Arrays, noise: Noise, left: np.ndarray) -> Whitened:
