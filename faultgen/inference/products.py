@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import eigh
 
 ROUNDING = 1e-13
 """Share by which a matrix is raised: products of single columns are not exact."""
@@ -55,14 +55,6 @@ class Products:
         energy = self.energy - 2 * float(self.right @ values) + float(values @ moved)
         return Products(self.gram, self.right - moved, energy, self.count)
 
-    def ridge(self) -> np.ndarray:
-        """Solve for the values of the columns, each with a prior standard deviation of 1.
-
-        Returns:
-            Shape (columns,).
-        """
-        return np.asarray(cho_solve(self._factor(), self.right))
-
     def posterior(self, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Values of the columns, each with a prior standard deviation of 1.
 
@@ -70,15 +62,17 @@ class Products:
             normal: Standard normal numbers, shape (draws, columns).
 
         Returns:
-            Their mean, shape (columns,), and draws from their distribution, (draws, columns).
+            Their mean, shape (columns,), and draws from their distribution, (draws, columns). The
+            order of the columns does not matter: a number belongs to a rank of their energies, and
+            the root of the covariance is the symmetric one.
         """
-        factor, _ = half = self._factor()
-        mean = np.asarray(cho_solve(half, self.right))
-        return mean, mean + solve_triangular(factor, normal.T, lower=False).T
+        size, vectors = eigh(self._precision())
+        mean = vectors @ (vectors.T @ self.right / size)
+        of_column = np.empty_like(normal)
+        of_column[:, np.argsort(np.diag(self.gram))] = normal
+        return mean, mean + (of_column @ vectors / np.sqrt(size)) @ vectors.T
 
-    def _factor(self) -> tuple[np.ndarray, bool]:
-        """Factor of the precision of the values, an upper triangle."""
+    def _precision(self) -> np.ndarray:
+        """Inverse of the covariance of the values."""
         # products of single precision may lack a little to be positive
-        gram = self.gram + (1 + ROUNDING * np.trace(self.gram)) * np.eye(len(self.right))
-        factor, lower = cho_factor(gram)
-        return factor, lower
+        return self.gram + (1 + ROUNDING * np.trace(self.gram)) * np.eye(len(self.right))

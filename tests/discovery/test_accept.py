@@ -57,7 +57,8 @@ def test_every_command_that_tests_a_log_can_trust_it(command):
 
 @pytest.mark.slow
 def test_corrected_recordings_get_the_answer_of_right_ones(files, tiny_robot_path):
-    asked = {"exclude": COSTLY, "prior_scale": 1.0}
+    # numbers that are known well: those of a usual model explain the same friction as well
+    asked = {"exclude": COSTLY, "prior_scale": 0.3}
     right = faultgen.discover(files / "worn.h5", tiny_robot_path, **asked)
     wrong = faultgen.discover(files / "wrong.h5", tiny_robot_path, **asked)
     assert right["findings"] == [] and len(wrong["findings"]) == 2

@@ -156,13 +156,7 @@ def test_laws_complete_an_answer_that_explains_too_little(problem, given):
 @pytest.mark.parametrize(
     ("axis", "kept"),
     [
-        pytest.param(
-            2,
-            [],
-            marks=pytest.mark.xfail(
-                strict=True, reason="the law leaves 15 % more without the effect that imitates it"
-            ),
-        ),
+        (2, []),
         (1, [("viscous_friction", 1)]),
     ],
 )

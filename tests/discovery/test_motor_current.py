@@ -133,14 +133,7 @@ def test_an_unknown_constant_is_no_effect(asked, name):
     "name",
     [
         "rougher",
-        pytest.param(
-            "rough",
-            marks=pytest.mark.xfail(
-                strict=True,
-                reason="twice the friction is found, but motions that were not fitted speak "
-                "against it, because the start of one of them is foretold badly",
-            ),
-        ),
+        "rough",
     ],
 )
 def test_other_effects_are_named_without_a_healthy_recording(asked, name):
