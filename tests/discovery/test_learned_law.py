@@ -153,13 +153,7 @@ def test_laws_complete_an_answer_that_explains_too_little(problem, given):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("axis", "kept"),
-    [
-        (2, []),
-        (1, [("viscous_friction", 1)]),
-    ],
-)
+@pytest.mark.parametrize(("axis", "kept"), [(2, []), (1, [("viscous_friction", 1)])])
 def test_effects_that_imitate_a_law_are_left_out(problem, axis, kept):
     """On the axis of the law, the named effect only imitates it; on another axis it is right."""
     at = next(k for k, t in enumerate(problem.terms) if t.key == ("viscous_friction", axis))

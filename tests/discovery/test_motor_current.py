@@ -129,13 +129,7 @@ def test_an_unknown_constant_is_no_effect(asked, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [
-        "rougher",
-        "rough",
-    ],
-)
+@pytest.mark.parametrize("name", ["rougher", "rough"])
 def test_other_effects_are_named_without_a_healthy_recording(asked, name):
     """Twice the friction of axis 2, or a little more, is no other torque constant."""
     result = asked(name, False)
