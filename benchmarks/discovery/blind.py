@@ -20,7 +20,7 @@ from tqdm import tqdm
 Seeds = StrEnum(
     "Seeds",
     "development report report2 report3 report4 report5 report6 report7 report8 report9 report10 "
-    "report11 report12",
+    "report11 report12 report13",
 )
 Mode = StrEnum("Mode", ["twin", "alone"])
 Kind = StrEnum("Kind", ["single", "clean", "unknown", "pair"])

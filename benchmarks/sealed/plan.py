@@ -31,6 +31,7 @@ SEEDS = {
     "report10": 301_000,
     "report11": 331_000,
     "report12": 361_000,
+    "report13": 391_000,
 }
 """Sets of seeds: what is tuned is tuned on the first, and each of the others is run once."""
 COUNTS = {"single": 240, "clean": 200, "unknown": 60, "pair": 60}
