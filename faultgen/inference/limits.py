@@ -46,6 +46,13 @@ FALSE_ALARMS = _limit(
     "share of healthy robots in which an effect may be named, if the model of them is true",
     "usual",
 )
+LIKELY = _limit(
+    "LIKELY",
+    1.1,
+    "logarithm of the odds from which the first effect is told as an ambiguous answer, with a "
+    "baseline",
+    "a probability of three quarters; in 16 healthy development robots, odds were below -2",
+)
 OF_MODEL = _limit(
     "OF_MODEL",
     9.0,
@@ -58,8 +65,8 @@ LAW_ERROR = _limit(
     "LAW_ERROR",
     0.03,
     "share of what a known effect, or a law with its numbers, explains that a further or unknown "
-    "effect has to exceed, and that the error of a law may shift to a rival of the same law on the "
-    "same axis",
+    "effect, or a further curve of a learned law, has to exceed, and that the error of a law may "
+    "shift to a rival of the same law on the same axis",
     "real effects differ from their laws by some 17 %, of which the square is left over; assumed",
 )
 FORM_ERROR = _limit(
@@ -153,9 +160,6 @@ CURVE_CHANCE = _limit(
     1e-3,
     "probability that this error does not fall",
     "about seven blocks of 0.25 s have to show it, so that no single event makes a law",
-)
-CURVE_SHARE = _limit(
-    "CURVE_SHARE", 0.03, "share of a curve in what the first one explains", "assumed"
 )
 LAW_SIZE = _limit(
     "LAW_SIZE",

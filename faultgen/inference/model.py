@@ -27,7 +27,6 @@ LARGEST = 3.5
 """Logarithm of the largest scale, and of the inverse of the smallest: 33 times the literature."""
 
 _STEPS = 60
-_FARTHEST = 2.0  # step of the logarithm of a scale
 _FLAT = 0.03  # slope of minus the log evidence at which a search ends: it costs less than 0.001
 
 
@@ -69,19 +68,22 @@ class Model:
         """Columns of all numbers and of some effects."""
         return np.array([*range(self.count), *(self.count + k for k in effects)], int)
 
-    def fit(self, effects: Sequence[int] = (), start: Fitted | None = None) -> Fitted:
+    def fit(self, effects: Sequence[int] = (), *starts: Fitted) -> Fitted:
         """Find the scales for a set of effects.
 
         Args:
             effects: Columns of effects, from 0.
-            start: A fit of nearly the same set, from which the search starts.
+            *starts: Fits of nearly the same set. The search starts from the best one.
         """
         cost = self.cost_of(effects)
         afar = np.log([one.centre for one in self.groups])  # most probable before data are seen
-        if start is None:
+        if not starts:
             best = _bounded(cost, afar)
         else:
-            best = _near(cost, start)
+            nearest = list(dict.fromkeys(starts))
+            if len(nearest) > 1:
+                nearest.sort(key=lambda one: cost(one.log_scales)[0])
+            best = _near(cost, nearest[0])
             if not best.success:  # a scale stands at its bound, or is far from where it was
                 best = min((_bounded(cost, x) for x in (best.x, afar)), key=lambda one: one.fun)
         return Fitted(self, tuple(effects), -float(best.fun), best.x)
@@ -296,7 +298,7 @@ def _bounded(
 
 
 def _near(cost: Callable[[np.ndarray], tuple[float, np.ndarray]], start: Fitted) -> OptimizeResult:
-    """Search from a fit whose curvature holds: a few steps are enough. It tells if they are not."""
+    """Search from a fit whose curvature nearly holds. It tells if the steps are not enough."""
 
     def bounded(log_scales: np.ndarray) -> tuple[float, np.ndarray]:
         inside = np.clip(log_scales, -LARGEST, LARGEST)
@@ -304,13 +306,13 @@ def _near(cost: Callable[[np.ndarray], tuple[float, np.ndarray]], start: Fitted)
         off = log_scales - inside  # beyond a bound, the cost rises from that at the bound
         return value + 0.5 * float(off @ off), np.where(off == 0, slope, off)
 
+    inverse = np.linalg.inv(start.curvature)
     best = minimize(
         bounded,
         start.log_scales,
         jac=True,
-        method="trust-exact",
-        hess=lambda _: start.curvature,
-        options={"gtol": _FLAT, "maxiter": _STEPS, "max_trust_radius": _FARTHEST},
+        method="BFGS",
+        options={"gtol": _FLAT, "maxiter": _STEPS, "hess_inv0": (inverse + inverse.T) / 2},
     )
     inside = np.clip(best.x, -LARGEST, LARGEST)
     return OptimizeResult(x=inside, fun=best.fun, success=best.success)

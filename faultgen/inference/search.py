@@ -20,7 +20,7 @@ from scipy.special import logsumexp
 
 from faultgen.inference.hypotheses import Hypothesis, SingleEffect
 from faultgen.inference.law_error import Kin, law_errors, of_kin, shared_error, shifted
-from faultgen.inference.limits import FORM_ERROR, HEALTHY, LAW_ERROR, MOST_EFFECTS
+from faultgen.inference.limits import FORM_ERROR, HEALTHY, LAW_ERROR, LIKELY, MOST_EFFECTS
 from faultgen.inference.model import Fitted, Model
 
 _LISTED = 12  # hypotheses whose scales are found again; the others are far behind
@@ -36,6 +36,15 @@ class Found:
     """The next one, which is not sure."""
     fitted: Fitted
     """The model with the best form of each effect."""
+
+    def or_likely(self) -> Found:
+        """Return the same, with the next effect if there is none and this one is likely."""
+        next_ = self.rejected
+        if self.effects or next_.odds < LIKELY:
+            return self
+        return replace(
+            self, effects=(next_,), fitted=self.fitted.model.fit(next_.forms[0], self.fitted)
+        )
 
     def by_size(self) -> list[SingleEffect]:
         """Return the effects, the one that changes the torque most first.
@@ -212,9 +221,12 @@ def _next(
     for factor in factors:
         weighed = factor + prior[owner]
         candidates += np.argsort(-weighed)[:_LISTED].tolist()
-    again = {}
+    again: dict[int, tuple[float, Fitted]] = {}
+    nearest = fitted
     for k in dict.fromkeys(candidates):
-        made = model.fit([*known, *forms[k]], fitted)
+        made = model.fit([*known, *forms[k]], fitted, nearest)
+        if made.log_evidence > nearest.log_evidence:
+            nearest = made
         law = shifted(model, made, hypotheses[owner[k]], forms[k], kin or {})
         again[k] = made.log_evidence - fitted.log_evidence - law, made
     evidence = np.full(len(hypotheses), -np.inf)

@@ -135,6 +135,7 @@ def levelled(
     drivers: Sequence[np.ndarray],
     order: int = ORDER,
     before: VaryingNoise | None = None,
+    coloured: np.ndarray | None = None,
 ) -> Noise:
     """Estimate the colour and the level of noise.
 
@@ -147,6 +148,7 @@ def levelled(
             each of shape (samples, n_axes).
         order: Order of the autoregression.
         before: Noise whose colour changes with time, which is known.
+        coloured: Samples that show the colour, shape (samples, n_axes). None: those of `inside`.
 
     Returns:
         The noise.
@@ -156,13 +158,14 @@ def levelled(
     """
     if before is not None:
         residual = before.whiten(residual, parts)
+    coloured = inside if coloured is None else coloured
     level = np.ones(inside.shape)
     for _ in range(_ROUNDS):
-        colour = autoregression(residual / level, inside, parts, order)
+        colour = autoregression(residual / level, coloured, parts, order)
         level = level * level_of(colour.whiten(residual / level, parts), inside, parts, drivers)
         level /= np.sqrt(np.sum(level**2 * inside, axis=0) / np.maximum(inside.sum(axis=0), 1))
         level = np.maximum(level, _LEAST)
-    return Noise(autoregression(residual / level, inside, parts, order), level, before)
+    return Noise(autoregression(residual / level, coloured, parts, order), level, before)
 
 
 def level_of(

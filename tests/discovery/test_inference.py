@@ -201,6 +201,21 @@ def test_two_effects_are_found_one_after_the_other(columns, rng):
     assert found.rejected.odds < 0
 
 
+def test_the_next_effect_is_told_if_it_is_likely(columns, rng):
+    """Of three sizes, the smallest is not told, and the largest needs no such rule."""
+    noise = rng.normal(size=(SAMPLES, AXES))
+    noise -= columns[14] * np.sum(columns[14] * noise) / np.sum(columns[14] ** 2)
+    told = {}
+    for size in (0.1, 0.17, 0.3):
+        found = search(model_of(columns, size * columns[14] + noise), singles(), sure=4.6)
+        told[size] = len(found.effects), [one.keys[0] for one in found.or_likely().effects]
+    assert told == {
+        0.1: (0, []),
+        0.17: (0, [("effect 2", 1)]),
+        0.3: (1, [("effect 2", 1)]),
+    }
+
+
 def test_healthy_differences_hardly_show_effects(columns, rng):
     """In 200 draws from the model itself, odds of 20 to 1 are rarer than 1 in 20."""
     alarms = 0

@@ -8,6 +8,7 @@ from linear import COUNT, PARTS, difference_between, written_down
 
 from faultgen.discovery.calibration import model_edit
 from faultgen.discovery.decision.choice import choose
+from faultgen.discovery.decision.dispersion import shrunk
 from faultgen.discovery.decision.verdict import answer, is_part, significance
 from faultgen.discovery.result import AMBIGUOUS, MODEL, NAMED, NONE, PARTLY, UNKNOWN
 from faultgen.discovery.terms.candidates import Term
@@ -256,15 +257,44 @@ def test_an_effect_that_makes_the_error_on_other_motions_larger_is_not_named(
 def test_errors_of_other_motions_make_an_effect_doubtful(columns, rng, monkeypatch):
     """The evidence is divided by the dispersion, and a line tells what is not certain any more."""
     noise = rng.normal(size=(COUNT, 2))
-    problem = posed(columns, [0.25, 0.0], noise, baseline=True)
+    problem = posed(columns, [0.18, 0.0], noise, baseline=True)
     sure = choose(problem, difference_between(problem))
     assert sure.groups and sure.variance == pytest.approx(1.0, abs=0.2)
-    problem.residual[SCORED] *= 4
+    problem.residual[SCORED] *= 2
+    likely = choose(problem, difference_between(problem))
+    assert likely.groups and not likely.is_sure
+    problem.residual[SCORED] *= 2
     wide = choose(problem, difference_between(problem))
     assert (wide.variance > 8).all()  # 16 less what is taken for single jumps
     assert wide.groups == () and wide.doubtful == (("torque_offset", 1),)
     (line,) = (one for one in told(problem, monkeypatch).lacks if "not named" in one)
     assert line.startswith("torque_offset of axis 1") and "if the model were exact" in line
+
+
+def test_a_likely_effect_is_ambiguous(columns, rng, monkeypatch):
+    """It is told with its probability; without a baseline, it is not told."""
+    noise = rng.normal(size=(COUNT, 2))
+    for baseline in (True, False):
+        problem = posed(columns, [0.1, 0.0], noise, baseline=baseline)
+        found = told(problem, monkeypatch)
+        if baseline:
+            (effect,) = found.effects
+            assert (found.verdict, effect.effect, effect.axis) == (AMBIGUOUS, "torque_offset", 1)
+            assert 0.75 <= effect.confidence < 0.99
+        else:
+            assert found.verdict == NONE
+
+
+def test_ratios_of_axes_are_drawn_together():
+    """As far as their errors explain; one of which nothing is known has their mean."""
+    error = np.full(3, 0.1)
+    alike = shrunk(np.array([0.9, 1.0, 1.1]), error)
+    assert alike == pytest.approx(1.0, abs=1e-9)  # their variance is that of the errors
+    apart = shrunk(np.array([1.0, 1.0, 4.0]), error)
+    between = np.var([1.0, 1.0, 4.0], ddof=1) - 0.01
+    assert apart[2] == pytest.approx(2.0 + 2.0 * between / (between + 0.01))
+    assert shrunk(np.array([1.2, np.nan]), np.array([0.1, np.nan])) == pytest.approx([1.2, 1.2])
+    assert shrunk(np.full(2, np.nan), np.full(2, np.nan)) == pytest.approx([1.0, 1.0])
 
 
 @pytest.mark.parametrize("size", [900.0, -900.0])

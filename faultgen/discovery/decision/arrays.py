@@ -19,15 +19,17 @@ from faultgen.discovery.laws.friction_forms import USUAL, forms_of
 from faultgen.discovery.replay.formulas import Formulas
 from faultgen.discovery.replay.position_noise import position_noise
 from faultgen.discovery.replay.replay import Replay, settled
-from faultgen.discovery.replay.samples import enough
+from faultgen.discovery.replay.samples import enough, runs
 from faultgen.discovery.terms.candidates import Term
 from faultgen.inference.limits import UNRESOLVED
 from faultgen.inference.model import Group as Kind
 from faultgen.recordings.noise_level import Noise
+from faultgen.recordings.recording import Recording
 from faultgen.recordings.varying_noise import VaryingNoise
 
 REST = 0.02
 """Speed of an axis at rest, over its largest."""
+_LONG = 0.1  # shortest rest after which the arm has come to rest, too [s]: assumed
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +90,8 @@ class Arrays:
     """Those of them that may be used, on axes of which there are enough."""
     speed: np.ndarray
     """Of the motors [rad/s]."""
+    resting: np.ndarray
+    """Samples at which each axis is at rest."""
     bristles: np.ndarray | None
     """Deflection of the model's bristles, from -1 to 1; None for torques without friction."""
 
@@ -160,8 +164,20 @@ def arrays_of(posed: Posed, *, only_numbers: bool = False) -> Arrays:
     recording = posed.replay.recording
     formulas = Formulas.of(posed.replay)
     forms = None if recording.link else forms_of(formulas)
+    resting, comparable = at_rest(formulas.motion.speed), _comparable(posed.replay)
+    rests = None
+    # both recordings have the same commands, so that rotors come to rest in the same way
+    if posed.baseline and not posed.replay.measured and forms is not None:
+        rests = comparable & _long(resting, recording)
+    comparable &= ~resting if rests is None else ~resting | rests
     numbers = numbers_of(
-        formulas, forms, posed.terms, posed.raw, posed.base, baseline=posed.baseline
+        formulas,
+        forms,
+        posed.terms,
+        posed.raw,
+        posed.base,
+        baseline=posed.baseline,
+        resting=rests,
     )
     if posed.warmer is not None:
         numbers.add(posed.warmer, 1.0, "temperature")
@@ -178,15 +194,46 @@ def arrays_of(posed: Posed, *, only_numbers: bool = False) -> Arrays:
     if posed.posterior is not None:
         left, told = posed.posterior.given_to(numbers)
         residual = from_model - told
-    speed = formulas.motion.speed
-    comparable = _comparable(posed.replay, speed)
     bristles = None if forms is None else forms[USUAL]
     if bristles is not None:
         comparable &= jumps(bristles, recording.parts) < UNRESOLVED
     inside = enough(comparable & posed.used[:, None], recording.parts)
     return Arrays(
-        posed, numbers, left, effects, from_model, residual, comparable, inside, speed, bristles
+        posed,
+        numbers,
+        left,
+        effects,
+        from_model,
+        residual,
+        comparable,
+        inside,
+        formulas.motion.speed,
+        resting,
+        bristles,
     )
+
+
+def at_rest(speed: np.ndarray) -> np.ndarray:
+    """Find the samples at which axes are at rest.
+
+    Args:
+        speed: Of the motors, shape (samples, n_axes).
+
+    Returns:
+        Mask of the same shape.
+    """
+    return np.asarray(np.abs(speed) <= REST * np.abs(speed).max(axis=0))
+
+
+def _long(resting: np.ndarray, recording: Recording) -> np.ndarray:
+    """Samples of rests of at least `_LONG`, shape (samples, n_axes)."""
+    least = round(_LONG / recording.sample_period)
+    out = np.zeros_like(resting)
+    for part in recording.parts:
+        for axis, own in enumerate(resting[part].T):
+            for run in runs(own):
+                out[part][run, axis] = run.stop - run.start >= least
+    return out
 
 
 def jumps(bent: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
@@ -207,11 +254,9 @@ def jumps(bent: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
     return out
 
 
-def _comparable(replay: Replay, speed: np.ndarray) -> np.ndarray:
-    """Samples that can be compared, shape (samples, n_axes); the speed is that of the motors."""
+def _comparable(replay: Replay) -> np.ndarray:
+    """Samples that can be compared, shape (samples, n_axes)."""
     inside = settled(replay.recording, replay.robot)
     if replay.recording.lost is not None:
         inside &= ~replay.recording.lost
-    if replay.left_out is not None:
-        inside &= ~replay.left_out
-    return inside & (np.abs(speed) > REST * np.abs(speed).max(axis=0))
+    return inside if replay.left_out is None else inside & ~replay.left_out

@@ -14,7 +14,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from faultgen.building.doubts import moving_mass
 from faultgen.discovery.decision.difference import Difference
-from faultgen.discovery.decision.dispersion import dispersion, of_effect
+from faultgen.discovery.decision.dispersion import dispersion, of_effect, shrunk
 from faultgen.discovery.decision.hypotheses import UNKNOWN, Group
 from faultgen.discovery.decision.numbers import GEARS, GENERIC
 from faultgen.discovery.fit.fit import Fit, bounds_of, fit_at, no_effect
@@ -24,7 +24,13 @@ from faultgen.discovery.terms.candidates import PAYLOAD
 from faultgen.effects import get_effect
 from faultgen.effects.structure import MASSLESS
 from faultgen.inference.confirm import confirmed, without_refuted
-from faultgen.inference.limits import FALSE_ALARMS, OF_MODEL, SHORTEST_SHARE, SMALLEST_ERROR
+from faultgen.inference.limits import (
+    FALSE_ALARMS,
+    LIKELY,
+    OF_MODEL,
+    SHORTEST_SHARE,
+    SMALLEST_ERROR,
+)
 from faultgen.inference.search import Found, log_priors, search
 
 SURE = float(np.log((1 - FALSE_ALARMS) / FALSE_ALARMS))
@@ -71,6 +77,11 @@ class Choice:
     doubtful: tuple[tuple[str, int], ...] = ()
     """Effect and axis of what would be sure if the model were exact."""
 
+    @property
+    def is_sure(self) -> bool:
+        """Whether every effect is certain, and not only likely."""
+        return all(one >= SURE for one in self.odds)
+
 
 def choose(problem: Problem, difference: Difference) -> Choice:
     """Choose the effects, and find their severities by simulation.
@@ -82,12 +93,14 @@ def choose(problem: Problem, difference: Difference) -> Choice:
     Returns:
         The chosen set and its rivals.
     """
-    sure = SURE if problem.baseline else SURE + OF_MODEL
+    sure, least = (SURE, LIKELY) if problem.baseline else (SURE + OF_MODEL, SURE)
     others = difference.held_out.only(difference.model.places_without(GENERIC))
     if problem.baseline:  # rings of the arm that smoothing has changed look like these numbers
         known = without_refuted(difference.exact, others, GEARS)
         difference = replace(difference, model=replace(difference.model, groups=known.groups))
     found = search(difference.model, difference.hypotheses, sure, GENERIC)
+    if problem.baseline and UNKNOWN not in (key[0] for key in found.rejected.keys[:1]):
+        found = found.or_likely()
     found, refuted = confirmed(found, others)
     named = [one for one in difference.hypotheses if not one.unknown]
     prior = dict(zip([one.key for one in named], log_priors(named).tolist(), strict=True))
@@ -113,10 +126,11 @@ def choose(problem: Problem, difference: Difference) -> Choice:
             if rival and key[:2] != effect.keys[0][:2]:
                 rivals.append((place, rival, float(share)))
     best = severities(problem, difference, groups, found.fitted.log_scales)
-    variance = dispersion(problem, difference, found.fitted, best.change)
+    variance, error = dispersion(problem, difference, found.fitted, best.change)
+    shared = shrunk(variance, error)
     for k, group in enumerate(groups):
         evidence = odds[k] - priors[k] - best.lost[k]
-        evidence /= of_effect(problem, difference, group, variance)
+        evidence /= of_effect(problem, difference, group, shared)
         odds[k] = evidence + priors[k] - (sure - SURE)
     choice = Choice(
         problem,
@@ -134,10 +148,10 @@ def choose(problem: Problem, difference: Difference) -> Choice:
         tuple(
             problem.terms[group[0]].key
             for group, one in zip(groups, odds, strict=True)
-            if one < SURE
+            if one < least
         ),
     )
-    real = [k for k in range(len(groups)) if odds[k] >= SURE and _can_be(choice, k)]
+    real = [k for k in range(len(groups)) if odds[k] >= least and _can_be(choice, k)]
     return choice if len(real) == len(groups) else only(choice, real)
 
 

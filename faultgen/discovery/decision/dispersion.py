@@ -21,7 +21,7 @@ _FEWEST = 50  # samples of an axis that can tell
 
 def dispersion(
     problem: Problem, difference: Difference, fitted: Fitted, change: np.ndarray
-) -> np.ndarray:
+) -> tuple[np.ndarray, np.ndarray]:
     """Compare the whitened error on the scoring motions with what the model says it should be.
 
     Args:
@@ -31,14 +31,14 @@ def dispersion(
         change: Change of the torque by the effects, shape (samples, n_axes).
 
     Returns:
-        Mean square over its expectation, which is that of the noise and of the numbers' errors;
-        shape (n_axes,), nan for an axis that is not compared there.
+        Mean square over its expectation, which is that of the noise and of the numbers' errors,
+        and its standard error; shape (n_axes,), nan for an axis that is not compared there.
     """
     columns = [difference.numbers.columns[k] for k in difference.numbers.known]
     left = difference.left(fitted, change)
     white = difference.noise.whiten(left, difference.parts)
     inside = difference.comparable & problem.samples(problem.scoring)[:, None]
-    out = np.full(left.shape[1], np.nan)
+    out, error = np.full((2, left.shape[1]), np.nan)
     for axis in range(left.shape[1]):
         rows = inside[:, axis] & (white[:, axis] != 0)
         if rows.sum() < _FEWEST:
@@ -49,7 +49,29 @@ def dispersion(
         expected = 1 + np.sum(own * (fitted.covariance[np.ix_(acts, acts)] @ own), axis=0)
         squares = np.minimum(white[rows, axis] ** 2, _JUMP * expected)
         out[axis] = squares.mean() / expected.mean()
-    return out
+        error[axis] = squares.std() / expected.mean() / np.sqrt(len(squares))
+    return out, error
+
+
+def shrunk(variance: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """Draw ratios of axes towards their mean, as far as their errors explain that they differ.
+
+    Args:
+        variance: From `dispersion`, shape (n_axes,); nan where it is not known.
+        error: Their standard errors, same shape.
+
+    Returns:
+        The ratios, shape (n_axes,); their mean where one is not known, and 1 if none is. Source:
+        empirical Bayes (Efron and Morris 1975, doi 10.1080/01621459.1975.10479864).
+    """
+    known = np.isfinite(variance)
+    if not known.any():
+        return np.ones(len(variance))
+    mean, spread = float(variance[known].mean()), 0.0
+    if known.sum() > 1:
+        spread = max(spread, float(variance[known].var(ddof=1) - np.mean(error[known] ** 2)))
+    keeps = spread / (spread + error**2 + 1e-12)
+    return np.where(known, mean + keeps * (variance - mean), mean)
 
 
 def of_effect(

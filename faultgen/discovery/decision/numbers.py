@@ -17,6 +17,7 @@ from faultgen.discovery.laws.friction_forms import COUNT, FALLING, USUAL, withou
 from faultgen.discovery.replay.bristles import DAMPED, EXPONENT
 from faultgen.discovery.replay.elastic import STIFFNESS
 from faultgen.discovery.replay.formulas import GEAR_DAMPING, Formulas
+from faultgen.discovery.replay.samples import runs
 from faultgen.discovery.terms.candidates import INERTIA, PAYLOAD, Term
 from faultgen.effects.spreads import SPREADS
 from faultgen.inference.model import Group
@@ -42,7 +43,6 @@ KINDS = {
     "links": Kind(1.1, 0.01, 1.5),  # a wider one would hide a payload
     # 2 % from day to day, half of its variance in all friction of an axis; a UR10e has 0.5 to 5 %
     "friction": Kind(1.4, 0.35, 2.0),
-    "all friction of an axis": Kind(1.4, 0.35, 2.0),  # between days only
     "friction at low speed": Kind(1.4, 0.5, 2.0),
     "friction between motions": Kind(2.0, 1.0, 2.0),
     "form of friction": Kind(1.7, 0.1, 1.7),
@@ -52,7 +52,7 @@ KINDS = {
     "offset": Kind(1.7, 1.0, 1.7),
     "zero": Kind(1.7, 0.02, 1.5),
     "stiffness": Kind(1.2, 0.05, 1.5),
-    "hardening": Kind(3.0, 0.01, 1.5),
+    "hardening": Kind(3.0, 0.0035, 1.5),  # as much of the stiffness as the stiffness itself
     "damping": Kind(1.7, 0.1, 1.5),
     "damping of bristles": Kind(1.7, 0.1, 1.5),
     "Stribeck exponent": Kind(1.7, 0.1, 1.5),
@@ -63,6 +63,9 @@ KINDS = {
     **{f"process over {over}": Kind(3.0, 0.3) for over in OVER},
 }
 """Groups of numbers by name."""
+
+AT_REST = Kind(3.0, 1.0)
+"""Friction at rest, between days only: a group for each axis."""
 
 GENERIC = tuple(f"process over {over}" for over in OVER)
 """Groups of torques of no known form."""
@@ -98,6 +101,7 @@ _COMMON, _SINGLE = 0.1, 0.01  # forms, over Coulomb friction: of all axes, and o
 _GAIN = 0.005
 _ONLY = 0.05  # the same of an axis without others, in which a form could not be told from a fault
 _BETWEEN, _MOTIONS = 0.003, 8  # friction between motions of one recording, and how many at most
+_RESTING = 0.02  # friction at rest between two days, over Coulomb friction
 _LOW = 0.3  # fall of friction of a model without any, over Coulomb friction
 _DAMPING = 1.0  # of gearboxes and bristles, as a share: models hardly know it
 # of the Stribeck curve, as a share of 2. Published are 0.5 to 2: Armstrong-Helouvry et al. 1994,
@@ -117,12 +121,14 @@ class Numbers:
 
     baseline: bool
     """Whether two recordings of one robot are compared, and not a recording with the model."""
+    resting: int = 0
+    """Number of axes whose friction at rest is a group of its own."""
     columns: list[np.ndarray] = field(default_factory=list)
     """Change of the torque per unit of each, shape (samples, n_axes)."""
     std: list[float] = field(default_factory=list)
     """Usual standard deviation of each."""
     kinds: list[str] = field(default_factory=list)
-    """Group of each, one of `KINDS`."""
+    """Group of each, one of `KINDS` or from `at_rest_of`."""
     which: list[tuple | None] = field(default_factory=list)
     """Name, axis and parameters of each; None for those that no model has."""
 
@@ -132,13 +138,13 @@ class Numbers:
         Args:
             column: Change of the torque per unit, shape (samples, n_axes).
             std: Standard deviation between a robot and its model.
-            kind: One of `KINDS`.
+            kind: One of `KINDS`, or from `at_rest_of`.
             which: Name, axis and parameters.
         """
         if not column.any():
             return
         self.columns.append(column.astype(np.float32))
-        self.std.append(std * (KINDS[kind].days if self.baseline else 1.0))
+        self.std.append(std * (KINDS.get(kind, AT_REST).days if self.baseline else 1.0))
         self.kinds.append(kind)
         self.which.append(which)
 
@@ -149,17 +155,31 @@ class Numbers:
 
     @property
     def groups(self) -> tuple[Group, ...]:
-        """All groups, in the order of `KINDS`."""
+        """All groups, in the order of `KINDS`, then friction at rest of each axis."""
         return tuple(
             Group(name, kind.spread_of_days if self.baseline else kind.spread)
-            for name, kind in KINDS.items()
+            for name, kind in self._all_kinds.items()
         )
+
+    @property
+    def _all_kinds(self) -> dict[str, Kind]:
+        """Groups of numbers by name."""
+        return {**KINDS, **{at_rest_of(axis + 1): AT_REST for axis in range(self.resting)}}
 
     @property
     def group(self) -> np.ndarray:
         """Number of the group of each, shape (numbers,)."""
-        names = list(KINDS)
+        names = list(self._all_kinds)
         return np.array([names.index(kind) for kind in self.kinds], int)
+
+
+def at_rest_of(axis: int) -> str:
+    """Name the group of friction at rest of an axis.
+
+    Args:
+        axis: Axis, from 1.
+    """
+    return f"friction at rest of axis {axis}"
 
 
 def fixed_groups(scale: float) -> tuple[Group, ...]:
@@ -202,6 +222,7 @@ def numbers_of(
     base: np.ndarray,
     *,
     baseline: bool,
+    resting: np.ndarray | None = None,
 ) -> Numbers:
     """Compute the columns of all numbers of a healthy robot.
 
@@ -212,12 +233,13 @@ def numbers_of(
         raw: Change of the torque per unit of each term, shape (terms, samples, n_axes).
         base: Torque of the model, shape (samples, n_axes).
         baseline: As in `Numbers`.
+        resting: Samples at rest that are compared, shape (samples, n_axes); None if none are.
 
     Returns:
         The numbers.
     """
     recording = formulas.replay.recording
-    out = Numbers(baseline)
+    out = Numbers(baseline, 0 if resting is None else recording.torque.shape[1])
     steps: dict[tuple, float] = {}  # the smallest with which each is simulated
     for term in terms:
         which = (*term.key, term.parameters)
@@ -241,12 +263,14 @@ def numbers_of(
             whole[term.axis] = whole.get(term.axis, 0.0) + column
     for axis, column in whole.items():  # warmth and lubricant change all friction of an axis
         std = SPREADS["coulomb_friction"].std
-        out.add(column, std, "all friction of an axis", (ALL_FRICTION, axis, ()))
+        out.add(column, std, "friction", (ALL_FRICTION, axis, ()))
     for column in shared.values():
         out.add(column, _common(recording), "form of friction")
     _add_gears(out, formulas)
     if forms is not None:
         _add_forms(out, formulas, forms)
+        if resting is not None:
+            _add_rests(out, formulas, resting)
     _add_log(out, formulas, base, forms)
     size = np.sqrt(np.mean(base**2, axis=0))
     for process in processes(recording, formulas.motion):
@@ -307,6 +331,20 @@ def _add_forms(out: Numbers, formulas: Formulas, forms: np.ndarray) -> None:
             own = np.zeros_like(form)
             own[:, axis] = form[:, axis]
             out.add(own, _SINGLE, "form on one axis")
+
+
+def _add_rests(out: Numbers, formulas: Formulas, resting: np.ndarray) -> None:
+    """Add friction at each rest: it depends on how the axis came to rest, and on its real law."""
+    robot, recording = formulas.robot, formulas.replay.recording
+    friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")]
+    side = 1.0 if recording.side == "motor" else robot.gear_ratio
+    size = friction[:, COULOMB] * side
+    for part in recording.parts:
+        for axis in range(robot.n_axes):
+            for run in runs(resting[part, axis]):
+                column = np.zeros(resting.shape)
+                column[part][run, axis] = size[axis]
+                out.add(column, _RESTING, at_rest_of(axis + 1))
 
 
 def _add_log(out: Numbers, formulas: Formulas, base: np.ndarray, forms: np.ndarray | None) -> None:

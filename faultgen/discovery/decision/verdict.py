@@ -66,7 +66,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
     )
     least = min(given[0], healthy[0])
     is_open = _beyond_noise(problem, least, _floor(problem, given, healthy))
-    gaps = [least, *(one.gap_after for one in effects)]
+    gaps = [given[0] if problem.baseline else least, *(one.gap_after for one in effects)]
     closing = [k for k in range(len(effects)) if gaps[k + 1] < gaps[k]]
     refuted = False
     if known and not (gap(problem, built.left)[0] < given[0] and len(closing) == len(effects)):
@@ -94,7 +94,7 @@ def answer(problem: Problem, choice: Choice) -> Answer:
         verdict = MODEL
     elif not known:
         verdict = UNKNOWN if choice.unknown else NONE
-    elif choice.rivals:  # what is listed in part must be certain
+    elif choice.rivals or not choice.is_sure:  # what is listed in part must be certain
         verdict = AMBIGUOUS
     elif choice.unknown:
         verdict = PARTLY

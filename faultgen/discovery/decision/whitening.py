@@ -19,6 +19,7 @@ import numpy as np
 from faultgen.discovery.decision.arrays import Arrays, jumps
 from faultgen.discovery.decision.processes import since_reversal
 from faultgen.discovery.replay.bristles import FRICTION
+from faultgen.discovery.replay.samples import enough
 from faultgen.inference.products import Products
 from faultgen.recordings.noise import Autoregression
 from faultgen.recordings.noise_level import Noise, levelled
@@ -158,11 +159,14 @@ def noise_of(arrays: Arrays, left: np.ndarray, before: VaryingNoise | None) -> N
     late = np.concatenate([since_reversal(arrays.speed[p], _LONG_AGO) for p in arrays.parts])
     drivers += [np.exp(-late * period / decay) for decay in _DECAYS]
     drivers.append(arrays.smoothing)
+    drivers.append(arrays.resting.astype(float))
     order = _order(arrays)
     # an axis without samples has some noise
     seen = np.where(arrays.inside.any(axis=0), arrays.inside, True)
     least = _EXACT * np.sqrt(np.mean(recording.torque**2, axis=0)) + 1e-12
-    noise = levelled(left, seen, arrays.parts, drivers, order, before).at_least(least)
+    moving = enough(seen & ~arrays.resting, arrays.parts)  # slow errors at rest are not its colour
+    moving = np.where(moving.any(axis=0), moving, seen)
+    noise = levelled(left, seen, arrays.parts, drivers, order, before, moving).at_least(least)
     if posed.own_noise is not None and posed.shared is not None:
         noise = noise.replaced(posed.own_noise.of_order(order), posed.shared)
     return noise.plain() if posed.white else noise

@@ -20,7 +20,7 @@ from faultgen.discovery.fit.problem import Problem
 from faultgen.discovery.laws.law_curves import Courses, Curve
 from faultgen.discovery.laws.law_words import Part
 from faultgen.discovery.terms.candidates import INERTIA, NUMBERS
-from faultgen.inference.limits import CURVE_CHANCE, CURVE_GAIN, CURVE_SHARE
+from faultgen.inference.limits import CURVE_CHANCE, CURVE_GAIN, LAW_ERROR
 
 MOST = 4
 """Largest number of curves of an axis."""
@@ -251,7 +251,7 @@ def choose_curves(regression: Regression) -> Choice:
         gains = _gains(regression, white, prior, chosen)
         gains[chosen] = -np.inf
         top = float(gains.max())
-        if top < max(CURVE_GAIN, CURVE_SHARE * first):
+        if top < max(CURVE_GAIN, LAW_ERROR * first):
             break
         near = np.flatnonzero(gains >= (1 - _NEAR) * top).tolist()
         best = min(near, key=lambda k: (candidates[k].size, -gains[k]))

@@ -225,6 +225,17 @@ def moving(recording: Recording, robot: Robot) -> np.ndarray:
     return _motor_speed(recording, robot) > slowest * robot.stribeck_velocity
 
 
+def runs(mask: np.ndarray) -> list[slice]:
+    """List the runs of samples that are true.
+
+    Args:
+        mask: Shape (samples,).
+    """
+    edges = np.diff(mask.astype(int), prepend=0, append=0)
+    starts, ends = (np.flatnonzero(edges == way).tolist() for way in (1, -1))
+    return [slice(start, end) for start, end in zip(starts, ends, strict=True)]
+
+
 def _moves(recording: Recording, robot: Robot) -> np.ndarray:
     """Samples at which at least one axis moves, shape (samples,)."""
     return np.asarray(moving(recording, robot).any(axis=1))
