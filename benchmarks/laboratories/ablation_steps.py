@@ -57,13 +57,7 @@ def _truth(one: Recorded) -> tuple[Arrays, list[Hypothesis]]:
     """The true columns in the form of discovery's; a wave has a column for each phase."""
     known, count = one.known, len(one.known.numbers)
     ones = [1.0] * count
-    numbers = Numbers(
-        baseline=False,
-        columns=list(known.numbers),
-        std=ones,
-        kinds=["links"] * count,
-        which=[None] * count,
-    )
+    numbers = Numbers(False, list(known.numbers), ones, ["links"] * count, [None] * count)
     effects = Effects(numbers)
     forms: dict[tuple, list[int]] = {}
     for k, (effect, change) in enumerate(zip(known.effects, known.changes, strict=True)):

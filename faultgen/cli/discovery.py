@@ -117,9 +117,9 @@ def discover(
     findings stand in discovery.json. --trust-log takes the recordings as they are.
 
     The verdict is one of: no missing effect, named, partly named, ambiguous, unknown effect, model
-    not good enough. If it is ambiguous, the command proposes the motion that would decide between
-    the candidates. It writes discovery.json, model (a robot folder with all that was found;
-    model.xml is its MJCF part), report.html and, if the verdict is ambiguous, next_experiment.toml.
+    not good enough. If it is ambiguous between effects, the command proposes the motion that would
+    decide, next_experiment.toml. It also writes discovery.json, model (a robot folder with all that
+    was found; model.xml is its MJCF part) and report.html.
 
     With --plan, the command needs no recording. It writes motions within the limits of the robot,
     motion_1.toml and so on, that separate the effects best, and plan.json with the expected share

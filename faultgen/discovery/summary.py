@@ -42,7 +42,7 @@ def summary(result: dict[str, Any], baseline: bool) -> str:
         return f"The model explains the recording too badly for an answer: {why}."
     if verdict == AMBIGUOUS and found and not result["alternatives"]:
         likely = min(one["confidence"] for one in result["effects"])
-        return f"Most likely {_few(found)}: {100 * likely:.0f} % against nothing having changed."
+        return f"Most likely {_few(found)}, with a probability of {100 * likely:.0f} %."
     if verdict == AMBIGUOUS and result["alternatives"]:
         rivals = list(dict.fromkeys(_plain(one) for one in result["alternatives"]))
         if not found:

@@ -80,10 +80,9 @@ class Model:
         if not starts:
             best = _bounded(cost, afar)
         else:
-            nearest = list(dict.fromkeys(starts))
-            if len(nearest) > 1:
-                nearest.sort(key=lambda one: cost(one.log_scales)[0])
-            best = _near(cost, nearest[0])
+            others = set(starts) - {starts[0]}
+            nearest = min(starts, key=lambda one: cost(one.log_scales)[0]) if others else starts[0]
+            best = _near(cost, nearest)
             if not best.success:  # a scale stands at its bound, or is far from where it was
                 best = min((_bounded(cost, x) for x in (best.x, afar)), key=lambda one: one.fun)
         return Fitted(self, tuple(effects), -float(best.fun), best.x)

@@ -37,10 +37,14 @@ class Found:
     fitted: Fitted
     """The model with the best form of each effect."""
 
-    def or_likely(self) -> Found:
-        """Return the same, with the next effect if there is none and this one is likely."""
+    def or_likely(self, named: Sequence[Hypothesis]) -> Found:
+        """Return the same, with the next effect if there is none and this one is likely.
+
+        Args:
+            named: The hypotheses that have a name.
+        """
         next_ = self.rejected
-        if self.effects or next_.odds < LIKELY:
+        if self.effects or next_.odds < LIKELY or _is_unknown(next_, named):
             return self
         return replace(
             self, effects=(next_,), fitted=self.fitted.model.fit(next_.forms[0], self.fitted)

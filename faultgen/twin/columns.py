@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from faultgen.analysis import Cause, Days, Effects, Form
-from faultgen.discovery.decision.arrays import REST
+from faultgen.discovery.decision.arrays import at_rest
 from faultgen.discovery.decision.numbers import KINDS, Numbers, is_number, numbers_of
 from faultgen.discovery.decision.processes import Process, processes
 from faultgen.discovery.laws.friction_forms import forms_of
@@ -276,8 +276,7 @@ class Columns:
 
         How far the bristles of an axis at rest are bent depends on how its servo came to rest.
         """
-        speed = np.abs(self._formulas.motion.speed)
-        return signature * (speed < REST * speed.max(axis=0)) / 2
+        return signature * at_rest(self._formulas.motion.speed) / 2
 
     def _smooth(self, axes: Sequence[int]) -> Iterator[np.ndarray]:
         """Smooth functions of the motion of some axes, shape (places, 1) each."""

@@ -208,7 +208,7 @@ def test_the_next_effect_is_told_if_it_is_likely(columns, rng):
     told = {}
     for size in (0.1, 0.17, 0.3):
         found = search(model_of(columns, size * columns[14] + noise), singles(), sure=4.6)
-        told[size] = len(found.effects), [one.keys[0] for one in found.or_likely().effects]
+        told[size] = len(found.effects), [one.keys[0] for one in found.or_likely(singles()).effects]
     assert told == {
         0.1: (0, []),
         0.17: (0, [("effect 2", 1)]),

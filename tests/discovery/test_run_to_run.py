@@ -175,7 +175,7 @@ def test_scales_are_learned_from_healthy_runs(measured, tiny_robot):
         groups = learned(posed, differences(runs)).groups
         scales[size] = {one.name: one for one in groups}
     still, varied = (scales[size]["friction"] for size in (0.0, 0.06))
-    assert still.centre < 0.35  # two numbers in four runs, against a factor of 2 before
+    assert still.centre < 0.35  # few numbers in four runs, against a factor of 2 before
     # 5.5 % in a run, 6.2 % between a run and the mean of four; 1.2 % is usual from day to day for
     # all friction of an axis, and as much for each of its parts
     assert varied.centre == pytest.approx(6.2 / np.hypot(1.2, 1.2), rel=0.3)

@@ -281,6 +281,9 @@ def test_a_likely_effect_is_ambiguous(columns, rng, monkeypatch):
             (effect,) = found.effects
             assert (found.verdict, effect.effect, effect.axis) == (AMBIGUOUS, "torque_offset", 1)
             assert 0.75 <= effect.confidence < 0.99
+            problem.residual[SCORED] *= 4  # it was never sure, so that no line says so
+            less = choose(problem, difference_between(problem))
+            assert less.groups == less.doubtful == ()
         else:
             assert found.verdict == NONE
 

@@ -187,6 +187,13 @@ def effect(axis, sentence):
             "An effect without a name.",
         ),
         (
+            {
+                "verdict": "ambiguous",
+                "effects": [effect(2, "axis 2 has more friction") | {"confidence": 0.93}],
+            },
+            "Most likely axis 2 has more friction, with a probability of 93 %.",
+        ),
+        (
             {"effects": [effect(k, f"axis {k} is worn") for k in range(1, 7)]},
             "Axis 1 is worn; axis 2 is worn; axis 3 is worn; and 3 more effects.",
         ),

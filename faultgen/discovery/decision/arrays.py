@@ -18,8 +18,8 @@ from faultgen.discovery.decision.posterior import Posterior
 from faultgen.discovery.laws.friction_forms import USUAL, forms_of
 from faultgen.discovery.replay.formulas import Formulas
 from faultgen.discovery.replay.position_noise import position_noise
-from faultgen.discovery.replay.replay import Replay, settled
-from faultgen.discovery.replay.samples import enough, runs
+from faultgen.discovery.replay.replay import Replay
+from faultgen.discovery.replay.samples import PRESLIDING, counted, enough, runs
 from faultgen.discovery.terms.candidates import Term
 from faultgen.inference.limits import UNRESOLVED
 from faultgen.inference.model import Group as Kind
@@ -29,7 +29,6 @@ from faultgen.recordings.varying_noise import VaryingNoise
 
 REST = 0.02
 """Speed of an axis at rest, over its largest."""
-_LONG = 0.1  # shortest rest after which the arm has come to rest, too [s]: assumed
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,12 +221,12 @@ def at_rest(speed: np.ndarray) -> np.ndarray:
     Returns:
         Mask of the same shape.
     """
-    return np.asarray(np.abs(speed) <= REST * np.abs(speed).max(axis=0))
+    return np.asarray(np.abs(speed) < REST * np.abs(speed).max(axis=0))
 
 
 def _long(resting: np.ndarray, recording: Recording) -> np.ndarray:
-    """Samples of rests of at least `_LONG`, shape (samples, n_axes)."""
-    least = round(_LONG / recording.sample_period)
+    """Samples of rests, not of reversals: of at least `PRESLIDING`, shape (samples, n_axes)."""
+    least = round(PRESLIDING / recording.sample_period)
     out = np.zeros_like(resting)
     for part in recording.parts:
         for axis, own in enumerate(resting[part].T):
@@ -256,7 +255,5 @@ def jumps(bent: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
 
 def _comparable(replay: Replay) -> np.ndarray:
     """Samples that can be compared, shape (samples, n_axes)."""
-    inside = settled(replay.recording, replay.robot)
-    if replay.recording.lost is not None:
-        inside &= ~replay.recording.lost
+    inside = counted(replay.recording, replay.robot, baseline=True)
     return inside if replay.left_out is None else inside & ~replay.left_out

@@ -99,10 +99,10 @@ def choose(problem: Problem, difference: Difference) -> Choice:
         known = without_refuted(difference.exact, others, GEARS)
         difference = replace(difference, model=replace(difference.model, groups=known.groups))
     found = search(difference.model, difference.hypotheses, sure, GENERIC)
-    if problem.baseline and UNKNOWN not in (key[0] for key in found.rejected.keys[:1]):
-        found = found.or_likely()
-    found, refuted = confirmed(found, others)
     named = [one for one in difference.hypotheses if not one.unknown]
+    if problem.baseline:
+        found = found.or_likely(named)
+    found, refuted = confirmed(found, others)
     prior = dict(zip([one.key for one in named], log_priors(named).tolist(), strict=True))
     groups: list[Group] = []
     odds, shares, priors = [], [], []
@@ -127,10 +127,10 @@ def choose(problem: Problem, difference: Difference) -> Choice:
                 rivals.append((place, rival, float(share)))
     best = severities(problem, difference, groups, found.fitted.log_scales)
     variance, error = dispersion(problem, difference, found.fitted, best.change)
-    shared = shrunk(variance, error)
+    ratios, exact = shrunk(variance, error), tuple(odds)
     for k, group in enumerate(groups):
         evidence = odds[k] - priors[k] - best.lost[k]
-        evidence /= of_effect(problem, difference, group, shared)
+        evidence /= of_effect(problem, difference, group, ratios)
         odds[k] = evidence + priors[k] - (sure - SURE)
     choice = Choice(
         problem,
@@ -147,8 +147,8 @@ def choose(problem: Problem, difference: Difference) -> Choice:
         variance,
         tuple(
             problem.terms[group[0]].key
-            for group, one in zip(groups, odds, strict=True)
-            if one < least
+            for group, one, before in zip(groups, odds, exact, strict=True)
+            if one < least and before >= sure
         ),
     )
     real = [k for k in range(len(groups)) if odds[k] >= least and _can_be(choice, k)]

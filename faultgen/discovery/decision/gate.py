@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 
 from faultgen.discovery.decision.choice import Choice
-from faultgen.discovery.decision.numbers import GENERIC, KINDS
 from faultgen.discovery.fit.problem import Problem
 from faultgen.inference.limits import MODEL_ERROR, MODEL_VARIANCE
 from faultgen.inference.model import LARGEST
@@ -68,11 +67,11 @@ def gate(problem: Problem, choice: Choice, error: float) -> list[str]:
             f"axis {', '.join(axes)}: on motions that were not fitted, the error is {worst:.2g} "
             f"times what the model expects (variances): {remedy}"
         )
-    scales = choice.found.fitted.log_scales
-    for name, scale in zip(KINDS, scales, strict=False):  # without friction at rest
-        if name not in GENERIC and scale > _NEARLY * LARGEST:
+    fitted = choice.found.fitted
+    for group, scale in zip(fitted.model.groups, fitted.log_scales, strict=True):
+        if group.name in _ADVICE and scale > _NEARLY * LARGEST:
             lines.append(
-                f"{name}: the recording differs from the model {np.exp(scale):.0f} times as much "
-                f"as usual: {_ADVICE[name]}"
+                f"{group.name}: the recording differs from the model {np.exp(scale):.0f} times as "
+                f"much as usual: {_ADVICE[group.name]}"
             )
     return lines

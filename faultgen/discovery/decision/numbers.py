@@ -52,7 +52,7 @@ KINDS = {
     "offset": Kind(1.7, 1.0, 1.7),
     "zero": Kind(1.7, 0.02, 1.5),
     "stiffness": Kind(1.2, 0.05, 1.5),
-    "hardening": Kind(3.0, 0.0035, 1.5),  # as much of the stiffness as the stiffness itself
+    "hardening": Kind(3.0, 0.0035, 1.5),  # 0.07 x 0.05: as much as the stiffness
     "damping": Kind(1.7, 0.1, 1.5),
     "damping of bristles": Kind(1.7, 0.1, 1.5),
     "Stribeck exponent": Kind(1.7, 0.1, 1.5),
@@ -101,7 +101,7 @@ _COMMON, _SINGLE = 0.1, 0.01  # forms, over Coulomb friction: of all axes, and o
 _GAIN = 0.005
 _ONLY = 0.05  # the same of an axis without others, in which a form could not be told from a fault
 _BETWEEN, _MOTIONS = 0.003, 8  # friction between motions of one recording, and how many at most
-_RESTING = 0.02  # friction at rest between two days, over Coulomb friction
+_RESTING = 0.02  # friction at rest between two days, over Coulomb friction: as in motion; assumed
 _LOW = 0.3  # fall of friction of a model without any, over Coulomb friction
 _DAMPING = 1.0  # of gearboxes and bristles, as a share: models hardly know it
 # of the Stribeck curve, as a share of 2. Published are 0.5 to 2: Armstrong-Helouvry et al. 1994,
@@ -121,8 +121,6 @@ class Numbers:
 
     baseline: bool
     """Whether two recordings of one robot are compared, and not a recording with the model."""
-    resting: int = 0
-    """Number of axes whose friction at rest is a group of its own."""
     columns: list[np.ndarray] = field(default_factory=list)
     """Change of the torque per unit of each, shape (samples, n_axes)."""
     std: list[float] = field(default_factory=list)
@@ -164,7 +162,7 @@ class Numbers:
     @property
     def _all_kinds(self) -> dict[str, Kind]:
         """Groups of numbers by name."""
-        return {**KINDS, **{at_rest_of(axis + 1): AT_REST for axis in range(self.resting)}}
+        return {**KINDS, **{kind: AT_REST for kind in self.kinds if kind not in KINDS}}
 
     @property
     def group(self) -> np.ndarray:
@@ -239,7 +237,7 @@ def numbers_of(
         The numbers.
     """
     recording = formulas.replay.recording
-    out = Numbers(baseline, 0 if resting is None else recording.torque.shape[1])
+    out = Numbers(baseline)
     steps: dict[tuple, float] = {}  # the smallest with which each is simulated
     for term in terms:
         which = (*term.key, term.parameters)
@@ -269,8 +267,8 @@ def numbers_of(
     _add_gears(out, formulas)
     if forms is not None:
         _add_forms(out, formulas, forms)
-        if resting is not None:
-            _add_rests(out, formulas, resting)
+    if resting is not None:
+        _add_rests(out, formulas, resting)
     _add_log(out, formulas, base, forms)
     size = np.sqrt(np.mean(base**2, axis=0))
     for process in processes(recording, formulas.motion):
@@ -336,9 +334,8 @@ def _add_forms(out: Numbers, formulas: Formulas, forms: np.ndarray) -> None:
 def _add_rests(out: Numbers, formulas: Formulas, resting: np.ndarray) -> None:
     """Add friction at each rest: it depends on how the axis came to rest, and on its real law."""
     robot, recording = formulas.robot, formulas.replay.recording
-    friction = robot.model.actuator_biasprm[robot.ids("actuator", "friction")]
     side = 1.0 if recording.side == "motor" else robot.gear_ratio
-    size = friction[:, COULOMB] * side
+    size = robot.model.actuator_biasprm[robot.ids("actuator", "friction"), COULOMB] * side
     for part in recording.parts:
         for axis in range(robot.n_axes):
             for run in runs(resting[part, axis]):

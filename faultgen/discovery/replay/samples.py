@@ -13,7 +13,7 @@ from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot
 
 _SLOWEST, _CREEPING = 0.1, 0.3  # speed of an axis that moves, over the Stribeck velocity: assumed
-_PRESLIDING = 0.1  # time from rest or reversal until friction has settled [s]: assumed
+PRESLIDING = 0.1  # time from rest or reversal until friction has settled [s]: assumed
 _BLOCKS = 6  # into which a single recording is cut, to fit on some and choose on others
 _LEAST_SHARE = 1 / 3  # samples of an axis that are compared, over those of an even spread: assumed
 _FIFTHS = 5  # blocks of which one is kept for scoring, where axes move in turn
@@ -171,7 +171,7 @@ def counted(recording: Recording, robot: Robot, *, baseline: bool) -> np.ndarray
 
 
 def rolling(recording: Recording, robot: Robot) -> np.ndarray:
-    """Find the samples that are at least `_PRESLIDING` after rest and after a reversal.
+    """Find the samples that are at least `PRESLIDING` after rest and after a reversal.
 
     Earlier, the torque of an axis depends on how its friction bristles are bent, and no two models
     agree on that.
@@ -184,7 +184,7 @@ def rolling(recording: Recording, robot: Robot) -> np.ndarray:
         Mask of shape (samples, n_axes).
     """
     moves = moving(recording, robot)
-    count = max(1, round(_PRESLIDING / recording.sample_period))
+    count = max(1, round(PRESLIDING / recording.sample_period))
     disturbed = turning(recording) | ~moves
     for part in recording.parts:
         for axis in range(robot.n_axes):
@@ -231,9 +231,7 @@ def runs(mask: np.ndarray) -> list[slice]:
     Args:
         mask: Shape (samples,).
     """
-    edges = np.diff(mask.astype(int), prepend=0, append=0)
-    starts, ends = (np.flatnonzero(edges == way).tolist() for way in (1, -1))
-    return [slice(start, end) for start, end in zip(starts, ends, strict=True)]
+    return list(np.ma.clump_masked(np.ma.array(mask, mask=mask)))
 
 
 def _moves(recording: Recording, robot: Robot) -> np.ndarray:
