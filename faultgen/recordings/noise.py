@@ -10,6 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from faultgen.errors import InputError
 from faultgen.monitoring.autoregression import amplification
+from faultgen.recordings.block_filter import block_filter, blocks_of
 
 ORDER = 8
 """Order of the autoregression of the noise.
@@ -74,21 +75,13 @@ class Autoregression:
             Same shape as x, without unit. The first samples of each part, as many as the order, are
             0, and so are parts that are not longer.
         """
-        out = np.zeros_like(x)
         order = self.coefficients.shape[1]
-        # a sum over delays; scipy's filters call Python for each row if there is no feedback
-        first = (1.0 / self.innovation).astype(x.dtype)
-        later = (-self.coefficients.T / self.innovation).astype(x.dtype)
+        blocks, out = blocks_of(parts), np.empty_like(x)
+        for axis, (own, size) in enumerate(zip(self.coefficients, self.innovation, strict=True)):
+            taps = np.append(1.0, -own) / size
+            out[..., axis] = block_filter(x[..., axis], blocks, taps[None])
         for part in parts:
-            own = x[..., part, :]
-            if own.shape[-2] <= order:
-                continue
-            new = own[..., order:, :] * first
-            for delay, weight in enumerate(later, start=1):
-                if not weight.any():
-                    continue
-                new += own[..., order - delay : own.shape[-2] - delay, :] * weight
-            out[..., part.start + order : part.stop, :] = new
+            out[..., part.start : min(part.start + order, part.stop), :] = 0.0
         return out
 
 

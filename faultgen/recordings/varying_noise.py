@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_toeplitz
 
+from faultgen.recordings.block_filter import block_filter, blocks_of
+
 
 @dataclass(frozen=True, eq=False)
 class VaryingNoise:
@@ -64,17 +66,13 @@ class VaryingNoise:
         Returns:
             Same shape and unit. Before the first sample of a part, x is taken as 0.
         """
-        gain = self.gain[self.frame].astype(x.dtype)
-        out = x * gain
-        for delay in range(1, self.coefficients.shape[1] + 1):
-            weight = -(self.coefficients[self.frame, delay - 1] * gain).astype(x.dtype)
-            if not weight.any():
-                continue
-            for part in parts:
-                late = slice(part.start + delay, part.stop)
-                early = slice(part.start, part.stop - delay)
-                out[..., late, :] += x[..., early, :] * weight[late]
-        return np.asarray(out)
+        blocks, out = blocks_of(parts, self.frame), np.empty_like(x)
+        frame = self.frame[blocks.start]
+        for axis in range(x.shape[-1]):
+            own = -self.coefficients[frame, :, axis]
+            taps = self.gain[frame, axis, None] * np.insert(own, 0, 1.0, axis=1)
+            out[..., axis] = block_filter(x[..., axis], blocks, taps)
+        return out
 
     def of_axis(self, axis: int) -> VaryingNoise:
         """Return the noise of one axis, counted from 1."""

@@ -281,19 +281,24 @@ class _Left:
         scaled = [model.std[k] * posed.raw[t] for k, t in zip(placed, terms, strict=True)]
         beside = np.array(scaled, np.float32).reshape(-1, *difference.residual.shape)
         count = len(white)
-        self._columns = np.concatenate([white, difference.whiten(beside)])
+        columns = np.concatenate([white, difference.whiten(beside)])
         mean = (model.mean[placed] / model.std[placed]).astype(np.float32)  # of plays
         target = difference.whiten(difference.residual).astype(np.float32)
-        self._target = target - np.tensordot(mean, self._columns[count:], axes=1)
-        flat = self._columns.reshape(len(self._columns), -1)
+        self._target = target - np.tensordot(mean, columns[count:], axes=1)
+        # most columns act on one axis only
+        acting = [np.flatnonzero(columns[:, :, k].any(axis=1)) for k in range(target.shape[1])]
+        self._of_axis = [
+            (which, np.ascontiguousarray(columns[which, :, k])) for k, which in enumerate(acting)
+        ]
         # products of single precision would not be positive beside columns of other sizes
-        gram = np.eye(len(flat))
-        for axis in range(self._columns.shape[2]):
-            own = self._columns[:, :, axis].astype(float)
-            gram += own @ own.T
+        gram, right = np.eye(len(columns)), np.zeros(len(columns))
+        for axis, (which, single) in enumerate(self._of_axis):
+            own = single.astype(float)
+            gram[np.ix_(which, which)] += own @ own.T
+            right[which] += own @ self._target[:, axis]
         gram[np.diag_indices_from(gram)] *= 1 + ROUNDING
         self._inverse = cho_solve(cho_factor(gram), np.eye(len(gram)))
-        self._solution = self._inverse @ (flat @ self._target.ravel()).astype(float)
+        self._solution = self._inverse @ right
 
     def gain(self, column: np.ndarray, axis: int) -> float:
         """Compute the decrease of the misfit by a term that acts on one axis.
@@ -318,10 +323,12 @@ class _Left:
             The decreases, shape (terms,); 0 where the severity would be negative.
         """
         own = self._difference.whiten_axis(columns, axis)
-        others = own.astype(np.float32) @ self._columns[:, :, axis - 1].T
-        pull = own @ self._target[:, axis - 1] - others @ self._solution
+        which, known = self._of_axis[axis - 1]
+        others = own.astype(np.float32) @ known.T
+        pull = own @ self._target[:, axis - 1] - others @ self._solution[which]
         energy = np.einsum("ij,ij->i", own, own)
-        size = energy - np.einsum("ij,ij->i", others @ self._inverse, others)
+        inverse = self._inverse[np.ix_(which, which)]
+        size = energy - np.einsum("ij,ij->i", others @ inverse, others)
         useful = (pull > 0) & (size > 1e-6 * energy)
         return np.where(useful, pull**2 / np.where(useful, size, 1.0), 0.0)
 
@@ -337,7 +344,8 @@ class _Left:
             period: Time between samples [s].
         """
         own = self._difference.whiten_axis(column, axis)
-        rest = self._target[:, axis - 1] - self._solution @ self._columns[:, :, axis - 1]
+        which, known = self._of_axis[axis - 1]
+        rest = self._target[:, axis - 1] - self._solution[which] @ known
         starts = _passes(own, period)
         if len(starts) < 2:
             return False

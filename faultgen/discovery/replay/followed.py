@@ -32,6 +32,7 @@ _CLEARLY = 0.75  # squared torque error, over that without more smoothing, that 
 _MORE = 0.9  # the same with gearboxes: assumed
 _NEARLY = 1.02  # the same over the smallest one, up to which weaker smoothing is preferred: assumed
 _FEWEST = 100  # samples of an axis that can tell
+_ENOUGH = 2000  # samples at which a rigid arm is compared, spread evenly over the recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,8 +133,11 @@ class _Trials:
 
 def _for_rigid_arm(recording: Recording, robot: Robot, inside: np.ndarray, trials: _Trials) -> int:
     """The number of the smoothing that suits a rigid arm."""
-    arm = Arm(robot)
-    errors = [_rigid_error(recording, arm, one, inside) for one in trials.positions]
+    arm, rows = Arm(robot), np.flatnonzero(inside.any(axis=1))
+    some = np.zeros_like(inside)
+    rows = rows[:: max(1, len(rows) // _ENOUGH)]
+    some[rows] = inside[rows]
+    errors = [_rigid_error(recording, arm, one, some) for one in trials.positions]
     clearly = min(errors) < _CLEARLY * errors[0]
     best = next(k for k, one in enumerate(errors) if one <= _NEARLY * min(errors))
     return best if clearly else 0
@@ -209,10 +213,9 @@ def _logged(recording: Recording, robot: Robot, runs: Sequence[Cycle]) -> np.nda
 def _rigid_error(recording: Recording, arm: Arm, position: np.ndarray, inside: np.ndarray) -> float:
     """The error of `unexplained` for a rigid arm."""
     speed, acceleration = differences(recording, position)
-    if recording.link:
-        torque = arm.inverse_dynamics(position, speed, acceleration)
-    else:
-        torque = motor_torque(arm, position, speed, acceleration)
+    rows, torque = inside.any(axis=1), np.zeros_like(position)
+    motion = (position[rows], speed[rows], acceleration[rows])
+    torque[rows] = arm.inverse_dynamics(*motion) if recording.link else motor_torque(arm, *motion)
     return unexplained(recording, speed, torque, inside, scaled=True)
 
 

@@ -1,7 +1,7 @@
 """How well a recorded torque fits an arm that can exist, for either sign and any gain of the log.
 
     fit = LogFit(recording, robot)
-    fit.misfit(axis, -1.0) - fit.misfit(axis, 1.0)  # twice the log likelihood ratio of the signs
+    np.diff(fit.misfit(axis, np.array([1.0, -1.0])))  # twice the log likelihood ratio of the signs
 
 The torque of an axis at its gearbox is `gain` times
 
@@ -18,10 +18,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
-from faultgen.discovery.fit.bounded import bounded_minimum
 from faultgen.discovery.rigid.free_fit import BLOCKS, independent, left_by
 from faultgen.discovery.terms.inertia import size_of
 from faultgen.discovery.terms.regressor import gear_regressor, link_ids
@@ -80,6 +80,19 @@ class _Axis:
     def gram(self) -> np.ndarray:
         """Mean products of the columns."""
         return np.asarray(self.columns.T @ self.columns / len(self.columns))
+
+    @cached_property
+    def principal(self) -> tuple[np.ndarray, np.ndarray]:
+        """The mean products with uncorrelated errors of the links, and the mean squares of these.
+
+        Combinations of errors that make no torque are left out.
+        """
+        count = len(self.gram) - 6
+        square, basis = np.linalg.eigh(self.gram[:count, :count])
+        seen = square > _ROUNDING * square.max(initial=0.0)
+        turn = np.eye(len(self.gram))
+        turn = np.column_stack([turn[:, :count] @ basis[:, seen], turn[:, count:]])
+        return np.asarray(turn.T @ self.gram @ turn), square[seen]
 
 
 class LogFit:
@@ -174,78 +187,120 @@ class LogFit:
         gram = self._of(axis).gram
         return float(np.sqrt(np.trace(gram[:-6, :-6]) / gram[-1, -1]) / LINKS)
 
-    def misfit(self, axis: int, gain: float, *, links: bool = True, parts: bool = True) -> float:
-        """Compute minus two times the log likelihood of a gain of the log, but for a constant.
+    def misfit(
+        self, axis: int, gain: float | np.ndarray, *, links: bool = True, parts: bool = True
+    ) -> np.ndarray:
+        """Compute minus two times the log likelihood of gains of the log, but for a constant.
 
         Args:
             axis: From 0; one that is not None in `axes`.
-            gain: Logged torque over the torque; negative if its sign is reversed.
+            gain: Logged torque over the torque, shape (gains,) or a number; negative if its sign
+                is reversed.
             links: Whether the arm is part of the torque; otherwise it is friction only.
             parts: Whether the error of the model grows with the torques of its links (`PARTS`);
                 otherwise it is the same share of the measured torque, which favours no gain, and
                 the links may be as accurate as the data show.
 
         Returns:
-            The misfit; differences between hypotheses of the same `parts` have a meaning.
+            The misfits, shape (gains,); differences between hypotheses of the same `parts` have a
+            meaning.
         """
-        pieces = self._of(axis).pieces
-        found = [
-            self._solve(axis, gain, links, parts, accuracy)
-            for accuracy in (_ACCURACIES[:1] if parts or not links else _ACCURACIES)
-        ]
-        return min(
-            float(pieces * np.log(noise * gain**2) + distance + volume)
-            for noise, distance, volume in found
-        )
+        given, gains = self._of(axis), np.atleast_1d(np.asarray(gain, float))
+        accuracies = _ACCURACIES[:1] if parts or not links else _ACCURACIES
+        found = [self._misfit(given, axis, gains, links, parts, one) for one in accuracies]
+        return np.asarray(np.min(found, axis=0))
 
-    def _solve(
-        self, axis: int, gain: float, links: bool, parts: bool, accuracy: float = 1.0
-    ) -> tuple[float, float, float]:
-        """Noise of a hypothesis, distance of its parameters from the model, and their volume."""
-        given = self._of(axis)
-        gram, count = given.gram, len(given.gram) - 6
-        size = np.sqrt(np.maximum(np.diag(gram), 1e-24))
-        rms = size[-1] / abs(gain)
+    def _misfit(
+        self,
+        given: _Axis,
+        axis: int,
+        gain: np.ndarray,
+        links: bool,
+        parts: bool,
+        accuracy: float,
+    ) -> np.ndarray:
+        """Misfits for one accuracy of the links, shape (gains,).
+
+        The links are uncorrelated in the basis of `_Axis.principal`, whatever the noise, which
+        leaves a small problem of offset, friction and rotor inertia.
+        """
+        gram, error = given.principal
+        if not links:
+            gram, error = gram[-6:, -6:], error[:0]
+        count = len(error)
+        error = error * accuracy**2
         least = given.noise / gain**2
         if not parts:
-            least += (PARTS * given.torque.std() / gain) ** 2
+            least = least + (PARTS * given.torque.std() / gain) ** 2
         elif links:
-            least += (PARTS / LINKS) ** 2 * float(np.trace(gram[:count, :count]))
-        # standard deviation of each factor, and what is expected, both in this unit
-        scale = np.ones(count + 4)
-        scale[:count] = accuracy
-        scale[count] = self.offset[axis] + _OFFSET_SHARE * rms
-        scale[count + 1 : count + 3] = _LOOSE * rms / size[count + 1 : count + 3]
-        scale[count + 3] = self.rotor[axis]
-        expected = np.zeros(count + 4)
-        expected[-1] = 1.0
-        use = np.ones(count + 4, bool)
-        use[:count], use[-1] = links, links and not self.recording.link
-        low = np.where(np.arange(count + 4)[use] > count, 0.0, -np.inf)
-        high = np.full(len(low), np.inf)
-        scale, expected = scale[use], expected[use]
-        model = np.append(np.zeros(len(gram) - 2), [-float(links), 1 / gain])  # of what is left
-        own = np.flatnonzero(use)
-        inner = gram[np.ix_(own, own)] * np.outer(scale, scale)
-        right, square = scale * (gram[own] @ model), float(model @ gram @ model)
+            least = least + (PARTS / LINKS) ** 2 * float(given.gram.diagonal()[:-6].sum())
+        size = np.sqrt(np.maximum(gram.diagonal(), 1e-24))
+        rms = size[-1] / np.abs(gain)
+        rotor = links and not self.recording.link
+        # standard deviation of offset, friction and rotor inertia, the last of which is expected
+        scale = np.column_stack(
+            [
+                self.offset[axis] + _OFFSET_SHARE * rms,
+                *(_LOOSE * rms / one for one in size[count + 1 : count + 3]),
+                *([np.full(len(gain), self.rotor[axis])] if rotor else []),
+            ]
+        )
+        few = slice(count, count + scale.shape[1])
+        expected = np.zeros(scale.shape[1])
+        expected[3:] = 1.0
+        model = np.zeros((len(gain), len(gram)))  # of what is left of the torque
+        model[:, -2], model[:, -1] = -float(links), 1 / gain
+        shown = model @ gram
+        square = np.sum(shown * model, axis=1)
+        right = [accuracy * shown[:, :count], scale * shown[:, few]]
+        inner = scale[:, :, None] * gram[few, few] * scale[:, None, :]
+        across = accuracy * gram[:count, few] * scale[:, None, :]
         noise = least
         for _ in range(_ROUNDS):
-            weight = given.pieces / noise
-            system = weight * inner
-            system += (1 + _ROUNDING * np.diag(system).max()) * np.eye(len(own))
-            value = bounded_minimum(system, weight * right + expected, low, high)
-            error = square - 2 * value @ right + value @ inner @ value
-            noise = max(float(error), least)
-        distance = float(np.sum((value - expected) ** 2))
-        some = slice(count if links else 0)
-        curved = np.linalg.eigvalsh(weight * inner[some, some])
-        volume = float(np.log1p(np.maximum(curved, 0.0)).sum())
-        return noise, distance, volume
+            weight = (given.pieces / noise)[:, None]
+            known = weight * error + 1.0  # precision of the links
+            force = weight * right[0] / known
+            lever = weight[:, :, None] * across / known[:, :, None]
+            system = weight[:, :, None] * (inner - across.mT @ lever) + np.eye(len(expected))
+            target = weight * (right[1] - np.einsum("gce,gc->ge", across, force)) + expected
+            some = _not_negative(system, target)
+            value = force - np.einsum("gce,ge->gc", lever, some)
+            left = square - 2 * np.sum(value * right[0], axis=1) - 2 * np.sum(some * right[1], 1)
+            left += value**2 @ error + 2 * np.einsum("gc,gce,ge->g", value, across, some)
+            left += np.einsum("ge,gef,gf->g", some, inner, some)
+            noise = np.maximum(left, least)
+        distance = np.sum(value**2, axis=1) + np.sum((some - expected) ** 2, axis=1)
+        volume = np.log1p(weight * error).sum(axis=1)
+        return np.asarray(given.pieces * np.log(noise * gain**2) + distance + volume)
 
     def _of(self, axis: int) -> _Axis:
         given = self.axes[axis]
         assert given is not None
         return given
+
+
+def _not_negative(system: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Minima of quadratic functions of an offset and of numbers that are not negative.
+
+    The minimum is the best of those with each choice of numbers that are zero.
+
+    Args:
+        system: Positive definite, shape (functions, values, values); the offset comes first.
+        right: Shape (functions, values).
+
+    Returns:
+        Shape (functions, values).
+    """
+    best, least = np.zeros_like(right), np.full(len(right), np.inf)
+    count = right.shape[1]
+    for free in product((True, False), repeat=count - 1):
+        at = np.flatnonzero([True, *free])
+        value = np.zeros_like(right)
+        value[:, at] = np.linalg.solve(system[:, at[:, None], at], right[:, at, None])[..., 0]
+        cost = np.where(np.all(value[:, 1:] >= 0, axis=1), -np.sum(value * right, axis=1), np.inf)
+        better = cost < least
+        best[better], least[better] = value[better], cost[better]
+    return best
 
 
 def gear_torque(recording: Recording, robot: Robot) -> np.ndarray:

@@ -113,19 +113,17 @@ def evidence_of(fit: LogFit) -> list[Evidence | None]:
 def _of_axis(fit: LogFit, axis: int, factors: Sequence[float]) -> Evidence:
     def about(gain: float, parts: bool) -> float:
         """Least misfit of the gains about one."""
-        return min(
-            fit.misfit(axis, gain * float(np.exp(width)), parts=parts) + (width / _NEAR) ** 2
-            for width in _WIDTHS
-        )
+        near = fit.misfit(axis, gain * np.exp(_WIDTHS), parts=parts)
+        return float(np.min(near + (_WIDTHS / _NEAR) ** 2))
 
     sign = (about(-1.0, True) - about(1.0, True)) / 2
     forward = 1.0 if sign >= 0 else -1.0
     logged = about(forward, False)
-    by_gain = np.array([fit.misfit(axis, forward * 10**power, parts=False) for power in _GRID])
+    by_gain = fit.misfit(axis, forward * 10**_GRID, parts=False)
     weight = np.exp(-(by_gain - by_gain.min()) / 2)
     mean = float(weight @ _GRID / weight.sum())
     spread = float(np.sqrt(weight @ (_GRID - mean) ** 2 / weight.sum()) * np.log(10))
-    rubbing = fit.misfit(axis, forward, links=False, parts=False)
+    rubbing = float(fit.misfit(axis, forward, links=False, parts=False)[0])
     parts = fit.parts(axis)
     if PARTS * parts >= 1:  # the torque is smaller than the errors of its parts
         sign = 0.0
