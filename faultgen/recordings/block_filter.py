@@ -76,8 +76,10 @@ def block_filter(x: np.ndarray, blocks: Blocks, taps: np.ndarray) -> np.ndarray:
         matrices = _bands(taps[which if len(taps) > 1 else [0]], int(own)).astype(x.dtype)
         for row in range(0, len(flat), _ROWS):
             some = slice(row, row + _ROWS)
-            before = (flat[some, needed] * known).swapaxes(0, 1)
-            out[some, wanted] = (before @ matrices).swapaxes(0, 1)
+            before = np.take(flat[some], needed, axis=1)
+            before *= known
+            made = np.matmul(before.swapaxes(0, 1), matrices).swapaxes(0, 1)
+            out[some, wanted.ravel()] = made.reshape(len(before), -1)
     return out.reshape(x.shape)
 
 
