@@ -9,6 +9,7 @@ import numpy as np
 from faultgen.discovery.replay.replay import Replay
 from faultgen.discovery.terms.candidates import applied
 from faultgen.effects import get_effect
+from faultgen.effects.temperature import set_temperature
 from faultgen.recordings.recording import Recording
 from faultgen.simulation.motion import plan
 from faultgen.simulation.plant import assemble
@@ -40,13 +41,18 @@ def logged(robot, changes, seconds, period):
     )
 
 
-def record(robot, task, seed, effects=(), spread=0.01, noise=NOISE):
-    """One run of a task. Its friction differs from that of other runs by `spread`."""
+def record(robot, task, seed, effects=(), spread=0.01, noise=NOISE, temperature=None):
+    """One run of a task. Its friction differs from that of other runs by `spread`.
+
+    Friction follows a temperature that is given, by the law of the catalogue.
+    """
     rng = np.random.default_rng(seed)
     motion = plan(load_task("tiny", task), robot)
     spec = robot.spec()
     for axis in (1, 2):
         get_effect("coulomb_friction").apply(spec, axis, spread * rng.standard_normal())
+        if temperature is not None:
+            set_temperature(spec, axis, temperature, robot.friction_temperature)
     for name, axis, severity in effects:
         get_effect(name).apply(spec, axis, severity)
     control = control_signal(motion, robot.model.opt.timestep)
@@ -61,6 +67,7 @@ def record(robot, task, seed, effects=(), spread=0.01, noise=NOISE):
         position=run.motor_position,
         torque=clean + noise * np.abs(clean).mean(axis=0) * drawn,
         reference_position=motion(np.arange(len(clean)) * PERIOD)[0],
+        temperature=None if temperature is None else np.full(len(clean), float(temperature)),
     )
 
 

@@ -30,8 +30,9 @@ from faultgen.discovery.terms.inertia import inertia_terms
 from faultgen.effects import get_effect
 from faultgen.effects.temperature import friction_ratios
 from faultgen.recordings.recording import Recording
-from faultgen.robot import Robot
+from faultgen.robot import COULOMB, STICTION, STRIBECK_VELOCITY, Robot
 from faultgen.twin.program import Program
+from faultgen.twin.warming import Warming
 
 TEMPERATURE = "temperature"
 """Name of the cause that friction of all axes follows another temperature."""
@@ -147,14 +148,44 @@ class Columns:
             self._formulas, forms_of(self._formulas), terms, raw, self._base, baseline=True
         )
         """What may differ from day to day."""
-        self._of_friction = {
-            term.key: column
-            for term, column in zip(terms, raw, strict=True)
-            if term.name in FOLLOWS
-        }
+        shape = (len(FOLLOWS), robot.n_axes, *self._base.shape)
+        self._of_friction = np.zeros(shape)  # per unit of the ratios of a temperature
+        coulomb = robot.model.actuator_biasprm[robot.ids("actuator", "friction"), COULOMB]
+        self._direction = np.zeros_like(self._base)
+        for term, column in zip(terms, raw, strict=True):
+            k = term.axis - 1
+            if term.name == "coulomb_friction" and not term.parameters and coulomb[k] > 0:
+                self._direction[:, k] = column[:, k] * robot.torque_gain[k] / coulomb[k]
+            if term.name in FOLLOWS:
+                self._of_friction[FOLLOWS.index(term.name), term.axis - 1] = column
         if len(load := self._payload(robot.n_axes)):
             usual = robot.payload_mass or payload_terms(robot, robot.n_axes)[0].step
             self.numbers.add(load[0], _DAILY_LOAD * usual, "load at the flange")
+
+    def law_of_temperature(self, temperature: np.ndarray) -> Warming:
+        """Return how friction follows the temperature by the law of the catalogue.
+
+        Args:
+            temperature: Of the gearboxes in healthy recordings, shape (recordings, n_axes), in
+                [deg C].
+        """
+        robot = self.robot
+        elements = robot.ids("actuator", "friction")
+        bias = robot.model.actuator_biasprm[elements]
+        friction = [
+            (bias[:, STICTION] - bias[:, COULOMB]) / robot.torque_gain,
+            bias[:, STRIBECK_VELOCITY],
+            robot.model.actuator_damping[elements] / robot.torque_gain,
+        ]
+        return Warming(
+            reference=robot.friction_temperature,
+            mean=temperature.mean(axis=0),
+            friction=np.array(friction),
+            speed=self._formulas.motion.speed,
+            direction=self._direction,
+            range=np.array([temperature.min(axis=0), temperature.max(axis=0)]),
+            share=np.ones((len(friction), robot.n_axes)),
+        )
 
     def apart(self, healthy: np.ndarray) -> np.ndarray:
         """Compare one recording with the model: two that differ by as much as noise would.
@@ -317,14 +348,11 @@ class Columns:
     def _add_temperature(self, out: _Causes, program: Program) -> None:
         """Add friction of all axes that follows another temperature, by Bittencourt's law."""
         reference = self.robot.friction_temperature
-        ratios = (np.array(friction_ratios(reference + side, reference)) for side in (1.0, -1.0))
-        warmer, colder = ratios
-        slopes = dict(zip(FOLLOWS, (warmer - colder) / 2, strict=True))
-        by_axis: dict[int, np.ndarray] = {}
-        for (name, axis), column in self._of_friction.items():
-            by_axis[axis] = by_axis.get(axis, 0.0) + slopes[name] * column
-        columns = [np.sum(list(by_axis.values()), axis=0), *by_axis.values()] if by_axis else []
-        if not columns or not columns[0].any():
+        warmer, colder = (friction_ratios(reference + side, reference) for side in (1.0, -1.0))
+        slopes = (np.array(warmer) - colder) / 2
+        by_axis = np.tensordot(slopes, self._of_friction, axes=1)
+        columns = [by_axis.sum(axis=0), *by_axis[by_axis.any(axis=(1, 2))]]
+        if not columns[0].any():
             return
         numbers = out.add([program.whiten(one) for one in columns])
         sizes = (1.0, *(_UNEVEN,) * (len(numbers) - 1))

@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,7 @@ from faultgen.twin.alignment import KnownMotion, mean_cycle
 from faultgen.twin.columns import TEMPERATURE, UNKNOWN, Fault, unknown_axis
 from faultgen.twin.naming import verdict_of, widened
 from faultgen.twin.program import Program
+from faultgen.twin.warming import Warming
 
 FORM, ARRAYS = "detector.json", "arrays.npz"
 """Names of the two files."""
@@ -68,6 +69,8 @@ class Detector:
     day to day, at the places that are compared, shape (2, places, n_axes), in [N m]."""
     made: Mapping[str, Any]
     """Provenance, and what was measured while it was made."""
+    warming: Warming | None = None
+    """How the torque follows a measured temperature; None if it was not measured."""
 
     def __repr__(self) -> str:
         faults = len(self.faults)
@@ -78,16 +81,38 @@ class Detector:
         """The motion that it judges."""
         return self.program.motion
 
-    def scores(self, cycles: Sequence[np.ndarray]) -> np.ndarray:
+    def torque(
+        self, cycles: Sequence[np.ndarray], temperature: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Compute the torque of a recording that is compared with the healthy one.
+
+        Args:
+            cycles: As for `scores`.
+            temperature: As for `scores`.
+
+        Returns:
+            At the mean temperature of the healthy recordings, where temperatures were measured;
+            shape (places, n_axes), in [N m].
+        """
+        torque = mean_cycle(cycles)[self.motion.compared]
+        if self.warming is None or temperature is None:
+            return np.asarray(torque)
+        return np.asarray(torque - self.warming.change(temperature))
+
+    def scores(
+        self, cycles: Sequence[np.ndarray], temperature: np.ndarray | None = None
+    ) -> np.ndarray:
         """Reduce a recording to the numbers that are judged.
 
         Args:
             cycles: Torque of the motors in its cycles, shape (samples, n_axes) each, in [N m].
+            temperature: Of the gearboxes, shape (n_axes,), in [deg C]; None if it was not measured.
 
         Returns:
             Shape (columns,).
         """
-        return self.posterior.transform(self.program.features(mean_cycle(cycles))[None])[0]
+        torque = self.torque(cycles, temperature)
+        return self.posterior.transform(self.program.whiten(torque)[None])[0]
 
     def fault(self, effect: str, axes: Sequence[int]) -> Fault:
         """Find a fault that it can name.
@@ -202,6 +227,8 @@ class Detector:
         if self.constants is not None:
             arrays["current_constant"] = self.constants.constant
             arrays["current_offset"] = self.constants.offset
+        if (warming := self.warming) is not None:
+            arrays |= {f"warming_{name}": value for name, value in vars(warming).items()}
         buffer = io.BytesIO()
         np.savez_compressed(buffer, allow_pickle=False, **arrays)
         content = buffer.getvalue()
@@ -272,6 +299,11 @@ def _detector(told: dict[str, Any], arrays: dict[str, np.ndarray], folder: str) 
     constants = None
     if "current_constant" in arrays:
         constants = TorqueConstants(arrays["current_constant"], arrays["current_offset"], folder)
+    warming = None
+    if "warming_reference" in arrays:
+        named = {field.name: arrays[f"warming_{field.name}"] for field in fields(Warming)}
+        reference = float(named.pop("reference"))
+        warming = Warming(reference=reference, **named)
     motion = KnownMotion(
         path=arrays["path"],
         stretches=tuple((int(a), int(b)) for a, b in told["stretches"]),
@@ -327,4 +359,5 @@ def _detector(told: dict[str, Any], arrays: dict[str, np.ndarray], folder: str) 
         torque_gain=arrays["torque_gain"],
         healthy=arrays["healthy"],
         made=told["made"],
+        warming=warming,
     )

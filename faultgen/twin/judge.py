@@ -23,6 +23,7 @@ from faultgen.system.files import file_sha256
 from faultgen.twin.alignment import find_cycles
 from faultgen.twin.detector import FORM, Detector, load_detector
 from faultgen.twin.state import State
+from faultgen.twin.warming import temperature_of
 from faultgen.twin.watching import PAUSE, SETTLED, Watch, check_settled, paused
 
 STATE = "state.sqlite"
@@ -115,7 +116,8 @@ class Judge:
                 return {**known, "recording": str(path), "again": True}
             _check_rate(recording, self.detector)
             cycles = find_cycles(self.in_torque(recording), self.detector.motion)
-            scores = self.detector.scores(cycles)
+            temperature, warming = temperature_of(recording), self.detector.warming
+            scores = self.detector.scores(cycles, temperature)
             dates, before = stream.since_repair(date)
             answer = self.detector.judge(np.concatenate([before, scores[None]]))
             dates = np.append(dates, date)
@@ -123,8 +125,10 @@ class Judge:
                 "recording": str(path),
                 "date": in_words(date),
                 "cycles": len(cycles),
+                "temperature": None if temperature is None else temperature.tolist(),
                 **answer,
                 "since": in_words(dates[answer["since"]]) if answer["alarm"] else None,
+                "warning": None if warming is None else warming.doubt(temperature),
                 "sha256": digest,
             }
             stream.keep(digest, date, scores, answer)
@@ -278,4 +282,5 @@ def line(answer: dict[str, Any]) -> str:
         f"{one['effect']} on axis {'+'.join(map(str, one['axes']))} ({one['probability']:.2f})"
         for one in answer["alternatives"]
     )
-    return f"{name}: {told}{f'; also possible: {others}' if others else ''}{after}{again}"
+    doubt = f"; {name} {answer['warning']}" if answer.get("warning") else ""
+    return f"{name}: {told}{f'; also possible: {others}' if others else ''}{after}{again}{doubt}"

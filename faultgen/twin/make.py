@@ -47,6 +47,7 @@ from faultgen.twin.alignment import KnownMotion, find_cycles, mean_cycle, stretc
 from faultgen.twin.disturbances import moving_average, run_differences, torque_noise_of
 from faultgen.twin.folder import HEALTHY, RESULT, TASK
 from faultgen.twin.likeness import CYCLES, generated_cycles, likeness, summary
+from faultgen.twin.warming import temperature_of
 
 _SLOW = 0.02  # time over which what the model lacks is averaged [s]
 _AROUND = 0.08  # time over which its fast changes are compared with the noise [s]
@@ -185,7 +186,11 @@ def furnish(
         ),
     )
     write_listed(out, FILE, sensors.to_toml())
-    write_arrays(out / HEALTHY, {"torque": np.stack(means)}, {"sample_period": period})
+    arrays = {"torque": np.stack(means)}
+    warm = [one for one in map(temperature_of, recordings) if one is not None]
+    if len(warm) == len(recordings):
+        arrays["temperature"] = np.array(warm)
+    write_arrays(out / HEALTHY, arrays, {"sample_period": period})
     rms = np.sqrt(np.nanmean(np.mean(means, axis=0) ** 2, axis=0))
     left = np.sqrt(np.nanmean((np.mean(means, axis=0) - clean)[known.compared] ** 2, axis=0))
     result: dict[str, Any] = {

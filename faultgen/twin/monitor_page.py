@@ -12,10 +12,11 @@ from faultgen.errors import InputError
 from faultgen.recordings.read import read_recording
 from faultgen.report.chart import Chart, axes, library, line
 from faultgen.report.page import page
-from faultgen.twin.alignment import find_cycles, mean_cycle
+from faultgen.twin.alignment import find_cycles
 from faultgen.twin.followed import Course, Followed, ProgramPlan, RobotPlan, State
 from faultgen.twin.judge import Judge
 from faultgen.twin.together import RobotState, robot_states
+from faultgen.twin.warming import temperature_of
 
 _SHADES = (  # from none to the limit; on a light and on a dark background
     [[0, "#f4f4f4"], [0.5, "#f6b26b"], [1, "#b3261e"]],
@@ -211,7 +212,7 @@ def _torque(one: State) -> Chart | None:
         cycles = find_cycles(recording, detector.motion)
     except (InputError, OSError):  # it was moved since
         return None
-    torque = mean_cycle(cycles)[detector.motion.compared]
+    torque = detector.torque(cycles, temperature_of(recording))
     mean, deviation = detector.healthy
     axis = int(answer["axes"][0])
     period = detector.motion.sample_period

@@ -32,6 +32,7 @@ from faultgen.twin.columns import Columns, Fault, Generated
 from faultgen.twin.detector import Detector
 from faultgen.twin.folder import HEALTHY, RESULT
 from faultgen.twin.program import Program, as_recording, program_of
+from faultgen.twin.warming import Warming, learn_warming
 
 FALSE_ALARMS = 0.3
 """Default rate of false alarms, per robot and month."""
@@ -59,6 +60,8 @@ class Learned:
     """The detector of them."""
     healthy: np.ndarray
     """Mean and deviation of the healthy torque, as `Detector.healthy`."""
+    warming: Warming | None
+    """How the torque follows a measured temperature."""
 
 
 def train(
@@ -88,12 +91,16 @@ def train(
     robot = load_robot(dataset.input_of(runs[0], "robot"))
     motion = _motion(dataset, runs, robot)
     told = _twin_of(dataset, runs[0])
-    torque = np.concatenate([_torque(run, motion) for run in runs if not len(run["axes"])])
-    measured = _measured(dataset, runs[0], motion)
+    own = [run for run in runs if not len(run["axes"])]
+    torque = np.concatenate([_torque(run, motion) for run in own])
+    measured, temperature = _measured(dataset, runs[0], motion)
     healthy = measured if len(measured) else torque[:_MOST]
-    learned = learn(
-        robot, motion, healthy, _generated(runs, motion, torque.mean(axis=0)), rate, seed
-    )
+    if not len(measured) and "cycle/temperature" in own[0]:
+        warm = np.concatenate([run.read("cycle/temperature") for run in own])[:_MOST]
+        if np.ptp(warm) > 0:
+            temperature = np.repeat(warm[:, None], robot.n_axes, axis=1)
+    generated = _generated(runs, motion, torque.mean(axis=0))
+    learned = learn(robot, motion, healthy, generated, rate, seed, temperature)
     first = runs[0]
     return Detector(
         robot=robot.name,
@@ -102,6 +109,7 @@ def train(
         faults=learned.faults,
         posterior=learned.posterior,
         healthy=learned.healthy,
+        warming=learned.warming,
         recordings_per_month=recordings_per_month,
         constants=_constants(told),
         torque_gain=robot.torque_gain,
@@ -127,6 +135,7 @@ def learn(
     generated: Sequence[Generated],
     rate: float,
     seed: int,
+    temperature: np.ndarray | None = None,
 ) -> Learned:
     """Compute signatures of faults and days, and learn from healthy recordings.
 
@@ -138,6 +147,8 @@ def learn(
         generated: Cycles of each fault.
         rate: Rate of false alarms, per recording.
         seed: Seed of the random numbers from which the limit is found.
+        temperature: Of the gearboxes in the healthy recordings, shape (recordings, n_axes), in
+            [deg C]; None if it was not measured.
 
     Returns:
         What was learned.
@@ -146,13 +157,21 @@ def learn(
     alone = len(healthy) == 1
     noisy = columns.apart(healthy[0]) if alone else healthy
     program = program_of(motion, noisy, columns.numbers, columns.drivers, of_model=alone)
+    warming = None
+    if temperature is not None:
+        law = columns.law_of_temperature(temperature)
+        warming = learn_warming(law, columns.days(program), program, healthy, temperature)
+        healthy = healthy - np.array([warming.change(one) for one in temperature])
+        if not alone:
+            program = program_of(motion, healthy, columns.numbers, columns.drivers)
     effects, faults = columns.effects(program, generated)
     posterior = EffectPosterior(
         effects, columns.days(program), false_alarms=rate, random_state=seed
     ).fit(program.whiten(healthy))
     by_days = np.tensordot(posterior.day_stds_**2, np.array(columns.numbers.columns) ** 2, axes=1)
     deviation = np.sqrt(by_days + program.noise.of_samples() ** 2)
-    return Learned(program, faults, posterior, np.stack([healthy.mean(axis=0), deviation]))
+    shown = np.stack([healthy.mean(axis=0), deviation])
+    return Learned(program, faults, posterior, shown, warming)
 
 
 def expected_delays(learned: Learned) -> list[dict[str, Any]]:
@@ -285,19 +304,25 @@ def _generated(runs: list[StoredRun], motion: KnownMotion, healthy: np.ndarray) 
     return found
 
 
-def _measured(dataset: Dataset, run: StoredRun, motion: KnownMotion) -> np.ndarray:
-    """Healthy recordings of the twin at the places that are compared; none of another robot."""
+def _measured(
+    dataset: Dataset, run: StoredRun, motion: KnownMotion
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Healthy recordings of the twin at the places that are compared; none of another robot.
+
+    Returns:
+        Their torques, and the temperatures of their gearboxes if they were measured.
+    """
     shape = motion.path.shape
     none = np.zeros((0, len(motion.compared), shape[1]))
     own = Path(dataset.input_of(run, "sensors")).parent / HEALTHY
     if not own.is_file():
-        return none
+        return none, None
     arrays, _ = read_arrays(own)
     torque = arrays.get("torque", np.zeros((0, 0, 0)))
     # another task than the recorded one says nothing here
     if torque.shape[1:] != shape or not np.isfinite(torque[:, motion.compared]).all():
-        return none
-    return np.asarray(torque[:, motion.compared], float)
+        return none, None
+    return np.asarray(torque[:, motion.compared], float), arrays.get("temperature")
 
 
 def _twin_of(dataset: Dataset, run: StoredRun) -> dict[str, Any] | None:
