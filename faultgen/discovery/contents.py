@@ -86,6 +86,7 @@ def add_log_faults(result: dict[str, Any], faults: Sequence[LogFault]) -> list[s
     gap_of = result["gap"]
     first = [one.contract(gap_of["calibrated"]) for one in faults if one.effect in SHOWN]
     others = [one.contract(gap_of["after"]) for one in faults if one.effect not in SHOWN]
+    first = _without_those_of(result["effects"], first)
     result["effects"] = [*first, *result["effects"], *others]
     if faults:
         result["verdict"] = {NONE: NAMED, UNKNOWN: PARTLY}.get(result["verdict"], result["verdict"])
@@ -98,6 +99,31 @@ def add_log_faults(result: dict[str, Any], faults: Sequence[LogFault]) -> list[s
         for one in faults
         if one.effect not in SHOWN or one.effect == DELAY  # what is corrected is told already
     ]
+
+
+def _without_those_of(
+    effects: Sequence[dict[str, Any]], faults: list[dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """Add what was corrected in a log to effects that explain the rest of it.
+
+    Args:
+        effects: Effects of a result, changed where one is the same effect of the same axis.
+        faults: Faults of the log, as effects of a result.
+
+    Returns:
+        The faults that are no such part.
+    """
+    left = []
+    for fault in faults:
+        key = (fault["effect"], fault["axis"])
+        same = next((one for one in effects if (one["effect"], one["axis"]) == key), None)
+        if same is None:
+            left.append(fault)
+            continue
+        same["parameters"]["severity"] += fault["parameters"]["severity"]
+        bounds = zip(same["interval"]["severity"], fault["interval"]["severity"], strict=True)
+        same["interval"]["severity"] = [one + other for one, other in bounds]
+    return left
 
 
 def state_gap_before(result: dict[str, Any], problem: Problem, change: np.ndarray) -> None:
