@@ -153,7 +153,7 @@ def test_the_next_experiment_is_the_motion_that_tells_most(posed, monkeypatch, o
         monkeypatch.setattr(motions, "library", lambda problem, turned=turned: iter(turned))
         found = motions.next_experiment(problem, choice)
         assert found.task == best
-        assert found.distance == pytest.approx(distances[best], rel=1e-6)
+        assert found.distance == pytest.approx(distances[best], rel=0.01)  # of first order
         assert found.now == pytest.approx(np.sqrt(2 * np.log(2)))
         assert found.separates[0] == own[:2]
         assert found.separates[1] in [problem.terms[group[0]].key for group in others]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from faultgen.discovery.decision.choice import Choice
 from faultgen.discovery.fit.fit import Group
 from faultgen.discovery.fit.problem import Problem
 from faultgen.discovery.replay.replay import Replay, settled
+from faultgen.discovery.replay.sensitivities import sensitivities
 from faultgen.errors import InputError, SimulationFailed
 from faultgen.recordings.recording import Recording
 from faultgen.robot import Robot
@@ -59,17 +60,14 @@ def next_experiment(problem: Problem, choice: Choice) -> Experiment | None:
         # two hypotheses apart by d have a likelihood ratio of exp(d^2 / 2)
         ratio = choice.shares[place] / max(share, 1e-300)
         pairs.append((own, values, rival, 2 * np.log(max(ratio, 1.0))))
+    used = sorted({t for own, _, rival, _ in pairs for t in (*own, *rival)})
     best: Experiment | None = None
     for name, toml in library(problem) if pairs else ():
         try:
-            replay = Replay(planned_recording(problem, name, toml), problem.robot)
-            base = replay.torque()
-            distances = [
-                _distance(problem, replay, base, own, values, rival)
-                for own, values, rival, _ in pairs
-            ]
+            columns = _columns(problem, planned_recording(problem, name, toml), used)
         except (InputError, SimulationFailed):
             continue
+        distances = [_distance(columns, own, values, rival) for own, values, rival, _ in pairs]
         k = int(np.argmin(distances))
         if best is None or distances[k] > best.distance:
             keys = problem.terms[pairs[k][0][0]].key, problem.terms[pairs[k][2][0]].key
@@ -77,27 +75,21 @@ def next_experiment(problem: Problem, choice: Choice) -> Experiment | None:
     return best
 
 
+def _columns(problem: Problem, recording: Recording, used: Sequence[int]) -> dict[int, np.ndarray]:
+    """Whitened change of the torque per unit of some terms on a motion, shape (values,) each."""
+    replay = Replay(recording, problem.robot)
+    _, raw = sensitivities(replay, [problem.terms[t] for t in used])
+    inside = settled(recording, problem.robot)
+    white = problem.noise.colour.whiten(raw, recording.parts) * inside
+    return {t: own.ravel().astype(float) for t, own in zip(used, white, strict=True)}
+
+
 def _distance(
-    problem: Problem,
-    replay: Replay,
-    base: np.ndarray,
-    own: Group,
-    values: np.ndarray,
-    rival: Group,
+    columns: Mapping[int, np.ndarray], own: Group, values: np.ndarray, rival: Group
 ) -> float:
     """Whitened distance of two effects on a motion after the rival's severity was fitted again."""
-    recording = replay.recording
-    inside = settled(recording, problem.robot)
-    if not inside.any():
-        return 0.0
-
-    def white(changes: list) -> np.ndarray:
-        change = replay.torque(changes) - base
-        return (problem.noise.colour.whiten(change, recording.parts) * inside).ravel()
-
-    terms = problem.terms
-    target = white([(terms[t], float(v)) for t, v in zip(own, values, strict=True)])
-    others = np.stack([white([(terms[t], terms[t].step)]) for t in rival], axis=1)
+    target = np.sum([v * columns[t] for t, v in zip(own, values, strict=True)], axis=0)
+    others = np.stack([columns[t] for t in rival], axis=1)
     answer, *_ = np.linalg.lstsq(others, target, rcond=None)
     return float(np.linalg.norm(target - others @ answer))
 
