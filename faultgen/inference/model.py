@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.linalg.lapack import dtrtri
+from scipy.linalg.lapack import dpotrf, dpotrs, dtrtri
 from scipy.optimize import OptimizeResult, minimize
 
 from faultgen.inference.products import ROUNDING, Products
@@ -110,11 +110,14 @@ class Model:
             prior = 1 + ROUNDING * squares * scale**2
             precision[own, own] += prior
             right = mine.right * scale
-            factor = cho_factor(precision, lower=True, overwrite_a=True, check_finite=False)
-            value = cho_solve(factor, right, check_finite=False)
-            inverse = np.tril(dtrtri(factor[0], lower=1)[0]) if len(own) else factor[0]
+            # scipy's functions copy what is symmetric, which takes as long
+            factor, failed = dpotrf(precision.T, lower=1, clean=1, overwrite_a=1)
+            if failed:
+                raise np.linalg.LinAlgError("the precision of the numbers is not positive definite")
+            value = dpotrs(factor, right, lower=1)[0] if len(own) else right
+            half = np.log(np.diag(factor)).sum() - 0.5 * right @ value + 0.5 * mine.energy
+            inverse = dtrtri(factor, lower=1, overwrite_c=1)[0] if len(own) else factor
             off = (log_scales - centres) / spreads
-            half = np.log(np.diag(factor[0])).sum() - 0.5 * right @ value + 0.5 * mine.energy
             # with products = precision - prior, of which only the inverse's diagonal is needed
             slope = 1 - prior * (np.einsum("ij,ij->j", inverse, inverse) + value**2)
             by_group = np.bincount(group, slope, len(self.groups) + 1)[:-1]
