@@ -14,7 +14,7 @@ import argparse
 import json
 import shutil
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -146,7 +146,12 @@ def discovered(recording: Recording, robot: Robot) -> tuple[Robot, list[str]]:
     return told.robot if names else robot, names
 
 
-def trained(robot: Robot, recordings: Sequence[Recording], folder: Path) -> Detector:
+def trained(
+    robot: Robot,
+    recordings: Sequence[Recording],
+    folder: Path,
+    largest: Mapping[str, float] = LARGEST,
+) -> Detector:
     """Furnish a model with what the recordings show, generate faults, and train."""
     furnish(robot, recordings, folder / "robot", compare=False)
     told = {"recordings": [one.source for one in recordings], "torque_constants": None}
@@ -156,8 +161,8 @@ def trained(robot: Robot, recordings: Sequence[Recording], folder: Path) -> Dete
             "robot": str(folder / "robot"),
             "task": TASK,
             "axis": [list(AXES)[k : k + 1] for k in range(len(AXES))],
-            "effect": list(LARGEST),
-            "severity": LARGEST,
+            "effect": list(largest),
+            "severity": dict(largest),
             "schedule": "linear",
             "cycles": CYCLES,
             "repetitions": REPETITIONS,
