@@ -31,6 +31,12 @@ COMMANDS = [
 ]
 
 
+def test_the_package_runs_as_the_command():
+    command = [sys.executable, "-m", "faultgen", "--version"]
+    own = subprocess.run(command, capture_output=True, text=True, timeout=HANG)
+    assert own.returncode == 0 and own.stdout == faultgen("--version").stdout
+
+
 def flags(tiny_robot_path, tiny_task_path, out, **changes):
     """Flags of a cheap dataset."""
     chosen = {"robot": tiny_robot_path, "task": tiny_task_path, "axis": "1,2", "cycles": 12}
