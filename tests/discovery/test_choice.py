@@ -35,6 +35,24 @@ def chosen(problem, processes=()):
     return choose(problem, difference_between(problem, processes))
 
 
+@pytest.mark.parametrize("true", [0.05, 0.3, -0.3])
+def test_a_weak_motor_is_as_weak_as_a_simulation_says(rng, true):
+    """The log of a motor that lost a share s of its torque is larger by s / (1 - s)."""
+    shape = rng.normal(size=(COUNT, 2)) * [3.0, 0.0]
+
+    def torque(term, size):
+        return shape * size / (1 - size)
+
+    term = Term("torque_constant", 1, 0.05, 1e-6)
+    residual = torque(term, true) + 0.3 * rng.normal(size=(COUNT, 2))
+    problem = simulated(written_down([term], [shape], residual, baseline=True), torque)
+    difference = difference_between(problem)
+    fit = severities(problem, difference, [(0,)], difference.model.healthy.log_scales)
+    error = float(np.sqrt(fit.covariance[0, 0]))
+    assert fit.values[0] == pytest.approx(true, abs=4 * error + 0.01 * abs(true))
+    assert error < 0.02
+
+
 @pytest.mark.parametrize("share", [0.88, 0.95, 1.0, 1.12])
 def test_the_size_of_a_play_is_found_by_simulation(rng, share):
     """Its torque comes at another time for another size, so that no slope leads there."""

@@ -20,7 +20,7 @@ from faultgen.discovery.decision.numbers import GEARS, GENERIC
 from faultgen.discovery.fit.fit import Fit, bounds_of, fit_at, no_effect
 from faultgen.discovery.fit.problem import Problem
 from faultgen.discovery.replay.servo_errors import DELAY
-from faultgen.discovery.terms.candidates import PAYLOAD
+from faultgen.discovery.terms.candidates import PAYLOAD, Term
 from faultgen.effects import get_effect
 from faultgen.effects.structure import MASSLESS
 from faultgen.inference.confirm import confirmed, without_refuted
@@ -41,6 +41,7 @@ _FAR = 0.8  # the same of another effect that is not linear, from its linear est
 # ratio of a linear severity and a simulated one, up to which they are one: on development robots a
 # true effect whose law has another form had 1.6, and a payload taken for a stiffer gearbox had 8
 _SAME = 2.0
+_STRAIGHTENED = 2  # simulations of an effect that is nearly linear: the second changes little
 _PROBES, _FINER = 9, 3  # severities that are simulated, and how often closer ones
 
 
@@ -234,9 +235,40 @@ def severities(
     value[bent] = size[bent]
     covariance[bent] = covariance[:, bent] = 0.0
     covariance[bent, bent] = error[bent] ** 2
+    single = {group[0] for group in groups if len(group) == 1}
+    for k, (term, number) in enumerate(zip(own, terms, strict=True)):
+        if k not in bent and number in single:
+            share = _curvature(problem, difference, term, columns[k], float(value[k]))
+            value[k] *= share
+            covariance[k] *= share
+            covariance[:, k] *= share
+    value = np.clip(value, low, high)
     places = np.cumsum([0, *(len(group) for group in groups)])[:-1]
     found = fit_at(problem, tuple(groups), value, covariance)
     return replace(found, lost=tuple(lost[places].tolist()))
+
+
+def _curvature(
+    problem: Problem, difference: Difference, term: Term, column: np.ndarray, value: float
+) -> float:
+    """Severity of a simulation that changes the torque as a linear effect does, over that of it.
+
+    Args:
+        problem: The residual and the terms.
+        difference: The same, as the inference sees it.
+        term: The effect.
+        column: Its change of the torque per unit, shape (samples, n_axes).
+        value: Its severity, as if it was linear.
+    """
+    wanted, share = difference.whiten(column * value), 1.0
+    for _ in range(_STRAIGHTENED):
+        change = problem.change([(term, share * value)])
+        if change is None:
+            return 1.0
+        white = difference.whiten(change)
+        size = float(np.sum(white**2))
+        share *= float(np.sum(white * wanted)) / size if size else 1.0
+    return share if 1 / _SAME < share < _SAME else 1.0
 
 
 def _simulated(
