@@ -89,6 +89,7 @@ def told(seed, worst):
     return leave_pair_out(rows, failed, make_history_classifier).auc.mean()
 
 
+@pytest.mark.slow
 def test_failing_robots_are_told_by_their_history():
     """Where torque grows before failure, and by chance where it does not."""
     assert told(0, 0.5) > 0.9

@@ -101,7 +101,7 @@ def test_torque_is_that_of_the_plain_model_plus_rotor_and_friction(built, arm_pa
     np.testing.assert_allclose(motor_torque(Arm(robot), q, qd, qdd), wanted, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("with_body", [True, False])
+@pytest.mark.parametrize("with_body", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_an_arm_can_carry_nothing(with_body, built, tmp_path):
     """With mass = 0 only the flange is marked; what is written can be stated, and masses added."""
     path, drives = tmp_path / "arm.urdf", tmp_path / "drives.toml"

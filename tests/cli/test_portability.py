@@ -24,6 +24,7 @@ faultgen.cli.main()
 """
 
 
+@pytest.mark.slow
 def test_a_dataset_is_made_without_modules_of_linux(tiny_robot_path, tiny_task_path, tmp_path):
     """Without fcntl, resource, posix_fadvise and the like, generating and reading work."""
     out = str(tmp_path / "out")
@@ -64,6 +65,7 @@ def here(generated):
     return generated({})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variables", PROCESSORS, ids=lambda one: next(iter(one)))
 def test_another_processor_changes_the_last_digits_only(variables, generated, here):
     """Labels are the same bits, and everything else within a millionth of its largest value."""

@@ -52,6 +52,7 @@ def folder(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_an_array_of_jobs_makes_the_dataset_of_one_call(folder, tiny_robot_path, tiny_task_path):
     given = {"robot": tiny_robot_path, "task": tiny_task_path, "axis": [1, 2], "cycles": 2}
     experiment = make_experiment(given | {"repetitions": 2, "signals": "none"})

@@ -91,12 +91,10 @@ def test_a_killed_worker_loses_nothing(start, scheduler, experiment, tmp_path):
     assert contents(tmp_path / "out") == contents(tmp_path / "local")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("threads", "message"),
-    [
-        pytest.param(0, "no Dask scheduler", marks=pytest.mark.slow),  # waits for an answer
-        (2, "has 2 threads; start workers with"),
-    ],
+    [(0, "no Dask scheduler"), (2, "has 2 threads; start workers with")],
 )
 def test_clusters_that_cannot_be_used(request, start, experiment, tmp_path, threads, message):
     """One line says why, and nothing is made."""

@@ -80,6 +80,7 @@ def test_generating_again_restores_a_copy(files, folder):
     assert sorted(folder.glob("inputs/*/*")) == copies
 
 
+@pytest.mark.slow
 def test_robots_of_this_package_are_not_copied(tmp_path):
     experiment = make_experiment(
         {"robot": "puma560", "task": "chapter3_task1", "axis": [1], "cycles": 1}

@@ -361,7 +361,8 @@ def test_folders_of_other_experiments_are_refused(small, made):
         generate(small(cycles=7), made, progress=False)
 
 
-@pytest.mark.parametrize("times", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("times", [1, 2])
 def test_runs_of_killed_workers_are_made_again(small, made, tmp_path, monkeypatch, times):
     """The run is tried once more; if that kills the worker too, it is listed and resumed later."""
     experiment = small(sensors="realistic", paired=True)

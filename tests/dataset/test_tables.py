@@ -289,6 +289,7 @@ def test_validation_runs_come_from_the_training_part(seed):
     assert 0.15 < len(parts["validation"]) / len(runs) < 0.3
 
 
+@pytest.mark.slow
 def test_a_stored_division_without_validation_goes_on_working(experiment, made, tmp_path):
     """Datasets of older versions have two parts; a validation part is refused in one line."""
     folder = Path(shutil.copytree(made, tmp_path / "out"))

@@ -10,15 +10,10 @@ from nbclient import NotebookClient
 NOTEBOOKS = sorted((Path(__file__).parents[2] / "docs" / "notebooks").glob("*.ipynb"))
 
 
-SLOW = {"discovery"}
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "path",
-    [
-        pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * (path.stem in SLOW))
-        for path in NOTEBOOKS
-    ],
+    [pytest.param(path, id=path.stem) for path in NOTEBOOKS],
 )
 def test_notebooks_run(path, tmp_path):
     book = nbformat.read(path, as_version=4)

@@ -262,7 +262,11 @@ def test_results_name_the_code_of_another_package(methods, tiny_robot_path, tiny
             "my_methods.Last has no name",
             marks=pytest.mark.slow,
         ),
-        (("always the last", "CC"), "my_methods.Last: the name 'CC' exists"),
+        pytest.param(
+            ("always the last", "CC"),
+            "my_methods.Last: the name 'CC' exists",
+            marks=pytest.mark.slow,
+        ),
         pytest.param(
             ("Last(Isolator)", "Last"),
             "must be a subclass of faultgen.evaluation.Isolator",

@@ -74,7 +74,7 @@ def test_tasks_of_a_built_arm_are_free_of_collisions(planar):
         assert points[..., 1].min() > -0.5, name
 
 
-@pytest.mark.parametrize("name", ["puma560", "irb6700"])
+@pytest.mark.parametrize("name", ["puma560", pytest.param("irb6700", marks=pytest.mark.slow)])
 def test_motions_of_a_plan_are_free_of_collisions(name):
     robot = load_robot(name)
     space = Collisions(robot, 0.0)

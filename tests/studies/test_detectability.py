@@ -227,6 +227,7 @@ def test_the_limit_of_train_is_raised_until_it_keeps_its_promise():
     assert quiet.detector.posterior.limit_ == 5.0
 
 
+@pytest.mark.slow
 def test_train_judges_cycles_as_they_are_found(tiny_robot_path, tiny_task_path):
     """It learns, keeps quiet on what it learned, names wear, and does not see a late recording."""
     bench = Bench.of(tiny_robot_path, tiny_task_path, STEP)

@@ -270,6 +270,7 @@ def test_unknown_study(monkeypatch, capsys, tmp_path):
     assert not (tmp_path / "x").exists()
 
 
+@pytest.mark.slow
 def test_files_of_a_study(cycles, small, monkeypatch, tmp_path):
     """results.json, tables and figures, from results as two robots and three tasks would give."""
     rows = {"robot": ("irb6700", "puma560"), "task": ("pick_and_place", "spot_weld", "arc_weld")}
