@@ -220,9 +220,8 @@ def test_an_effect_counts_from_odds_of_99_to_1():
     assert pytest.approx(ODDS_OF_ONE_IN_A_HUNDRED) == SURE
 
 
-@pytest.mark.parametrize(
-    ("axis", "size"), [(1, 1.13e-3), pytest.param(2, 4e-3, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("axis", "size"), [(1, 1.13e-3), (2, 4e-3)])
 def test_a_play_between_two_columns_is_named_with_its_size(measured, tiny_robot, axis, size):
     """Of simulated recordings; the model with it leaves noise."""
     found = Discovery(tiny_robot, laws=False).fit(

@@ -36,6 +36,7 @@ def test_its_change_is_that_of_one_simulation(found):
         np.testing.assert_allclose(both, wanted + problem.change([(friction, 0.1)]), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_commands_are_not_used_where_there_are_none(measured, tiny_robot):
     worn = replace(measured([("backlash", 1, 1.3e-3)], 3), reference_position=None)
     healthy = replace(measured([], 1), reference_position=None)

@@ -91,6 +91,7 @@ def test_a_recorded_motion_beyond_the_model(measured, tiny_robot, tmp_path, top)
     assert wide.motor_velocity_limit[0] == 300 and wide.motor_velocity_limit[1] > 5
 
 
+@pytest.mark.slow
 def test_a_tight_limit_is_no_fault(measured, tiny_robot, tmp_path, top):
     """A healthy robot beside a model with too small a drive is healthy, and the user is told."""
     tight = f'saturation="{top[1] / 1.6:.5g} 0 0"'

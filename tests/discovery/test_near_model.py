@@ -108,6 +108,7 @@ def test_a_model_that_diverges_is_not_moved(replay, monkeypatch):
     assert near_model(replay, np.ones(len(replay.recording.torque), bool)) == {}
 
 
+@pytest.mark.slow
 def test_signatures_tell_by_how_much_the_model_was_moved(recording, tiny_robot):
     """With a baseline the model is fitted to it, so that a change of the robot stays visible."""
     own = signatures(recording, tiny_robot, exclude=["torque_ripple", "transmission_error"])

@@ -173,6 +173,7 @@ def test_friction_of_another_size_stays_physical(measured, tiny_robot):
     assert any("Coulomb friction of axes 1, 2 is" in line for line in found.findings)
 
 
+@pytest.mark.slow
 def test_calibration_in_discovery_does_not_spoil_an_axis(measured, tiny_robot):
     """A spring is missing on axis 2. Links that imitate it must not spoil axis 1."""
     effects = [("gravity_spring", 2, 3.0), ("torque_ripple", 1, 0.05), ("torque_ripple", 2, 0.03)]

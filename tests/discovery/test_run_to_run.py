@@ -156,6 +156,7 @@ def prepared(recording, robot):
     return Posed(replay, terms, raw, base, np.zeros_like(base), used, baseline=True)
 
 
+@pytest.mark.slow
 def test_scales_are_learned_from_healthy_runs(measured, tiny_robot):
     """All friction of both axes differs by 6 %, or only the noise does; other groups stay."""
     posed = prepared(measured([], 1), tiny_robot)
@@ -274,8 +275,11 @@ def test_friction_that_differs_on_many_axes_may_be_the_temperature():
 
 @pytest.mark.parametrize(
     ("change", "names"),
-    [((-0.045, 0.03), set()), ((0.5, 0.0), {1}), ((0.05, 0.9), {2})],
-    ids=["some percent on both", "half on one", "much more on one"],
+    [
+        pytest.param((-0.045, 0.03), set(), id="some percent on both"),
+        pytest.param((0.5, 0.0), {1}, id="half on one"),
+        pytest.param((0.05, 0.9), {2}, id="much more on one", marks=pytest.mark.slow),
+    ],
 )
 def test_some_percent_of_friction_are_usual_and_a_fault_is_larger(measured, asked, change, names):
     """Between two days of one robot, of which there is one healthy recording."""

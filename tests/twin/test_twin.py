@@ -97,6 +97,7 @@ def test_other_motions_are_refused(recordings, known):
         find_cycles(replace(one, position=one.position[:, :1], torque=one.torque[:, :1]), known)
 
 
+@pytest.mark.slow
 def test_a_fault_needs_no_parameters_beside_its_defaults(recordings, known, tiny_robot):
     """Data state only parameters that differ; a ripple without any has two periods a turn."""
     torque = np.stack([one.torque for one in recordings])

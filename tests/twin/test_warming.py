@@ -74,6 +74,14 @@ def detector(robot, known, healthy, temperature):
     )
 
 
+@pytest.fixture(scope="module")
+def folder(tiny_robot, known, healthy, temperature, tmp_path_factory):
+    """A detector that was made with temperatures."""
+    path = tmp_path_factory.mktemp("warm") / "detector"
+    detector(tiny_robot, known, healthy, temperature).save(path)
+    return path
+
+
 def test_the_law_is_that_of_the_simulation(tiny_robot, tiny_task_path, known, temperature):
     """The torque of a warm robot less that of a cold one, without noise and differences of days."""
     cold, warm = (
@@ -104,13 +112,9 @@ def test_the_share_of_the_law_is_learned(follows, tiny_robot, known, healthy, te
     assert found.share[2, 1] == pytest.approx(follows, abs=0.2)
 
 
-def test_a_warm_robot_is_healthy_and_its_wear_is_named(
-    tiny_robot, tiny_task_path, known, healthy, temperature, tmp_path
-):
+def test_a_warm_robot_is_healthy_and_its_wear_is_named(tiny_robot, tiny_task_path, folder):
     """With the temperature, wear is stated as it is; without it, the warmth is what is named."""
-    made = detector(tiny_robot, known, healthy, temperature)
-    made.save(tmp_path / "detector")
-    made = load_detector(tmp_path / "detector")
+    made = load_detector(folder)
     wear = [("friction_wear", 2, 0.1)]
     warm, worn = (
         record(tiny_robot, tiny_task_path, 50 + len(effects), effects, temperature=45.0)
@@ -125,9 +129,8 @@ def test_a_warm_robot_is_healthy_and_its_wear_is_named(
     assert without["verdict"] != "healthy"
 
 
-def test_doubts_are_told(tiny_robot, tiny_task_path, known, healthy, temperature, tmp_path):
+def test_doubts_are_told(tiny_robot, tiny_task_path, folder, tmp_path):
     """A recording without a temperature, and one far from those of the healthy recordings."""
-    detector(tiny_robot, known, healthy, temperature).save(tmp_path / "detector")
     one = record(tiny_robot, tiny_task_path, 60, temperature=41.0)
     for name, values, doubt in (
         ("usual", 41.0, None),
@@ -137,7 +140,7 @@ def test_doubts_are_told(tiny_robot, tiny_task_path, known, healthy, temperature
         path = tmp_path / f"{name}.h5"
         told = None if values is None else np.full(len(one.torque), values)
         write_recording(replace(one, temperature=told), path)
-        answer = Judge(tmp_path / "detector", tmp_path / f"{name}.sqlite").judge(path)
+        answer = Judge(folder, tmp_path / f"{name}.sqlite").judge(path)
         if doubt is None:
             assert answer["warning"] is None and answer["temperature"] == [41.0, 41.0]
         else:
