@@ -42,6 +42,7 @@ _FAR = 0.8  # the same of another effect that is not linear, from its linear est
 # true effect whose law has another form had 1.6, and a payload taken for a stiffer gearbox had 8
 _SAME = 2.0
 _STRAIGHTENED = 2  # simulations of an effect that is nearly linear: the second changes little
+_LITTLE = 0.01  # change of its severity by the first, from which there is a second: assumed
 _PROBES, _FINER = 9, 3  # severities that are simulated, and how often closer ones
 
 
@@ -267,7 +268,10 @@ def _curvature(
             return 1.0
         white = difference.whiten(change)
         size = float(np.sum(white**2))
-        share *= float(np.sum(white * wanted)) / size if size else 1.0
+        more = float(np.sum(white * wanted)) / size if size else 1.0
+        share *= more
+        if abs(more - 1) < _LITTLE:
+            break
     return share if 1 / _SAME < share < _SAME else 1.0
 
 
