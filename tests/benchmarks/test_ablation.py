@@ -66,6 +66,7 @@ def test_a_change_is_what_a_worn_robot_needs_on_the_same_motion(setup: Setup, kn
     assert not again.changes.any()  # prescribed rotors do not wait
 
 
+@pytest.mark.slow
 def test_every_step_decides_on_a_worn_robot(setup: Setup, known: Known, tmp_path: Path) -> None:
     """The truth names the wear, and discovery's signature is that of the simulator."""
     rng = np.random.default_rng(1)

@@ -88,6 +88,7 @@ def test_protocol_is_within_limits(name: str) -> None:
         assert (turns > (2 if kind == "task" else 4)).all()
 
 
+@pytest.mark.slow
 def test_healthy_robots_are_off() -> None:
     """Every parameter of the baseline but the offset is 1 to 5 % off, the exponent is not 2."""
     nominal = context("puma560").nominal
@@ -101,6 +102,7 @@ def test_healthy_robots_are_off() -> None:
     assert np.array_equal(robot.table, again.table)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in CATALOGUE if name in EFFECTS])
 def test_effects_leave_other_axes_alone(name: str) -> None:
     """An effect changes its own axis' row only, or what changes with time, or the payload."""

@@ -210,6 +210,7 @@ def test_drives_that_do_not_fit_to_the_arm_are_found(change, axis, words, imposs
         assert any(one.startswith(where) and words in one for one in warnings)
 
 
+@pytest.mark.slow
 def test_an_impossible_rotor_makes_a_robot_unfit(healthy, tmp_path):
     """From drives.toml to the exit status of `check`."""
     drives, out = tmp_path / "drives.toml", tmp_path / "odd"

@@ -477,6 +477,7 @@ def test_names_of_supplied_robots_are_taken(arm_path):
         build(arm_path, Drives(), "puma560")
 
 
+@pytest.mark.slow
 def test_an_arm_that_is_just_strong_enough_works_where_it_can_be_held(arm_path):
     """With less than 85 % of the torque for some poses, the tool moves through others."""
     robot = build(arm_path, Drives(axis={"lift": {"torque_limit": 40.0}}), "weak").robot
@@ -504,6 +505,7 @@ def test_a_move_between_poses_that_cannot_be_held_is_refused_at_once(built, monk
         plan(load_task("my_arm", "x", {"x": text}), weak)
 
 
+@pytest.mark.slow
 def test_no_link_and_no_tool_is_below_the_base_during_the_tasks(tmp_path):
     """A long arm that starts close to the floor; heights by MuJoCo over the whole cycle."""
     path = tmp_path / "long.urdf"

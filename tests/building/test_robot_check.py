@@ -166,6 +166,7 @@ def test_unknown_robots_are_bad_input():
     assert "unknown robot 'r2d2'" in str(done.exception)
 
 
+@pytest.mark.slow
 def test_a_built_robot_is_checked_with_the_names_of_its_file(tmp_path):
     """Findings name the joint of the user's file beside the number of the axis."""
     (tmp_path / "arm.urdf").write_text(urdf())

@@ -152,6 +152,7 @@ def test_info_tells_of_damage(tiny_robot_path, tiny_task_path, tmp_path):
     assert re.fullmatch(said, isolated.stderr), isolated.stderr
 
 
+@pytest.mark.slow
 def test_isolate_prints_the_form_of_table_6_2(dataset):
     """A table for a robot and task: method x wear, and what is named on the healthy robot."""
     text = re.sub(" +", " ", faultgen_here("isolate", dataset, "--seeds", "3").stdout)

@@ -170,6 +170,7 @@ def test_changes_from_the_cycle_before_have_the_right_sign(told):
     assert checked >= 6
 
 
+@pytest.mark.slow
 def test_severities_that_jump(told):
     """They are interpolated within the bounds if that is possible, and else refused early."""
     rng = np.random.default_rng(2)

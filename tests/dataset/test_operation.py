@@ -138,6 +138,7 @@ def test_what_is_not_given_changes_nothing(small):
     assert {run.seed for run in paired} == {0}
 
 
+@pytest.mark.slow
 def test_isolators_are_asked_at_each_operation(swept):
     """With directions of wear of their own: a slow robot has less viscous friction."""
     found = places(swept, "thesis")

@@ -97,6 +97,7 @@ def test_a_shape_that_is_nowhere_has_no_value(problem):
     np.testing.assert_allclose(regression.fit(columns, np.zeros((2, 2))), [1.0, 0.0], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_noise_is_no_law(problem):
     """Of healthy robots nothing is learned, whatever the draw of the noise."""
     rng = np.random.default_rng(4)

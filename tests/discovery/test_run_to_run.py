@@ -277,7 +277,7 @@ def test_friction_that_differs_on_many_axes_may_be_the_temperature():
     ("change", "names"),
     [
         pytest.param((-0.045, 0.03), set(), id="some percent on both"),
-        pytest.param((0.5, 0.0), {1}, id="half on one"),
+        pytest.param((0.5, 0.0), {1}, id="half on one", marks=pytest.mark.slow),
         pytest.param((0.05, 0.9), {2}, id="much more on one", marks=pytest.mark.slow),
     ],
 )

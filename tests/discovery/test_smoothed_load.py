@@ -53,6 +53,7 @@ def test_a_ripple_that_is_too_fast_for_the_smoothed_motion_has_its_size(robot, a
     assert found(robot, term, 2e-3, as_seen=False) < 0.8
 
 
+@pytest.mark.slow
 def test_slow_friction_is_seen_as_it_is(robot):
     term = next(t for t in effect_terms(robot) if t.key == ("viscous_friction", 2))
     assert found(robot, term, 0.5, as_seen=True) == pytest.approx(1.0, abs=0.05)

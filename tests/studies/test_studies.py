@@ -104,6 +104,7 @@ def isolated(cycles, small, folder, **more):
     return isolation_study.run_isolation(folder, size=SMALL, **small, **more)
 
 
+@pytest.mark.slow
 def test_isolation_study(cycles, small, tmp_path):
     """Counts add up, the best method names 10 % wear, and a second call gives the same again."""
     result = isolated(cycles, small, tmp_path, seed=1)

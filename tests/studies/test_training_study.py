@@ -22,6 +22,8 @@ from faultgen.studies.chapter4_training_data.thesis import (
 )
 from faultgen.studies.runner import run_study
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def fleet():

@@ -135,6 +135,7 @@ def mark():
     return os.environ.get("FAULTGEN_MARK")
 
 
+@pytest.mark.slow
 def test_workers_that_were_started_before_take_the_calls(tmp_path):
     """What they did first has changed them, and not this process.
 

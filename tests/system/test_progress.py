@@ -40,6 +40,7 @@ def count(counter, steps):
     return steps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_steps_of_all_workers_are_counted(workers, at_once, capsys):
     """The last line states all steps, whoever made them."""

@@ -187,6 +187,7 @@ def test_a_cycle_is_played_healthy_and_worn(shown, tiny_robot_path, tiny_task_pa
     np.testing.assert_array_equal(alone.torque, healthy.torque)
 
 
+@pytest.mark.slow
 def test_a_gif_repeats_and_its_curves_grow(shown, in_software, tmp_path):
     """Ten pictures a second; the last one shows all of the curve, the first one nothing."""
     assert save_film(shown, tmp_path / "a.gif") == "software"
